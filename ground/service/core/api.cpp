@@ -315,6 +315,11 @@ Result<std::array<double, 3>> triple(const json& value, const char* what) {
   return numbers;
 }
 
+bool only_brings_down(const ApiAnswer& made) {
+  if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
+  return !made.wishes.empty() && std::all_of(made.wishes.begin(), made.wishes.end(), brings_down);
+}
+
 }  // namespace
 
 std::string text_of(const crypto::IdentityName& who) { return who.msp_id + " " + who.subject; }
@@ -323,10 +328,11 @@ ApiAnswer refusal(unsigned status, const std::string& words) { return {status, d
 
 ApiAnswer answer(const ApiRequest& request, const Known& known) {
   ApiAnswer made = answer_any(request, known);
+  if (request.over && !only_brings_down(made)) return refusal(401, session_over);
   if (made.wishes.empty() || known.operators.empty()) return made;
   // Nobody has to look for a pass phrase to stop a drone.
-  const bool lands = std::all_of(made.wishes.begin(), made.wishes.end(), brings_down);
-  if (!request.who && !lands) return refusal(403, "sign in first: who clicks is who signs; a stop needs no operator");
+  if (!request.who && !only_brings_down(made))
+    return refusal(403, "sign in first: who clicks is who signs; a stop needs no operator");
   if (!request.who) return made;
   for (PilotWish& wish : made.wishes) wish.by = known.operators[*request.who].identity;
   return made;

@@ -35,7 +35,9 @@ struct ApiRequest {
   std::string_view method, target, body;
   std::optional<std::size_t> who{};  ///< the operator that is signed in
   std::string_view content_type{};
+  bool over = false;  ///< of a session that has ended: it may bring drones down, and nothing else
 };
+inline constexpr const char* session_over = "the session is over: it may still stop and land, and nothing else";
 /// Somebody signs in.
 struct SignIn {
   std::size_t who = 0;

@@ -61,9 +61,11 @@ Guard::Judged Guard::check(const Head& head, const FindSession& find) const {
   for (const std::string_view token : tokens_of(head)) {
     if (same_secret(token, token_)) return {{.status = 0, .body = {}}};
     if (token.size() != token_digits) continue;
-    if (const auto session = find(token)) return {{.status = 0, .body = {}}, session};
+    const Found found = find(token);
+    if (found.session) return {{.status = 0, .body = {}}, found.session};
+    if (found.over) return {refusal(401, session_over), {}, true};
   }
-  return {refusal(401, "the token is missing, or it is another ground's, or of a session that is over")};
+  return {refusal(401, "the token is missing, or it is another ground's")};
 }
 
 bool Budget::take(TimeNs now) {

@@ -28,13 +28,19 @@ class Guard {
 
   /// For the page's own files, which need no token: status 0, they may go out.
   ApiAnswer check_place(const Head& head) const;
-  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to.
+  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `over`: it is refused, but
+  /// its session was one until it ended, and it may still bring drones down (ApiRequest::over).
   struct Judged {
     ApiAnswer refused;
     std::optional<SignIns::Session> session{};
+    bool over = false;
   };
-  /// `find`: the session of a token.
-  using FindSession = std::function<std::optional<SignIns::Session>(std::string_view token)>;
+  /// What a token that is not the page's belongs to.
+  struct Found {
+    std::optional<SignIns::Session> session{};
+    bool over = false;
+  };
+  using FindSession = std::function<Found(std::string_view token)>;
   Judged check(const Head& head, const FindSession& find) const;
 
  private:

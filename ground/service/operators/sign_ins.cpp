@@ -1,5 +1,6 @@
 #include "ground/service/operators/sign_ins.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace ledgerline::ground::service {
@@ -18,6 +19,7 @@ void SignIns::failed(TimeNs now, std::size_t who) {
 }
 
 void SignIns::begin(TimeNs now, std::size_t who, std::string_view token) {
+  forget(slots_[who]);
   slots_[who] = {.token = crypto::sha256(token), .number = ++sessions_, .alive_ns = now};
 }
 
@@ -32,21 +34,35 @@ std::optional<SignIns::Session> SignIns::of(TimeNs now, std::string_view token) 
 
 bool SignIns::touch(TimeNs now, const Session& session) {
   Slot& slot = slots_[session.who];
-  if (!slot.token || slot.number != session.number || now - slot.alive_ns > idle_ns_) return false;
+  if (!slot.token || slot.number != session.number || is_idle(now, slot)) return false;
   slot.alive_ns = now;
   return true;
 }
 
 void SignIns::end(const Session& session) {
-  if (slots_[session.who].number == session.number) slots_[session.who].token.reset();
+  if (slots_[session.who].number == session.number) forget(slots_[session.who]);
+}
+
+bool SignIns::is_over(TimeNs now, std::string_view token) const {
+  const crypto::Digest digest = crypto::sha256(token);
+  return std::find(ended_.begin(), ended_.end(), digest) != ended_.end() ||
+         std::any_of(slots_.begin(), slots_.end(),
+                     [&](const Slot& slot) { return slot.token == digest && is_idle(now, slot); });
+}
+
+void SignIns::forget(Slot& slot) {
+  if (!slot.token) return;
+  if (ended_.size() == max_ended) ended_.pop_front();
+  ended_.push_back(*slot.token);
+  slot.token.reset();
 }
 
 std::vector<std::size_t> SignIns::expire(TimeNs now) {
   std::vector<std::size_t> over;
   for (std::size_t who = 0; who < slots_.size(); ++who) {
     Slot& slot = slots_[who];
-    if (!slot.token || now - slot.alive_ns <= idle_ns_) continue;
-    slot.token.reset();
+    if (!slot.token || !is_idle(now, slot)) continue;
+    forget(slot);
     over.push_back(who);
   }
   return over;

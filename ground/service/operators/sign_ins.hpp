@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <deque>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -18,12 +19,13 @@ struct Operator {
 };
 
 /// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when nothing
-/// came of it for `idle_ns`, or when its operator signs in anew. After five wrong pass phrases in a row an operator waits
+/// came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered. After five wrong pass phrases in a row an operator waits
 /// half a minute for each one more. Deterministic, no I/O; one thread.
 class SignIns {
  public:
   static constexpr int free_failures = 5;
   static constexpr TimeNs pause_ns = 30 * ns_per_s;
+  static constexpr std::size_t max_ended = 64;  ///< 2 kB; a token beyond it is as good as a guessed one
 
   struct Session {
     std::size_t who = 0;       ///< index of the operator
@@ -43,6 +45,8 @@ class SignIns {
   /// The same of a session that is known; false: it is over.
   bool touch(TimeNs now, const Session& session);
   void end(const Session& session);
+  /// Whether that token was of a session that is over.
+  bool is_over(TimeNs now, std::string_view token) const;
   /// Ends what was idle for too long; whose sessions these were.
   std::vector<std::size_t> expire(TimeNs now);
 
@@ -54,9 +58,13 @@ class SignIns {
     int failures = 0;
     TimeNs failed_ns = 0;
   };
+  bool is_idle(TimeNs now, const Slot& slot) const { return now - slot.alive_ns > idle_ns_; }
+  void forget(Slot& slot);
+
   const TimeNs idle_ns_;
   std::uint64_t sessions_ = 0;
   std::vector<Slot> slots_;
+  std::deque<crypto::Digest> ended_;  ///< oldest first
 };
 
 }  // namespace ledgerline::ground::service

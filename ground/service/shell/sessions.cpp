@@ -252,7 +252,11 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   }
 
   Guard::Judged judge(const Head& head) {
-    return guard_.check(head, [&](std::string_view token) { return hub_.sign_ins().of(monotonic_ns(), token); });
+    return guard_.check(head, [&](std::string_view token) -> Guard::Found {
+      const TimeNs now = monotonic_ns();
+      const auto session = hub_.sign_ins().of(now, token);
+      return {session, !session && hub_.sign_ins().is_over(now, token)};
+    });
   }
 
   /// Nothing: it comes later.
@@ -265,12 +269,13 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     }
     Guard::Judged judged = judge(head);
     known_ = judged.refused.status == 0;
-    if (!known_) return respond(request, judged.refused);
+    if (!known_ && !judged.over) return respond(request, judged.refused);
     const TimeNs now = monotonic_ns();
     ApiRequest asked{.method = view(request.method_string()),
                      .target = target,
                      .body = request.body(),
-                     .content_type = view(request[http::field::content_type])};
+                     .content_type = view(request[http::field::content_type]),
+                     .over = judged.over};
     if (judged.session) asked.who = judged.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     const bool lands = std::any_of(made.wishes.begin(), made.wishes.end(), brings_down);

@@ -100,8 +100,9 @@ def test_two_operators_fly_by_commands(tmp_path):
     screen = elsewhere.log_in_at_a_terminal()
     assert "alice is signed in" in screen and alice.phrase_file().read_text().strip() not in screen, "what is typed is not shown"
     assert "is over" in alice.refused("drones", "takeoff", "tello1")
-    assert "asking without it" in alice.run("drones", "stop", "tello1").stderr
-    station.wait("tello1", lambda drone: drone["stopped_by"])
+    assert "asking without it" in alice.run("drones").stderr
+    assert "without it" not in alice.run("drones", "stop", "tello1").stderr
+    assert "CN=alice@" not in str(station.wait("tello1", lambda drone: drone["stopped_by"])["stopped_by"]), "ground has signed it"
     assert "lands and is given back" in elsewhere.says("drones", "logout") and not list((elsewhere.home / "ledgerline").iterdir())
     assert "sign in first" in elsewhere.refused("drones", "acquire", "tello2")
 

@@ -147,6 +147,33 @@ TEST_F(SignedIn, WithoutASessionThereAreOnlyLooksLandingsAndStops) {
   EXPECT_EQ(ask("POST", "/api/v1/stop", "", 0).wishes.at(1).by, operators[0].identity) << "his own stop";
 }
 
+TEST_F(SignedIn, ASessionThatIsOverBringsDronesDownAndDoesNothingElse) {
+  const auto ask_over = [this](std::string_view method, const std::string& target, std::string_view body = "") {
+    return answer({.method = method, .target = target, .body = body, .over = true},
+                  {names, drones, "{}", events, operators});
+  };
+  EXPECT_THAT(ask_over("POST", "/api/v1/stop").wishes, SizeIs(2));
+  EXPECT_TRUE(ask_over("POST", "/api/v1/stop", R"({"cut":true})").wishes.at(0).cut);
+  for (const char* verb : {"land", "stop", "cut"}) {
+    const ApiAnswer taken = ask_over("POST", std::string("/api/v1/drones/tello1/") + verb);
+    ASSERT_THAT(taken.wishes, SizeIs(1)) << verb;
+    EXPECT_FALSE(taken.wishes[0].by) << verb;
+  }
+  EXPECT_EQ(ask_over("POST", "/api/v1/missions/12/land").mission->kind, MissionAsk::Kind::land);
+  for (const char* target :
+       {"drones", "events", "paths", "operators", "missions", "missions/12", "missions/12/start", "missions/12/pause",
+        "missions/12/resume", "missions/12/approve", "drones/tello1/takeoff", "drones/tello1/pause",
+        "drones/tello1/resume", "drones/tello1/return", "drones/tello1/path", "drones/tello1/acquire",
+        "drones/tello1/release", "drones/tello1/lift", "session"}) {
+    for (const char* method : {"GET", "POST", "DELETE"}) {
+      const ApiAnswer refused = ask_over(method, std::string("/api/v1/") + target);
+      EXPECT_EQ(refused.status, 401U) << method << " " << target;
+      EXPECT_TRUE(refused.wishes.empty() && !refused.call && !refused.mission && !refused.sign_in && !refused.sign_out)
+          << target;
+    }
+  }
+}
+
 TEST_F(SignedIn, WhatAnOperatorSignsIsACall) {
   using Kind = OperatorCall::Kind;
   const ApiAnswer acquire = ask("POST", "/api/v1/drones/tello2/acquire", R"({"priority":3})", 0);

@@ -10,14 +10,16 @@ class GuardTest : public testing::Test {
   const std::string token = std::string(63, 'a') + "b";
   const Guard guard{token, "127.0.0.1", 8800};
   const std::string authorization = "Bearer " + token;
-  std::optional<SignIns::Session> of_session(std::string_view candidate) const {
-    return candidate == session ? std::optional(SignIns::Session{.who = 1, .number = 7}) : std::nullopt;
+  Guard::Found of_session(std::string_view candidate) const {
+    if (candidate == ended) return {.over = true};
+    if (candidate == session) return {.session = SignIns::Session{.who = 1, .number = 7}};
+    return {};
   }
   Guard::Judged judge(const Head& head) const {
     return guard.check(head, [&](std::string_view candidate) { return of_session(candidate); });
   }
   unsigned check(const Head& head) const { return judge(head).refused.status; }
-  const std::string session = std::string(64, 'c');
+  const std::string session = std::string(64, 'c'), ended = std::string(64, 'd');
   Head good() const { return {.host = "127.0.0.1:8800", .origin = "", .authorization = authorization}; }
 };
 
@@ -69,6 +71,22 @@ TEST_F(GuardTest, ATokenOfASessionIsItsOperators) {
   EXPECT_FALSE(judge(head).session);
   head = {.host = "127.0.0.1:8800", .subprotocols = list, .websocket = true};
   ASSERT_TRUE(judge(head).session);
+}
+
+TEST_F(GuardTest, ATokenWhoseSessionIsOverIsRefusedAndSaidToHaveBeenOne) {
+  const std::string was = "Bearer " + ended, never = "Bearer " + std::string(64, 'e');
+  Head head = good();
+  head.authorization = was;
+  EXPECT_EQ(check(head), 401U);
+  EXPECT_TRUE(judge(head).over);
+  EXPECT_FALSE(judge(head).session);
+  head.origin = "http://evil.example";
+  EXPECT_EQ(check(head), 403U);
+  EXPECT_FALSE(judge(head).over) << "another site's page is not heard with it, either";
+  head = good();
+  head.authorization = never;
+  EXPECT_EQ(check(head), 401U);
+  EXPECT_FALSE(judge(head).over);
 }
 
 TEST_F(GuardTest, AStreamNamesTheTokenAmongItsSubprotocolsAndNowhereElse) {

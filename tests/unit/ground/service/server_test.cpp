@@ -290,6 +290,8 @@ TEST_F(StationWithOperators, ASessionThatIsOverFliesNothing) {
   EXPECT_EQ(ask(http::verb::delete_, "/api/v1/session", session).result_int(), 202U);
   EXPECT_EQ(keys.left.size(), 1U);
   EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", session).result_int(), 401U) << "replayed";
+  EXPECT_EQ(ask(http::verb::get, "/api/v1/drones", session).result_int(), 401U);
+  EXPECT_THROW(stream(session), std::exception);
   const std::string velocity = R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0,"t_ms":0})";
   for (Stream* client : {flown.get(), looked.get()}) {
     client->write(boost::asio::buffer(velocity));
@@ -300,6 +302,22 @@ TEST_F(StationWithOperators, ASessionThatIsOverFliesNothing) {
   }
   EXPECT_EQ(heard(), 0U);
   EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U) << "a stop needs no operator";
+}
+
+TEST_F(StationWithOperators, ASessionThatIsOverStillStopsAndLands) {
+  const std::string first = sign_in(), second = sign_in();
+  EXPECT_EQ(ask(http::verb::delete_, "/api/v1/session", second).result_int(), 202U);
+  const std::string guessed(token_digits, 'a');
+  for (const char* target : {"/api/v1/stop", "/api/v1/drones/tello1/stop", "/api/v1/drones/tello1/land"}) {
+    for (const std::string& of : {first, second}) {
+      const auto taken = ask(http::verb::post, target, of);
+      EXPECT_EQ(taken.result_int(), 202U) << target;
+      EXPECT_FALSE(taken.keep_alive()) << "it is a stranger's connection";
+    }
+    EXPECT_EQ(ask(http::verb::post, target, guessed).result_int(), 401U) << target;
+  }
+  ASSERT_EQ(heard(), 6U);
+  EXPECT_FALSE(wishes[0].by) << "ground signs it: the operator's key is locked";
 }
 
 TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {

@@ -45,6 +45,31 @@ TEST(SignIns, ANewSessionAndASignOutEndTheOneBefore) {
   EXPECT_FALSE(sign_ins.of(1, "second"));
 }
 
+TEST(SignIns, WhatWasASessionIsKnownHoweverItEnded) {
+  SignIns sign_ins(2, idle_ns);
+  sign_ins.begin(0, 0, "replaced");
+  EXPECT_FALSE(sign_ins.is_over(1, "replaced"));
+  sign_ins.begin(1, 0, "signed out");
+  EXPECT_TRUE(sign_ins.is_over(1, "replaced"));
+  sign_ins.end(*sign_ins.of(1, "signed out"));
+  EXPECT_TRUE(sign_ins.is_over(1, "signed out"));
+  sign_ins.begin(1, 1, "idle");
+  EXPECT_TRUE(sign_ins.is_over(1 + idle_ns + 1, "idle")) << "at once, before it is looked for";
+  sign_ins.expire(1 + idle_ns + 1);
+  EXPECT_TRUE(sign_ins.is_over(1 + idle_ns + 1, "idle"));
+  EXPECT_FALSE(sign_ins.is_over(1, "guessed"));
+  EXPECT_FALSE(sign_ins.is_over(1, ""));
+}
+
+TEST(SignIns, OfTheEndedTheNewestAreRemembered) {
+  SignIns sign_ins(1, idle_ns);
+  for (std::size_t i = 0; i <= SignIns::max_ended + 1; ++i) sign_ins.begin(0, 0, std::to_string(i));
+  EXPECT_FALSE(sign_ins.is_over(0, "0"));
+  EXPECT_TRUE(sign_ins.is_over(0, "1"));
+  EXPECT_TRUE(sign_ins.is_over(0, std::to_string(SignIns::max_ended)));
+  EXPECT_FALSE(sign_ins.is_over(0, std::to_string(SignIns::max_ended + 1))) << "that one is signed in";
+}
+
 TEST(SignIns, GuessingIsSlowAndOfOneOperatorAlone) {
   SignIns sign_ins(2, idle_ns);
   for (int i = 0; i < SignIns::free_failures; ++i) {
