@@ -6,7 +6,6 @@
 #include <termios.h>
 #include <unistd.h>
 
-#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -14,23 +13,33 @@
 
 namespace ledgerline {
 
-Result<std::string> read_secret(const std::string& file) {
+Result<std::string> read_secret_file(const std::string& file, std::size_t max_bytes) {
   const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", file, std::strerror(errno))};
-  std::array<char, 4096> bytes{};
+  std::string text;
   struct stat info {};
   const bool regular = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
   const bool own = (info.st_mode & 077) == 0;
-  const ssize_t count = regular && own ? ::read(fd, bytes.data(), bytes.size()) : -1;
+  const bool fits = info.st_size <= static_cast<off_t>(max_bytes);
+  ssize_t count = -1;
+  if (regular && own && fits) {
+    text.resize(static_cast<std::size_t>(info.st_size));
+    count = ::read(fd, text.data(), text.size());
+  }
   ::close(fd);
   if (!regular) return Error{file + " is no regular file"};
   if (!own) return Error{fmt::format("{} may be read by others than its owner; run: chmod 600 {}", file, file)};
+  if (!fits) return Error{fmt::format("{} has more than {} bytes", file, max_bytes)};
   if (count < 0) return Error{"cannot read " + file};
-  const std::string text(bytes.data(), static_cast<std::size_t>(count));
-  const auto end = text.find_first_of("\r\n");
-  if (end == std::string::npos && text.size() == bytes.size())
-    return Error{file + " has a first line of more than 4 kB"};
-  return text.substr(0, end);
+  text.resize(static_cast<std::size_t>(count));
+  return text;
+}
+
+Result<std::string> read_secret(const std::string& file) {
+  constexpr std::size_t max_bytes = 4096;
+  auto text = read_secret_file(file, max_bytes);
+  if (!text) return text;
+  return text->substr(0, text->find_first_of("\r\n"));
 }
 
 Result<std::string> ask_secret(const std::string& prompt) {

@@ -144,7 +144,8 @@ export class Connection extends EventTarget {
   #open() {
     clearTimeout(this.#wait);
     this.#socket?.close();
-    const socket = new WebSocket(`ws://${location.host}/api/v1/stream`, ['ledgerline.v1', `token.${this.#session?.token ?? this.#token}`]);
+    const scheme = location.protocol === 'https:' ? 'wss' : 'ws';
+    const socket = new WebSocket(`${scheme}://${location.host}/api/v1/stream`, ['ledgerline.v1', `token.${this.#session?.token ?? this.#token}`]);
     this.#socket = socket;
     this.#say('link', { up: false, words: 'Connecting' });
     socket.onopen = () => {

@@ -228,7 +228,8 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
        .ask_missions =
            [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
              ask(std::move(asked), std::move(answer));
-           }});
+           },
+       .tell = [this](Level level, std::string words) { mailbox_.put(Told{level, "", std::move(words)}); }});
   if (!server) return server.error();
   server_ = std::move(server).value();
   show(monotonic_ns());

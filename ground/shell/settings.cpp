@@ -176,13 +176,26 @@ OutputSettings output_settings(Config& config) {
 service::ServiceSettings service_settings(Config& config) {
   service::ServiceSettings settings;
   settings.listen = config.text({"service.listen",
-                                 "ADDRESS:PORT of the page and the API (docs/station.md), of this computer alone "
-                                 "(127.0.0.1:8800; port 0: any); none: no page"},
+                                 "ADDRESS:PORT of the page and the API (docs/station.md), without TLS of this computer "
+                                 "alone (127.0.0.1:8800; port 0: any); none: no page"},
                                 "");
   settings.token_file = config.text(
       {"service.token_file", "file of the page's token, made where it is missing: whoever may read it may fly"}, "");
-  if (!settings.listen.empty() && settings.token_file.empty())
-    config.wrong("service.token_file", "must name a file, since [service] listen is set");
+  settings.tls.certificate =
+      config.text({"service.tls_certificate",
+                   "PEM file of the page's certificate and those between it and its authority, taken anew when it "
+                   "changes; none: no TLS"},
+                  "");
+  settings.tls.key = config.text({"service.tls_key", "PEM file of its key, mode 0600"}, "");
+  settings.tls.authority =
+      config.text({"service.tls_client_ca",
+                   "PEM file of the authority whose certificates browsers and programs must have to connect; none: "
+                   "they need none"},
+                  "");
+  settings.names = config.texts({"service.names",
+                                 "host names and addresses of the page's URL, the one that it is shown with first, "
+                                 "beside what is listened on and localhost"},
+                                service::max_names);
   settings.operators = config.text({"service.operators",
                                     "folder with an MSP folder for each operator, its key locked by a pass phrase: "
                                     "each signs in at the page and signs "
@@ -191,6 +204,8 @@ service::ServiceSettings service_settings(Config& config) {
   settings.session_idle_ns = from_seconds(config.number(
       {"service.session_idle_s", "an operator of whom nothing is heard for so long is signed out, and his drones land"},
       900, 10, 86'400));
+  if (settings.listen.empty()) return settings;
+  for (const service::Fault& fault : service::faults_of(settings)) config.wrong("service." + fault.key, fault.what);
   return settings;
 }
 

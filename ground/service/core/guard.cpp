@@ -1,5 +1,7 @@
 #include "ground/service/core/guard.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace ledgerline::ground::service {
@@ -40,18 +42,17 @@ std::vector<std::string_view> tokens_of(const Head& head) {
 
 }  // namespace
 
-Guard::Guard(std::string token, std::string address, std::uint16_t port)
-    : token_(std::move(token)),
-      by_address_(std::move(address) + ":" + std::to_string(port)),
-      by_name_("localhost:" + std::to_string(port)) {}
+Guard::Guard(std::string token, std::vector<std::string> hosts, bool tls)
+    : token_(std::move(token)), hosts_(std::move(hosts)), scheme_(tls ? "https://" : "http://") {}
 
-bool Guard::is_own(std::string_view host) const { return host == by_address_ || host == by_name_; }
+bool Guard::is_own(std::string_view host) const {
+  return std::find(hosts_.begin(), hosts_.end(), host) != hosts_.end();
+}
 
 ApiAnswer Guard::check_place(const Head& head) const {
-  if (!is_own(head.host)) return refusal(403, "Host must be " + by_address_ + " or " + by_name_);
-  constexpr std::string_view scheme = "http://";
-  const bool from_here = head.origin.empty() || (head.origin.substr(0, scheme.size()) == scheme &&
-                                                 head.origin.substr(scheme.size()) == head.host);
+  if (!is_own(head.host)) return refusal(403, fmt::format("Host must be one of {}", fmt::join(hosts_, ", ")));
+  const bool from_here = head.origin.empty() || (head.origin.substr(0, scheme_.size()) == scheme_ &&
+                                                 head.origin.substr(scheme_.size()) == head.host);
   if (!from_here) return refusal(403, "asked by a page of another site");
   return {.status = 0, .body = {}};
 }

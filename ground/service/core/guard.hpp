@@ -1,9 +1,9 @@
 #pragma once
-#include <cstdint>
 #include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "ground/service/core/api.hpp"
 #include "ground/service/operators/sign_ins.hpp"
@@ -19,12 +19,12 @@ struct Head {
 };
 
 /// Who may ask: whoever knows the token, or that of an operator's session, from a page that this server served, or from no page. Host and Origin must name
-/// the server itself, so that neither another site's script nor a name that was bound anew to this address is heard.
+/// the server itself, exactly and with its port, so that neither another site's script nor a name that was bound anew to this address is heard.
 /// Immutable; any thread.
 class Guard {
  public:
-  /// `token`: 64 hex digits. `port`: of the server.
-  Guard(std::string token, std::string address, std::uint16_t port);
+  /// `token`: 64 hex digits. `hosts`: what Host may be, as hosts_of() has them. `tls`: pages are of https alone.
+  Guard(std::string token, std::vector<std::string> hosts, bool tls);
 
   /// For the page's own files, which need no token: status 0, they may go out.
   ApiAnswer check_place(const Head& head) const;
@@ -46,7 +46,9 @@ class Guard {
  private:
   bool is_own(std::string_view host) const;
 
-  std::string token_, by_address_, by_name_;
+  std::string token_;
+  std::vector<std::string> hosts_;
+  std::string_view scheme_;
 };
 
 /// A budget of requests for one connection: `per_s` a second, and as many at once. One thread.

@@ -3,16 +3,15 @@
 #include <fmt/format.h>
 
 #include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/ip/v6_only.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
-#include <deque>
-#include <mutex>
-#include <set>
+#include <optional>
 #include <thread>
 
-#include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
 #include "common/rt/clock.hpp"
+#include "common/web/tls.hpp"
 #include "ground/service/shell/hub.hpp"
 #include "ground/service/shell/sessions.hpp"
 
@@ -22,51 +21,37 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
-struct Place {
-  std::string address;
-  std::uint16_t port = 0;
-};
-
-Result<Place> place_from(const std::string& listen) {
-  const auto colon = listen.rfind(':');
-  const std::string address = listen.substr(0, colon);
-  const auto parsed = parse_ipv4(address);
-  if (colon == std::string::npos || !parsed) return Error{"must be ADDRESS:PORT, as 127.0.0.1:8800"};
-  if (*parsed >> 24 != 127)
-    return Error{
-        "must be of this computer alone (127.0.0.1:PORT): there is no TLS here; from elsewhere take an SSH tunnel"};
-  const std::string digits = listen.substr(colon + 1);
-  const bool number =
-      !digits.empty() && digits.size() <= 5 && digits.find_first_not_of("0123456789") == std::string::npos;
-  if (!number || std::stoul(digits) > 65'535) return Error{"must end in a port from 0 (any) to 65535"};
-  return Place{address, static_cast<std::uint16_t>(std::stoul(digits))};
-}
-
 class BeastServer final : public Server {
  public:
-  BeastServer(std::vector<std::string> drones, const Greeting& greeting, Behind behind, TimeNs session_idle_ns)
-      : hub_(std::move(drones), greeting, std::move(behind), session_idle_ns),
+  BeastServer(std::vector<std::string> drones, const Greeting& greeting, const Behind& behind, TimeNs session_idle_ns,
+              std::optional<web::RenewedTls> tls)
+      : hub_(std::move(drones), greeting, behind, session_idle_ns),
+        tell_(behind.tell),
+        tls_(std::move(tls)),
         acceptor_(io_),
         again_(io_),
-        expiry_(io_) {}
+        each_second_(io_) {}
   ~BeastServer() override {
     io_.stop();
     if (thread_.joinable()) thread_.join();
   }
 
-  Status listen(const Place& place, const std::string& token) {
+  Status listen(const ServiceSettings& settings, const std::string& token) {
+    const web::HostPort place = *web::host_port_from(settings.listen);
     boost::system::error_code error;
-    const tcp::endpoint at(asio::ip::make_address_v4(place.address), place.port);
+    const tcp::endpoint at(asio::ip::make_address(place.host), place.port);
     acceptor_.open(at.protocol(), error);
     if (!error) acceptor_.set_option(asio::socket_base::reuse_address(true), error);
+    // "::" takes IPv4's clients, too, however the host is set.
+    if (!error && at.address().is_v6()) acceptor_.set_option(asio::ip::v6_only(false), error);
     if (!error) acceptor_.bind(at, error);
     if (!error) acceptor_.listen(128, error);
-    if (error) return Error{fmt::format("cannot listen on {}:{}: {}", place.address, place.port, error.message())};
+    if (error) return Error{fmt::format("cannot listen on {}: {}", settings.listen, error.message())};
     const std::uint16_t port = acceptor_.local_endpoint().port();
-    url_ = fmt::format("http://{}:{}", place.address, port);
-    guard_.emplace(token, place.address, port);
+    url_ = url_of(settings, port);
+    guard_.emplace(token, hosts_of(settings, port), settings.has_tls());
     accept();
-    expire_sessions();
+    look_each_second();
     thread_ = std::thread([this] { serve(); });
     return done;
   }
@@ -85,7 +70,7 @@ class BeastServer final : public Server {
       boost::system::error_code ignored;  // it is no matter whether it was open
       acceptor_.close(ignored);
       again_.cancel();
-      expiry_.cancel();
+      each_second_.cancel();
       hub_.end();
     });
     const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
@@ -104,13 +89,23 @@ class BeastServer final : public Server {
     }
   }
 
-  void expire_sessions() {
-    expiry_.expires_after(std::chrono::seconds(1));
-    expiry_.async_wait([this](boost::system::error_code ended) {
+  void look_each_second() {
+    each_second_.expires_after(std::chrono::seconds(1));
+    each_second_.async_wait([this](boost::system::error_code ended) {
       if (ended) return;
       hub_.expire(monotonic_ns());
-      expire_sessions();
+      renew_tls();
+      look_each_second();
     });
+  }
+
+  void renew_tls() {
+    const auto news = tls_ ? tls_->look() : std::nullopt;
+    if (!news) return;
+    const std::string words = *news ? "ground's page has a new TLS certificate"
+                                    : "ground's page keeps its old TLS certificate: " + news->error().what;
+    spdlog::log(*news ? spdlog::level::info : spdlog::level::warn, "{}", words);
+    if (tell_) tell_(*news ? Level::info : Level::warning, words);
   }
 
   void accept() {
@@ -127,17 +122,22 @@ class BeastServer final : public Server {
       }
       hub_.make_room();
       // Beyond the bound a connection is closed at once; the pages that are open go on.
-      if (hub_.connections() < max_connections) serve_http(std::move(socket), hub_, *guard_);
+      if (hub_.connections() < max_connections) {
+        web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);
+        serve_http(std::move(wire), hub_, *guard_);
+      }
       accept();
     });
   }
 
   // Before io_, whose end ends the connections that still wait: they speak to both.
   Hub hub_;
+  const std::function<void(Level, std::string)> tell_;
+  std::optional<web::RenewedTls> tls_;
   std::optional<Guard> guard_;
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
-  asio::steady_timer again_, expiry_;
+  asio::steady_timer again_, each_second_;
   std::string url_;
   std::thread thread_;
 };
@@ -146,12 +146,19 @@ class BeastServer final : public Server {
 
 Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, std::vector<std::string> drones,
                                               const Greeting& greeting, Behind behind) {
-  const auto place = place_from(settings.listen);
-  if (!place) return Error{"[service] listen " + place.error().what};
+  if (const auto faults = faults_of(settings); !faults.empty())
+    return Error{fmt::format("[service] {} {}", faults[0].key, faults[0].what)};
   const auto token = read_token(settings.token_file);
   if (!token) return Error{"[service] token_file: " + token.error().what};
-  auto server = std::make_unique<BeastServer>(std::move(drones), greeting, std::move(behind), settings.session_idle_ns);
-  if (auto status = server->listen(*place, *token); !status) return status.error();
+  std::optional<web::RenewedTls> tls;
+  if (settings.has_tls()) {
+    auto opened = web::RenewedTls::open(settings.tls);
+    if (!opened) return Error{"[service] TLS: " + opened.error().what};
+    tls = std::move(*opened);
+  }
+  auto server =
+      std::make_unique<BeastServer>(std::move(drones), greeting, behind, settings.session_idle_ns, std::move(tls));
+  if (auto status = server->listen(settings, *token); !status) return status.error();
   return std::unique_ptr<Server>(std::move(server));
 }
 

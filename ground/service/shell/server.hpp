@@ -36,7 +36,7 @@ class OperatorKeys {
   virtual Status submit(std::size_t who, const OperatorCall& call) = 0;
 };
 
-/// HTTP and WebSocket for page, command line and scripts, on a thread of its own: whatever clients do, the flight's
+/// HTTP and WebSocket, with or without TLS, for page, command line and scripts, on a thread of its own: whatever clients do, the flight's
 /// thread only hands over two texts. A client gets the newest state, and every event in order; one that does not read
 /// keeps nothing but its place, and is closed when it is max_events behind.
 class Server {
@@ -51,6 +51,8 @@ class Server {
     OperatorKeys* keys = nullptr;  ///< null: nobody signs in
     /// A question about missions; `answer` comes once, on any thread. Null: there are none.
     std::function<void(MissionAsk asked, std::function<void(ApiAnswer)> answer)> ask_missions{};
+    /// Something that people should know of the service itself. Null: the log alone has it.
+    std::function<void(Level level, std::string words)> tell{};
   };
 
   /// Listens.
@@ -68,7 +70,7 @@ class Server {
   virtual bool watched() const = 0;
   /// Any thread; does not wait for clients. A client is told what it lacks of the newest max_told_blocks.
   virtual void publish_blocks(std::vector<BlockSummary> blocks) = 0;
-  /// "http://127.0.0.1:8800"
+  /// "http://127.0.0.1:8800", "https://ground.example.org:8800"
   virtual std::string url() const = 0;
 };
 

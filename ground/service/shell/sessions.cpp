@@ -21,7 +21,10 @@ using boost::asio::ip::tcp;
 using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
-constexpr std::chrono::seconds patience{10};
+constexpr std::chrono::seconds patience{10};     // of a handshake, a head, a body, an answer: each as a whole
+constexpr std::chrono::seconds end_patience{1};  // of the other side's last word in TLS
+// A month, and only for names: it holds for every port of the host, and localhost has other services.
+constexpr const char* https_only = "max-age=2592000";
 constexpr double requests_per_s = 100;  // of one connection; a pilot's velocities come fifteen times a second
 constexpr std::size_t max_head_bytes = 8192, max_message_bytes = 4096;
 
@@ -94,7 +97,7 @@ Response page(const Request& request) {
 /// The stream to one client. One write at a time: behind it the events it lacks, then the newest state.
 class Stream final : public Hub::Listener, public std::enable_shared_from_this<Stream> {
  public:
-  Stream(beast::tcp_stream&& socket, Hub& hub, Hub::Place place, std::optional<SignIns::Session> session)
+  Stream(web::Wire&& socket, Hub& hub, Hub::Place place, std::optional<SignIns::Session> session)
       : socket_(std::move(socket)), hub_(hub), place_(std::move(place)), session_(session), budget_(requests_per_s) {}
 
   void start(const Request& request) {
@@ -198,7 +201,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     socket_.async_close(reason, [self = shared_from_this()](beast::error_code) {});
   }
 
-  websocket::stream<beast::tcp_stream> socket_;
+  websocket::stream<web::Wire> socket_;
   Hub& hub_;
   Hub::Place place_;
   const std::optional<SignIns::Session> session_;
@@ -213,24 +216,32 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
 
 class HttpSession final : public Hub::Stranger, public std::enable_shared_from_this<HttpSession> {
  public:
-  HttpSession(tcp::socket&& socket, Hub& hub, const Guard& guard)
-      : socket_(std::move(socket)), hub_(hub), guard_(guard), place_(hub), budget_(requests_per_s) {}
+  HttpSession(web::Wire&& wire, Hub& hub, const Guard& guard)
+      : wire_(std::move(wire)), hub_(hub), guard_(guard), place_(hub), budget_(requests_per_s) {}
 
+  void start() {
+    if (!wire_.tls()) return read();
+    wire_.tcp().expires_after(patience);
+    wire_.async_handshake(boost::asio::ssl::stream_base::server, [self = shared_from_this()](beast::error_code error) {
+      if (!error) self->read();
+    });
+  }
+
+  bool is_stranger() const override { return !known_; }
+  void leave() override { wire_.tcp().close(); }
+
+ private:
   void read() {
     parser_.emplace();
     parser_->body_limit(max_mission_body_bytes);  // until the head says what it is
     parser_->header_limit(max_head_bytes);
-    socket_.expires_after(patience);
-    http::async_read_header(socket_, buffer_, *parser_,
+    wire_.tcp().expires_after(patience);
+    http::async_read_header(wire_, buffer_, *parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               error ? self->on_read(error) : self->read_body();
                             });
   }
 
-  bool is_stranger() const override { return !known_; }
-  void leave() override { socket_.close(); }
-
- private:
   // A mission is long, and only who knows the token may send one.
   void read_body() {
     const Request& request = parser_->get();
@@ -238,7 +249,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     const std::size_t limit = known ? body_limit(view(request.target())) : max_body_bytes;
     if (parser_->content_length().value_or(0) > limit) return on_read(http::error::body_limit);
     parser_->body_limit(limit);
-    http::async_read(socket_, buffer_, *parser_,
+    http::async_read(wire_, buffer_, *parser_,
                      [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
   }
 
@@ -301,10 +312,10 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     const std::string early = hub_.sign_ins().refused(now, asked.who);
     if (!early.empty()) return respond(parser_->get(), refusal(429, early));
     hub_.sign_ins().failed(now, asked.who);  // until it is seen to be right, so that many at once are many
-    socket_.expires_never();
+    wire_.tcp().expires_never();
     hub_.keys().unlock(
         asked.who, std::move(asked.pass_phrase), [self = shared_from_this(), who = asked.who](Status unlocked) {
-          boost::asio::post(self->socket_.get_executor(),
+          boost::asio::post(self->wire_.get_executor(),
                             [self, who, unlocked = std::move(unlocked)] { self->signed_in(who, unlocked); });
         });
     return std::nullopt;
@@ -312,9 +323,9 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   std::optional<Response> ask(MissionAsk asked) {
     if (!hub_.ask_missions()) return respond(parser_->get(), refusal(404, "no missions are flown here"));
-    socket_.expires_never();
+    wire_.tcp().expires_never();
     hub_.ask_missions()(std::move(asked), [self = shared_from_this()](ApiAnswer made) {
-      boost::asio::post(self->socket_.get_executor(), [self, made = std::move(made)]() mutable {
+      boost::asio::post(self->wire_.get_executor(), [self, made = std::move(made)]() mutable {
         self->write(respond(self->parser_->get(), std::move(made)));
       });
     });
@@ -335,27 +346,34 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
       return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
     const Guard::Judged judged = judge(head_of(request));
     if (judged.refused.status != 0) return write(respond(request, judged.refused));
-    socket_.expires_never();
-    std::make_shared<Stream>(std::move(socket_), hub_, std::move(place_), judged.session)->start(request);
+    wire_.tcp().expires_never();
+    std::make_shared<Stream>(std::move(wire_), hub_, std::move(place_), judged.session)->start(request);
   }
 
   void write(Response response) {
     // Who has not shown the token asks once a connection, and has no place to keep.
     response.keep_alive(known_ && response.keep_alive());
+    const std::string_view host = view(parser_->get()[http::field::host]);
+    if (wire_.tls() && host.substr(0, host.find(':')) != "localhost")
+      response.set("Strict-Transport-Security", https_only);
     auto kept = std::make_shared<Response>(std::move(response));
-    socket_.expires_after(patience);
-    http::async_write(socket_, *kept, [self = shared_from_this(), kept](beast::error_code error, std::size_t) {
+    wire_.tcp().expires_after(patience);
+    http::async_write(wire_, *kept, [self = shared_from_this(), kept](beast::error_code error, std::size_t) {
       if (error || !kept->keep_alive()) return self->end();
       self->read();
     });
   }
 
   void end() {
+    if (wire_.tls()) {
+      wire_.tcp().expires_after(end_patience);
+      return wire_.async_shutdown([self = shared_from_this()](beast::error_code) {});
+    }
     beast::error_code ignored;  // the other side may be gone already
-    socket_.socket().shutdown(tcp::socket::shutdown_send, ignored);
+    wire_.tcp().socket().shutdown(tcp::socket::shutdown_send, ignored);
   }
 
-  beast::tcp_stream socket_;
+  web::Wire wire_;
   Hub& hub_;
   const Guard& guard_;
   Hub::Place place_;
@@ -367,10 +385,10 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
 }  // namespace
 
-void serve_http(tcp::socket socket, Hub& hub, const Guard& guard) {
-  const auto session = std::make_shared<HttpSession>(std::move(socket), hub, guard);
+void serve_http(web::Wire wire, Hub& hub, const Guard& guard) {
+  const auto session = std::make_shared<HttpSession>(std::move(wire), hub, guard);
   hub.join(std::shared_ptr<Hub::Stranger>(session));
-  session->read();
+  session->start();
 }
 
 }  // namespace ledgerline::ground::service

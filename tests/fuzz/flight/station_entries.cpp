@@ -81,7 +81,7 @@ class HeadEntry final : public Entry {
  private:
   const std::string token_ = std::string(64, '7');
   const Guard::FindSession nobody_ = [](std::string_view) { return Guard::Found{}; };
-  const Guard guard_{token_, "127.0.0.1", 8800};
+  const Guard guard_{token_, {"127.0.0.1:8800", "localhost:8800"}, false};
 };
 
 const Registration request({"station.request", Kind::text, [] { return std::make_unique<RequestEntry>(); }});

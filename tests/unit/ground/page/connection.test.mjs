@@ -9,15 +9,16 @@ const { Connection } = await import(`data:text/javascript;base64,${Buffer.from(t
 const own = 'a'.repeat(64);
 const session = { token: 'b'.repeat(64), operator: 'alice', identity: 'Org2MSP CN=alice' };
 
-/// A station that answers by `answer(token, method, path)`: [status, body]. `asked`: what it was asked; `streams`: with which tokens.
-function station(answer, kept = null) {
-  const told = { asked: [], streams: [], said: [] };
+/// A station that answers by `answer(token, method, path)`: [status, body]. `asked`: what it was asked; `streams`: with which tokens; `urls`: of these.
+function station(answer, kept = null, protocol = 'http:') {
+  const told = { asked: [], streams: [], urls: [], said: [] };
   const store = new Map(kept ? [['session', JSON.stringify(kept)]] : []);
   globalThis.sessionStorage = { getItem: (key) => store.get(key) ?? null, setItem: (key, value) => store.set(key, value), removeItem: (key) => store.delete(key) };
-  globalThis.location = { host: '127.0.0.1:8800' };
+  globalThis.location = { protocol, host: '127.0.0.1:8800' };
   globalThis.WebSocket = class {
     static OPEN = 1;
-    constructor(_url, protocols) {
+    constructor(url, protocols) {
+      told.urls.push(url);
       told.streams.push(protocols[1].slice('token.'.length));
     }
     close() {}
@@ -68,4 +69,9 @@ test('a wrong pass phrase changes nothing, and a kept session that is none is no
   assert.equal(connection.operator, null);
   assert.equal((await connection.signIn('alice', 'no')).words, 'wrong');
   assert.deepEqual([connection.operator, told.said, told.streams], [null, [], [own]]);
+});
+
+test('the stream of a page of https is one of wss', () => {
+  assert.deepEqual(station(() => [200, {}]).told.urls, ['ws://127.0.0.1:8800/api/v1/stream']);
+  assert.deepEqual(station(() => [200, {}], null, 'https:').told.urls, ['wss://127.0.0.1:8800/api/v1/stream']);
 });

@@ -8,7 +8,7 @@ namespace {
 class GuardTest : public testing::Test {
  protected:
   const std::string token = std::string(63, 'a') + "b";
-  const Guard guard{token, "127.0.0.1", 8800};
+  const Guard guard{token, {"127.0.0.1:8800", "localhost:8800"}, false};
   const std::string authorization = "Bearer " + token;
   Guard::Found of_session(std::string_view candidate) const {
     if (candidate == ended) return {.over = true};

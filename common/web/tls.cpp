@@ -1,0 +1,143 @@
+#include "common/web/tls.hpp"
+
+#include <fmt/format.h>
+#include <openssl/crypto.h>
+#include <openssl/err.h>
+#include <openssl/ssl.h>
+#include <openssl/x509v3.h>
+#include <sys/stat.h>
+
+#include "common/base/file.hpp"
+#include "common/program/secrets.hpp"
+#include "common/web/host_port.hpp"
+
+namespace ledgerline::web {
+namespace {
+
+namespace ssl = boost::asio::ssl;
+
+constexpr int max_chain = 4;  // certificates between the other side's and its authority
+constexpr std::size_t max_file_bytes = 1 << 20;
+
+/// Without it OpenSSL would ask for the pass phrase of a locked key at the terminal, and wait.
+int no_pass_phrase(char*, int, int, void*) { return -1; }
+
+/// The newest error of this thread's queue, which is then empty: whoever else speaks TLS here reads that queue, too.
+std::string openssl_error() {
+  const char* words = ERR_reason_error_string(ERR_peek_last_error());
+  ERR_clear_error();
+  return words ? words : "OpenSSL does not say why";
+}
+
+TlsContext context_of(ssl::context::method method) {
+  auto context = std::make_shared<ssl::context>(method);
+  SSL_CTX* const native = context->native_handle();
+  SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
+  SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; all of 1.3 are good
+  SSL_CTX_set_options(native, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_CIPHER_SERVER_PREFERENCE);
+  SSL_CTX_set_default_passwd_cb(native, no_pass_phrase);
+  SSL_CTX_set_verify_depth(native, max_chain);
+  // A session that is taken up again would outlive a change of certificates; handshakes here are few.
+  SSL_CTX_set_options(native, SSL_OP_NO_TICKET);
+  SSL_CTX_set_session_cache_mode(native, SSL_SESS_CACHE_OFF);
+  return context;
+}
+
+Status use_own(ssl::context& context, const TlsFiles& files) {
+  const auto chain = read_file(files.certificate);
+  if (!chain) return chain.error();
+  auto key = read_secret_file(files.key, max_file_bytes);
+  if (!key) return key.error();
+  boost::system::error_code error;
+  context.use_certificate_chain(boost::asio::buffer(*chain), error);
+  if (error) return Error{fmt::format("{} has no certificate in PEM: {}", files.certificate, openssl_error())};
+  context.use_private_key(boost::asio::buffer(*key), ssl::context::pem, error);
+  OPENSSL_cleanse(key->data(), key->size());
+  if (error)
+    return Error{fmt::format("{} is no private key in PEM without a pass phrase, or not that of {}: {}", files.key,
+                             files.certificate, openssl_error())};
+  if (SSL_CTX_check_private_key(context.native_handle()) != 1)
+    return Error{fmt::format("{} is not the key of {}: {}", files.key, files.certificate, openssl_error())};
+  return done;
+}
+
+Status believe(ssl::context& context, const std::string& file) {
+  const auto authorities = read_file(file);
+  if (!authorities) return authorities.error();
+  boost::system::error_code error;
+  context.add_certificate_authority(boost::asio::buffer(*authorities), error);
+  if (error) return Error{fmt::format("{} has no certificate in PEM: {}", file, openssl_error())};
+  return done;
+}
+
+}  // namespace
+
+Result<TlsContext> server_tls(const TlsFiles& files) {
+  TlsContext context = context_of(ssl::context::tls_server);
+  if (auto status = use_own(*context, files); !status) return status.error();
+  if (files.authority.empty()) return context;
+  if (auto status = believe(*context, files.authority); !status) return status.error();
+  // Told to clients, so that a browser offers the right one.
+  SSL_CTX_set_client_CA_list(context->native_handle(), SSL_load_client_CA_file(files.authority.c_str()));
+  context->set_verify_mode(ssl::verify_peer | ssl::verify_fail_if_no_peer_cert);
+  return context;
+}
+
+Result<TlsContext> client_tls(const TlsFiles& files) {
+  TlsContext context = context_of(ssl::context::tls_client);
+  context->set_verify_mode(ssl::verify_peer);
+  if (files.authority.empty()) {
+    SSL_CTX_set_default_verify_paths(context->native_handle());
+  } else {
+    if (auto status = believe(*context, files.authority); !status) return status.error();
+    X509_VERIFY_PARAM_set_flags(SSL_CTX_get0_param(context->native_handle()), X509_V_FLAG_PARTIAL_CHAIN);
+  }
+  if (files.certificate.empty()) return context;
+  if (auto status = use_own(*context, files); !status) return status.error();
+  return context;
+}
+
+void expect_host(SSL* connection, const std::string& host) {
+  if (host_kind(host) == HostKind::name) {
+    SSL_set_tlsext_host_name(connection, host.c_str());
+    SSL_set_hostflags(connection, X509_CHECK_FLAG_NO_PARTIAL_WILDCARDS);
+    SSL_set1_host(connection, host.c_str());
+  } else {
+    X509_VERIFY_PARAM_set1_ip_asc(SSL_get0_param(connection), host.c_str());
+  }
+}
+
+std::string certificate_fault(SSL* connection) {
+  const long fault = SSL_get_verify_result(connection);
+  return fault == X509_V_OK ? "" : X509_verify_cert_error_string(fault);
+}
+
+Result<RenewedTls> RenewedTls::open(TlsFiles files) {
+  RenewedTls tls(std::move(files));
+  tls.tried_ = tls.seen_ = tls.stamps();  // before they are read: what changes meanwhile is seen at the next look
+  auto context = server_tls(tls.files_);
+  if (!context) return context.error();
+  tls.context_ = std::move(*context);
+  return tls;
+}
+
+std::optional<Status> RenewedTls::look() {
+  const Stamps now = stamps();
+  const bool still = now == seen_;
+  seen_ = now;
+  if (!still || now == tried_) return std::nullopt;
+  tried_ = now;
+  auto context = server_tls(files_);
+  if (!context) return context.error();
+  context_ = std::move(*context);
+  return done;
+}
+
+RenewedTls::Stamp RenewedTls::stamp_of(const std::string& file) {
+  struct stat info {};
+  if (file.empty() || ::stat(file.c_str(), &info) != 0) return {};
+  return {info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size),
+          info.st_ctim.tv_sec * std::int64_t{1'000'000'000} + info.st_ctim.tv_nsec};
+}
+
+}  // namespace ledgerline::web

@@ -1,0 +1,56 @@
+#pragma once
+#include <array>
+#include <boost/asio/ssl/context.hpp>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "common/base/result.hpp"
+#include "common/web/tls_files.hpp"
+
+/// TLS 1.2 and 1.3 from files, by OpenSSL.
+namespace ledgerline::web {
+
+using TlsContext = std::shared_ptr<boost::asio::ssl::context>;
+
+/// Of a server. With an authority nobody gets past the handshake without a certificate of it. An error names the file.
+Result<TlsContext> server_tls(const TlsFiles& files);
+/// Of a client. Without an authority the system's are believed; one that is named is believed alone, and may be the
+/// server's own certificate.
+Result<TlsContext> client_tls(const TlsFiles& files);
+
+/// Before the handshake: the server must be that host, by name or by address.
+void expect_host(SSL* connection, const std::string& host);
+/// Why a handshake has failed, of the other side's certificate; empty: not by that.
+std::string certificate_fault(SSL* connection);
+
+/// A server's TLS, which takes renewed files without a restart. What is connected goes on with what it has. One thread.
+class RenewedTls {
+ public:
+  static Result<RenewedTls> open(TlsFiles files);
+
+  boost::asio::ssl::context& context() { return *context_; }
+  /// Looks whether the files have changed: three calls of stat where not. New ones are read when they stay the same from
+  /// one look to the next, since certificate and key are two files. nullopt: no news; done: taken; an error: why not, said
+  /// once, and the old ones stay.
+  std::optional<Status> look();
+
+ private:
+  struct Stamp {
+    std::uint64_t device = 0, inode = 0, size = 0;
+    std::int64_t changed_ns = 0;
+    bool operator==(const Stamp&) const = default;
+  };
+  using Stamps = std::array<Stamp, 3>;
+
+  explicit RenewedTls(TlsFiles files) : files_(std::move(files)) {}
+  static Stamp stamp_of(const std::string& file);
+  Stamps stamps() const { return {stamp_of(files_.certificate), stamp_of(files_.key), stamp_of(files_.authority)}; }
+
+  TlsFiles files_;
+  TlsContext context_;
+  Stamps tried_{}, seen_{};  ///< when they were last read; at the last look
+};
+
+}  // namespace ledgerline::web
