@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-
-#include "common/base/ipv4.hpp"
 #include "common/base/printable.hpp"
 
 namespace ledgerline::station {
@@ -12,48 +9,46 @@ namespace {
 
 constexpr std::size_t token_digits = 64;
 
-Result<Place> place_from(const std::string& text) {
-  const auto colon = text.rfind(':');
-  const std::string host = text.substr(0, colon);
-  const std::string address = host == "localhost" ? "127.0.0.1" : host;
-  const auto parsed = parse_ipv4(address);
-  if (!parsed || *parsed >> 24 != 127)
-    return Error{"must be this computer (127.0.0.1 or localhost): there is no TLS; from elsewhere take an SSH tunnel"};
-  unsigned port = 0;
-  const char* const end = text.data() + text.size();
-  const char* const begin = colon == std::string::npos ? end : text.data() + colon + 1;
-  const auto read = std::from_chars(begin, end, port);
-  if (begin == end || read.ec != std::errc() || read.ptr != end || port > 65'535)
-    return Error{"must end in a port up to 65535, as 127.0.0.1:8800"};
-  return Place{address, static_cast<std::uint16_t>(port)};
+/// Without TLS the token goes there as it is.
+Result<Place> place_from(const std::string& text, bool tls) {
+  auto at = web::host_port_from(text);
+  if (!at) return at.error();
+  if (!tls && at->host == "localhost") at->host = "127.0.0.1";
+  if (!tls && !web::is_loopback(at->host))
+    return Error{
+        "must be this computer (127.0.0.1 or localhost) without TLS: https:// where the station has it, else an SSH "
+        "tunnel"};
+  return Place{*at, tls};
 }
 
 }  // namespace
 
-std::string text_of(const Place& place) { return fmt::format("{}:{}", place.address, place.port); }
+std::string text_of(const Place& place) { return web::text_of(place.at); }
 
 Result<Place> place_from_url(const std::string& url) {
-  constexpr std::string_view scheme = "http://";
+  constexpr std::string_view plain = "http://", secure = "https://";
   const auto wrong = [&](const std::string& what) {
     // What stands behind # in a page's address is its token.
     return Error{fmt::format("the station's address \"{}\" {}", printable(url.substr(0, url.find('#')), 128), what)};
   };
-  if (!url.starts_with(scheme)) return wrong("must begin with http://");
-  std::string place = url.substr(scheme.size());
+  const bool tls = url.starts_with(secure);
+  if (!tls && !url.starts_with(plain)) return wrong("must begin with http:// or https://");
+  std::string place = url.substr(tls ? secure.size() : plain.size());
   if (place.ends_with('/')) place.pop_back();
   if (place.find_first_of("/#?@") != std::string::npos)
     return wrong("must end behind its port; the token is in a file of its own");
-  auto parsed = place_from(place);
+  auto parsed = place_from(place, tls);
   if (!parsed) return wrong(parsed.error().what);
-  if (parsed->port == 0) return wrong("must end in a port from 1 to 65535");
+  if (parsed->at.port == 0) return wrong("must end in a port from 1 to 65535");
   return parsed;
 }
 
-Result<Place> place_from_listen(const std::string& listen) {
-  auto parsed = place_from(listen);
+Result<Place> place_from_service(const ground::service::ServiceSettings& service) {
+  auto parsed = place_from(service.listen, service.has_tls());
   if (!parsed) return parsed;
-  if (parsed->port == 0)
+  if (parsed->at.port == 0)
     return Error{"has port 0, any that is free: which one it was ground says when it is ready; give it with --url"};
+  if (!service.names.empty()) parsed->at.host = service.names.front();
   return parsed;
 }
 

@@ -16,6 +16,7 @@ namespace {
 
 constexpr const char* station_variable = "LEDGERLINE_STATION";
 constexpr const char* token_variable = "LEDGERLINE_TOKEN_FILE";
+constexpr const char* ca_variable = "LEDGERLINE_CA";
 
 /// [service] of ground's own file. The rest of it is ground's to judge.
 Result<ground::service::ServiceSettings> service_of(const std::string& file) {
@@ -34,7 +35,7 @@ Result<ground::service::ServiceSettings> service_of(const std::string& file) {
 std::string usual_session_file(const Place& place, const Environment& environment) {
   std::string folder = environment("XDG_RUNTIME_DIR");
   if (folder.empty() && !environment("HOME").empty()) folder = environment("HOME") + "/.cache";
-  return folder.empty() ? "" : fmt::format("{}/ledgerline/session-{}-{}", folder, place.address, place.port);
+  return folder.empty() ? "" : fmt::format("{}/ledgerline/session-{}-{}", folder, place.at.host, place.at.port);
 }
 
 std::string session_in(const Target& target) {
@@ -52,14 +53,20 @@ std::string session_in(const Target& target) {
 const char* const shared_notes =
     "The station: --url and --token-file, else [service] of --config, else LEDGERLINE_STATION (http://127.0.0.1:8800) "
     "and\n"
-    "LEDGERLINE_TOKEN_FILE.\n"
+    "LEDGERLINE_TOKEN_FILE. With https:// its certificate must be of --ca, else of LEDGERLINE_CA, else of an authority "
+    "that\n"
+    "this computer believes; with --config alone it is the one that the config names.\n"
     "Exit codes: 0 done; 1 the station refused, or is not reached; 2 bad usage.";
 
 void add_options(CommandLine& line, Options& options) {
-  line.option("--url", options.url, "the station's address, as http://127.0.0.1:8800");
+  line.option("--url", options.url, "the station's address, as http://127.0.0.1:8800, https://ground.example.org:8800");
   line.option("--token-file", options.token_file, "file of the page's token, which nobody else may read");
   line.option("--config", options.config, "ground.toml, whose [service] says both").existing_file();
   line.option("--session-file", options.session_file, "file of an operator's session; else one for each station");
+  line.option("--ca", options.tls.authority, "PEM file of the authority of the station's certificate").existing_file();
+  line.option("--certificate", options.tls.certificate, "PEM file of our own, where the station asks for one")
+      .existing_file();
+  line.option("--key", options.tls.key, "PEM file of its key, which nobody else may read").existing_file();
   line.flag("--json", options.json, "JSON in a table's place");
 }
 
@@ -77,7 +84,7 @@ Result<Target> target_of(const Options& options, const Environment& environment)
   if (url.empty() && service.listen.empty())
     return Error{
         fmt::format("which station? --url http://127.0.0.1:8800, --config ground.toml, or {}", station_variable)};
-  auto place = url.empty() ? place_from_listen(service.listen) : place_from_url(url);
+  auto place = url.empty() ? place_from_service(service) : place_from_url(url);
   if (!place && url.empty()) return Error{fmt::format("{}: service.listen {}", options.config, place.error().what)};
   if (!place) return place.error();
   target.place = std::move(*place);
@@ -86,6 +93,11 @@ Result<Target> target_of(const Options& options, const Environment& environment)
                                                     : environment(token_variable);
   if (target.token_file.empty())
     return Error{fmt::format("which token? --token-file FILE, --config ground.toml, or {}", token_variable)};
+  target.tls = options.tls;
+  if (target.tls.certificate.empty() != target.tls.key.empty()) return Error{"--certificate and --key go together"};
+  // Who reads the config is on the station's computer, and its file is as good as an authority.
+  if (target.tls.authority.empty() && url.empty()) target.tls.authority = service.tls.certificate;
+  if (target.tls.authority.empty()) target.tls.authority = environment(ca_variable);
   target.session_named = !options.session_file.empty();
   target.session_file = target.session_named ? options.session_file : usual_session_file(target.place, environment);
   return target;
@@ -102,8 +114,7 @@ Result<std::unique_ptr<Station>> open(const Target& target) {
   auto token = read_secret(target.token_file);
   if (!token) return token.error();
   if (!is_token(*token)) return Error{target.token_file + " must hold 64 hex digits, as ground made it"};
-  return std::make_unique<Station>(target.place,
-                                   Credentials{std::move(*token), session_in(target), target.session_file});
+  return Station::open(target.place, {std::move(*token), session_in(target), target.session_file, target.tls});
 }
 
 int run(const Options& options, const std::function<Status(Station& station, const Target& target)>& act) {

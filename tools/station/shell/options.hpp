@@ -12,6 +12,7 @@ namespace ledgerline::station {
 /// What every program of the station's command line takes.
 struct Options {
   std::string url, token_file, config, session_file;
+  web::TlsFiles tls{};
   bool json = false;
 };
 void add_options(CommandLine& line, Options& options);
@@ -23,6 +24,7 @@ struct Target {
   Place place;
   std::string token_file, session_file;  ///< no session file: nobody signs in
   bool session_named = false;            ///< by an option, not by default
+  web::TlsFiles tls{};
 };
 /// By the options, else a config's [service], else the environment. An error is bad usage.
 using Environment = std::function<std::string(const char* name)>;  ///< empty: not set

@@ -13,6 +13,8 @@
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/web/tls.hpp"
+#include "common/web/wire.hpp"
 
 namespace ledgerline::station {
 namespace {
@@ -27,20 +29,26 @@ constexpr std::chrono::seconds patience{15};  // unlocking an operator's key tak
 constexpr std::size_t max_answer_bytes = 16 * 1024 * 1024;
 constexpr int max_messages = 1'000;  // of the stream before the first state: hello, blocks, events, paths
 
-tcp::endpoint endpoint_of(const Place& place) { return {asio::ip::make_address_v4(place.address), place.port}; }
+/// Why a place is not reached; empty: it is.
+using Trouble = std::string;
 
-Error not_reached(const Place& place, const beast::error_code& error) {
-  const std::string why = error == beast::error::timeout        ? "no answer within 15 s"
-                          : error == http::error::end_of_stream ? "it closed the connection"
-                                                                : error.message();
+Trouble words_of(const beast::error_code& error) {
+  if (!error) return "";
+  if (error == beast::error::timeout) return "no answer within 15 s";
+  if (error == http::error::end_of_stream) return "it closed the connection";
+  return error.message();
+}
+
+Error not_reached(const Place& place, const Trouble& why) {
   return {fmt::format("the station at {} is not reached: {}", text_of(place), why)};
 }
 
 }  // namespace
 
-struct Station::Wire {
+struct Station::Client {
   asio::io_context io;
-  std::optional<beast::tcp_stream> socket{};
+  web::TlsContext tls{};  ///< null: the place has none
+  std::optional<web::Wire> wire{};
   beast::flat_buffer buffer{};
   unsigned connections = 0;
 
@@ -54,26 +62,48 @@ struct Station::Wire {
     return result;
   }
 
-  beast::error_code connect(const Place& place) {
-    socket.emplace(io);
-    buffer.clear();
-    ++connections;
-    socket->expires_after(patience);
-    return wait([&](auto ended) { socket->async_connect(endpoint_of(place), ended); });
+  /// With TLS its handshake is done, and the other side is that host.
+  Trouble connect(const Place& place, web::Wire& to) {
+    tcp::resolver resolver(io);
+    beast::error_code error;
+    const auto found =
+        resolver.resolve(place.at.host, std::to_string(place.at.port), tcp::resolver::numeric_service, error);
+    if (error) return words_of(error);
+    to.tcp().expires_after(patience);
+    error = wait([&](auto ended) { to.tcp().async_connect(found, ended); });
+    if (error || !tls) return words_of(error);
+    web::expect_host(to.tls(), place.at.host);
+    error = wait([&](auto ended) { to.async_handshake(asio::ssl::stream_base::client, ended); });
+    if (!error) return "";
+    const std::string fault = web::certificate_fault(to.tls());
+    return fault.empty() ? "TLS: " + words_of(error) : "its certificate is not believed: " + fault;
   }
 };
 
-Station::Station(Place place, Credentials credentials)
-    : place_(std::move(place)), credentials_(std::move(credentials)), wire_(std::make_unique<Wire>()) {}
+Result<std::unique_ptr<Station>> Station::open(Place place, Credentials credentials) {
+  auto client = std::make_unique<Client>();
+  if (place.tls) {
+    auto tls = web::client_tls(credentials.tls);
+    if (!tls) return tls.error();
+    client->tls = std::move(*tls);
+  }
+  return std::unique_ptr<Station>(new Station(std::move(place), std::move(credentials), std::move(client)));
+}
+
+Station::Station(Place place, Credentials credentials, std::unique_ptr<Client> client)
+    : place_(std::move(place)), credentials_(std::move(credentials)), client_(std::move(client)) {}
 Station::~Station() = default;
 
-unsigned Station::connections() const { return wire_->connections; }
+unsigned Station::connections() const { return client_->connections; }
 
 Result<Answer> Station::send(const Request& request, const std::string& token) {
-  if (!wire_->socket) {
-    if (const auto error = wire_->connect(place_)) {
-      wire_->socket.reset();
-      return not_reached(place_, error);
+  if (!client_->wire) {
+    client_->wire.emplace(client_->io, client_->tls.get());
+    client_->buffer.clear();
+    ++client_->connections;
+    if (const Trouble trouble = client_->connect(place_, *client_->wire); !trouble.empty()) {
+      client_->wire.reset();
+      return not_reached(place_, trouble);
     }
   }
   http::request<http::string_body> message(http::string_to_verb(request.method), "/api/v1/" + request.target, 11);
@@ -84,12 +114,12 @@ Result<Answer> Station::send(const Request& request, const std::string& token) {
   message.prepare_payload();
   http::response_parser<http::string_body> parser;
   parser.body_limit(max_answer_bytes);
-  beast::tcp_stream& socket = *wire_->socket;
-  socket.expires_after(patience);
-  beast::error_code error = wire_->wait([&](auto ended) { http::async_write(socket, message, ended); });
-  if (!error) error = wire_->wait([&](auto ended) { http::async_read(socket, wire_->buffer, parser, ended); });
-  if (error || !parser.get().keep_alive()) wire_->socket.reset();
-  if (error) return not_reached(place_, error);
+  web::Wire& wire = *client_->wire;
+  wire.tcp().expires_after(patience);
+  beast::error_code error = client_->wait([&](auto ended) { http::async_write(wire, message, ended); });
+  if (!error) error = client_->wait([&](auto ended) { http::async_read(wire, client_->buffer, parser, ended); });
+  if (error || !parser.get().keep_alive()) client_->wire.reset();
+  if (error) return not_reached(place_, words_of(error));
   return Answer{parser.get().result_int(), std::move(parser.get().body())};
 }
 
@@ -111,19 +141,19 @@ Result<std::string> Station::ask(const Request& request) {
 }
 
 Result<double> Station::now_ms() {
-  websocket::stream<beast::tcp_stream> stream(wire_->io);
-  beast::get_lowest_layer(stream).expires_after(patience);
-  const auto connected = [&](auto ended) { beast::get_lowest_layer(stream).async_connect(endpoint_of(place_), ended); };
-  beast::error_code error = wire_->wait(connected);
-  if (error) return not_reached(place_, error);
+  websocket::stream<web::Wire> stream(client_->io, client_->tls.get());
+  if (const Trouble trouble = client_->connect(place_, stream.next_layer()); !trouble.empty())
+    return not_reached(place_, trouble);
+  stream.next_layer().tcp().expires_after(patience);
   stream.set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
     request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + credentials_.token);
   }));
   stream.read_message_max(max_answer_bytes);
-  error = wire_->wait([&](auto ended) { stream.async_handshake(text_of(place_), "/api/v1/stream", ended); });
+  beast::error_code error =
+      client_->wait([&](auto ended) { stream.async_handshake(text_of(place_), "/api/v1/stream", ended); });
   for (int i = 0; !error && i < max_messages; ++i) {
     beast::flat_buffer buffer;
-    error = wire_->wait([&](auto ended) { stream.async_read(buffer, ended); });
+    error = client_->wait([&](auto ended) { stream.async_read(buffer, ended); });
     if (error) break;
     const auto message = nlohmann::json::parse(beast::buffers_to_string(buffer.data()), nullptr, false);
     if (!message.is_object() || message.value("op", nlohmann::json()) != "state") continue;
@@ -134,7 +164,7 @@ Result<double> Station::now_ms() {
   if (!error) return Error{"the station's stream tells no state"};
   if (error == websocket::error::upgrade_declined)
     return Error{fmt::format("the station at {} does not take the token for its stream", text_of(place_))};
-  return not_reached(place_, error);
+  return not_reached(place_, words_of(error));
 }
 
 }  // namespace ledgerline::station

@@ -3,23 +3,26 @@
 #include <string>
 
 #include "common/base/result.hpp"
+#include "common/web/tls_files.hpp"
 #include "tools/station/core/place.hpp"
 #include "tools/station/core/requests.hpp"
 
 namespace ledgerline::station {
 
-/// How a client shows who it is.
+/// How a client shows who it is, and whom it believes.
 struct Credentials {
   std::string token;         ///< of the page; 64 hex digits
   std::string session;       ///< of an operator; empty: nobody is signed in
   std::string session_file;  ///< where that came from, for errors
+  web::TlsFiles tls{};       ///< of a station with TLS
 };
 
 /// A client of one station: requests one after the other over one connection, which is made anew where the station has closed
 /// it. Each call waits, some seconds at most. One thread.
 class Station {
  public:
-  Station(Place place, Credentials credentials);
+  /// An error: a file of TLS.
+  static Result<std::unique_ptr<Station>> open(Place place, Credentials credentials);
   ~Station();
 
   /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps nobody
@@ -31,12 +34,13 @@ class Station {
   unsigned connections() const;
 
  private:
-  struct Wire;
+  struct Client;
+  Station(Place place, Credentials credentials, std::unique_ptr<Client> client);
   Result<Answer> send(const Request& request, const std::string& token);
 
   const Place place_;
   const Credentials credentials_;
-  std::unique_ptr<Wire> wire_;
+  std::unique_ptr<Client> client_;
 };
 
 }  // namespace ledgerline::station

@@ -32,15 +32,33 @@ class AStationsOptions : public testing::Test {
 
 TEST_F(AStationsOptions, NameTheStationAndItsToken) {
   environment = {{"LEDGERLINE_STATION", "http://127.0.0.1:1"}, {"LEDGERLINE_TOKEN_FILE", "env.token"}, {"HOME", "/h"}};
-  EXPECT_EQ(target()->place.port, 1);
+  EXPECT_EQ(target()->place.at.port, 1);
   EXPECT_EQ(target()->token_file, "env.token");
   options.config = config("[flight]\nwings = 2\n[service]\nlisten = \"127.0.0.1:2\"\ntoken_file = \"config.token\"\n");
-  EXPECT_EQ(target()->place.port, 2) << "what else is in the file is ground's to judge";
+  EXPECT_EQ(target()->place.at.port, 2) << "what else is in the file is ground's to judge";
   EXPECT_EQ(target()->token_file, "config.token");
   options.url = "http://127.0.0.1:3";
   options.token_file = "own.token";
-  EXPECT_EQ(target()->place.port, 3);
+  EXPECT_EQ(target()->place.at.port, 3);
   EXPECT_EQ(target()->token_file, "own.token");
+}
+
+TEST_F(AStationsOptions, SayWhoseCertificateTheStationHas) {
+  const std::string secure =
+      "[service]\nlisten = \"0.0.0.0:2\"\ntoken_file = \"t\"\nnames = [\"a.example\"]\n"
+      "tls_certificate = \"own.pem\"\ntls_key = \"own.key\"\n";
+  options.config = config(secure);
+  ASSERT_TRUE(target()) << target().error().what;
+  EXPECT_EQ(text_of(target()->place), "a.example:2");
+  EXPECT_EQ(target()->tls.authority, "own.pem") << "who reads the config need not be told";
+  EXPECT_EQ(target()->tls.certificate, "") << "that is the station's";
+  environment["LEDGERLINE_CA"] = "env.pem";
+  options.url = "https://b.example:2";
+  EXPECT_EQ(target()->tls.authority, "env.pem") << "that is another station";
+  options.tls.authority = "ca.pem";
+  EXPECT_EQ(target()->tls.authority, "ca.pem");
+  options.tls.certificate = "mine.pem";
+  EXPECT_THAT(target().error().what, HasSubstr("go together"));
 }
 
 TEST_F(AStationsOptions, AreAskedForWhereTheyLack) {
@@ -71,7 +89,7 @@ TEST_F(AStationsOptions, KeepASessionForEachStation) {
 }
 
 TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
-  Target target{.place = {"127.0.0.1", 1}, .token_file = directory.path + "/token", .session_file = {}};
+  Target target{.place = {{"127.0.0.1", 1}}, .token_file = directory.path + "/token", .session_file = {}};
   EXPECT_FALSE(open(target));
   ASSERT_TRUE(write_file(target.token_file, std::string(64, 'a') + "\n", 0644));
   EXPECT_THAT(open(target).error().what, HasSubstr("chmod 600"));
@@ -82,7 +100,7 @@ TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
 }
 
 TEST_F(AStationsOptions, AreNotStoppedByASessionThatCannotBeRead) {
-  Target target{.place = {"127.0.0.1", 1},
+  Target target{.place = {{"127.0.0.1", 1}},
                 .token_file = directory.path + "/token",
                 .session_file = directory.path + "/session",
                 .session_named = true};
@@ -102,9 +120,12 @@ TEST_F(AStationsOptions, ReadTheFirstLineOfASecret) {
 }
 
 TEST(AStationThatIsGone, IsSaidSo) {
-  Station station({"127.0.0.1", 1}, {std::string(64, 'a'), "", ""});
-  EXPECT_THAT(station.ask({.target = "drones"}).error().what, HasSubstr("127.0.0.1:1 is not reached"));
-  EXPECT_THAT(station.now_ms().error().what, HasSubstr("is not reached"));
+  for (const bool tls : {false, true}) {
+    const auto station = Station::open({{"127.0.0.1", 1}, tls}, {std::string(64, 'a'), "", ""});
+    ASSERT_TRUE(station);
+    EXPECT_THAT((*station)->ask({.target = "drones"}).error().what, HasSubstr("127.0.0.1:1 is not reached"));
+    EXPECT_THAT((*station)->now_ms().error().what, HasSubstr("is not reached"));
+  }
 }
 
 }  // namespace

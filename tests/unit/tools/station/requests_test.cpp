@@ -117,12 +117,26 @@ TEST(ASession, IsTakenFromTheAnswerAlone) {
   EXPECT_FALSE(signed_in_as("{}"));
 }
 
-TEST(APlace, IsThisComputerAlone) {
+TEST(APlace, WithoutTlsIsThisComputerAlone) {
   EXPECT_EQ(text_of(*place_from_url("http://127.0.0.1:8800")), "127.0.0.1:8800");
   EXPECT_EQ(text_of(*place_from_url("http://localhost:80/")), "127.0.0.1:80");
-  for (const char* wrong : {"127.0.0.1:8800", "https://127.0.0.1:8800", "http://10.0.0.1:8800", "http://a.example:80",
+  EXPECT_EQ(text_of(*place_from_url("http://[::1]:80/")), "[::1]:80");
+  for (const char* wrong : {"127.0.0.1:8800", "ftp://127.0.0.1:8800", "http://10.0.0.1:8800", "http://a.example:80",
                             "http://127.0.0.1", "http://127.0.0.1:0", "http://127.0.0.1:65536", "http://127.0.0.1:8x",
                             "http://127.0.0.1:80/api", "http://127.0.0.1@evil.example:80", ""})
+    EXPECT_FALSE(place_from_url(wrong)) << wrong;
+  EXPECT_THAT(place_from_url("http://10.0.0.1:8800").error().what, HasSubstr("https://"));
+}
+
+TEST(APlace, WithTlsIsAnyHost) {
+  for (const char* host : {"ground.example.org:8800", "10.0.0.1:443", "[fd00::7]:8800", "localhost:8800"}) {
+    const auto place = place_from_url(std::string("https://") + host);
+    ASSERT_TRUE(place) << place.error().what;
+    EXPECT_TRUE(place->tls);
+    EXPECT_EQ(text_of(*place), host);
+  }
+  for (const char* wrong : {"https://ground.example.org", "https://ground.example.org:0", "https://:8800",
+                            "https://a.example:80/api", "https://evil.example:80@a.example:80"})
     EXPECT_FALSE(place_from_url(wrong)) << wrong;
 }
 
@@ -131,9 +145,12 @@ TEST(APlace, ThatIsThePagesAddressDoesNotShowItsTokenInTheError) {
   EXPECT_THAT(place_from_url("http://127.0.0.1:8800/#token=" + token).error().what, testing::Not(HasSubstr(token)));
 }
 
-TEST(APlace, OfAConfigWithAnyPortIsNotKnown) {
-  EXPECT_TRUE(place_from_listen("127.0.0.1:8800"));
-  EXPECT_THAT(place_from_listen("127.0.0.1:0").error().what, HasSubstr("port 0"));
+TEST(APlace, OfAConfigIsItsFirstNameOrWhatItListensOn) {
+  EXPECT_EQ(text_of(*place_from_service({.listen = "127.0.0.1:8800"})), "127.0.0.1:8800");
+  EXPECT_THAT(place_from_service({.listen = "127.0.0.1:0"}).error().what, HasSubstr("port 0"));
+  const auto secure = place_from_service({.listen = "0.0.0.0:8800", .tls = {"c", "k", ""}, .names = {"a.b", "c.d"}});
+  EXPECT_EQ(text_of(*secure), "a.b:8800");
+  EXPECT_TRUE(secure->tls);
 }
 
 }  // namespace
