@@ -1,6 +1,7 @@
 """A client of the ground station's API, as a page or a script is one."""
 import json
 import pathlib
+import random
 import re
 import subprocess
 import time
@@ -62,3 +63,11 @@ def take_off(station: Station, name: str) -> None:
 def velocity(name: str, x: float, y: float = 0, yaw_rate: float = 0) -> str:
     now_ms = time.monotonic() * 1e3  # the ground's clock, as it runs on this host; elsewhere: t_ms of the newest state
     return json.dumps({"op": "velocity", "drone": name, "linear": [x, y, 0], "yaw_rate": yaw_rate, "t_ms": now_ms})
+
+
+def spoilt(draw: random.Random, good: bytes) -> bytes:
+    """With some bytes that are others, and cut off somewhere."""
+    bad = bytearray(good)
+    for _ in range(draw.randint(1, 20)):
+        bad[draw.randrange(len(bad))] = draw.randrange(256)
+    return bytes(bad[:draw.randrange(1, len(bad) + 1)])

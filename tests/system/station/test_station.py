@@ -12,7 +12,7 @@ import time
 
 import pytest
 from flights import assert_nothing_left, control, fly, no_flight_outlives_its_test, pid_of, printed
-from station import Station, take_off, velocity
+from station import Station, spoilt, take_off, velocity
 from trace_file import TraceKind, records
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
@@ -135,11 +135,8 @@ def test_strangers_are_refused_and_hostile_bytes_move_nothing(tmp_path):
              f"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\nSec-WebSocket-Protocol: ledgerline.v1\r\n\r\n"]
     address, port = station.place.split(":")
     for _ in range(10_000 if LONG else 500):
-        spoilt = bytearray(draw.choice(heads).encode())
-        for _ in range(draw.randint(1, 20)):
-            spoilt[draw.randrange(len(spoilt))] = draw.randrange(256)
         with socket.create_connection((address, int(port)), timeout=30) as wire:
-            wire.sendall(bytes(spoilt[:draw.randrange(1, len(spoilt) + 1)]))
+            wire.sendall(spoilt(draw, draw.choice(heads).encode()))
             wire.shutdown(socket.SHUT_WR)
             while wire.recv(4096):
                 pass
