@@ -173,7 +173,7 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
     assert "chmod 600" in person.refused("drones", "--token-file", wrong)
     assert "which station?" in person.misused("drones", LEDGERLINE_STATION="")
     assert "which token?" in person.misused("drones", LEDGERLINE_TOKEN_FILE="")
-    assert "no TLS" in person.misused("drones", "--url", "http://192.0.2.1:80")
+    assert "without TLS" in person.misused("drones", "--url", "http://192.0.2.1:80")
     config = tmp_path / "run" / "ground.toml"
     assert person.run("drones", "--config", config, LEDGERLINE_STATION="", LEDGERLINE_TOKEN_FILE="").stdout.count("tello1") == 1
     any_port = tmp_path / "any.toml"
