@@ -6,6 +6,7 @@
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
 #include <sys/stat.h>
+#include <boost/asio/ssl/error.hpp>
 
 #include "common/base/file.hpp"
 #include "common/program/secrets.hpp"
@@ -112,6 +113,11 @@ std::string certificate_fault(SSL* connection) {
   return fault == X509_V_OK ? "" : X509_verify_cert_error_string(fault);
 }
 
+bool is_plain_http(const boost::system::error_code& error) {
+  return error.category() == boost::asio::error::get_ssl_category() &&
+         ERR_GET_REASON(static_cast<unsigned long>(error.value())) == SSL_R_HTTP_REQUEST;
+}
+
 Result<RenewedTls> RenewedTls::open(TlsFiles files) {
   RenewedTls tls(std::move(files));
   tls.tried_ = tls.seen_ = tls.stamps();  // before they are read: what changes meanwhile is seen at the next look
@@ -131,6 +137,13 @@ std::optional<Status> RenewedTls::look() {
   if (!context) return context.error();
   context_ = std::move(*context);
   return done;
+}
+
+int RenewedTls::days_left() const {
+  const X509* own = SSL_CTX_get0_certificate(context_->native_handle());
+  int days = 0, seconds = 0;
+  ASN1_TIME_diff(&days, &seconds, nullptr, X509_get0_notAfter(own));
+  return seconds < 0 ? days - 1 : days;
 }
 
 RenewedTls::Stamp RenewedTls::stamp_of(const std::string& file) {

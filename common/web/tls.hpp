@@ -25,6 +25,9 @@ void expect_host(SSL* connection, const std::string& host);
 /// Why a handshake has failed, of the other side's certificate; empty: not by that.
 std::string certificate_fault(SSL* connection);
 
+/// Whether a server's handshake has failed since the other side speaks HTTP without TLS.
+bool is_plain_http(const boost::system::error_code& error);
+
 /// A server's TLS, which takes renewed files without a restart. What is connected goes on with what it has. One thread.
 class RenewedTls {
  public:
@@ -35,6 +38,8 @@ class RenewedTls {
   /// one look to the next, since certificate and key are two files. nullopt: no news; done: taken; an error: why not, said
   /// once, and the old ones stay.
   std::optional<Status> look();
+  /// Whole days that its certificate is valid for; below 0: it has run out.
+  int days_left() const;
 
  private:
   struct Stamp {

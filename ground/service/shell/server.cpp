@@ -21,6 +21,8 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
+constexpr int few_days = 14;  // of the certificate: time to renew it between two days of flight
+
 class BeastServer final : public Server {
  public:
   BeastServer(std::vector<std::string> drones, const Greeting& greeting, const Behind& behind, TimeNs session_idle_ns,
@@ -100,12 +102,26 @@ class BeastServer final : public Server {
   }
 
   void renew_tls() {
-    const auto news = tls_ ? tls_->look() : std::nullopt;
-    if (!news) return;
-    const std::string words = *news ? "ground's page has a new TLS certificate"
-                                    : "ground's page keeps its old TLS certificate: " + news->error().what;
-    spdlog::log(*news ? spdlog::level::info : spdlog::level::warn, "{}", words);
-    if (tell_) tell_(*news ? Level::info : Level::warning, words);
+    if (!tls_) return;
+    if (const auto news = tls_->look()) {
+      near_end_said_ = near_end_said_ && !*news;
+      if (*news)
+        say(Level::info, "ground's page has a new TLS certificate");
+      else
+        say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().what);
+    }
+    // Whoever cannot open the page cannot press its stop.
+    if (near_end_said_ || tls_->days_left() >= few_days) return;
+    near_end_said_ = true;
+    say(Level::warning,
+        tls_->days_left() < 0
+            ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
+            : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
+  }
+
+  void say(Level level, const std::string& words) {
+    spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}", words);
+    if (tell_) tell_(level, words);
   }
 
   void accept() {
@@ -138,6 +154,7 @@ class BeastServer final : public Server {
   asio::io_context io_{1};
   tcp::acceptor acceptor_;
   asio::steady_timer again_, each_second_;
+  bool near_end_said_ = false;
   std::string url_;
   std::thread thread_;
 };

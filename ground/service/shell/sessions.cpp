@@ -1,7 +1,10 @@
 #include "ground/service/shell/sessions.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <boost/asio/post.hpp>
+#include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
@@ -9,6 +12,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
+#include "common/web/tls.hpp"
 #include "ground/service/shell/page_files.hpp"
 
 namespace ledgerline::ground::service {
@@ -223,7 +227,8 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     if (!wire_.tls()) return read();
     wire_.tcp().expires_after(patience);
     wire_.async_handshake(boost::asio::ssl::stream_base::server, [self = shared_from_this()](beast::error_code error) {
-      if (!error) self->read();
+      if (!error) return self->read();
+      if (web::is_plain_http(error)) self->say_https();
     });
   }
 
@@ -231,6 +236,17 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   void leave() override { wire_.tcp().close(); }
 
  private:
+  // Somebody has typed http://. He asks once, and hears what to do; nothing of what he sent is read.
+  void say_https() {
+    static constexpr std::string_view words = "this port speaks TLS: https://\n";
+    static const std::string answer = fmt::format(
+        "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{}",
+        words.size(), words);
+    wire_.tcp().expires_after(end_patience);
+    boost::asio::async_write(wire_.tcp(), boost::asio::buffer(answer),
+                             [self = shared_from_this()](beast::error_code, std::size_t) {});
+  }
+
   void read() {
     parser_.emplace();
     parser_->body_limit(max_mission_body_bytes);  // until the head says what it is

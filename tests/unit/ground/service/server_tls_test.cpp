@@ -153,7 +153,10 @@ TEST_F(StationServerWithTls, IsReachedByItsNamesOverHttpsAlone) {
   EXPECT_EQ(status("ground.example.org"), 403U) << "the port belongs to it";
   EXPECT_EQ(status(place, "http://" + place), 403U) << "a page without TLS may be anybody's";
   tcp::socket plain = dial();
-  EXPECT_THROW(ask(plain, "/api/v1/drones", place), std::exception);
+  const Answer refused = ask(plain, "/api/v1/stop", place, "", http::verb::post);
+  EXPECT_EQ(refused.result_int(), 400U);
+  EXPECT_THAT(refused.body(), HasSubstr("https://"));
+  EXPECT_EQ(heard, 0);
 }
 
 TEST_F(StationServerWithTls, TellsBrowsersToStayWithHttpsButNotOfLocalhost) {
@@ -234,6 +237,35 @@ TEST_F(StationServerWithTls, TakesARenewedCertificateAndKeepsTheOldOneWhereItIsB
   EXPECT_THAT(words, HasSubstr("keeps its old TLS certificate: " + settings.tls.key));
   Secure still = secure(client());
   EXPECT_EQ(serial_of(still), serial_of(after));
+}
+
+TEST_F(StationServerWithTls, SaysThatItsCertificateRunsOut) {
+  const auto issued_for = [&](int days) {
+    return *crypto::issue(authority,
+                          {.common_name = "g", .organization = "O", .unit = {}, .sans = {}, .tls = true, .days = days});
+  };
+  write_own(issued_for(10));
+  start();
+  EXPECT_THAT(next_told().second, HasSubstr("runs out in 9 days"));
+  write_own(issued_for(-1));
+  EXPECT_THAT(next_told().second, HasSubstr("new TLS certificate"));
+  EXPECT_THAT(next_told().second, HasSubstr("has run out"));
+}
+
+TEST_F(StationServerWithTls, OfEveryAddressTakesIpv4AndIpv6) {
+  settings.listen = "[::]:0";
+  boost::system::error_code error;
+  tcp::socket tried(io);
+  tried.open(tcp::v6(), error);
+  if (error) GTEST_SKIP() << "this host has no IPv6";
+  start();
+  EXPECT_EQ(status("127.0.0.1:" + std::to_string(port)), 200U);
+  tcp::socket socket(io);
+  socket.connect({boost::asio::ip::address_v6::loopback(), port}, error);
+  if (error) GTEST_SKIP() << "this host has no IPv6 loopback";
+  Secure stream(std::move(socket), *client());
+  stream.handshake(ssl::stream_base::client);
+  EXPECT_EQ(ask(stream, "/api/v1/drones", "[::1]:" + std::to_string(port)).result_int(), 200U);
 }
 
 TEST_F(StationServerWithTls, DoesNotStartWithAKeyThatOthersMayRead) {
