@@ -54,12 +54,13 @@ std::string service_table(const RunFiles& files, const Options& options) {
   if (!options.watch) return "";
   const std::string operators =
       options.operators.empty() ? "" : fmt::format("operators = \"{}\"\n", files.in("operators"));
-  const link::FenceSettings fence;  // as link has it here
+  const link::FenceSettings fence = options.own ? options.own->link.fence : link::FenceSettings{};  // as link has it
   const auto corner = [](const auto& at_m) { return fmt::format("[{:g}, {:g}, {:g}]", at_m[0], at_m[1], at_m[2]); };
   return fmt::format(
       "\n[service]\nlisten = \"127.0.0.1:{}\"\ntoken_file = \"{}\"\n{}\n"
-      "[mission]\nfolder = \"{}\"\nafter_restart = \"go_on\"\nfence_min_m = {}\nfence_max_m = {}\n\n",
-      free_port(), files.page_token(), operators, files.in("missions"), corner(fence.min_m), corner(fence.max_m));
+      "[mission]\nfolder = \"{}\"\napprovals = {}\nafter_restart = \"go_on\"\nfence_min_m = {}\nfence_max_m = {}\n\n",
+      free_port(), files.page_token(), operators, files.in("missions"), options.approvals, corner(fence.min_m),
+      corner(fence.max_m));
 }
 
 // So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down: more of [output].

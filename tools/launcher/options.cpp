@@ -4,6 +4,7 @@
 
 #include <charconv>
 #include <filesystem>
+#include <set>
 #include <sstream>
 
 #include "common/msg/onboard.hpp"
@@ -154,15 +155,21 @@ void add_run_options(CommandLine& line, Options& o) {
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
   line.flag("--open", o.open, "Open the page in the browser, where there is xdg-open").needs(watch);
-  line.option("--operators", o.operators,
-              "Who sign in at the page with keys of their own, such as alice,bob; their pass phrases are printed. "
-              "Without,\n"
-              "ground's own identity signs all")
-      .comma_list()
-      .needs(watch)
-      .checked_by("NAMES", [](const std::string& name) {
-        return is_operator_name(name) ? std::string() : "a name is 1 to 32 characters of a-z and 0-9";
-      });
+  const Option operators =
+      line.option("--operators", o.operators,
+                  "Who sign in at the page with keys of their own, such as alice,bob; their pass phrases are printed. "
+                  "Without,\n"
+                  "ground's own identity signs all")
+          .comma_list()
+          .needs(watch)
+          .checked_by("NAMES", [](const std::string& name) {
+            return is_operator_name(name) ? std::string() : "a name is 1 to 32 characters of a-z and 0-9";
+          });
+  line.option("--approvals", o.approvals,
+              "How many operators must approve a mission before it starts; 2: whoever wrote it needs a second one")
+      .one_of({1, 2})
+      .needs(operators)
+      .shows_default();
   line.option("--domains", o.domains,
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
@@ -174,6 +181,10 @@ void add_run_options(CommandLine& line, Options& o) {
   line.option("--seed", o.seed, "Of wind and sensor noise").shows_default();
   line.option("--json", o.json, "Write the figures to this file, as one JSON object");
   line.option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");
+}
+
+std::size_t different(const std::vector<std::string>& names) {
+  return std::set<std::string>(names.begin(), names.end()).size();
 }
 
 /// Options that do not go together, in words; empty: they do.
@@ -205,6 +216,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--operators", o.manual, "goes with --shape manual: a path is flown by ground's own lease"},
       {"--operators", !o.ca,
        "are issued here, and with --ca by servers: see docs/station.md for identities of your own"},
+      {"--approvals", different(o.operators) >= static_cast<std::size_t>(o.approvals),
+       "2 needs two different --operators: nobody else approves"},
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},

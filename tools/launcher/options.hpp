@@ -60,6 +60,7 @@ struct Options {
   bool open = false;   ///< in the browser
   std::vector<std::string>
       operators{};           ///< who sign in there with keys of their own; none: ground's identity signs all
+  int approvals = 1;         ///< of different operators, before a mission starts: 1 or 2
   std::string faults;        ///< file of what the proxy switches when; empty: none
   std::string cyclonedds;    ///< file of Cyclone DDS's own configuration; empty: DDS stays on this machine
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0

@@ -160,6 +160,25 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   }
 }
 
+TEST_F(FakePrograms, GroundChecksMissionsAgainstTheFenceThatLinkHas) {
+  Options options;
+  options.manual = options.watch = true;
+  options.approvals = 2;
+  const auto ground = [&] {
+    EXPECT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
+    std::ifstream in(files.config("ground"));
+    return std::string(std::istreambuf_iterator<char>(in), {});
+  };
+  EXPECT_THAT(ground(), HasSubstr("approvals = 2\n"));
+  EXPECT_THAT(ground(), HasSubstr("fence_min_m = [-20, -20, 0]\nfence_max_m = [20, 20, 3]\n"));
+  options.own.emplace();
+  options.own->pose_source = "mocap";
+  options.own->drones.push_back({"tello1", "192.168.10.1", "", ""});
+  options.own->link.fence.min_m = {-2, -1.5, 0};
+  options.own->link.fence.max_m = {2, 1.5, 2};
+  EXPECT_THAT(ground(), HasSubstr("fence_min_m = [-2, -1.5, 0]\nfence_max_m = [2, 1.5, 2]\n"));
+}
+
 TEST_F(FakePrograms, DdsStaysOnThisMachineWhateverTheShellSaysUnlessAFileIsNamed) {
   const auto dds = [&](const std::string& program) {
     std::ifstream in(files.config(program));

@@ -188,6 +188,23 @@ TEST(FlyOptions, DdsLeavesThisMachineOnlyByAFile) {
   expect_refused({"--dds", "/nowhere/lan.xml"}, "/nowhere/lan.xml");
 }
 
+TEST(FlyOptions, TwoApprovalsNeedTwoOperators) {
+  const std::vector<std::string> page{"--shape", "manual", "--watch"};
+  const auto with = [&](std::initializer_list<const char*> more) {
+    std::vector<std::string> all = page;
+    all.insert(all.end(), more.begin(), more.end());
+    return all;
+  };
+  EXPECT_EQ(parse_command_line(with({"--operators", "a,b"})).options.approvals, 1);
+  const auto line = parse_command_line(with({"--operators", "a,b", "--approvals", "2"}));
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_EQ(line.options.approvals, 2);
+  expect_refused(with({"--operators", "a", "--approvals", "2"}), "--approvals 2 needs two different --operators");
+  expect_refused(with({"--operators", "a,a", "--approvals", "2"}), "--approvals 2 needs two different --operators");
+  expect_refused(with({"--operators", "a,b,c", "--approvals", "3"}), "--approvals");
+  expect_refused(with({"--approvals", "2"}), "--operators");
+}
+
 TEST(FlyOptions, AManualFlightHasNoPathAndNoLaps) {
   const auto line = parse_command_line({"--shape", "manual", "--seconds", "60"});
   ASSERT_TRUE(line.fly) << line.text;
