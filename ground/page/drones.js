@@ -151,7 +151,7 @@ class Card {
     const calm = drone.mode === 'none';
     put(fields.failsafe, calm ? 'not active' : `${MODES[drone.mode] ?? drone.mode}: ${drone.cause_words || drone.cause}`);
     fields.failsafe.classList.toggle('bad', !calm);
-    this.#control.show(drone, this.fresh && FLYING.includes(drone.phase));
+    this.#control.show(drone, FLYING.includes(drone.phase), this.fresh);
     const place = drone.position ? drone.position.map((each) => fixed(each, 2)).join(', ') : 'unknown';
     put(fields.place, `${place} m at ${Math.hypot(...(drone.velocity ?? [0])).toFixed(2)} m/s`);
     this.#optional('stopped', (drone.stopped_by ?? []).map((each) => nameOf(each, this.#who)).join(', '));

@@ -24,6 +24,7 @@ export class Control {
   #rows = new Map(); // identity -> row
   #drone = null;
   #flying = false;
+  #fresh = false;
 
   /// `fields`: the card's; `who`: see rules.js; `reply(words)` says them on the card.
   constructor(name, fields, connection, who, reply) {
@@ -43,10 +44,12 @@ export class Control {
     }
   }
 
-  /// `flying`: whether it is in the air, as far as anybody knows.
-  show(drone, flying) {
+  /// `flying`: whether it is in the air, as far as anybody knows; `fresh`: that is of now. What is stale forbids nothing, but a
+  /// drone that was in the air when it was last heard is not given back without a question.
+  show(drone, flying, fresh) {
     this.#drone = drone;
     this.#flying = flying;
+    this.#fresh = fresh;
     const words = leaseWords(drone, this.#who);
     if (this.#lease.textContent !== words) this.#lease.textContent = words;
     this.#lease.title = drone.lease?.holder ?? '';
@@ -58,7 +61,7 @@ export class Control {
     const held = this.#actions.contains(focused) || this.#requests.contains(focused);
     for (const [what, each] of Object.entries(this.#buttons)) {
       each.hidden = !CONTROLS[what][1](drone, this.#who);
-      each.setAttribute('aria-disabled', whyNotControl(what, drone, this.#who, flying) !== null);
+      each.setAttribute('aria-disabled', whyNotControl(what, drone, this.#who, fresh && flying) !== null);
     }
     this.#showRequests(drone);
     // What has gone does not take the keyboard with it; nor does another button get an Enter that was meant for it.
@@ -102,7 +105,7 @@ export class Control {
 
   async #ask(what) {
     const [label] = CONTROLS[what];
-    const why = whyNotControl(what, this.#drone, this.#who, this.#flying);
+    const why = whyNotControl(what, this.#drone, this.#who, this.#fresh && this.#flying);
     if (why) return this.#reply(why);
     const lands = what === 'release' && this.#flying;
     if (lands && !(await confirmed(`Give back ${this.#name}?`, `${this.#name} is in the air. Nobody commands it then: it lands by its failsafe.`, 'Give back'))) return undefined;
