@@ -35,7 +35,7 @@ bool add_extension(X509* certificate, X509* issuer, int nid, const std::string& 
 bool add_key_identifier(X509* certificate) {
   auto point = public_point(certificate);
   if (!point) return false;
-  const Digest id = sha256(*point);
+  const Digest id = sha256(point->bytes);
   const std::unique_ptr<ASN1_OCTET_STRING, Freed<ASN1_OCTET_STRING_free>> text(ASN1_OCTET_STRING_new());
   return text && ASN1_OCTET_STRING_set(text.get(), id.data(), static_cast<int>(id.size())) == 1 &&
          X509_add1_ext_i2d(certificate, NID_subject_key_identifier, text.get(), 0, 0) == 1;
@@ -67,7 +67,8 @@ bool sign_with_low_s(X509* certificate, EVP_PKEY* key) {
     if (X509_sign(certificate, key, EVP_sha256()) == 0) return false;
     const ASN1_BIT_STRING* signature = nullptr;
     X509_get0_signature(&signature, nullptr, certificate);
-    if (decode_signature({reinterpret_cast<const char*>(signature->data), static_cast<std::size_t>(signature->length)}))
+    if (decode_signature({reinterpret_cast<const char*>(signature->data), static_cast<std::size_t>(signature->length)},
+                         Curve::p256))
       return true;
   }
 }

@@ -9,7 +9,8 @@
 
 #include "common/base/result.hpp"
 
-/// Signatures and identities as Fabric uses them: ECDSA P-256 over SHA-256, DER, low S (high S is refused).
+/// Signatures and identities as Fabric uses them: ECDSA P-256 or P-384 over SHA-256, DER, low S (high S is refused). The
+/// hash is SHA-256 on both curves: that is what Fabric's MSPs sign with (signature_hash_family SHA2).
 /// mbedTLS and libcrypto are both built; the config says which one signs and which one verifies.
 namespace ledgerline::crypto {
 

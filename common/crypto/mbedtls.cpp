@@ -15,9 +15,9 @@ namespace {
 /// mbedTLS fills a table in the group at its first multiplication, without a lock: so each thread has a group of its
 /// own.
 struct Group {
-  Group() {
+  explicit Group(mbedtls_ecp_group_id id) {
     mbedtls_ecp_group_init(&group);
-    valid = mbedtls_ecp_group_load(&group, MBEDTLS_ECP_DP_SECP256R1) == 0;
+    valid = mbedtls_ecp_group_load(&group, id) == 0;
   }
   ~Group() { mbedtls_ecp_group_free(&group); }
   Group(const Group&) = delete;
@@ -26,9 +26,13 @@ struct Group {
   bool valid = false;
 };
 
-Group& thread_group() {
-  thread_local Group group;
-  return group;
+Group& thread_group(Curve curve) {
+  if (curve == Curve::p384) {
+    thread_local Group group_of_p384(MBEDTLS_ECP_DP_SECP384R1);
+    return group_of_p384;
+  }
+  thread_local Group group_of_p256(MBEDTLS_ECP_DP_SECP256R1);
+  return group_of_p256;
 }
 
 struct Number {
@@ -87,14 +91,16 @@ Digest digest_of(std::string_view message) {
 class MbedtlsSigner final : public Signer {
  public:
   /// Copies the secret number out of `pair`; says on which curve it is.
-  int adopt(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve) {
-    return take_apart(pair, curve, secret_.value);
+  int adopt(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& id) {
+    const int code = take_apart(pair, id, secret_.value);
+    curve_ = id == MBEDTLS_ECP_DP_SECP384R1 ? Curve::p384 : Curve::p256;
+    return code;
   }
 
   /// Deterministic nonces (RFC 6979): a weak random source cannot leak the key.
   Result<std::string> sign(std::string_view message) const override {
-    Group& group = thread_group();
-    if (!group.valid) return Error{"mbedTLS cannot sign: P-256 is not built in"};
+    Group& group = thread_group(curve_);
+    if (!group.valid) return Error{"mbedTLS cannot sign: the key's curve is not built in"};
     const Digest digest = digest_of(message);
     Number r, s;
     EcdsaSignature signature;
@@ -103,22 +109,23 @@ class MbedtlsSigner final : public Signer {
     if (code == 0) code = mbedtls_mpi_write_binary(&r.value, signature.r.data(), signature.r.size());
     if (code == 0) code = mbedtls_mpi_write_binary(&s.value, signature.s.data(), signature.s.size());
     if (code != 0) return Error{"mbedTLS cannot sign: " + message_of(code)};
-    return encode_signature(signature);
+    return encode_signature(signature, curve_);
   }
 
  private:
   Number secret_;
+  Curve curve_ = Curve::p256;
 };
 
 class MbedtlsVerifier final : public Verifier {
  public:
-  MbedtlsVerifier() { mbedtls_ecp_point_init(&point_); }
+  explicit MbedtlsVerifier(Curve curve) : curve_(curve) { mbedtls_ecp_point_init(&point_); }
   ~MbedtlsVerifier() override { mbedtls_ecp_point_free(&point_); }
   MbedtlsVerifier(const MbedtlsVerifier&) = delete;
   MbedtlsVerifier& operator=(const MbedtlsVerifier&) = delete;
 
   int adopt(std::string_view point) {
-    const mbedtls_ecp_group& group = thread_group().group;
+    const mbedtls_ecp_group& group = thread_group(curve_).group;
     int code = mbedtls_ecp_point_read_binary(&group, &point_, reinterpret_cast<const unsigned char*>(point.data()),
                                              point.size());
     if (code == 0) code = mbedtls_ecp_check_pubkey(&group, &point_);
@@ -126,8 +133,8 @@ class MbedtlsVerifier final : public Verifier {
   }
 
   bool verify(std::string_view message, std::string_view der) const override {
-    Group& group = thread_group();
-    const auto signature = decode_signature(der);
+    Group& group = thread_group(curve_);
+    const auto signature = decode_signature(der, curve_);
     if (!group.valid || !signature) return false;
     const Digest digest = digest_of(message);
     Number r, s;
@@ -137,6 +144,7 @@ class MbedtlsVerifier final : public Verifier {
   }
 
  private:
+  const Curve curve_;
   mbedtls_ecp_point point_{};
 };
 
@@ -159,14 +167,15 @@ Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key) 
   auto curve = MBEDTLS_ECP_DP_NONE;
   if (mbedtls_pk_can_do(&key.context, MBEDTLS_PK_ECDSA) != 0) code = signer->adopt(*mbedtls_pk_ec(key.context), curve);
   if (code != 0) return Error{"cannot take over the private key: " + message_of(code)};
-  if (curve != MBEDTLS_ECP_DP_SECP256R1) return Error{"the private key is not on the curve P-256"};
+  if (curve != MBEDTLS_ECP_DP_SECP256R1 && curve != MBEDTLS_ECP_DP_SECP384R1)
+    return Error{"the private key is on neither of the curves P-256 and P-384"};
   return std::unique_ptr<Signer>(std::move(signer));
 }
 
-Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(std::string_view point) {
-  auto verifier = std::make_unique<MbedtlsVerifier>();
-  if (const int code = verifier->adopt(point); code != 0)
-    return Error{"the certificate's key is no point of P-256: " + message_of(code)};
+Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(const PublicPoint& point) {
+  auto verifier = std::make_unique<MbedtlsVerifier>(point.curve);
+  if (const int code = verifier->adopt(point.bytes); code != 0)
+    return Error{"the certificate's key is no point of its curve: " + message_of(code)};
   return std::unique_ptr<Verifier>(std::move(verifier));
 }
 

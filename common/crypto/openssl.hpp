@@ -9,6 +9,7 @@
 #include <string_view>
 
 #include "common/crypto/crypto.hpp"
+#include "common/crypto/der.hpp"
 
 /// libcrypto's objects as owners. Inside common/crypto alone.
 namespace ledgerline::crypto {
@@ -43,15 +44,19 @@ Result<std::int64_t> unix_time(const ASN1_TIME* time);
 /// The key that a revocation list says has signed it, by its authority key identifier (RFC 5280, 5.2.1); empty: by name and
 /// number alone. nullopt: it has no such extension, or one that cannot be read.
 std::optional<std::string> authority_key_of(X509_CRL* list);
-/// 65 bytes: 4, x, y. Refuses keys on other curves than P-256.
-Result<std::string> public_point(X509* certificate);
+struct PublicPoint {
+  Curve curve;
+  std::string bytes;  ///< 4, x, y
+};
+/// Refuses keys on other curves than P-256 and P-384.
+Result<PublicPoint> public_point(X509* certificate);
 
 Result<std::unique_ptr<Verifier>> make_verifier(Library library, X509* certificate);
 Result<std::unique_ptr<Verifier>> make_libcrypto_verifier(X509* certificate);
 /// The key in PEM as it was before lock_key(). An error: it is not locked, or by another phrase.
 Result<std::string> unlock_key(const std::string& locked_pem, const std::string& pass_phrase);
 Result<std::unique_ptr<Signer>> make_libcrypto_signer(const std::string& pem_key);
-Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(std::string_view point);
+Result<std::unique_ptr<Verifier>> make_mbedtls_verifier(const PublicPoint& point);
 Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key);
 
 }  // namespace ledgerline::crypto

@@ -34,8 +34,10 @@ class SignatureEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     const bool first = mbedtls_->verify(material().message, bytes);
     if (libcrypto_->verify(material().message, bytes) != first) return refused("");
-    const auto decoded = decode_signature(bytes);
-    if (decoded && encode_signature(*decoded) != bytes) return refused("");  // there is one way to write it
+    for (const Curve curve : {Curve::p256, Curve::p384}) {
+      const auto decoded = decode_signature(bytes, curve);
+      if (decoded && encode_signature(*decoded, curve) != bytes) return refused("");  // there is one way to write it
+    }
     return first ? accepted() : dropped();
   }
 

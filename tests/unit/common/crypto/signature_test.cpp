@@ -104,7 +104,7 @@ TEST(Signature, EachLibraryAcceptsTheOthers) {
       for (int i = 0; i < 40; ++i) {  // both shapes of r and s come up
         const std::string message = "message " + std::to_string(i) + std::string(static_cast<std::size_t>(i * 37), 'x');
         const std::string signature = signer->sign(message).value();
-        EXPECT_TRUE(decode_signature(signature)) << hex(signature);
+        EXPECT_TRUE(decode_signature(signature, Curve::p256)) << hex(signature);
         for (const Library checks : libraries)
           EXPECT_TRUE(verifier_of(checks, certificate)->verify(message, signature));
       }
@@ -138,7 +138,7 @@ TEST(Signature, MalformedDerIsRefused) {
   // r = n and s = 1: out of range.
   bad.push_back(der_of("ffffffff00000000ffffffffffffffffbce6faada7179e84f3b9cac2fc632551", "01"));
   for (const std::string& der : bad) {
-    EXPECT_FALSE(decode_signature(der)) << hex(der);
+    EXPECT_FALSE(decode_signature(der, Curve::p256)) << hex(der);
     for (const Library library : libraries)
       EXPECT_FALSE(verifier_of(library, rfc6979_certificate)->verify("test", der));
   }
@@ -146,11 +146,12 @@ TEST(Signature, MalformedDerIsRefused) {
 
 TEST(Signature, HalfTheOrderIsTheBorder) {
   const std::string half = "7fffffff800000007fffffffffffffffde737d56d38bcf4279dce5617e3192a8";
-  EXPECT_TRUE(decode_signature(der_of("01", half)));
-  EXPECT_FALSE(decode_signature(der_of("01", "7fffffff800000007fffffffffffffffde737d56d38bcf4279dce5617e3192a9")));
-  EcdsaSignature border = *decode_signature(der_of("01", half));
-  ++border.s[31];  // n/2 + 1 becomes n/2
-  EXPECT_EQ(hex(encode_signature(border)), hex(der_of("01", half)));
+  EXPECT_TRUE(decode_signature(der_of("01", half), Curve::p256));
+  EXPECT_FALSE(
+      decode_signature(der_of("01", "7fffffff800000007fffffffffffffffde737d56d38bcf4279dce5617e3192a9"), Curve::p256));
+  EcdsaSignature border = *decode_signature(der_of("01", half), Curve::p256);
+  ++border.s[47];  // n/2 + 1 becomes n/2
+  EXPECT_EQ(hex(encode_signature(border, Curve::p256)), hex(der_of("01", half)));
 }
 
 TEST(Signature, ManyThreadsMayUseOneSignerAndOneVerifier) {
@@ -170,16 +171,18 @@ TEST(Signature, ManyThreadsMayUseOneSignerAndOneVerifier) {
   }
 }
 
-TEST(Key, WhatIsNoP256KeyIsRefused) {
-  constexpr char p384[] =
+TEST(Key, WhatIsNoKeyOfTheTwoCurvesIsRefused) {
+  constexpr char p521[] =
       "-----BEGIN PRIVATE KEY-----\n"
-      "MIG2AgEAMBAGByqGSM49AgEGBSuBBAAiBIGeMIGbAgEBBDBWtIreiAj//nbd/+Wg\n"
-      "1+1uPh04SDvp2oES1HWRQ2XP9S64hJMzxTzOvdu4FFoEgxOhZANiAASHprEtLvFr\n"
-      "tC1FW3boUWU7Fphklw/bFQMIKDwBg2V+N2Nmh0PwBYmDDXn8aKLlSVTjEc0qUyDC\n"
-      "gkjEEiu2/MzZQMu4el7iJT/cdTbd42uHjbcHDZ19dr1QGICUoBIFzsE=\n"
+      "MIHuAgEAMBAGByqGSM49AgEGBSuBBAAjBIHWMIHTAgEBBEIB06GvL7LEK//lCMX3\n"
+      "Y+3oYH9xsG1Keu6Mg+Mx4Gf4ayuon/KNSYYR9KK8yQ5SyzHeYMw21KQXfTSLqAVL\n"
+      "3oJxRP+hgYkDgYYABADQg/DL3xgEEElDyLc671nXrZnnZT9Md3Yl87Cer1wPYfah\n"
+      "y1F2n6cYWV0fhLKMWk+gWkdJvig/V3wuSQBWBEqZJgBXPmV6jYdqQiBa4s+r5/RS\n"
+      "jcs4cwkTmaSEk4+uVUuzH601ai39JnBqrwYbqNO3OhtM+THFPKm7B+kivp4PKOQe\n"
+      "/A==\n"
       "-----END PRIVATE KEY-----\n";
   for (const Library library : libraries) {
-    EXPECT_FALSE(make_signer(library, p384));
+    EXPECT_FALSE(make_signer(library, p521));
     EXPECT_FALSE(make_signer(library, ""));
     EXPECT_FALSE(make_signer(library, "-----BEGIN PRIVATE KEY-----\nAAAA\n-----END PRIVATE KEY-----\n"));
     EXPECT_FALSE(make_verifier(library, "not a certificate"));
