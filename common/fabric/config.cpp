@@ -31,13 +31,30 @@ BlockSource block_source(Config& config) {
   return name == "compared" ? BlockSource::compared : BlockSource::peer;
 }
 
+const char* const tls_ca_meaning =
+    "PEM file of the authorities that signed its TLS certificate, root or intermediate, one or several";
+
+std::string server_name(Config& config, const std::string& table) {
+  return config.text({table + "server_name", "name in that certificate", "the endpoint's host"}, "");
+}
+
+/// `otherwise`: of whom the pair is where this table has none.
+ClientConfig::TlsPair tls_pair(Config& config, const std::string& table, std::string_view otherwise) {
+  return {config.text({table + "tls_certificate",
+                       "PEM file of the own TLS certificate, with its intermediates behind it, for a server that wants "
+                       "one (clientAuthRequired)",
+                       otherwise},
+                      ""),
+          config.text({table + "tls_key", "its private key; the file as for `private_key`", otherwise}, "")};
+}
+
 std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
   std::vector<ClientConfig::Server> out;
   const std::size_t count = config.table_count(table);
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("{}.{}.", table.name, i);
-    out.push_back({config.text({key + "endpoint", "HOST:PORT"}),
-                   config.text({key + "tls_ca", "PEM file of the authority that signed its TLS certificate"})});
+    out.push_back({config.text({key + "endpoint", "HOST:PORT"}), config.text({key + "tls_ca", tls_ca_meaning}),
+                   server_name(config, key), tls_pair(config, key, "that of [ledger]")});
   }
   return out;
 }
@@ -48,8 +65,9 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   ClientConfig out;
   out.endpoint =
       config.text({"ledger.endpoint", "HOST:PORT of the peer of the own organisation, or of the embedded node"});
-  out.tls_ca_file = config.text({"ledger.tls_ca", "PEM file of the authority that signed its TLS certificate"});
-  out.server_name = config.text({"ledger.server_name", "name in that certificate", "the endpoint's host"}, "");
+  out.tls_ca_file = config.text({"ledger.tls_ca", tls_ca_meaning});
+  out.server_name = server_name(config, "ledger.");
+  out.tls_pair = tls_pair(config, "ledger.", "none");
   out.where.channel = config.text({"ledger.channel", "of Fabric"}, out.where.channel);
   out.where.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(
@@ -72,10 +90,10 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   const std::size_t count = config.table_count(endorsers);
   for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("endorser.{}.", i);
-    out.endorsers.push_back(
-        {config.text({key + "msp_id", "its organisation, such as Org2MSP"}),
-         config.text({key + "endpoint", "HOST:PORT"}),
-         config.text({key + "tls_ca", "PEM file of the authority that signed its TLS certificate"})});
+    out.endorsers.push_back({config.text({key + "msp_id", "its organisation, such as Org2MSP"}),
+                             config.text({key + "endpoint", "HOST:PORT"}),
+                             config.text({key + "tls_ca", tls_ca_meaning}), server_name(config, key),
+                             tls_pair(config, key, "that of [ledger]")});
   }
   out.other_peers = servers(config, {"peer", "stand in, for everything, while the one of [ledger] is not reached"});
   const std::string config_block = config.text(
@@ -86,12 +104,27 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
       "");
   out.blocks = block_source(config);
   const std::string msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
-  const std::string msp_dir = config.text({"ledger.msp_dir", "folder with the own signcerts/ and keystore/"});
+  const std::string msp_dir = config.text(
+      {"ledger.msp_dir",
+       "folder with the own signcerts/ and keystore/ (*_sk, priv-key.pem or the only file there); or `certificate` and "
+       "`private_key`"},
+      "");
+  const crypto::IdentityFiles files{
+      config.text({"ledger.certificate", "PEM file of the own certificate, in place of msp_dir"}, ""),
+      config.text(
+          {"ledger.private_key",
+           "PEM file of its key, P-256 or P-384: readable for its owner alone, or root's and readable for a group "
+           "of ours, as Kubernetes mounts secrets (fsGroup)"},
+          "")};
   const crypto::Library signer = library_of(
       config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
   out.verifier = library_of(config, verifier_key(), "libcrypto");
-  if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty() || msp_dir.empty()) return incomplete;
-  auto identity = crypto::load_identity(signer, msp_id, msp_dir);
+  if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty()) return incomplete;
+  const bool any_file = !files.certificate.empty() || !files.private_key.empty();
+  if (msp_dir.empty() != any_file || files.certificate.empty() != files.private_key.empty())
+    return Error{"[ledger] needs msp_dir, or certificate and private_key: one or the other"};
+  auto identity =
+      any_file ? crypto::load_identity(signer, msp_id, files) : crypto::load_identity(signer, msp_id, msp_dir);
   if (!identity) return identity.error();
   out.identity = std::move(*identity);
   if (config_block.empty()) return out;

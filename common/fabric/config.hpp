@@ -8,8 +8,8 @@
 /// The tables of a program's config that say where the ledger is and whom to believe; used by agent and ground.
 namespace ledgerline::fabric {
 
-/// Reads [ledger]: endpoint, tls_ca, msp_id, msp_dir (must be there); channel, contract, signer, server_name,
-/// max_in_flight, deadline_ms (have defaults, the last one by the caller); loads the identity. Wrong keys are reported
+/// Reads [ledger]: endpoint, tls_ca, msp_id, and msp_dir or certificate and private_key (must be there); channel, contract,
+/// signer, server_name, max_in_flight, deadline_ms (have defaults, the last one by the caller); loads the identity. Wrong keys are reported
 /// by config.finish() as always, so call that first when this fails: it has the lines.
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
 

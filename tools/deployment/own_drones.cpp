@@ -105,7 +105,8 @@ constexpr const char* existing = "existing";
 /// The tables of one program's way to the ledger, from a file of their own.
 struct LedgerFile {
   std::string tables, with_msp;
-  std::string msp_id, msp_dir;
+  std::string msp_id;
+  crypto::IdentityFiles files;
 };
 
 LedgerFile read_ledger_file(Config& config, const std::string& key, const std::string& path) {
@@ -119,7 +120,13 @@ LedgerFile read_ledger_file(Config& config, const std::string& key, const std::s
   for (const char* table : {"ledger", "orderer", "endorser", "peer"}) out.tables += file->table_text(table);
   out.with_msp = out.tables + file->table_text("msp");
   out.msp_id = file->text("ledger.msp_id");
-  out.msp_dir = file->text("ledger.msp_dir");
+  const std::string msp_dir = file->text("ledger.msp_dir", "");
+  out.files = {file->text("ledger.certificate", ""), file->text("ledger.private_key", "")};
+  if (!msp_dir.empty()) {
+    auto files = crypto::identity_files(msp_dir);
+    if (!files) config.wrong(key, path + ": " + files.error().what);
+    if (files) out.files = std::move(*files);
+  }
   for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->left_to_another(table);
   if (auto status = file->finish(); !status) config.wrong(key, status.error().what);
   return out;
@@ -154,7 +161,7 @@ void read_own_ledger(Config& config, OwnDrones& out) {
   const LedgerFile admin = read_ledger_file(config, keys[2].name, paths[2]);
   out.ledger = LedgerKind::fabric;
   out.network = OwnLedger{agent.with_msp, ground.with_msp, ground.tables, admin.tables,
-                          agent.msp_id,   agent.msp_dir,   ground.msp_id, ground.msp_dir};
+                          agent.msp_id,   ground.msp_id,   agent.files,   ground.files};
 }
 
 void read_flight(Config& config, OwnDrones& out) {

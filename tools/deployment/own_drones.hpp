@@ -5,6 +5,7 @@
 
 #include "common/base/result.hpp"
 #include "common/config/config.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "tools/deployment/deployment.hpp"
@@ -35,8 +36,8 @@ struct OwnLedger {
   std::string agent, ground;  ///< for their configs, with [[msp]]
   std::string pilot;          ///< for ledgerline-control as ground's identity, who acquires the drones
   std::string admin;          ///< for ledgerline-control as who enrols agent; empty: it is enrolled
-  std::string agent_msp_id, agent_msp_dir;
-  std::string ground_msp_id, ground_msp_dir;
+  std::string agent_msp_id, ground_msp_id;
+  crypto::IdentityFiles agent_files, ground_files;
 };
 
 struct OwnDrones {

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include <filesystem>
 #include <nlohmann/json.hpp>
 
 #include "tools/launcher/launcher.hpp"
@@ -12,15 +11,6 @@ namespace ledgerline::fly {
 namespace {
 
 using nlohmann::json;
-
-std::string first_certificate(const std::string& msp_dir) {
-  const std::string directory = msp_dir + "/signcerts";
-  std::error_code error;
-  for (const auto& entry : std::filesystem::directory_iterator(directory, error)) {
-    if (entry.path().extension() == ".pem") return entry.path();
-  }
-  return directory;
-}
 
 }  // namespace
 
@@ -68,7 +58,7 @@ Status Launcher::prepare_ledger() {
 
 // Before anything is asked of the ledger: who holds a drone is named, with the cure, in place of the contract's refusal.
 Status Launcher::look_at_leases(const deployment::OwnLedger& network) {
-  const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_msp_dir);
+  const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
   if (auto s = run_to_end(records_program, {"--config", files_.config("operator"), "show", "--json"}); !s) return s;
   if (auto s = preflight_.take_records(records_, self->name); !s) return s;
@@ -80,14 +70,17 @@ Status Launcher::enroll_and_acquire() {
   if (network) {
     if (auto s = look_at_leases(*network); !s) return s;
   }
+  crypto::IdentityFiles host;
+  if (network) {
+    host = network->agent_files;
+  } else {
+    auto files = crypto::identity_files(user_dir(files_, 1, "User1") + "/msp");
+    if (!files) return files.error();
+    host = std::move(*files);
+  }
   std::vector<std::string> enroll{
-      "--config",
-      files_.config("admin"),
-      "enroll",
-      "--msp",
-      network ? network->agent_msp_id : "Org1MSP",
-      "--cert",
-      first_certificate(network ? network->agent_msp_dir : user_dir(files_, 1, "User1") + "/msp")};
+      "--config", files_.config("admin"), "enroll", "--msp", network ? network->agent_msp_id : "Org1MSP",
+      "--cert",   host.certificate};
   std::vector<std::string> acquire{"--config", files_.config("operator"), "acquire"};
   bool acquires = false;
   for (const std::string& name : drone_names(options_)) {

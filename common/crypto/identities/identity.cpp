@@ -28,6 +28,13 @@ struct Secret {
 
 constexpr off_t max_file_bytes = 1 << 20;
 
+std::vector<unsigned> own_groups() {
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
+  groups.push_back(::getegid());
+  return {groups.begin(), groups.end()};
+}
+
 Status read_file(const fs::path& path, bool secret, std::string& out) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", path.string(), std::strerror(errno))};
@@ -35,7 +42,7 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
   Status status = done;
   if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode) || info.st_size > max_file_bytes) {
     status = Error{fmt::format("{} is not a file of keys or certificates", path.string())};
-  } else if (secret && (info.st_mode & 077) != 0) {
+  } else if (secret && !key_is_private(info.st_mode, info.st_uid, info.st_gid, own_groups())) {
     status =
         Error{fmt::format("{} may be read by others than its owner; run: chmod 600 {}", path.string(), path.string())};
   } else {
@@ -48,15 +55,23 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
   return status;
 }
 
-/// The first file by name, of those with the ending that there is (cryptogen and fabric-ca make exactly one).
-Result<fs::path> only_file(const fs::path& folder, const std::string& ending) {
+/// The first file by name with the ending (cryptogen and fabric-ca make exactly one), or the one of that name, or the only
+/// one that there is. Kubernetes' own folders and links (..data) are none.
+Result<fs::path> file_in(const fs::path& folder, const std::string& ending, const std::string& name) {
   std::error_code error;
-  std::vector<fs::path> found;
+  std::vector<fs::path> all, found;
   for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
-    if (at->path().filename().string().ends_with(ending)) found.push_back(at->path());
+    const std::string file = at->path().filename().string();
+    if (file.starts_with('.')) continue;
+    all.push_back(at->path());
+    if (file.ends_with(ending) || file == name) found.push_back(at->path());
   }
   if (error) return Error{fmt::format("cannot read folder {}: {}", folder.string(), error.message())};
-  if (found.empty()) return Error{fmt::format("{} has no file *{}", folder.string(), ending)};
+  if (found.empty() && all.size() == 1) return all.front();
+  if (found.empty() && all.empty()) return Error{fmt::format("{} has no file *{}", folder.string(), ending)};
+  if (found.empty())
+    return Error{
+        fmt::format("{} has {} files, none of them *{}: which one counts?", folder.string(), all.size(), ending)};
   return *std::min_element(found.begin(), found.end());
 }
 
@@ -67,43 +82,43 @@ struct Named {
   std::string subject;
 };
 
-Result<Named> read_named(const std::string& msp_dir) {
-  auto file = only_file(fs::path(msp_dir) / "signcerts", ".pem");
-  if (!file) return file.error();
-  Named named{.file = *file, .pem = {}, .certificate = {}, .subject = {}};
-  if (auto s = read_file(*file, false, named.pem); !s) return s.error();
+Result<Named> read_named(const fs::path& file) {
+  Named named{.file = file, .pem = {}, .certificate = {}, .subject = {}};
+  if (auto s = read_file(file, false, named.pem); !s) return s.error();
   auto parsed = read_certificate(named.pem);
-  if (!parsed) return Error{file->string() + ": " + parsed.error().what};
+  if (!parsed) return Error{file.string() + ": " + parsed.error().what};
   auto description = describe(parsed->get());
-  if (!description) return Error{file->string() + ": " + description.error().what};
+  if (!description) return Error{file.string() + ": " + description.error().what};
   named.certificate = std::move(*parsed);
   named.subject = description->subject;
   return named;
 }
 
+Result<fs::path> certificate_in(const std::string& msp_dir) {
+  return file_in(fs::path(msp_dir) / "signcerts", ".pem", "tls.crt");
+}
+
 /// `pass_phrase`: null where none locks the key.
-Result<SigningIdentity> load(Library library, const std::string& msp_id, const std::string& msp_dir,
+Result<SigningIdentity> load(Library library, const std::string& msp_id, const IdentityFiles& files,
                              const std::string* pass_phrase) {
-  const auto named = read_named(msp_dir);
+  const auto named = read_named(files.certificate);
   if (!named) return named.error();
-  auto key_file = only_file(fs::path(msp_dir) / "keystore", "_sk");
-  if (!key_file) return key_file.error();
   Secret key;
-  if (auto s = read_file(*key_file, true, key.text); !s) return s.error();
+  if (auto s = read_file(files.private_key, true, key.text); !s) return s.error();
   if (pass_phrase != nullptr) {
     auto unlocked = unlock_key(key.text, *pass_phrase);
-    if (!unlocked) return Error{key_file->string() + ": " + unlocked.error().what};
+    if (!unlocked) return Error{files.private_key + ": " + unlocked.error().what};
     key.text.swap(*unlocked);
   }
   auto signer = make_signer(library, key.text);
-  if (!signer) return Error{key_file->string() + ": " + signer.error().what};
+  if (!signer) return Error{files.private_key + ": " + signer.error().what};
   auto verifier = make_verifier(library, named->certificate.get());
   if (!verifier) return Error{named->file.string() + ": " + verifier.error().what};
   auto probe = (*signer)->sign("");
   if (!probe) return probe.error();
   if (!(*verifier)->verify("", *probe)) {
     return Error{
-        fmt::format("the key {} does not belong to the certificate {}", key_file->string(), named->file.string())};
+        fmt::format("the key {} does not belong to the certificate {}", files.private_key, named->file.string())};
   }
 
   SigningIdentity identity;
@@ -118,19 +133,46 @@ Result<SigningIdentity> load(Library library, const std::string& msp_id, const s
 
 }  // namespace
 
+Result<IdentityFiles> identity_files(const std::string& msp_dir) {
+  auto certificate = certificate_in(msp_dir);
+  if (!certificate) return certificate.error();
+  auto key = file_in(fs::path(msp_dir) / "keystore", "_sk", "priv-key.pem");
+  if (!key) return key.error();
+  return IdentityFiles{certificate->string(), key->string()};
+}
+
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir) {
-  return load(library, msp_id, msp_dir, nullptr);
+  const auto files = identity_files(msp_dir);
+  return files ? load(library, msp_id, *files, nullptr) : files.error();
+}
+
+Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const IdentityFiles& files) {
+  return load(library, msp_id, files, nullptr);
 }
 
 Result<SigningIdentity> load_locked_identity(Library library, const std::string& msp_id, const std::string& msp_dir,
                                              const std::string& pass_phrase) {
-  return load(library, msp_id, msp_dir, &pass_phrase);
+  const auto files = identity_files(msp_dir);
+  return files ? load(library, msp_id, *files, &pass_phrase) : files.error();
 }
 
 Result<IdentityName> read_identity_name(const std::string& msp_id, const std::string& msp_dir) {
-  const auto named = read_named(msp_dir);
+  const auto file = certificate_in(msp_dir);
+  if (!file) return file.error();
+  const auto named = read_named(*file);
   if (!named) return named.error();
   return IdentityName{msp_id, named->subject};
+}
+
+Result<std::string> read_key_file(const std::string& path) {
+  std::string text;
+  if (auto s = read_file(path, true, text); !s) return s.error();
+  return text;
+}
+
+bool key_is_private(unsigned mode, unsigned owner, unsigned group, const std::vector<unsigned>& own_groups) {
+  if ((mode & 077) == 0) return true;
+  return (mode & 037) == 0 && owner == 0 && std::find(own_groups.begin(), own_groups.end(), group) != own_groups.end();
 }
 
 }  // namespace ledgerline::crypto

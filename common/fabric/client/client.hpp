@@ -20,11 +20,18 @@ namespace ledgerline::fabric {
 
 struct ClientConfig {
   std::string endpoint;     ///< "127.0.0.1:7051"
-  std::string tls_ca_file;  ///< PEM of the CA that signed the server's certificate
+  std::string tls_ca_file;  ///< PEM of the CAs that signed the server's certificate, root or intermediate
   std::string server_name;  ///< empty: the endpoint's host must be in the certificate
+  /// The own certificate of TLS, for servers that want one (clientAuthRequired): PEM, with its intermediates behind it.
+  struct TlsPair {
+    std::string certificate_file{}, key_file{};
+  };
+  TlsPair tls_pair;
   struct Server {
     std::string endpoint;
     std::string tls_ca_file;
+    std::string server_name{};  ///< as above
+    TlsPair tls_pair{};         ///< none: the client's own
   };
   /// Orderers, for the direct path: calls are endorsed by the peer at `endpoint` itself and sent to an orderer, which
   /// saves the gateway's two steps. Empty: everything through the gateway.
@@ -32,7 +39,8 @@ struct ClientConfig {
   /// Peers that endorse for their organisations, for the direct path; see `endorsement_need`. Those of organisations
   /// that are not here are found by the gateway.
   struct Endorser {
-    std::string msp_id, endpoint, tls_ca_file;
+    std::string msp_id, endpoint, tls_ca_file, server_name{};
+    TlsPair tls_pair{};
   };
   std::vector<Endorser> endorsers;
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.

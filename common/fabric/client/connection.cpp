@@ -7,9 +7,8 @@
 
 #include <algorithm>
 #include <cstring>
-#include <fstream>
-#include <sstream>
 
+#include "common/base/file.hpp"
 #include "common/fabric/judge/block_judge.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -25,15 +24,30 @@ constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
 
-Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint, const std::string& tls_ca_file,
-                                                    const std::string& server_name) {
-  if (endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
-  std::ifstream file(tls_ca_file);
-  std::stringstream pem;
-  pem << file.rdbuf();
-  if (!file) return Error{fmt::format("cannot read the CA certificate {}", tls_ca_file)};
-  if (auto certificate = crypto::parse_certificate(pem.str()); !certificate) {
-    return Error{fmt::format("{}: {}", tls_ca_file, certificate.error().what)};
+Result<std::string> certificates_in(const std::string& path) {
+  auto pem = read_file(path);
+  if (!pem) return Error{"a certificate: " + pem.error().what};
+  if (auto certificate = crypto::parse_certificate(*pem); !certificate)
+    return Error{fmt::format("{}: {}", path, certificate.error().what)};
+  return pem;
+}
+
+Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server) {
+  if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
+  auto authorities = certificates_in(server.tls_ca_file);
+  if (!authorities) return authorities.error();
+  grpc::SslCredentialsOptions tls;
+  tls.pem_root_certs = std::move(*authorities);
+  const ClientConfig::TlsPair& own = server.tls_pair;
+  if (own.certificate_file.empty() != own.key_file.empty())
+    return Error{"tls_certificate and tls_key belong together: one of them is missing"};
+  if (!own.certificate_file.empty()) {
+    auto certificate = certificates_in(own.certificate_file);
+    if (!certificate) return certificate.error();
+    auto key = crypto::read_key_file(own.key_file);
+    if (!key) return key.error();
+    tls.pem_cert_chain = std::move(*certificate);
+    tls.pem_private_key = std::move(*key);
   }
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
@@ -46,10 +60,8 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const std::string& endpoint,
   arguments.SetMaxSendMessageSize(max_message_bytes);
   // Each client has a connection of its own, also when one process has several.
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-  if (!server_name.empty()) arguments.SetSslTargetNameOverride(server_name);
-  grpc::SslCredentialsOptions tls;
-  tls.pem_root_certs = pem.str();
-  return grpc::CreateCustomChannel(endpoint, grpc::SslCredentials(tls), arguments);
+  if (!server.server_name.empty()) arguments.SetSslTargetNameOverride(server.server_name);
+  return grpc::CreateCustomChannel(server.endpoint, grpc::SslCredentials(tls), arguments);
 }
 
 }  // namespace
@@ -68,14 +80,18 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   }
   auto connection = std::make_shared<Connection>();
   for (auto* into : {&connection->peers, &connection->stream_peers}) {
-    auto channel = make_channel(config.endpoint, config.tls_ca_file, config.server_name);
+    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair});
     if (!channel) return channel.error();
     into->push_back(std::move(*channel));
   }
   using Channels = std::vector<std::shared_ptr<grpc::Channel>>;
-  const auto add = [](const std::vector<ClientConfig::Server>& servers, Channels& into) -> Status {
+  const auto connect = [&](ClientConfig::Server server) {
+    if (server.tls_pair.certificate_file.empty() && server.tls_pair.key_file.empty()) server.tls_pair = config.tls_pair;
+    return make_channel(server);
+  };
+  const auto add = [&](const std::vector<ClientConfig::Server>& servers, Channels& into) -> Status {
     for (const ClientConfig::Server& server : servers) {
-      auto channel = make_channel(server.endpoint, server.tls_ca_file, "");
+      auto channel = connect(server);
       if (!channel) return channel.error();
       into.push_back(std::move(*channel));
     }
@@ -92,7 +108,7 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
       connection->endorsers.push_back(connection->peers[0]);
       continue;
     }
-    auto to_endorser = make_channel(endorser.endpoint, endorser.tls_ca_file, "");
+    auto to_endorser = connect({endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair});
     if (!to_endorser) return to_endorser.error();
     connection->endorsers.push_back(std::move(*to_endorser));
   }

@@ -152,7 +152,7 @@ class OwnFolder {
 // By a program of its own, so that this one is without gRPC's threads.
 Status read_records(const PreflightWish& wish, fly::Facts& facts) {
   const deployment::OwnLedger& network = *wish.flight.own->network;
-  const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_msp_dir);
+  const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
   const OwnFolder folder;
   if (!folder.made()) return Error{fmt::format("no folder for a moment can be made: {}", std::strerror(errno))};

@@ -245,12 +245,55 @@ TEST_F(LoadIdentity, SignsInItsName) {
 }
 
 TEST_F(LoadIdentity, RefusesAKeyThatOthersMayRead) {
-  for (const mode_t mode : {0640, 0604, 0620, 0601}) {
+  for (const mode_t mode : {0660, 0604, 0620, 0601}) {
     ::chmod(key_file().c_str(), mode);
     EXPECT_NE(error().find("chmod 600 " + key_file()), std::string::npos) << error();
   }
   ::chmod(key_file().c_str(), 0400);
   EXPECT_EQ(error(), "loaded");
+}
+
+TEST_F(LoadIdentity, TakesTheKeyUnderTheNamesThatToolsGiveIt) {
+  const auto rename = [&](const std::string& from, const std::string& to) {
+    fs::rename(dir_ + "/keystore/" + from, dir_ + "/keystore/" + to);
+  };
+  rename("priv_sk", "priv-key.pem");  // fablo
+  std::ofstream(dir_ + "/keystore/notes.txt") << "x";
+  EXPECT_EQ(error(), "loaded");
+  rename("priv-key.pem", "key.pem");
+  EXPECT_NE(error().find("has 2 files, none of them *_sk"), std::string::npos) << error();
+  fs::remove(dir_ + "/keystore/notes.txt");
+  EXPECT_EQ(error(), "loaded") << "the only one";
+}
+
+TEST_F(LoadIdentity, TakesAKubernetesSecretWithItsLinks) {
+  const std::string secret = dir_ + "/keystore", data = secret + "/..2026_11_26";
+  fs::create_directories(data);
+  fs::rename(key_file(), data + "/tls.key");
+  fs::create_directory_symlink("..2026_11_26", secret + "/..data");
+  fs::create_symlink("..data/tls.key", secret + "/tls.key");
+  EXPECT_EQ(error(), "loaded");
+  ::chmod((data + "/tls.key").c_str(), 0444);
+  EXPECT_NE(error().find("may be read by others"), std::string::npos) << "the file behind the link counts: " << error();
+}
+
+TEST_F(LoadIdentity, TwoFilesAreAnIdentityToo) {
+  const IdentityFiles files{dir_ + "/signcerts/User1@test-cert.pem", key_file()};
+  EXPECT_EQ(load_identity(Library::libcrypto, "Org1MSP", files).value().name.subject, "CN=User1@test,OU=client");
+  ::chmod(key_file().c_str(), 0644);
+  EXPECT_FALSE(load_identity(Library::libcrypto, "Org1MSP", files));
+  EXPECT_FALSE(read_key_file(key_file()));
+}
+
+TEST(KeyFile, IsForItsOwnerOrRootsForAGroupOfOurs) {
+  const std::vector<unsigned> ours{2000, 1000};
+  for (const unsigned mode : {0600U, 0400U}) EXPECT_TRUE(key_is_private(mode, 1000, 1000, ours));
+  for (const unsigned mode : {0440U, 0640U}) {
+    EXPECT_TRUE(key_is_private(mode, 0, 2000, ours)) << "a Kubernetes secret with fsGroup 2000";
+    EXPECT_FALSE(key_is_private(mode, 0, 3000, ours)) << "another group's";
+    EXPECT_FALSE(key_is_private(mode, 1000, 1000, ours)) << "whose group is everybody's on many hosts";
+  }
+  for (const unsigned mode : {0660U, 0450U, 0444U, 0604U, 0601U}) EXPECT_FALSE(key_is_private(mode, 0, 2000, ours));
 }
 
 TEST_F(LoadIdentity, ALockedKeyNeedsItsPassPhraseAndAnOpenOneIsRefused) {

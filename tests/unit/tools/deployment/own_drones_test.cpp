@@ -87,19 +87,20 @@ TEST(OwnDrones, ANetworkThatRunsIsTakenFromItsFiles) {
   const std::string path = testing::TempDir() + "own_ledger_" + std::to_string(::getpid()) + ".toml";
   const std::string text = a_drone + from_mocap + a_fence + "[ledger]\nkind = \"existing\"\nagent = \"" + path + "\"\n";
   const std::string both = text + "ground = \"" + path + "\"\n";
-  std::ofstream(path) << "[ledger]\nmsp_id = \"Org1MSP\"\nmsp_dir = \"here\"\n[[orderer]]\nendpoint = \"a:1\"\n"
+  std::ofstream(path) << "[ledger]\nmsp_id = \"Org1MSP\"\ncertificate = \"here.pem\"\nprivate_key = "
+                         "\"here.key\"\n[[orderer]]\nendpoint = \"a:1\"\n"
                          "[[msp]]\nid = \"Org1MSP\"\nca = \"ca.pem\"\n";
   const auto own = own_of(both);
   ASSERT_TRUE(own) << own.error().what;
   ASSERT_TRUE(own->network);
-  EXPECT_EQ(own->network->agent_msp_dir, "here");
+  EXPECT_EQ(own->network->agent_files.certificate, "here.pem");
   EXPECT_THAT(own->network->ground, HasSubstr("[[msp]]"));
   EXPECT_THAT(own->network->pilot, HasSubstr("[[orderer]]"));
   EXPECT_THAT(own->network->pilot, testing::Not(HasSubstr("[[msp]]")));
   EXPECT_EQ(own->network->admin, "");
   EXPECT_THAT(own_error(text), HasSubstr("ledger.ground: must be there with ledger.kind = \"existing\""));
   std::ofstream(path, std::ios::app) << "[output]\ntrace = \"x\"\n";
-  EXPECT_THAT(own_error(both), HasSubstr("real.toml:11: ledger.agent: " + path + ":10: output.trace: unknown key"));
+  EXPECT_THAT(own_error(both), HasSubstr("real.toml:11: ledger.agent: " + path + ":11: output.trace: unknown key"));
   std::filesystem::remove(path);
   EXPECT_THAT(own_error(both), HasSubstr(path));
   EXPECT_THAT(own_error(a_drone + from_mocap + a_fence + "[ledger]\nagent = \"x\"\n"),

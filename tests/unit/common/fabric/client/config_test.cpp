@@ -69,7 +69,7 @@ TEST_F(LedgerConfig, WrongKeysAreReportedWithTheirLine) {
   EXPECT_FALSE(msp_registry(config));
   const std::string what = config.finish().error().what;
   EXPECT_NE(what.find("agent.toml:3: ledger.signer"), std::string::npos) << what;
-  EXPECT_NE(what.find("ledger.msp_dir: is missing"), std::string::npos) << what;
+  EXPECT_NE(what.find("ledger.msp_id: is missing"), std::string::npos) << what;
 }
 
 TEST_F(LedgerConfig, AFailureLeavesNoKeyUnasked) {
@@ -91,6 +91,46 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
                     .value();
   EXPECT_NE(ledger_config(config).error().what.find("/nowhere/signcerts"), std::string::npos);
   EXPECT_NE(msp_registry(config).error().what.find("/no-ca.pem"), std::string::npos);
+}
+
+TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {
+  const std::string files =
+      "certificate = \"" + dir_ + "/msp/signcerts/cert.pem\"\nprivate_key = \"" + dir_ + "/msp/keystore/priv_sk\"\n";
+  const std::string where = "[ledger]\nendpoint = \"x:1\"\ntls_ca = \"" + dir_ + "/ca.pem\"\nmsp_id = \"Org1MSP\"\n";
+  const auto result = [&](const std::string& text) {
+    auto config = Config::parse(text, "agent.toml").value();
+    const auto client = ledger_config(config);
+    EXPECT_TRUE(config.finish());
+    return client ? client->identity.name.subject : client.error().what;
+  };
+  EXPECT_EQ(result(where + files), "CN=User1@org1,OU=client");
+  const std::string one_or_the_other = "[ledger] needs msp_dir, or certificate and private_key: one or the other";
+  EXPECT_EQ(result(where), one_or_the_other);
+  EXPECT_EQ(result(ledger(files)), one_or_the_other);
+  EXPECT_EQ(result(where + "certificate = \"c.pem\"\n"), one_or_the_other);
+}
+
+TEST_F(LedgerConfig, EveryServerMayHaveATlsPairAndANameOfItsOwn) {
+  const auto keys = [](const std::string& of) {
+    return "server_name = \"name-" + of + "\"\ntls_certificate = \"" + of + ".crt\"\ntls_key = \"" + of + ".key\"\n";
+  };
+  std::string text = ledger(keys("own"));
+  for (const std::string table : {"peer", "orderer", "endorser"}) {
+    text += "[[" + table + "]]\nendpoint = \"x\"\ntls_ca = \"y\"\n" + keys(table);
+    if (table == "endorser") text += "msp_id = \"Org2MSP\"\n";
+  }
+  auto config = Config::parse(text, "agent.toml").value();
+  const auto client = ledger_config(config).value();
+  EXPECT_TRUE(config.finish());
+  const auto expect = [](const std::string& of, const std::string& name, const ClientConfig::TlsPair& pair) {
+    EXPECT_EQ(name, "name-" + of);
+    EXPECT_EQ(pair.certificate_file, of + ".crt");
+    EXPECT_EQ(pair.key_file, of + ".key");
+  };
+  expect("own", client.server_name, client.tls_pair);
+  expect("peer", client.other_peers.at(0).server_name, client.other_peers.at(0).tls_pair);
+  expect("orderer", client.orderers.at(0).server_name, client.orderers.at(0).tls_pair);
+  expect("endorser", client.endorsers.at(0).server_name, client.endorsers.at(0).tls_pair);
 }
 
 }  // namespace

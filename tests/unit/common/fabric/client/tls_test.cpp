@@ -1,0 +1,128 @@
+#include <grpcpp/server.h>
+#include <grpcpp/server_builder.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <filesystem>
+
+#include "common/base/file.hpp"
+#include "common/fabric/client/connection.hpp"
+#include "peer/peer.grpc.pb.h"
+
+namespace ledgerline::fabric {
+namespace {
+
+/// A server whose certificate names peer0.org1 alone, and that wants a certificate of its authority.
+class ClientTls : public testing::Test {
+ protected:
+  void SetUp() override {
+    const auto server = issue("peer0.org1", {"peer0.org1"});
+    grpc::SslServerCredentialsOptions tls(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
+    tls.pem_key_cert_pairs.push_back({server.key_pem, server.certificate_pem});
+    tls.pem_root_certs = authority_.certificate_pem;
+    grpc::ServerBuilder builder;
+    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(tls), &port_);
+    builder.RegisterService(&service_);
+    server_ = builder.BuildAndStart();
+    ASSERT_TRUE(server_);
+    const auto own = issue("drone1", {});
+    ASSERT_TRUE(write_file(dir_ + "/own.crt", own.certificate_pem));
+    ASSERT_TRUE(write_file(dir_ + "/own.key", own.key_pem, 0600));
+    const auto stranger = crypto::make_ca("tlsca.other", "other").value();
+    ASSERT_TRUE(write_file(dir_ + "/two.pem", stranger.certificate_pem + authority_.certificate_pem));
+    ASSERT_TRUE(write_file(dir_ + "/stranger.pem", stranger.certificate_pem));
+  }
+  void TearDown() override {
+    server_->Shutdown();
+    std::filesystem::remove_all(dir_);
+  }
+  crypto::KeyAndCertificate issue(const std::string& name, std::vector<std::string> sans) const {
+    return crypto::issue(authority_, {.common_name = name, .organization = "", .unit = std::nullopt, .sans = std::move(sans), .tls = true})
+        .value();
+  }
+
+  ClientConfig::Server here() const { return {"127.0.0.1:" + std::to_string(port_), dir_ + "/two.pem", "peer0.org1"}; }
+  ClientConfig::TlsPair pair() const { return {dir_ + "/own.crt", dir_ + "/own.key"}; }
+  /// Of a client with this peer alone; or why it is none.
+  std::string reached(const ClientConfig::Server& server) const {
+    ClientConfig config;
+    config.endpoint = server.endpoint;
+    config.tls_ca_file = server.tls_ca_file;
+    config.server_name = server.server_name;
+    config.tls_pair = server.tls_pair;
+    config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+    const auto made = make_connection(std::move(config));
+    if (!made) return made.error().what;
+    return is_ready((*made)->peers.at(0)) ? "reached" : "not reached";
+  }
+  /// Connected for good: a server refuses a certificate only after the client's side is done.
+  static bool is_ready(const std::shared_ptr<grpc::Channel>& channel) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(5));
+    protos::ProposalResponse response;
+    const auto status = protos::Endorser::NewStub(channel)->ProcessProposal(&context, {}, &response);
+    return status.error_code() == grpc::StatusCode::UNIMPLEMENTED;
+  }
+
+  const crypto::KeyAndCertificate authority_ = crypto::make_ca("tlsca.org1", "org1").value();
+  const std::string dir_ = testing::TempDir() + "client-tls" + std::to_string(::getpid());
+  protos::Endorser::Service service_;  // answers UNIMPLEMENTED
+  std::unique_ptr<grpc::Server> server_;
+  int port_ = 0;
+};
+
+TEST_F(ClientTls, AServerThatWantsACertificateIsReachedWithOneAlone) {
+  auto server = here();
+  EXPECT_EQ(reached(server), "not reached");
+  server.tls_pair = pair();
+  EXPECT_EQ(reached(server), "reached");
+}
+
+TEST_F(ClientTls, TheServersNameMustBeInItsCertificate) {
+  auto server = here();
+  server.tls_pair = pair();
+  server.server_name = "";
+  EXPECT_EQ(reached(server), "not reached") << "127.0.0.1 is not";
+  server.server_name = "peer1.org1";
+  EXPECT_EQ(reached(server), "not reached");
+}
+
+TEST_F(ClientTls, OneOfSeveralAuthoritiesSuffices) {
+  auto server = here();
+  server.tls_pair = pair();
+  server.tls_ca_file = dir_ + "/stranger.pem";
+  EXPECT_EQ(reached(server), "not reached");
+  server.tls_ca_file = dir_ + "/two.pem";
+  EXPECT_EQ(reached(server), "reached");
+}
+
+TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
+  ClientConfig config;
+  config.endpoint = here().endpoint;
+  config.tls_ca_file = here().tls_ca_file;
+  config.server_name = here().server_name;
+  config.tls_pair = pair();
+  config.orderers = {here()};
+  config.other_peers = {here()};
+  config.endorsers = {{"Org2MSP", "localhost:" + std::to_string(port_), here().tls_ca_file, here().server_name}};
+  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  const auto made = make_connection(config).value();
+  EXPECT_TRUE(is_ready(made->orderers.at(0)));
+  EXPECT_TRUE(is_ready(made->peers.at(1)));
+  EXPECT_TRUE(is_ready(made->endorsers.at(0)));
+  config.orderers[0].tls_pair = {dir_ + "/none.crt", dir_ + "/none.key"};
+  EXPECT_NE(make_connection(config).error().what.find("none.crt"), std::string::npos) << "its own counts";
+}
+
+TEST_F(ClientTls, APairIsWholeAndItsKeyPrivate) {
+  auto server = here();
+  server.tls_pair = {dir_ + "/own.crt", ""};
+  EXPECT_EQ(reached(server), "tls_certificate and tls_key belong together: one of them is missing");
+  server.tls_pair = pair();
+  ::chmod((dir_ + "/own.key").c_str(), 0644);
+  EXPECT_NE(reached(server).find("may be read by others"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline::fabric
