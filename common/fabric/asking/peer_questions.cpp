@@ -1,5 +1,6 @@
 #include "common/fabric/asking/peer_questions.hpp"
 
+#include "common/common.pb.h"
 #include "common/fabric/client/connection.hpp"
 #include "common/ledger.pb.h"
 
@@ -25,20 +26,38 @@ Result<std::string> PeerQuestions::propose(std::string_view signed_proposal) {
   return answer->SerializeAsString();
 }
 
-Result<std::uint64_t> PeerQuestions::height() {
-  const ClientConfig& config = state_->connection->config;
+Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Call& call) {
   const auto proposal =
-      make_proposal(config.identity, {config.where.channel, "qscc"}, {"GetChainInfo", {config.where.channel}},
-                    realtime_ns(), crypto::random_bytes(24));
+      make_proposal(state_->connection->config.identity, where, call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   const auto answer = propose(proposal->signed_proposal);
   if (!answer) return answer.error();
   protos::ProposalResponse response;
-  common::BlockchainInfo info;
   response.ParseFromString(*answer);
   if (response.response().status() != 200) return Error{response.response().message()};
-  if (!info.ParseFromString(response.response().payload())) return Error{"the peer's answer is no BlockchainInfo"};
+  return std::move(*response.mutable_response()->mutable_payload());
+}
+
+Result<std::uint64_t> PeerQuestions::height() {
+  const std::string& channel = state_->connection->config.where.channel;
+  const auto answer = ask({channel, "qscc"}, {"GetChainInfo", {channel}});
+  if (!answer) return answer.error();
+  common::BlockchainInfo info;
+  if (!info.ParseFromString(*answer)) return Error{"the peer's answer is no BlockchainInfo"};
   return info.height();
+}
+
+Result<std::string> PeerQuestions::config_block() {
+  const std::string& channel = state_->connection->config.where.channel;
+  return ask({channel, "cscc"}, {"GetConfigBlock", {channel}});
+}
+
+Result<ChannelConfig> PeerQuestions::channel_config() {
+  const auto bytes = config_block();
+  if (!bytes) return bytes.error();
+  common::Block block;
+  if (!block.ParseFromString(*bytes)) return Error{"the peer's answer is no config block"};
+  return read_channel_config(block);
 }
 
 }  // namespace ledgerline::fabric

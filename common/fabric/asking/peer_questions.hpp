@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/judge/channel_config.hpp"
 
 namespace ledgerline::fabric {
 
@@ -19,6 +20,13 @@ class PeerQuestions {
   Result<std::string> propose(std::string_view signed_proposal);
   /// How many blocks the peer has of the channel.
   Result<std::uint64_t> height();
+  /// The channel's newest config block, as the peer tells it: a common.Block for read_channel_config. Nobody has judged it.
+  Result<std::string> config_block();
+  /// That, read.
+  Result<ChannelConfig> channel_config();
+  /// The payload of a peer's answer to a call of one of its own contracts ("qscc", "cscc", "_lifecycle"), with a channel or
+  /// without (""); an error is the peer's word.
+  Result<std::string> ask(const ChannelAndContract& where, const Call& call);
 
  private:
   struct State;

@@ -2,11 +2,16 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
 #include <optional>
 
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
+#include "common/configuration.pb.h"
 #include "common/policies.pb.h"
 #include "msp/msp_config.pb.h"
 #include "orderer/configuration.pb.h"
@@ -72,6 +77,37 @@ std::optional<Policy> read_policy(const common::ConfigGroup& group, const std::s
   return out;
 }
 
+std::string words_of(const common::ConfigGroup& group, const std::string& name) {
+  const common::Policy* policy = policy_of(group, name);
+  if (policy == nullptr) return {};
+  if (policy->type() == common::Policy::SIGNATURE) return "a signature policy";
+  common::ImplicitMetaPolicy implicit;
+  if (policy->type() != common::Policy::IMPLICIT_META || !implicit.ParseFromString(policy->value()))
+    return "a policy of another kind";
+  const char* const rule = implicit.rule() == common::ImplicitMetaPolicy::ANY   ? "ANY"
+                           : implicit.rule() == common::ImplicitMetaPolicy::ALL ? "ALL"
+                                                                                : "MAJORITY";
+  return fmt::format("{} {}", rule, printable(implicit.sub_policy()));
+}
+
+void read_capabilities(const common::ConfigGroup& group, const std::string& of, ChannelConfig& out) {
+  common::Capabilities capabilities;
+  if (!read_value(group, "Capabilities", capabilities)) return;
+  std::vector<std::string> names;
+  for (const auto& [name, _] : capabilities.capabilities()) names.push_back(of + " " + printable(name));
+  std::sort(names.begin(), names.end());
+  out.capabilities.insert(out.capabilities.end(), names.begin(), names.end());
+}
+
+std::optional<Batching> read_batching(const common::ConfigGroup& ordering) {
+  orderer::BatchTimeout timeout;
+  orderer::BatchSize size;
+  if (!read_value(ordering, "BatchTimeout", timeout) || !read_value(ordering, "BatchSize", size)) return std::nullopt;
+  const auto timeout_ns = read_go_duration(timeout.timeout());
+  if (!timeout_ns) return std::nullopt;
+  return Batching{*timeout_ns, size.max_message_count(), size.preferred_max_bytes(), size.absolute_max_bytes()};
+}
+
 Status read_orderers(const common::ConfigGroup& channel, ChannelConfig& out) {
   const common::ConfigGroup* ordering = group_of(channel, "Orderer");
   if (ordering == nullptr) return Error{"it has no group Orderer"};
@@ -79,6 +115,9 @@ Status read_orderers(const common::ConfigGroup& channel, ChannelConfig& out) {
   if (!read_value(*ordering, "ConsensusType", consensus)) return Error{"it has no ConsensusType"};
   if (consensus.type() == "BFT") return Error{"its consensus is BFT, whose blocks need more signatures than are read"};
   out.embedded_node = consensus.type() == "ledgerline-node";
+  out.consensus = printable(consensus.type());
+  out.batching = read_batching(*ordering);
+  read_capabilities(*ordering, "orderer", out);
   for (const auto& [name, organisation] : ordering->groups()) {
     auto root = read_msp(name, organisation);
     if (!root) return root.error();
@@ -104,10 +143,41 @@ Status read_application(const common::ConfigGroup& channel, ChannelConfig& out) 
   }
   out.endorsement = read_policy(*application, "Endorsement").value_or(nobody());
   out.lifecycle_endorsement = read_policy(*application, "LifecycleEndorsement").value_or(nobody());
+  out.endorsement_words = words_of(*application, "Endorsement");
+  out.lifecycle_words = words_of(*application, "LifecycleEndorsement");
+  read_capabilities(*application, "application", out);
   return done;
 }
 
 }  // namespace
+
+std::optional<TimeNs> read_go_duration(std::string_view text) {
+  constexpr std::array<std::pair<std::string_view, double>, 8> units{{{"ns", 1},
+                                                                      {"us", 1e3},
+                                                                      {"\u00b5s", 1e3},
+                                                                      {"\u03bcs", 1e3},
+                                                                      {"ms", 1e6},
+                                                                      {"s", 1e9},
+                                                                      {"m", 60e9},
+                                                                      {"h", 3600e9}}};
+  constexpr double max_ns = 1e18;
+  if (text == "0") return 0;
+  double total_ns = 0;
+  for (bool first = true; first || !text.empty(); first = false) {
+    double number = 0;
+    const auto [end, problem] =
+        std::from_chars(text.data(), text.data() + text.size(), number, std::chars_format::fixed);
+    if (problem != std::errc{} || std::signbit(number)) return std::nullopt;
+    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+    const std::string_view unit = text.substr(0, text.find_first_of("0123456789."));
+    const auto known = std::find_if(units.begin(), units.end(), [&](const auto& one) { return one.first == unit; });
+    if (known == units.end()) return std::nullopt;
+    text.remove_prefix(unit.size());
+    total_ns += number * known->second;
+    if (!(total_ns < max_ns)) return std::nullopt;
+  }
+  return std::llround(total_ns);
+}
 
 std::vector<crypto::MspRoot> everybody(const ChannelConfig& config) {
   std::vector<crypto::MspRoot> roots = config.organisations;
@@ -130,6 +200,7 @@ Result<ChannelConfig> read_channel_config(const common::Block& block) {
   }
   out.channel = header.channel_id();
   const common::ConfigGroup& group = config.config().channel_group();
+  read_capabilities(group, "channel", out);
   if (Status status = read_orderers(group, out); !status) return wrong(status.error().what);
   if (Status status = read_application(group, out); !status) return wrong(status.error().what);
   return out;

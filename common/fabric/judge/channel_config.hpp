@@ -1,19 +1,27 @@
 #pragma once
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/policy.hpp"
+#include "common/rt/clock.hpp"
 
-/// What a channel's configuration says of who is to be believed. Pure.
+/// What a channel's configuration says of who is to be believed, and of when blocks are cut. Pure.
 namespace common {
 class Block;
 }
 
 namespace ledgerline::fabric {
+
+/// When its orderers cut a block: at so many transactions or bytes, else so long behind its first transaction.
+struct Batching {
+  TimeNs timeout_ns = 0;
+  std::uint32_t max_messages = 0, preferred_max_bytes = 0, absolute_max_bytes = 0;
+};
 
 struct ChannelConfig {
   std::string channel;
@@ -25,7 +33,15 @@ struct ChannelConfig {
   Policy lifecycle_endorsement;                ///< /Channel/Application/LifecycleEndorsement
   bool embedded_node = false;                  ///< of ledgerline-node, whose rules differ in what docs/ledger.md lists
   std::map<std::string, Policy> endorsement_of;  ///< of each organisation alone, by MSP id
+  std::optional<Batching> batching{};            ///< nullopt: it says nothing that can be read
+  std::string consensus{};                       ///< "etcdraft" ...
+  /// In words, for people: "MAJORITY Endorsement", or "a signature policy"; empty: there is none.
+  std::string endorsement_words{}, lifecycle_words{};
+  std::vector<std::string> capabilities{};  ///< "channel V2_0", "orderer V2_0", "application V2_5" ...
 };
+
+/// Go's time.Duration as text, "2s", "1m0.5s", "250ms", as configurations have it; nullopt: it is none, or negative.
+std::optional<TimeNs> read_go_duration(std::string_view text);
 
 /// Everybody in the channel: the application's organisations and those of the orderers, for a registry of members.
 std::vector<crypto::MspRoot> everybody(const ChannelConfig& config);

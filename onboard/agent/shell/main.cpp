@@ -50,6 +50,8 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   fabric::ClientConfig config;
   config.endpoint = other->endpoint;
   config.tls_ca_file = other->tls_ca_file;
+  config.server_name = other->server_name;
+  config.tls_pair = other->tls_pair.certificate_file.empty() ? own.tls_pair : other->tls_pair;
   config.where = own.where;
   config.identity = own.identity;
   config.deadline = own.deadline;

@@ -32,6 +32,26 @@ class BlockJudgeTest : public ::testing::Test, protected SignedChain {
   }
 };
 
+TEST_F(BlockJudgeTest, AConfigurationSaysWhenBlocksAreCutAndByWhosePolicy) {
+  const auto config = read_channel_config(chain_[0]).value();
+  ASSERT_TRUE(config.batching);
+  EXPECT_EQ(config.batching->timeout_ns, 10 * ns_per_ms);
+  EXPECT_EQ(config.batching->max_messages, 1U);
+  EXPECT_EQ(config.endorsement_words, "MAJORITY Endorsement");
+  EXPECT_EQ(config.consensus, "ledgerline-node");
+}
+
+TEST(GoDuration, IsReadAsConfigurationsHaveIt) {
+  EXPECT_EQ(read_go_duration("2s"), 2 * ns_per_s);
+  EXPECT_EQ(read_go_duration("1m0.5s"), 60'500 * ns_per_ms);
+  EXPECT_EQ(read_go_duration("250000us"), 250 * ns_per_ms);
+  EXPECT_EQ(read_go_duration("1h2m3s4ms5us6ns"), 3'723'004'005'006);
+  EXPECT_EQ(read_go_duration("500\u00b5s"), 500 * ns_per_us);
+  EXPECT_EQ(read_go_duration("0"), 0);
+  for (const char* wrong : {"", "2", "s", "-2s", "2 s", "2x", "1e300h", "nan s", "2s3", "inf"})
+    EXPECT_EQ(read_go_duration(wrong), std::nullopt) << wrong;
+}
+
 TEST_F(BlockJudgeTest, WhatAnOrdererHasSignedPasses) {
   BlockJudge one = judge();
   EXPECT_TRUE(one.judge(chain_[0])) << "the anchor itself";
