@@ -1,0 +1,170 @@
+#include "chaincode/lifecycle/lifecycle.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/printable.hpp"
+#include "peer/lifecycle/lifecycle.pb.h"
+#include "peer/policy.pb.h"
+
+namespace ledgerline::chaincode_lifecycle {
+namespace {
+
+constexpr const char* lifecycle_contract = "_lifecycle";
+// A peer builds what it installs, and a slow network's commit waits for two blocks.
+constexpr std::chrono::milliseconds limit{60'000};
+
+template <typename Message>
+Result<Message> parsed(const Result<std::string>& answer) {
+  if (!answer) return answer.error();
+  Message out;
+  if (!out.ParseFromString(*answer)) return Error{"the peer's answer is none of _lifecycle"};
+  return out;
+}
+
+template <typename Arguments>
+Arguments arguments_of(const fabric::ChannelAndContract& where, const Definition& definition) {
+  Arguments out;
+  out.set_name(where.contract);
+  out.set_version(definition.version);
+  out.set_sequence(definition.sequence);
+  return out;
+}
+
+bool says(const Error& error, const char* words) { return error.what.find(words) != std::string::npos; }
+
+}  // namespace
+
+Lifecycle::Lifecycle(fabric::ChannelAndContract where, std::string msp_id,
+                     std::unique_ptr<fabric::PeerQuestions> questions, std::unique_ptr<fabric::Client> client)
+    : where_(std::move(where)),
+      msp_id_(std::move(msp_id)),
+      questions_(std::move(questions)),
+      client_(std::move(client)) {}
+
+Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
+  config.deadline = limit;
+  config.orderers.clear();  // the gateway knows whose endorsements these calls need
+  config.endorsers.clear();
+  config.blocks = fabric::BlockSource::peer;
+  const fabric::ChannelAndContract where = config.where;
+  const std::string msp_id = config.identity.name.msp_id;
+  auto questions = fabric::PeerQuestions::create(config);
+  if (!questions) return questions.error();
+  config.where.contract = lifecycle_contract;
+  auto client = fabric::Client::create(std::move(config));
+  if (!client) return client.error();
+  return Lifecycle(where, msp_id, std::move(*questions), std::move(*client));
+}
+
+Result<std::string> Lifecycle::ask(const std::string& channel, const std::string& function,
+                                   const std::string& argument) {
+  return questions_->ask({channel, lifecycle_contract}, {function, {argument}});
+}
+
+Status Lifecycle::submit(const std::string& function, const std::string& argument, fabric::EndorsementNeed need) {
+  fabric::Call call{function, {argument}};
+  call.need = std::move(need);
+  const fabric::Outcome outcome = client_->submit_and_wait(std::move(call));
+  if (outcome.kind == fabric::Outcome::Kind::committed) return done;
+  return Error{outcome.message};
+}
+
+Result<std::vector<Installed>> Lifecycle::installed() {
+  const auto answer = parsed<lifecycle::QueryInstalledChaincodesResult>(
+      ask("", "QueryInstalledChaincodes", lifecycle::QueryInstalledChaincodesArgs().SerializeAsString()));
+  if (!answer) return answer.error();
+  std::vector<Installed> out;
+  for (const auto& one : answer->installed_chaincodes())
+    out.push_back({printable(one.package_id()), printable(one.label())});
+  return out;
+}
+
+Status Lifecycle::install(const std::string& package) {
+  lifecycle::InstallChaincodeArgs arguments;
+  arguments.set_chaincode_install_package(package);
+  const auto answer = ask("", "InstallChaincode", arguments.SerializeAsString());
+  if (!answer && !says(answer.error(), "already successfully installed")) return answer.error();
+  return done;
+}
+
+Result<std::optional<Committed>> Lifecycle::committed() {
+  lifecycle::QueryChaincodeDefinitionArgs arguments;
+  arguments.set_name(where_.contract);
+  const auto said = ask(where_.channel, "QueryChaincodeDefinition", arguments.SerializeAsString());
+  if (!said && says(said.error(), "is not defined")) return std::optional<Committed>();
+  const auto answer = parsed<lifecycle::QueryChaincodeDefinitionResult>(said);
+  if (!answer) return answer.error();
+  Committed out{{printable(answer->version()), answer->sequence()}, answer->validation_parameter(), {}};
+  for (const auto& [msp_id, approved] : answer->approvals()) out.approvals[printable(msp_id)] = approved;
+  return std::optional<Committed>(std::move(out));
+}
+
+Result<std::optional<std::string>> Lifecycle::approved(const Definition& definition) {
+  lifecycle::QueryApprovedChaincodeDefinitionArgs arguments;
+  arguments.set_name(where_.contract);
+  arguments.set_sequence(definition.sequence);
+  const auto said = ask(where_.channel, "QueryApprovedChaincodeDefinition", arguments.SerializeAsString());
+  if (!said && says(said.error(), "could not fetch approved chaincode definition")) return std::optional<std::string>();
+  const auto answer = parsed<lifecycle::QueryApprovedChaincodeDefinitionResult>(said);
+  if (!answer) return answer.error();
+  if (answer->version() != definition.version) return std::optional<std::string>();
+  return std::optional<std::string>(printable(answer->source().local_package().package_id()));
+}
+
+Result<std::map<std::string, bool>> Lifecycle::approvals(const Definition& definition) {
+  const auto answer = parsed<lifecycle::CheckCommitReadinessResult>(
+      ask(where_.channel, "CheckCommitReadiness",
+          arguments_of<lifecycle::CheckCommitReadinessArgs>(where_, definition).SerializeAsString()));
+  if (!answer) return answer.error();
+  std::map<std::string, bool> out;
+  for (const auto& [msp_id, approved] : answer->approvals()) out[printable(msp_id)] = approved;
+  return out;
+}
+
+Status Lifecycle::approve(const Definition& definition, const std::string& package_id) {
+  auto arguments = arguments_of<lifecycle::ApproveChaincodeDefinitionForMyOrgArgs>(where_, definition);
+  arguments.mutable_source()->mutable_local_package()->set_package_id(package_id);
+  return submit("ApproveChaincodeDefinitionForMyOrg", arguments.SerializeAsString(),
+                {fabric::EndorsementNeed::Count::one, msp_id_});
+}
+
+Status Lifecycle::commit(const Definition& definition) {
+  return submit("CommitChaincodeDefinition",
+                arguments_of<lifecycle::CommitChaincodeDefinitionArgs>(where_, definition).SerializeAsString(),
+                {fabric::EndorsementNeed::Count::two});
+}
+
+Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& application_policy) {
+  protos::ApplicationPolicy policy;
+  Fitness out;
+  fabric::Policy judged = channel.endorsement;
+  if (!policy.ParseFromString(application_policy)) {
+    out.policy = "one that cannot be read";
+    judged = fabric::nobody();
+  } else if (policy.has_signature_policy()) {
+    out.policy = "a signature policy of its own";
+    judged = {{policy.signature_policy().SerializeAsString()}, 1};
+  } else {
+    const std::string& reference = policy.channel_config_policy_reference();
+    const bool usual =
+        reference.empty() || reference == "/Channel/Application/Endorsement" || reference == "Endorsement";
+    out.policy = usual ? "the channel's, " + channel.endorsement_words : "the channel's " + printable(reference);
+    if (!usual) judged = fabric::nobody();
+  }
+  const auto& all = channel.organisations;
+  const auto suffice = [&](std::size_t i, std::size_t k) {
+    return fabric::satisfies(judged, {{all[i].msp_id, true}, {all[k].msp_id, true}});
+  };
+  std::size_t pairs = 0, good = 0;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    for (std::size_t k = i + 1; k < all.size(); ++k, ++pairs) good += suffice(i, k) ? 1 : 0;
+  }
+  if (all.size() == 1) pairs = 1, good = fabric::satisfies(judged, {{all[0].msp_id, true}}) ? 1 : 0;
+  out.direct = pairs > 0 && good == pairs;
+  out.direct_why = out.direct  ? "peers of any two organisations suffice"
+                   : good == 0 ? "two organisations' endorsements do not suffice, and programs gather no more"
+                               : fmt::format("only {} of {} pairs of organisations suffice", good, pairs);
+  return out;
+}
+
+}  // namespace ledgerline::chaincode_lifecycle

@@ -1,0 +1,73 @@
+#pragma once
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
+
+/// Fabric's lifecycle of a chaincode (`_lifecycle`), as an organisation's administrator: no program of Fabric's is needed.
+namespace ledgerline::chaincode_lifecycle {
+
+/// What a channel's organisations agree on.
+struct Definition {
+  std::string version;
+  std::int64_t sequence = 0;
+};
+
+struct Installed {
+  std::string package_id, label;
+};
+
+/// The definition that counts on the channel.
+struct Committed {
+  Definition definition;
+  std::string policy;                     ///< protos.ApplicationPolicy, serialized
+  std::map<std::string, bool> approvals;  ///< of it, by MSP id
+};
+
+/// Talks to the one peer of `config`, whose `where` says channel and chaincode; transactions go by its gateway, which finds
+/// the endorsements. One thread. Errors are the peer's words.
+class Lifecycle {
+ public:
+  static Result<Lifecycle> connect(fabric::ClientConfig config);
+
+  Result<std::vector<Installed>> installed();
+  Status install(const std::string& package);
+  /// nullopt: the channel has none.
+  Result<std::optional<Committed>> committed();
+  /// The package that the own organisation has approved for this definition; nullopt: it has not, or for another one.
+  Result<std::optional<std::string>> approved(const Definition& definition);
+  /// Who has approved a definition that is not committed yet, by MSP id.
+  Result<std::map<std::string, bool>> approvals(const Definition& definition);
+  /// Without a policy of its own: the channel's, /Channel/Application/Endorsement.
+  Status approve(const Definition& definition, const std::string& package_id);
+  Status commit(const Definition& definition);
+  Result<fabric::ChannelConfig> channel() { return questions_->channel_config(); }
+
+ private:
+  Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQuestions> questions,
+            std::unique_ptr<fabric::Client> client);
+  Result<std::string> ask(const std::string& channel, const std::string& function, const std::string& argument);
+  Status submit(const std::string& function, const std::string& argument, fabric::EndorsementNeed need);
+
+  fabric::ChannelAndContract where_;
+  std::string msp_id_;
+  std::unique_ptr<fabric::PeerQuestions> questions_;
+  std::unique_ptr<fabric::Client> client_;
+};
+
+/// What of a channel's rules bears on Ledgerline.
+struct Fitness {
+  std::string policy;  ///< the contract's endorsement policy, in words
+  bool direct =
+      false;  ///< two organisations' endorsements satisfy it: the direct path ([[orderer]], [[endorser]]) works
+  std::string direct_why;  ///< in words
+};
+Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& application_policy);
+
+}  // namespace ledgerline::chaincode_lifecycle

@@ -1,0 +1,25 @@
+#pragma once
+#include <string>
+
+/// A chaincode package for Fabric's lifecycle that says where a chaincode service is (type ccaas). Pure.
+namespace ledgerline::chaincode_lifecycle {
+
+/// How peers reach the service.
+struct ServicePlace {
+  std::string address;           ///< HOST:PORT, as peers see it
+  std::string root_pem{};        ///< authorities of its TLS certificate; empty: no TLS
+  bool client_auth = false;      ///< the service wants the peer's certificate (CHAINCODE_TLS_CLIENT_CA)
+  std::string client_pem{};      ///< that certificate, where the peer's builder does not put its own in
+  std::string client_key_pem{};  ///< its key: whoever may fetch the package has it
+};
+std::string connection_json(const ServicePlace& place);
+
+/// tar.gz of metadata.json and of code.tar.gz with connection.json. The same bytes for the same input, so the package's id
+/// stays, wherever it is made.
+std::string make_package(const std::string& label, const std::string& connection);
+/// "label:hash", as peers name it, and the service is told in CHAINCODE_ID.
+std::string package_id(const std::string& label, const std::string& package);
+/// Fabric's rule: letters and digits, inside also _ . + -
+bool is_label(const std::string& text);
+
+}  // namespace ledgerline::chaincode_lifecycle
