@@ -83,6 +83,17 @@ Result<Certificate> describe(X509* certificate) {
   return out;
 }
 
+Result<Digest> certificate_hash(const std::string& pem) {
+  auto certificate = read_certificate(pem);
+  if (!certificate) return certificate.error();
+  unsigned char* der = nullptr;
+  const int size = i2d_X509(certificate->get(), &der);
+  if (size < 0) return Error{"the certificate cannot be written: " + openssl_error()};
+  const Digest hash = sha256({reinterpret_cast<const char*>(der), static_cast<std::size_t>(size)});
+  OPENSSL_free(der);
+  return hash;
+}
+
 Result<Certificate> parse_certificate(const std::string& pem) {
   auto certificate = read_certificate(pem);
   if (!certificate) return certificate.error();

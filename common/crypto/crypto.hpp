@@ -62,6 +62,8 @@ struct Certificate {
   std::int64_t not_before_s = 0, not_after_s = 0;  ///< Unix time
 };
 Result<Certificate> parse_certificate(const std::string& pem);
+/// SHA-256 of the first certificate's DER: its fingerprint.
+Result<Digest> certificate_hash(const std::string& pem);
 
 /// Who signs: MSP id and certificate subject, so that it survives renewal.
 struct IdentityName {

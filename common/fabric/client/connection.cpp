@@ -32,6 +32,32 @@ Result<std::string> certificates_in(const std::string& path) {
   return pem;
 }
 
+Result<std::string> tls_hash_of(const ClientConfig::TlsPair& pair) {
+  if (pair.certificate_file.empty()) return std::string();
+  const auto pem = certificates_in(pair.certificate_file);
+  if (!pem) return pem.error();
+  const auto hash = crypto::certificate_hash(*pem);
+  if (!hash) return hash.error();
+  return std::string(reinterpret_cast<const char*>(hash->data()), hash->size());
+}
+
+/// As it counts, since one without a pair of its own has the client's.
+ClientConfig::Server with_pair(ClientConfig::Server server, const ClientConfig& config) {
+  if (server.tls_pair.certificate_file.empty() && server.tls_pair.key_file.empty()) server.tls_pair = config.tls_pair;
+  return server;
+}
+
+Result<std::vector<std::string>> tls_hashes(const std::vector<ClientConfig::Server>& servers,
+                                            const ClientConfig& config) {
+  std::vector<std::string> out;
+  for (const ClientConfig::Server& server : servers) {
+    auto hash = tls_hash_of(with_pair(server, config).tls_pair);
+    if (!hash) return hash.error();
+    out.push_back(std::move(*hash));
+  }
+  return out;
+}
+
 Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server) {
   if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
   auto authorities = certificates_in(server.tls_ca_file);
@@ -85,10 +111,7 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     into->push_back(std::move(*channel));
   }
   using Channels = std::vector<std::shared_ptr<grpc::Channel>>;
-  const auto connect = [&](ClientConfig::Server server) {
-    if (server.tls_pair.certificate_file.empty() && server.tls_pair.key_file.empty()) server.tls_pair = config.tls_pair;
-    return make_channel(server);
-  };
+  const auto connect = [&](const ClientConfig::Server& server) { return make_channel(with_pair(server, config)); };
   const auto add = [&](const std::vector<ClientConfig::Server>& servers, Channels& into) -> Status {
     for (const ClientConfig::Server& server : servers) {
       auto channel = connect(server);
@@ -111,6 +134,14 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     auto to_endorser = connect({endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair});
     if (!to_endorser) return to_endorser.error();
     connection->endorsers.push_back(std::move(*to_endorser));
+  }
+  std::vector<ClientConfig::Server> peers{{config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair}};
+  peers.insert(peers.end(), config.other_peers.begin(), config.other_peers.end());
+  for (const auto& [servers, into] : {std::pair{&peers, &connection->peer_tls_hashes},
+                                      std::pair{&config.orderers, &connection->orderer_tls_hashes}}) {
+    auto hashes = tls_hashes(*servers, config);
+    if (!hashes) return hashes.error();
+    *into = std::move(*hashes);
   }
   connection->config = std::move(config);
   return std::shared_ptr<const Connection>(std::move(connection));

@@ -21,6 +21,8 @@ struct Connection {
   /// The same peers, for streams alone: where a stream and calls share a connection, whichever thread wakes for its
   /// bytes reads them, and must wake the other.
   std::vector<std::shared_ptr<grpc::Channel>> stream_peers;
+  /// Of the certificates that those are shown, for Deliver; empty: none is.
+  std::vector<std::string> peer_tls_hashes, orderer_tls_hashes;
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::vector<std::shared_ptr<grpc::Channel>> stream_orderers;  ///< likewise; none where their blocks are not read
   std::vector<std::shared_ptr<grpc::Channel>> endorsers;        ///< as in the config; the own peer's is its own

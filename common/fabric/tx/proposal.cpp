@@ -195,8 +195,8 @@ Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::strin
 }
 
 Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
-                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce,
-                              SeekStop stop) {
+                              std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce, SeekStop stop,
+                              const std::string& tls_hash) {
   orderer::SeekInfo seek;
   if (start) {
     seek.mutable_start()->mutable_specified()->set_number(*start);
@@ -211,8 +211,9 @@ Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::str
     seek.set_behavior(orderer::SeekInfo::BLOCK_UNTIL_READY);
   }
   common::Payload payload;
-  *payload.mutable_header() = whole_header(
-      channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_of(timestamp_ns)), signer_of(who, std::move(nonce)));
+  common::ChannelHeader header = channel_header(common::DELIVER_SEEK_INFO, channel, timestamp_of(timestamp_ns));
+  header.set_tls_cert_hash(tls_hash);
+  *payload.mutable_header() = whole_header(header, signer_of(who, std::move(nonce)));
   payload.set_data(seek.SerializeAsString());
   return signed_envelope(who, payload.SerializeAsString());
 }

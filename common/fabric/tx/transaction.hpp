@@ -75,10 +75,11 @@ enum class SeekStop {
   never,     ///< what is not there yet is waited for
   at_start,  ///< the first block alone; where it is not there the peer says so at once
 };
-/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on.
+/// A signed common.Envelope with SeekInfo for Deliver: from block `start` (nullopt: newest) on. `tls_hash`: of the TLS
+/// certificate that the client shows, which a server that wants one compares; empty: it shows none.
 Result<std::string> make_seek(const crypto::SigningIdentity& who, const std::string& channel,
                               std::optional<std::uint64_t> start, TimeNs timestamp_ns, std::string nonce,
-                              SeekStop stop = SeekStop::never);
+                              SeekStop stop = SeekStop::never, const std::string& tls_hash = {});
 
 /// Who endorsed, in a transaction.
 struct Endorsement {

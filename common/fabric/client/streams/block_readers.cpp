@@ -37,10 +37,12 @@ std::string BlockReader::follow(Follower& follower) {
   ask_definition(follower);
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
-  const auto stub = protos::Deliver::NewStub(connection_->stream_peers[connection_->peer()]);
+  const std::size_t peer = connection_->peer();
+  const auto stub = protos::Deliver::NewStub(connection_->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
   const auto start = blocks_->begin();
-  if (std::string problem = seek(*connection_, *stream, start); !problem.empty()) return problem;
+  if (std::string problem = seek(*connection_, *stream, connection_->peer_tls_hashes[peer], start); !problem.empty())
+    return problem;
   std::optional<Seeing> seeing;
   if (start) {
     seeing.emplace(*connection_->commits);
@@ -131,10 +133,11 @@ std::string OrderedReader::follow(Follower& follower) {
   if (!start) return {};  // the peer's stream comes first
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
-  const auto stub =
-      orderer::AtomicBroadcast::NewStub(connection_->stream_orderers[which_++ % connection_->stream_orderers.size()]);
+  const std::size_t at = which_++ % connection_->stream_orderers.size();
+  const auto stub = orderer::AtomicBroadcast::NewStub(connection_->stream_orderers[at]);
   const auto stream = stub->Deliver(&context);
-  if (std::string problem = seek(*connection_, *stream, start); !problem.empty()) return problem;
+  if (std::string problem = seek(*connection_, *stream, connection_->orderer_tls_hashes[at], start); !problem.empty())
+    return problem;
   orderer::DeliverResponse response;
   while (stream->Read(&response)) {
     std::string problem =

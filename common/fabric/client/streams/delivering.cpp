@@ -18,9 +18,11 @@ Result<common::Block> fetch_block(const Connection& connection, Follower& follow
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
   context.set_deadline(std::chrono::system_clock::now() + connection.config.deadline);
-  const auto stub = protos::Deliver::NewStub(connection.stream_peers[connection.peer()]);
+  const std::size_t peer = connection.peer();
+  const auto stub = protos::Deliver::NewStub(connection.stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
-  if (std::string problem = seek(connection, *stream, number, SeekStop::at_start); !problem.empty())
+  if (std::string problem = seek(connection, *stream, connection.peer_tls_hashes[peer], number, SeekStop::at_start);
+      !problem.empty())
     return Error{problem};
   protos::DeliverResponse response;
   const bool read = stream->Read(&response);

@@ -15,12 +15,12 @@ namespace ledgerline::fabric {
 /// Why a stream ended.
 std::string text_of(const grpc::Status& status);
 
-/// Asks for blocks from `start` on; an empty text when the question is on its way.
+/// Asks for blocks from `start` on; an empty text when the question is on its way. `tls_hash`: of the server that is asked.
 template <typename DeliverStream>
-std::string seek(const Connection& connection, DeliverStream& stream, std::optional<std::uint64_t> start,
-                 SeekStop stop = SeekStop::never) {
+std::string seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
+                 std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
   auto envelope = make_seek(connection.config.identity, connection.config.where.channel, start, realtime_ns(),
-                            crypto::random_bytes(24), stop);
+                            crypto::random_bytes(24), stop, tls_hash);
   if (!envelope) return envelope.error().what;
   common::Envelope message;
   message.ParseFromString(*envelope);

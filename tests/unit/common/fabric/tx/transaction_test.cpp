@@ -56,7 +56,8 @@ TEST(Proposal, SameInputsMakeTheSameBytes) {
 TEST(Seek, AsksForBlocksWithoutEnd) {
   for (const std::optional<std::uint64_t> start : {std::optional<std::uint64_t>(7), std::optional<std::uint64_t>()}) {
     common::Envelope envelope;
-    ASSERT_TRUE(envelope.ParseFromString(make_seek(client, "teleop", start, ns_per_s, nonce).value()));
+    ASSERT_TRUE(
+        envelope.ParseFromString(make_seek(client, "teleop", start, ns_per_s, nonce, SeekStop::never, "hash").value()));
     EXPECT_TRUE(signed_by(client, envelope.payload(), envelope.signature()));
     common::Payload payload;
     common::ChannelHeader channel;
@@ -65,6 +66,7 @@ TEST(Seek, AsksForBlocksWithoutEnd) {
                 channel.ParseFromString(payload.header().channel_header()) && seek.ParseFromString(payload.data()));
     EXPECT_EQ(channel.type(), common::DELIVER_SEEK_INFO);
     EXPECT_EQ(channel.channel_id(), "teleop");
+    EXPECT_EQ(channel.tls_cert_hash(), "hash");
     EXPECT_EQ(seek.start().has_newest(), !start.has_value());
     EXPECT_EQ(seek.start().specified().number(), start.value_or(0));
     EXPECT_EQ(seek.stop().specified().number(), UINT64_MAX);
