@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
+#include <thread>
+
 #include "common/base/printable.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
@@ -10,8 +13,15 @@ namespace ledgerline::chaincode_lifecycle {
 namespace {
 
 constexpr const char* lifecycle_contract = "_lifecycle";
-// A peer builds what it installs, and a slow network's commit waits for two blocks.
+// A peer builds what it installs.
 constexpr std::chrono::milliseconds limit{60'000};
+// Of a transaction: a block may be cut seconds later. Orderers without a leader yet take none, and the gateway says so too
+// late for the call; so it is asked again.
+constexpr std::chrono::milliseconds transaction_limit{15'000};
+constexpr std::chrono::seconds patience{60};
+constexpr std::chrono::milliseconds pause{500};
+// A peer that has just started does not know the others' yet.
+constexpr const char* no_peers_yet = "can satisfy the endorsement policy";
 
 template <typename Message>
 Result<Message> parsed(const Result<std::string>& answer) {
@@ -51,6 +61,7 @@ Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
   auto questions = fabric::PeerQuestions::create(config);
   if (!questions) return questions.error();
   config.where.contract = lifecycle_contract;
+  config.deadline = transaction_limit;
   auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
   return Lifecycle(where, msp_id, std::move(*questions), std::move(*client));
@@ -61,12 +72,19 @@ Result<std::string> Lifecycle::ask(const std::string& channel, const std::string
   return questions_->ask({channel, lifecycle_contract}, {function, {argument}});
 }
 
-Status Lifecycle::submit(const std::string& function, const std::string& argument, fabric::EndorsementNeed need) {
-  fabric::Call call{function, {argument}};
-  call.need = std::move(need);
-  const fabric::Outcome outcome = client_->submit_and_wait(std::move(call));
-  if (outcome.kind == fabric::Outcome::Kind::committed) return done;
-  return Error{outcome.message};
+Status Lifecycle::submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
+                         const std::function<Result<bool>()>& is_done) {
+  for (const auto until = std::chrono::steady_clock::now() + patience;; std::this_thread::sleep_for(pause)) {
+    fabric::Call call{function, {argument}};
+    call.need = need;
+    const fabric::Outcome outcome = client_->submit_and_wait(std::move(call));
+    if (outcome.kind == fabric::Outcome::Kind::committed) return done;
+    // One that was given up may have been ordered after all, and a second one is then refused.
+    if (const auto there = is_done(); there && *there) return done;
+    const Error error{outcome.message};
+    const bool may_pass = outcome.kind != fabric::Outcome::Kind::refused || says(error, no_peers_yet);
+    if (!may_pass || std::chrono::steady_clock::now() > until) return error;
+  }
 }
 
 Result<std::vector<Installed>> Lifecycle::installed() {
@@ -125,13 +143,20 @@ Status Lifecycle::approve(const Definition& definition, const std::string& packa
   auto arguments = arguments_of<lifecycle::ApproveChaincodeDefinitionForMyOrgArgs>(where_, definition);
   arguments.mutable_source()->mutable_local_package()->set_package_id(package_id);
   return submit("ApproveChaincodeDefinitionForMyOrg", arguments.SerializeAsString(),
-                {fabric::EndorsementNeed::Count::one, msp_id_});
+                {fabric::EndorsementNeed::Count::one, msp_id_}, [&]() -> Result<bool> {
+                  const auto now = approved(definition);
+                  return now ? Result<bool>(*now == package_id) : now.error();
+                });
 }
 
 Status Lifecycle::commit(const Definition& definition) {
   return submit("CommitChaincodeDefinition",
                 arguments_of<lifecycle::CommitChaincodeDefinitionArgs>(where_, definition).SerializeAsString(),
-                {fabric::EndorsementNeed::Count::two});
+                {fabric::EndorsementNeed::Count::two}, [&]() -> Result<bool> {
+                  const auto now = committed();
+                  if (!now) return now.error();
+                  return *now && (*now)->definition == definition;
+                });
 }
 
 Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& application_policy) {

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -17,6 +18,7 @@ namespace ledgerline::chaincode_lifecycle {
 struct Definition {
   std::string version;
   std::int64_t sequence = 0;
+  bool operator==(const Definition&) const = default;
 };
 
 struct Installed {
@@ -53,7 +55,9 @@ class Lifecycle {
   Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQuestions> questions,
             std::unique_ptr<fabric::Client> client);
   Result<std::string> ask(const std::string& channel, const std::string& function, const std::string& argument);
-  Status submit(const std::string& function, const std::string& argument, fabric::EndorsementNeed need);
+  /// Again until it is committed or refused, or `is_done`.
+  Status submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
+                const std::function<Result<bool>()>& is_done);
 
   fabric::ChannelAndContract where_;
   std::string msp_id_;
