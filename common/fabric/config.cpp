@@ -80,6 +80,14 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
                                                 "1,000, since newer states say more, the others 5,000",
                                                 "see there"},
                                                deadline.count(), 100, 600'000));
+  out.patience_of_channel =
+      config.choice(
+          {"ledger.patience",
+           "of agent and ground: `auto` makes deadline_ms, agent's check.max_age_ms and agent.ledger_silent_after_ms "
+           "longer by twice the channel's BatchTimeout (nothing where each transaction is a block), as config_block, "
+           "or "
+           "without it the peer says; the log says by how much. `fixed`: they are as they stand"},
+          {"fixed", "auto"}, "fixed") == "auto";
   out.orderers = servers(config, {"orderer",
                                   "for the direct path, past the gateway, which saves its two steps; none: the "
                                   "gateway alone"});

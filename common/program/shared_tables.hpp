@@ -6,8 +6,8 @@ namespace ledgerline {
 /// Help of the tables that several programs' configs have, each read by one reader (common/fabric/config.hpp,
 /// common/dds/settings/config.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
 inline const std::string ledger_table_help =
-    "  [ledger] endpoint, tls_ca, msp_id, msp_dir, blocks;\n"
-    "  [[orderer]], [[peer]] endpoint, tls_ca; [[msp]] id, ca\n";
+    "  [ledger] endpoint, tls_ca, msp_id, msp_dir (or certificate, private_key), blocks, patience (fixed|auto);\n"
+    "  [[orderer]], [[peer]] endpoint, tls_ca, and as [ledger] server_name, tls_certificate, tls_key; [[msp]] id, ca\n";
 
 inline const std::string dds_table_help =
     "  [dds] domain (ROS_DOMAIN_ID), local_only or cyclonedds, and for DDS Security\n"

@@ -6,6 +6,7 @@
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/patience.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -37,6 +38,9 @@ int fly(Config& config) {
   flight.self = ledger->identity.name;
   flight.believed = std::move(believed).value();
   flight.where = ledger->where;
+  const auto longer_ns = fabric::added_patience(*ledger);
+  if (!longer_ns) return fail(longer_ns.error());
+  ledger->deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
   const fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
   if (careful.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto client = fabric::Client::create(careful);

@@ -66,6 +66,7 @@ struct ClientConfig {
   std::function<bool(const std::string& key)> is_of_hot_path;
   crypto::SigningIdentity identity;
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
+  bool patience_of_channel = false;          ///< limits of time grow by what the channel's blocks take (patience.hpp)
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
   std::chrono::milliseconds endorse_patience{300};  ///< with peers that others do not need to wait for
 };

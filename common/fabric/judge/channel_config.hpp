@@ -20,7 +20,7 @@ namespace ledgerline::fabric {
 /// When its orderers cut a block: at so many transactions or bytes, else so long behind its first transaction.
 struct Batching {
   TimeNs timeout_ns = 0;
-  std::uint32_t max_messages = 0, preferred_max_bytes = 0, absolute_max_bytes = 0;
+  std::uint32_t max_messages = 0, preferred_max_bytes{}, absolute_max_bytes{};
 };
 
 struct ChannelConfig {

@@ -8,6 +8,7 @@
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/patience.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -62,7 +63,7 @@ int run(Config& config) {
   // What a leader that died took with it is given up soon: newer states say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
-  const fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
+  fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
   bridged.checkpoint = bridge::checkpoint_beside(settings.checkpoint);
@@ -77,6 +78,11 @@ int run(Config& config) {
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   settings.blocks_are_judged = !known.config_block.empty();
+  const auto longer_ns = fabric::added_patience(known);
+  if (!longer_ns) return fail(longer_ns.error());
+  known.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+  settings.core.check.max_age_ns += *longer_ns;
+  settings.core.ledger_silent_after_ns += *longer_ns;
   auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
   if (!checkpoint) return fail(checkpoint.error(), exit_usage);
   auto client = fabric::Client::create(known);

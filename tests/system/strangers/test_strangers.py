@@ -43,7 +43,8 @@ def ledger_file(network: Consortium, k: int, user: str, whole: bool = False) -> 
                 f'certificate = "{own}/msp/signcerts/cert.pem"\nprivate_key = "{own}/msp/keystore/priv_sk"\n')
     text = (f'[ledger]\n{server(network.peer_ports[k - 1], f"peer0.{org.domain}", org.tlsca)}channel = "mychannel"\ncontract = "drones"\n'
             f'tls_certificate = "{own}/tls/server.crt"\ntls_key = "{own}/tls/server.key"\nmsp_id = "{org.msp_id}"\n{identity}'
-            f'config_block = "{network.block}"\ndeadline_ms = 10000\n')
+            f'config_block = "{network.block}"\n')
+    text += 'patience = "auto"\n' if whole else "deadline_ms = 10000\n"
     if whole:
         text += f'[[orderer]]\n{server(network.orderer_port, "orderer.example.com", network.ordering.tlsca)}'
         for org, port in zip(network.organisations, network.peer_ports):
@@ -69,7 +70,8 @@ def bring_contract(network: Consortium) -> None:
         assert contract(*words).strip() == identifier
         network.start(f"service{k}", [BIN / "ledgerline-chaincode"], {
             "CHAINCODE_ID": identifier, "CHAINCODE_SERVER_ADDRESS": f"127.0.0.1:{port}", "CHAINCODE_TLS_KEY": f"{service}/tls/server.key",
-            "CHAINCODE_TLS_CERT": f"{service}/tls/server.crt", "CHAINCODE_TLS_CLIENT_CA": f"{service}/tls/ca.crt"})
+            "CHAINCODE_TLS_CERT": f"{service}/tls/server.crt", "CHAINCODE_TLS_CLIENT_CA": f"{service}/tls/ca.crt",
+            "CHAINCODE_TLS_CLIENT_NAMES": peer.name})
         for done in ("installed ledgerline_1:", "is installed already"):
             assert done in contract("install", "--config", admin, "--package", package)
         for done in ("approved version 2 sequence 1", "is approved already"):
@@ -120,5 +122,6 @@ def test_a_contract_and_a_flight_on_a_network_of_strangers(tmp_path):
             print(printed(tmp_path), flush=True)
             assert code == 0
         report = result(tmp_path)
+        assert "a command may come 4 s later" in (tmp_path / "run" / "agent.log").read_text()
         assert report["ok"] is True and len(report["drones"][0]["lap_s"]) == 1
     assert_nothing_left()

@@ -7,6 +7,8 @@
 #include <filesystem>
 #include <fstream>
 
+#include "common/fabric/patience.hpp"
+
 namespace ledgerline::fabric {
 namespace {
 
@@ -91,6 +93,21 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
                     .value();
   EXPECT_NE(ledger_config(config).error().what.find("/nowhere/signcerts"), std::string::npos);
   EXPECT_NE(msp_registry(config).error().what.find("/no-ca.pem"), std::string::npos);
+}
+
+TEST(Patience, IsTwiceABlocksWaitWhereBlocksWait) {
+  EXPECT_EQ(both_ways_ns({2 * ns_per_s, 10}), 4 * ns_per_s);
+  EXPECT_EQ(both_ways_ns({2 * ns_per_s, 1}), 0);
+  EXPECT_EQ(both_ways_ns({3600 * ns_per_s, 500}), 55 * ns_per_s) << "whatever a configuration says";
+  EXPECT_EQ(both_ways_ns({INT64_MAX, 500}), 55 * ns_per_s);
+}
+
+TEST(Patience, IsOfTheTrustAnchorOrOfThePeer) {
+  ClientConfig config;
+  EXPECT_EQ(added_patience(config).value(), 0) << "fixed: nobody is asked";
+  config.patience_of_channel = true;
+  config.config_block = "no block";
+  EXPECT_NE(added_patience(config).error().what.find("ledger.patience"), std::string::npos);
 }
 
 TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {
