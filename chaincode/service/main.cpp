@@ -11,7 +11,8 @@ namespace {
 constexpr const char* notes = R"(
 Started as chaincode services are:
   CHAINCODE_ID=ledgerline_1:HASH CHAINCODE_SERVER_ADDRESS=127.0.0.1:9999 ledgerline-chaincode
-With TLS (files): CHAINCODE_TLS_KEY, CHAINCODE_TLS_CERT; with CHAINCODE_TLS_CLIENT_CA peers must show a certificate.
+With TLS (files): CHAINCODE_TLS_KEY, CHAINCODE_TLS_CERT; with CHAINCODE_TLS_CLIENT_CA peers must show a certificate,
+and with CHAINCODE_TLS_CLIENT_NAMES=peer0.org1.example.com,... one of these names must be in it.
 
 The contract of Ledgerline for Fabric's peers: the same code that the embedded node runs. One process an organisation.
 Prints {"ready":true,"endpoint":...} when it serves. SIGINT or SIGTERM ends it.

@@ -1,11 +1,14 @@
+#include <grpc/grpc_security_constants.h>
 #include <grpcpp/impl/service_type.h>
 #include <grpcpp/server.h>
 #include <grpcpp/server_builder.h>
 #include <grpcpp/server_context.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <set>
+#include <sstream>
 
 #include "chaincode/shim/session.hpp"
 #include "common/base/file.hpp"
@@ -39,13 +42,31 @@ Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& opti
   return grpc::SslServerCredentials(tls);
 }
 
+/// What a client's certificate says it is called.
+std::set<std::string> names_of(const grpc::ServerContext& context) {
+  std::set<std::string> names;
+  const auto told = context.auth_context();
+  if (!told) return names;
+  for (const char* property : {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME}) {
+    for (const grpc::string_ref& name : told->FindPropertyValues(property)) names.emplace(name.data(), name.size());
+  }
+  return names;
+}
+
 class Service final : public protos::Chaincode::Service {
  public:
   Service(const Options& options, Invoke invoke)
-      : id_(options.chaincode_id), invoke_(std::move(invoke)), workers_(options.threads) {}
+      : id_(options.chaincode_id),
+        client_names_(options.client_names.begin(), options.client_names.end()),
+        invoke_(std::move(invoke)),
+        workers_(options.threads) {}
 
   grpc::Status Connect(grpc::ServerContext* context,
                        grpc::ServerReaderWriter<protos::ChaincodeMessage, protos::ChaincodeMessage>* stream) override {
+    if (!is_told(*context)) {
+      spdlog::warn("peer {}: its certificate has none of the names in CHAINCODE_TLS_CLIENT_NAMES", context->peer());
+      return {grpc::StatusCode::PERMISSION_DENIED, "this chaincode service does not take this certificate"};
+    }
     spdlog::info("peer {} connected", context->peer());
     // Transactions outlive the stream: after its end nothing is written to it any more.
     struct Writer {
@@ -80,7 +101,14 @@ class Service final : public protos::Chaincode::Service {
   }
 
  private:
+  bool is_told(const grpc::ServerContext& context) const {
+    const std::set<std::string> names = names_of(context);
+    return client_names_.empty() || std::any_of(names.begin(), names.end(),
+                                                [&](const std::string& name) { return client_names_.contains(name); });
+  }
+
   const std::string id_;
+  const std::set<std::string> client_names_;
   const Invoke invoke_;
   Workers workers_;
 };
@@ -140,6 +168,12 @@ Result<Options> options_from_environment() {
   options.key_file = text("CHAINCODE_TLS_KEY");
   options.certificate_file = text("CHAINCODE_TLS_CERT");
   options.client_ca_file = text("CHAINCODE_TLS_CLIENT_CA");
+  std::stringstream names(text("CHAINCODE_TLS_CLIENT_NAMES"));
+  for (std::string name; std::getline(names, name, ',');) {
+    if (!name.empty()) options.client_names.push_back(name);
+  }
+  if (!options.client_names.empty() && options.client_ca_file.empty())
+    return Error{"CHAINCODE_TLS_CLIENT_NAMES needs CHAINCODE_TLS_CLIENT_CA: without it nobody shows a certificate"};
   if (options.chaincode_id.empty()) return Error{"CHAINCODE_ID is not set: the package id, LABEL:HASH"};
   if (options.address.empty()) return Error{"CHAINCODE_SERVER_ADDRESS is not set: where to listen, ADDRESS:PORT"};
   if (options.key_file.empty() != options.certificate_file.empty()) {

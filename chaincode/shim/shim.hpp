@@ -77,11 +77,15 @@ struct Options {
   std::string key_file;          ///< PEM; empty: no TLS
   std::string certificate_file;  ///< PEM
   std::string client_ca_file;    ///< PEM; given: peers must show a certificate that it signed
-  int threads = 16;              ///< transactions at once; more wait
+  /// Names (common or alternative) of whose certificates are taken, since that authority signs clients' and orderers', too.
+  /// Empty: any that it signed.
+  std::vector<std::string> client_names{};
+  int threads = 16;  ///< transactions at once; more wait
 };
 
 /// From CHAINCODE_ID, CHAINCODE_SERVER_ADDRESS, CHAINCODE_TLS_KEY, CHAINCODE_TLS_CERT and CHAINCODE_TLS_CLIENT_CA, as
-/// chaincode services are started everywhere; the last three name files and may be missing together.
+/// chaincode services are started everywhere; the last three name files and may be missing together. And, our own,
+/// CHAINCODE_TLS_CLIENT_NAMES: client_names, with commas between.
 Result<Options> options_from_environment();
 
 /// Serves on threads of its own until stop() or its end; all methods from any thread, stop() not from within Invoke. A

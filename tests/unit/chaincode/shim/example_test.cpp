@@ -98,7 +98,9 @@ class ExampleTest : public ::testing::Test {
  protected:
   ExampleTest() : dir(fs::temp_directory_path() / ("ledgerline_example_" + std::to_string(::getpid()))) {
     fs::create_directories(dir);
-    for (const char* name : {"CHAINCODE_TLS_KEY", "CHAINCODE_TLS_CERT", "CHAINCODE_TLS_CLIENT_CA"}) ::unsetenv(name);
+    for (const char* name :
+         {"CHAINCODE_TLS_KEY", "CHAINCODE_TLS_CERT", "CHAINCODE_TLS_CLIENT_CA", "CHAINCODE_TLS_CLIENT_NAMES"})
+      ::unsetenv(name);
     ::setenv("CHAINCODE_ID", "counter:1", 1);
     ::setenv("CHAINCODE_SERVER_ADDRESS", "127.0.0.1:0", 1);
   }
@@ -170,6 +172,32 @@ TEST_F(ExampleTest, WithAClientCaOnlyPeersWithItsCertificateAreServed) {
   tls.pem_private_key = client->key_pem;
   tls.pem_cert_chain = client->certificate_pem;
   EXPECT_TRUE(Peer(endpoint, grpc::SslCredentials(tls)).registers());
+}
+
+TEST_F(ExampleTest, OfThatAuthoritysCertificatesOnlyThoseWithANameThatItIsToldAreServed) {
+  const auto ca = crypto::make_ca("tlsca", "org1");
+  ASSERT_TRUE(ca);
+  const auto issue = [&](const std::string& name, const std::vector<std::string>& sans) {
+    crypto::CertificateRequest request;
+    request.common_name = name;
+    request.sans = sans;
+    request.tls = true;
+    return crypto::issue(*ca, request).value();
+  };
+  const auto server = issue("localhost", {"127.0.0.1"});
+  ::setenv("CHAINCODE_TLS_KEY", file("server.key", server.key_pem).c_str(), 1);
+  ::setenv("CHAINCODE_TLS_CERT", file("server.crt", server.certificate_pem).c_str(), 1);
+  ::setenv("CHAINCODE_TLS_CLIENT_CA", file("ca.crt", ca->certificate_pem).c_str(), 1);
+  ::setenv("CHAINCODE_TLS_CLIENT_NAMES", "peer0.org1,peer1.org1", 1);
+  const std::string endpoint = start();
+  const auto registers = [&](const crypto::KeyAndCertificate& client) {
+    return Peer(endpoint, grpc::SslCredentials({ca->certificate_pem, client.key_pem, client.certificate_pem}))
+        .registers();
+  };
+  EXPECT_TRUE(registers(issue("peer0.org1", {"elsewhere"}))) << "by its common name";
+  EXPECT_TRUE(registers(issue("a peer", {"localhost", "peer1.org1"}))) << "by an alternative one";
+  EXPECT_FALSE(registers(issue("User1@org1", {"localhost"}))) << "the same authority's, but no peer's";
+  EXPECT_FALSE(registers(issue("peer0.org1.evil", {"xpeer0.org1"})));
 }
 
 }  // namespace
