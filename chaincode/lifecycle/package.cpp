@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
+#include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode_lifecycle {
 namespace {
@@ -93,6 +94,8 @@ std::string make_package(const std::string& label, const std::string& connection
   const std::string metadata = nlohmann::json{{"type", "ccaas"}, {"label", label}}.dump(1);
   return gzip_of(tar_of({{"metadata.json", metadata}, {"code.tar.gz", code}}));
 }
+
+std::string contract_version() { return std::to_string(contract::record_version + 1); }
 
 std::string package_id(const std::string& label, const std::string& package) {
   return label + ":" + crypto::hex(crypto::sha256(package));

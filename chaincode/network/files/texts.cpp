@@ -2,9 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <nlohmann/json.hpp>
-
 #include "chaincode/identities/identities.hpp"
+#include "chaincode/lifecycle/package.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -200,12 +199,8 @@ std::vector<std::string> chaincode_environment(const Options& options, const Lis
 }
 
 std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem) {
-  return nlohmann::json{{"address", places.chaincode(organisation)},
-                        {"dial_timeout", "10s"},
-                        {"tls_required", true},
-                        {"client_auth_required", true},
-                        {"root_cert", ca_pem}}
-      .dump(2);
+  return chaincode_lifecycle::connection_json(
+      {.address = places.chaincode(organisation), .root_pem = ca_pem, .client_auth = true});
 }
 
 std::string builder_script(const std::string& name) {

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
+#include "chaincode/lifecycle/package.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -17,9 +18,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr const char* label = "ledgerline_1";  // of the package, which says where the service is and stays the same
-/// Of the contract's definition. A network of an older one needs a new definition, because what the contract writes
-/// needs other endorsements: the first, of records without a version, named its own policy.
-std::string contract_version() { return std::to_string(contract::record_version + 1); }
 // Peers hear of each other once a second; those of hosts that are down are not waited for longer.
 constexpr TimeNs endorsers_limit_ns = 30 * ns_per_s;
 
@@ -32,26 +30,19 @@ std::string first_file(const fs::path& dir) {
 }  // namespace
 
 Status Deployment::make_package(int organisation) {
-  const std::string folder = site_.in(fmt::format("package{}", organisation)), package = folder + "/ledgerline.tgz";
+  const std::string package = site_.in(fmt::format("package{}/ledgerline.tgz", organisation));
   if (!fs::exists(package)) {
     const auto ca = read_file(identities::peer_dir(site_.options().dir, organisation) / "tls" / "ca.crt");
     if (!ca) return ca.error();
-    const std::string metadata = nlohmann::json{{"type", "ccaas"}, {"label", label}}.dump(1);
-    Status written = write_file(folder + "/connection.json", connection_json(site_.places(), organisation, *ca), 0600);
-    if (written) written = write_file(folder + "/metadata.json", metadata, 0644);
-    if (!written) return written;
-    const auto pack = [&](const std::string& archive, std::vector<std::string> files) {
-      std::vector<std::string> command{"/bin/tar", "-czf", archive, "-C", folder};
-      command.insert(command.end(), files.begin(), files.end());
-      return site_.processes().run("packing the chaincode", command, {});
-    };
-    if (const auto inner = pack(folder + "/code.tar.gz", {"connection.json"}); !inner) return inner.error();
-    if (const auto outer = pack(package + ".new", {"metadata.json", "code.tar.gz"}); !outer) return outer.error();
-    fs::rename(package + ".new", package);
+    if (Status s = replace_file(
+            package, chaincode_lifecycle::make_package(label, connection_json(site_.places(), organisation, *ca)),
+            0600);
+        !s)
+      return s;
   }
   const auto bytes = read_file(package);
   if (!bytes) return bytes.error();
-  package_ids_[organisation] = std::string(label) + ":" + crypto::hex(crypto::sha256(*bytes));
+  package_ids_[organisation] = chaincode_lifecycle::package_id(label, *bytes);
   return done;
 }
 
@@ -100,10 +91,10 @@ std::vector<std::string> Deployment::lifecycle(const std::string& verb, const st
                                                const std::vector<std::string>& more) const {
   std::vector<std::string> words{"lifecycle", "chaincode", verb};
   words.insert(words.end(), more.begin(), more.end());
-  words.insert(words.end(),
-               {"-o", site_.places().orderer(1), "--tls", "--cafile",
-                identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel, "--name",
-                "ledgerline", "--version", contract_version(), "--sequence", std::to_string(sequence)});
+  words.insert(words.end(), {"-o", site_.places().orderer(1), "--tls", "--cafile",
+                             identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel,
+                             "--name", "ledgerline", "--version", chaincode_lifecycle::contract_version(), "--sequence",
+                             std::to_string(sequence)});
   // Without one the channel's holds, /Channel/Application/Endorsement: a majority of its organisations.
   if (!site_.options().signature_policy.empty())
     words.insert(words.end(), {"--signature-policy", site_.options().signature_policy});
@@ -160,14 +151,15 @@ Status Deployment::define() {
 /// The directory keeps which version was defined; of the first one the mark is empty.
 Status Deployment::define_on(const std::string& channel) {
   const std::string mark = site_.in("done/contract-" + channel);
-  if (const auto defined = read_file(mark); defined && *defined == contract_version()) return done;
+  if (const auto defined = read_file(mark); defined && *defined == chaincode_lifecycle::contract_version()) return done;
   Definition now;
   if (fs::exists(mark)) {
     const auto found = definition_on(channel);
     if (!found) return found.error();
     now = *found;
   }
-  const bool new_here = now.version != contract_version();  // else another host has committed it already
+  const bool new_here =
+      now.version != chaincode_lifecycle::contract_version();  // else another host has committed it already
   const int sequence = now.sequence + (new_here ? 1 : 0);
   // One after the other: the command waits from the newest block on, and may miss its own beside others. Those are on
   // other hosts, and then it is soon asked again.
@@ -177,7 +169,7 @@ Status Deployment::define_on(const std::string& channel) {
   if (new_here && site_.options().runs_organisation(1)) {
     if (Status s = commit(channel, sequence); !s) return s;
   }
-  return write_file(mark, contract_version(), 0644);
+  return write_file(mark, chaincode_lifecycle::contract_version(), 0644);
 }
 
 Status Deployment::wait_for_definition() {
@@ -185,7 +177,7 @@ Status Deployment::wait_for_definition() {
   for (const std::string& channel : site_.options().channels) {
     for (;;) {
       const auto now = definition_on(channel);
-      if (now && now->version == contract_version()) break;
+      if (now && now->version == chaincode_lifecycle::contract_version()) break;
       if (monotonic_ns() > until) {
         return now ? Error{"channel " + channel +
                            " has the contract of before yet: the host of organisation 1 commits it"}
