@@ -268,9 +268,11 @@ std::vector<std::string> differences(const Results& r) {
                ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
                              r.asked.orderers, r.storage)
                : embedded),
-      r.asked.ledger == fly::Ledger::none ? std::string("theirs: blocks of 10 messages or 2 s; here: none")
-                                          : fmt::format("theirs: blocks of 10 messages or 2 s; here: {} or {:.0f} ms",
-                                                        r.asked.batch_count, to_ms(r.asked.batch_timeout_ns)),
+      "theirs: blocks of 10 messages or 2 s; here: " +
+          (fly::is_of_others(r.asked) ? std::string("as that network has it")
+           : r.asked.ledger == fly::Ledger::none
+               ? "none"
+               : fmt::format("{} or {:.0f} ms", r.asked.batch_count, to_ms(r.asked.batch_timeout_ns))),
       fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),
   };
 }

@@ -26,7 +26,7 @@ def script() -> str:
 
 def test_bash_completes_verbs_their_verbs_and_their_options(script):
     assert {"fly", "control", "completion"} <= completed(script, "")
-    assert completed(script, "contr") == {"control"}
+    assert completed(script, "contro") == {"control"}
     assert completed(script, "fly", "--dro") == {"--drones"}
     assert completed(script, "control", "sto") == {"stop"}
     assert completed(script, "drones", "hand") == {"hand_over"}
