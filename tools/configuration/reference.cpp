@@ -28,17 +28,29 @@ struct Source {
   const char* name;
   const char* words;
   std::vector<std::string> shared;
-  std::function<void(Config&)> read;
+  /// What is wrong with keys is in finish(); the rest is what it returns.
+  std::function<Status(Config&)> read;
 };
 
-void read_ledger(Config& config) {
+template <typename T>
+Status status_of(const Result<T>& read) {
+  if (!read) return read.error();
+  return done;
+}
+
+Status read_ledger(Config& config) {
   (void)fabric::ledger_config(config);
   (void)fabric::msp_registry(config);
+  return done;
 }
-void read_dds(Config& config) { (void)dds::participant_options(config, ""); }
-void read_topics(Config& config) {
+Status read_dds(Config& config) {
+  (void)dds::participant_options(config, "");
+  return done;
+}
+Status read_topics(Config& config) {
   const bridge::Host host;
   (void)bridge::read_bridge(config, &host);
+  return done;
 }
 
 const std::vector<Source>& sources() {
@@ -47,13 +59,13 @@ const std::vector<Source>& sources() {
        "`ledgerline-link --config link.toml`, on the drone's host. What the thresholds do is in [the "
        "failsafe](failsafe.md).",
        {},
-       [](Config& config) { (void)link::read_settings(config, "link.toml"); }},
+       [](Config& config) { return status_of(link::read_settings(config, "link.toml")); }},
       {"agent",
        "`ledgerline-agent --config agent.toml`, on the drone's host.",
        {ledger, topics, dds},
        [](Config& config) {
-         (void)agent::read_settings(config, "", {});
-         (void)agent::read_bridge(config, {});
+         (void)agent::read_bridge(config, agent::read_settings(config, "", {}).core.drones);
+         return done;
        }},
       {"ground",
        "`ledgerline-ground --config ground.toml`, and `ledgerline-local`, which reads `[flight]`, `[[drone]]`, "
@@ -61,21 +73,28 @@ const std::vector<Source>& sources() {
        "`[dds]` alone.",
        {ledger, topics, dds},
        [](Config& config) {
-         (void)ground::flight_config(config);
+         const ground::FlightConfig flight = ground::flight_config(config);
          (void)ground::output_settings(config);
          (void)ground::service_settings(config);
          (void)ground::mission_settings(config);
          (void)ground::checkpoint_path(config);
-         (void)ground::read_bridge(config, {});
+         (void)ground::read_bridge(config, flight.drones);
+         return done;
        }},
       {"bridge",
        "`ledgerline bridge bridge.toml`: [any ROS 2 topic](bridge.md) through the ledger.",
        {ledger, topics, dds},
-       [](Config& config) { (void)bridge::read_bridge(config); }},
+       [](Config& config) {
+         (void)bridge::read_bridge(config);
+         return done;
+       }},
       {"endorser",
        "`ledgerline endorser endorser.toml`: [an organisation's own endorser](endorser.md).",
        {ledger},
-       [](Config& config) { (void)endorser::read_settings(config); }},
+       [](Config& config) {
+         (void)endorser::read_settings(config);
+         return done;
+       }},
       {"control",
        "`ledgerline control --config operator.toml`: leases, stops, grants and enrolments by hand. "
        "[Receipts](receipts.md) are made with the same.",
@@ -85,21 +104,25 @@ const std::vector<Source>& sources() {
       {"proxy",
        "`ledgerline hil proxy --config proxy.toml`: [a bad network](proxy.md).",
        {},
-       [](Config& config) { (void)hil::proxy::read_settings(config); }},
+       [](Config& config) { return status_of(hil::proxy::read_settings(config)); }},
       {"fabric",
        "`ledgerline fabric ... --config net.toml`: [a network](fabric.md) of three organisations. Options on the "
        "command line "
        "come before the file.",
        {},
-       [](Config& config) { (void)fabric_network::read_options(config, fabric_network::Options{}); }},
+       [](Config& config) { return status_of(fabric_network::read_options(config, fabric_network::Options{})); }},
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](deployment.md). A file without `[[host]]` has `[[drone]]`, "
        "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "
        "already](fly.md#real-drones).",
        {},
        [](Config& config) {
-         (void)deployment::read(config);
-         (void)deployment::read_own_drones(config);
+         if (config.describes()) {
+           (void)deployment::read(config);
+           return status_of(deployment::read_own_drones(config));
+         }
+         return deployment::is_of_own_drones(config) ? status_of(deployment::read_own_drones(config))
+                                                     : status_of(deployment::read(config));
        }},
       {ledger,
        "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
@@ -117,9 +140,9 @@ const std::vector<Source>& sources() {
   return all;
 }
 
-std::vector<KeyDescription> described(const std::function<void(Config&)>& read) {
+std::vector<KeyDescription> described(const std::function<Status(Config&)>& read) {
   Config config = Config::describing();
-  if (read) read(config);
+  if (read) (void)read(config);
   return config.described();
 }
 
@@ -163,6 +186,21 @@ std::vector<Part> parts() {
     all.push_back({source.name, source.words, source.shared, std::move(own)});
   }
   return all;
+}
+
+Status check(const std::string& part, Config& config) {
+  const auto& all = sources();
+  const auto named = [&](const std::string& name) {
+    return std::find_if(all.begin(), all.end(), [&](const Source& source) { return name == source.name; });
+  };
+  const auto own = named(part);
+  if (own == all.end()) return Error{fmt::format("there is no part \"{}\"", part)};
+  for (const std::string& shared : own->shared) {
+    if (shared != topics) (void)named(shared)->read(config);  // topics are read with what the program has itself
+  }
+  const Status rest = own->read ? own->read(config) : done;
+  if (auto status = config.finish(); !status) return status;
+  return rest;
 }
 
 std::string show(const Part& part) {

@@ -9,6 +9,7 @@
 #include "common/base/file.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
+#include "tools/deployment/patience.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {
@@ -20,7 +21,7 @@ std::string organisation_dir(const RunFiles& files, int organisation) {
 
 // A slow ledger is the user's wish.
 TimeNs both_ways(const Options& options) {
-  return options.batch_count == 1 ? 0 : std::min(2 * options.batch_timeout_ns, 55 * ns_per_s);  // 1: a block at once
+  return deployment::both_ways(options.batch_count, options.batch_timeout_ns);
 }
 
 std::string tls_ca(const RunFiles& files, int organisation) {
@@ -159,10 +160,9 @@ std::string dds_table(const Options& options, Side side) {
 std::string patience(const Options& options) {
   const TimeNs longer_ns = both_ways(options);
   if (longer_ns == 0 && options.max_age_ns == 0) return "";
-  constexpr TimeNs max_age_ns = 500 * ns_per_ms, silent_after_ns = ns_per_s;  // agent's defaults
+  const deployment::Patience patience = deployment::patience_with(longer_ns, options.max_age_ns);
   return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
-                     to_ms(options.max_age_ns > 0 ? options.max_age_ns : max_age_ns + longer_ns),
-                     to_ms(silent_after_ns + std::max(longer_ns, options.max_age_ns)));
+                     to_ms(patience.max_age_ns), to_ms(patience.silent_after_ns));
 }
 
 // Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
@@ -177,8 +177,7 @@ std::string playout_table(const Options& options) {
 // Of agent's and ground's transactions.
 std::string deadline(const Options& options) {
   if (both_ways(options) == 0) return "";
-  constexpr TimeNs deadline_ns = ns_per_s;  // their default
-  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deadline_ns + both_ways(options)));
+  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deployment::patience_with(both_ways(options)).deadline_ns));
 }
 
 // What both sides of the ledger add to their [ledger].

@@ -1,0 +1,46 @@
+#include "common/crypto/identities/request.hpp"
+
+#include <openssl/ec.h>
+#include <openssl/pem.h>
+
+#include "common/crypto/openssl.hpp"
+
+namespace ledgerline::crypto {
+namespace {
+
+using RequestPtr = std::unique_ptr<X509_REQ, Freed<X509_REQ_free>>;
+
+bool name_field(X509_NAME* name, const char* field, const std::string& value) {
+  return value.empty() ||
+         X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
+                                    static_cast<int>(value.size()), -1, 0) == 1;
+}
+
+}  // namespace
+
+Result<KeyAndRequest> make_request(const Asker& asker) {
+  const KeyPtr key(EVP_EC_gen("P-256"));
+  const RequestPtr request(X509_REQ_new());
+  const BioPtr key_text(BIO_new(BIO_s_secmem())), request_text(BIO_new(BIO_s_mem()));
+  X509_NAME* const name = request ? X509_REQ_get_subject_name(request.get()) : nullptr;
+  const bool good =
+      key && name && name_field(name, "O", asker.organization) && name_field(name, "OU", asker.unit) &&
+      name_field(name, "CN", asker.common_name) && X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
+      X509_REQ_sign(request.get(), key.get(), EVP_sha256()) != 0 &&
+      PEM_write_bio_PKCS8PrivateKey(key_text.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) == 1 &&
+      PEM_write_bio_X509_REQ(request_text.get(), request.get()) == 1;
+  if (!good) return Error{"cannot make the request of \"" + asker.common_name + "\": " + openssl_error()};
+  return KeyAndRequest{text_of(key_text.get()), text_of(request_text.get())};
+}
+
+Status check_fits(const std::string& key_pem, const std::string& certificate_pem) {
+  auto certificate = read_certificate(certificate_pem);
+  if (!certificate) return certificate.error();
+  const KeyPtr key(PEM_read_bio_PrivateKey(bio_of(key_pem).get(), nullptr, no_pass_phrase, nullptr));
+  if (!key) return Error{"the key cannot be read: " + openssl_error()};
+  if (X509_check_private_key(certificate->get(), key.get()) == 1) return done;
+  (void)openssl_error();
+  return Error{"the certificate is of another key"};
+}
+
+}  // namespace ledgerline::crypto

@@ -1,0 +1,231 @@
+#include "tools/init/core/files.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "tools/configuration/reference.hpp"
+#include "tools/init/core/commented.hpp"
+
+namespace ledgerline::init {
+namespace {
+
+using testing::HasSubstr;
+using testing::Not;
+
+constexpr const char* fabric_deployment = R"(
+[ledger]
+kind = "fabric"
+channel = "air"
+[[host]]
+name = "raven"
+address = "10.0.0.4"
+roles = ["onboard"]
+organisation = "Org1MSP"
+[[host]]
+name = "tower"
+address = "10.0.0.2"
+roles = ["ledger"]
+[[host]]
+name = "desk"
+address = "10.0.0.1"
+roles = ["ground"]
+organisation = "Org2MSP"
+[[organisation]]
+id = "Org1MSP"
+host = "tower"
+port = 7051
+[[organisation]]
+id = "Org2MSP"
+host = "tower"
+port = 7061
+[[organisation]]
+id = "Org3MSP"
+host = "tower"
+port = 7071
+[[orderer]]
+host = "tower"
+port = 7081
+[[drone]]
+name = "first"
+host = "raven"
+address = "192.168.10.1"
+[[drone]]
+name = "second"
+host = "raven"
+address = "192.168.10.2"
+)";
+
+HostPlan plan(const std::string& text, const std::string& host) {
+  auto config = Config::parse(text, "deployment.toml");
+  auto deployment = deployment::read(*config);
+  EXPECT_TRUE(deployment) << deployment.error().what;
+  auto plan = plan_of(*deployment, host, Folders{});
+  EXPECT_TRUE(plan) << plan.error().what;
+  return *plan;
+}
+
+std::string text_of(const std::vector<File>& files, const std::string& name) {
+  for (const File& file : files)
+    if (file.name == name) return file.text;
+  ADD_FAILURE() << "no file " << name;
+  return "";
+}
+
+std::vector<File> files(Role role, const std::string& text, const std::string& host) {
+  auto files = files_of(role, plan(text, host));
+  EXPECT_TRUE(files) << files.error().what;
+  return *files;
+}
+
+void expect_readable(const std::string& program, const std::string& text) {
+  auto config = Config::parse(text, program + ".toml");
+  ASSERT_TRUE(config) << config.error().what << "\n" << text;
+  const Status read = configuration::check(program, *config);
+  EXPECT_TRUE(read) << read.error().what;
+}
+
+std::string without_comments(const std::string& text) {
+  std::string out, line;
+  std::istringstream in(text);
+  while (std::getline(in, line))
+    if (!line.starts_with("#") && !line.empty()) out += line + "\n";
+  return out;
+}
+
+TEST(InitFiles, OfEachRoleAreReadByTheProgramsThatTheyAreFor) {
+  for (const std::string& text : {std::string(fabric_deployment), *example_deployment()}) {
+    const auto drone_host = files(Role::drone_host, text, "raven");
+    expect_readable("link", text_of(drone_host, "link.toml"));
+    expect_readable("agent", text_of(drone_host, "agent.toml"));
+    const auto ground = files(Role::ground, text, "desk");
+    expect_readable("ground", text_of(ground, "ground.toml"));
+    expect_readable("control", text_of(ground, "operator.toml"));
+    expect_readable("bridge", text_of(files(Role::bridge, text, "desk"), "bridge.toml"));
+    expect_readable("control", text_of(files(Role::admin, text, "raven"), "admin.toml"));
+  }
+  expect_readable("fabric", text_of(files(Role::ledger, fabric_deployment, "tower"), "net.toml"));
+  expect_readable("deployment", *example_deployment());
+}
+
+TEST(InitFiles, AreReadWithEachDefaultThatTheyShowAsAComment) {
+  // "# key = value", but not "# key =", and only in tables that are there.
+  for (const auto& [program, file] : {std::pair{"link", "link.toml"}, std::pair{"agent", "agent.toml"}}) {
+    std::istringstream in(text_of(files(Role::drone_host, fabric_deployment, "raven"), file));
+    std::string text, line;
+    bool there = true;
+    while (std::getline(in, line)) {
+      const bool heading = line.starts_with("[") || line.starts_with("# [[");
+      if (heading) there = line.starts_with("[");
+      const auto equals = line.find(" = ");
+      const bool is_default =
+          line.starts_with("# ") && equals != std::string::npos && line.find(' ', 2) == equals;  // one word before it
+      text += (there && is_default ? line.substr(2) : line) + "\n";
+    }
+    expect_readable(program, text);
+  }
+}
+
+TEST(InitFiles, SayOfTheLedgerWhatTheDeploymentSays) {
+  const std::string agent =
+      without_comments(text_of(files(Role::drone_host, fabric_deployment, "raven"), "agent.toml"));
+  EXPECT_THAT(agent, HasSubstr("[ledger]\nendpoint = \"10.0.0.2:7051\"\ntls_ca = \"/etc/ledgerline/tls/Org1MSP.pem\"\n"
+                               "channel = \"air\"\n"));
+  EXPECT_THAT(agent, HasSubstr("config_block = \"/etc/ledgerline/air.block\"\nmsp_id = \"Org1MSP\"\n"));
+  EXPECT_THAT(agent, HasSubstr("[[orderer]]\nendpoint = \"10.0.0.2:7081\"\n"));
+  EXPECT_THAT(agent, HasSubstr("[[endorser]]\nmsp_id = \"Org3MSP\"\nendpoint = \"10.0.0.2:7071\"\n"));
+  EXPECT_THAT(agent, Not(HasSubstr("server_name")));
+  const std::string ground = without_comments(text_of(files(Role::ground, fabric_deployment, "desk"), "ground.toml"));
+  EXPECT_THAT(ground, HasSubstr("[ledger]\nendpoint = \"10.0.0.2:7061\"\n"));
+}
+
+TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
+  std::string text = fabric_deployment;
+  text +=
+      "[[host]]\nname = \"owl\"\naddress = \"10.0.0.5\"\nroles = [\"onboard\"]\norganisation = \"Org1MSP\"\n"
+      "[[drone]]\nname = \"third\"\nhost = \"owl\"\naddress = \"192.168.10.1\"\n";
+  EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("name = \"third\""));
+  EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("\nnumber = 3\n"));
+  EXPECT_THAT(text_of(files(Role::ground, text, "desk"), "ground.toml"), HasSubstr("name = \"third\"\nnumber = 3\n"));
+}
+
+TEST(InitFiles, WaitForALedgerThatCutsLate) {
+  HostPlan slow = plan(fabric_deployment, "raven");
+  slow.patience = deployment::patience_with(deployment::both_ways(10, 2 * ns_per_s));
+  const std::string agent = text_of(*files_of(Role::drone_host, slow), "agent.toml");
+  EXPECT_THAT(agent, HasSubstr("\nmax_age_ms = 4500\n"));
+  EXPECT_THAT(agent, HasSubstr("\nledger_silent_after_ms = 5000\n"));
+  EXPECT_THAT(agent, HasSubstr("\ndeadline_ms = 5000\n"));
+}
+
+TEST(InitFiles, RefuseARoleThatAHostDoesNotHave) {
+  const auto of_desk = files_of(Role::drone_host, plan(fabric_deployment, "desk"));
+  ASSERT_FALSE(of_desk);
+  EXPECT_THAT(of_desk.error().what, HasSubstr("no [[drone]] has host = \"desk\""));
+  const auto of_tower = files_of(Role::ground, plan(fabric_deployment, "tower"));
+  ASSERT_FALSE(of_tower);
+  EXPECT_THAT(of_tower.error().what, HasSubstr("names no organisation"));
+}
+
+TEST(InitFiles, NameTheHostsThereAreWhereOneIsNot) {
+  auto config = Config::parse(fabric_deployment, "");
+  const auto none = plan_of(*deployment::read(*config), "crow", Folders{});
+  ASSERT_FALSE(none);
+  EXPECT_THAT(none.error().what, HasSubstr("no [[host]] \"crow\": raven, tower, desk"));
+}
+
+constexpr const char* profile = R"({
+  "organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["peer0.org1.example.com"]},
+                    "Org2": {"mspid": "Org2MSP", "peers": ["peer0.org2.example.com"]}},
+  "peers": {"peer0.org1.example.com": {"url": "grpcs://localhost:7051", "tlsCACerts": {"pem": "-----BEGIN\n"},
+              "grpcOptions": {"ssl-target-name-override": "peer0.org1.example.com"}},
+            "peer0.org2.example.com": {"url": "grpcs://localhost:9051", "tlsCACerts": {"path": "/net/tls2.pem"}}}})";
+
+TEST(InitProfile, GivesThePeerItsNameAndItsAuthority) {
+  const auto planned = plan_of_profile(profile, "Org1MSP", "", Folders{});
+  ASSERT_TRUE(planned) << planned.error().what;
+  EXPECT_EQ(planned->plan.own.endpoint, "localhost:7051");
+  EXPECT_EQ(planned->plan.own.server_name, "peer0.org1.example.com");
+  EXPECT_EQ(planned->plan.own.tls_ca, "/etc/ledgerline/tls/peer0.org1.example.com.pem");
+  ASSERT_EQ(planned->files.size(), 1u);
+  EXPECT_EQ(planned->files[0].content, "-----BEGIN\n");
+  EXPECT_EQ(planned->plan.peers[1].tls_ca, "/net/tls2.pem");
+  EXPECT_THAT(planned->plan.msp_ids, testing::ElementsAre("Org1MSP", "Org2MSP"));
+}
+
+TEST(InitProfile, RefusesWhatItCannotUse) {
+  const auto wrong = [](const std::string& json, const std::string& msp_id) {
+    const auto planned = plan_of_profile(json, msp_id, "", Folders{});
+    return planned ? "" : planned.error().what;
+  };
+  EXPECT_THAT(wrong(profile, "Org9MSP"), HasSubstr("no peer of an organisation Org9MSP"));
+  EXPECT_THAT(wrong("[1]", "Org1MSP"), HasSubstr("no JSON object"));
+  EXPECT_THAT(wrong(R"({"organizations":{"a":{"mspid":"A","peers":["p"]}}})", "A"), HasSubstr("has no peers \"p\""));
+  EXPECT_THAT(wrong(R"({"organizations":{"a":{"mspid":"A","peers":["p"]}},"peers":{"p":{"url":"grpc://h:1"}}})", "A"),
+              HasSubstr("must be grpcs://HOST:PORT"));
+  EXPECT_THAT(wrong(R"({"organizations":{"a":{"mspid":"A","peers":["../p"]}},
+                        "peers":{"../p":{"url":"grpcs://h:1","tlsCACerts":{"pem":"x"}}}})",
+                    "A"),
+              HasSubstr("no name of a server"));
+}
+
+TEST(InitCommented, RefusesAValueOfAKeyThatNobodyReads) {
+  KeyDescription key;
+  key.table = "[a]";
+  key.key = "b";
+  const auto text = commented("x", {key}, {{"[a]", 0, "c", "1"}});
+  ASSERT_FALSE(text);
+  EXPECT_THAT(text.error().what, HasSubstr("no key c in [a]"));
+}
+
+TEST(InitCommented, WritesTextsThatTomlReadsBack) {
+  for (const std::string text : {"raven", "a \"b\" \\ c", ""}) {
+    auto config = Config::parse("key = " + toml(text), "");
+    EXPECT_EQ(config->text("key"), text);
+  }
+}
+
+}  // namespace
+}  // namespace ledgerline::init

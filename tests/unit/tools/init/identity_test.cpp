@@ -1,0 +1,108 @@
+#include "tools/init/shell/identity.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+
+#include "chaincode/identities/identities.hpp"
+#include "common/base/file.hpp"
+#include "common/crypto/crypto.hpp"
+#include "tools/init/shell/new_files.hpp"
+
+namespace ledgerline::init {
+namespace {
+
+namespace fs = std::filesystem;
+using testing::HasSubstr;
+
+class InitIdentity : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = testing::TempDir() + "init.XXXXXX";
+    ASSERT_NE(::mkdtemp(name.data()), nullptr);
+    dir_ = name;
+  }
+  void TearDown() override { fs::remove_all(dir_); }
+
+  std::string in(const std::string& name) const { return dir_ / name; }
+  std::string written(const std::string& name, const std::string& content) const {
+    EXPECT_TRUE(write_file(in(name), content));
+    return in(name);
+  }
+  static crypto::KeyAndCertificate issued(const crypto::CertificateRequest& request) {
+    return *crypto::issue(*crypto::make_ca("ca", "org"), request);
+  }
+
+  fs::path dir_;
+};
+
+TEST_F(InitIdentity, TheKeyIsForItsOwnerAloneAndIsNeverReplaced) {
+  ASSERT_TRUE(request_identity(in("msp"), in("raven.csr"), {.common_name = "raven", .organization = "Org1"}));
+  struct stat info {};
+  ASSERT_EQ(::stat(in("msp/keystore/priv_sk").c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777, 0600u);
+  const std::string key = *read_file(in("msp/keystore/priv_sk"));
+  EXPECT_THAT(*read_file(in("raven.csr")), HasSubstr("BEGIN CERTIFICATE REQUEST"));
+  const Status again = request_identity(in("msp"), in("other.csr"), {.common_name = "raven"});
+  ASSERT_FALSE(again);
+  EXPECT_THAT(again.error().what, HasSubstr("has a key already"));
+  EXPECT_EQ(*read_file(in("msp/keystore/priv_sk")), key);
+}
+
+TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
+  const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
+  const auto strange = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
+  const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  ASSERT_TRUE(taken) << taken.error().what;
+  EXPECT_THAT(*taken, HasSubstr("CN=raven"));
+  const auto refused = take_certificate(in("msp"), written("strange.pem", strange.certificate_pem));
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().what, HasSubstr("of another key"));
+  EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
+}
+
+TEST_F(InitIdentity, AnExpiredCertificateIsRefused) {
+  const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}, .days = -1});
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
+  const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  ASSERT_FALSE(taken);
+  EXPECT_THAT(taken.error().what, HasSubstr("has expired"));
+}
+
+TEST_F(InitIdentity, ARenewedCertificateReplacesTheOneOfAnotherName) {
+  const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
+  written("msp/signcerts/a.pem", "old");
+  ASSERT_TRUE(take_certificate(in("msp"), written("raven.pem", own.certificate_pem)));
+  EXPECT_FALSE(fs::exists(in("msp/signcerts/a.pem")));
+}
+
+TEST_F(InitIdentity, WhatIsCollectedForOthersHasNoKey) {
+  ASSERT_TRUE(identities::make(in("ledger"), 1));
+  written("ledger/teleop.block", "block");
+  const Status collected = collect_public(in("ledger"), in("public"));
+  ASSERT_TRUE(collected) << collected.error().what;
+  std::size_t files = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(dir_ / "public")) {
+    if (!entry.is_regular_file()) continue;
+    ++files;
+    EXPECT_EQ(read_file(entry.path())->find("PRIVATE KEY"), std::string::npos) << entry.path();
+  }
+  EXPECT_EQ(files, 8u);
+  EXPECT_TRUE(fs::exists(in("public/tls/orderers.pem")));
+}
+
+TEST_F(InitIdentity, NothingIsWrittenWhereAFileIsThere) {
+  written("b", "mine");
+  const Status refused = write_new({{in("a"), "1"}, {in("b"), "2"}});
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().what, HasSubstr(in("b") + " is there already"));
+  EXPECT_FALSE(fs::exists(in("a")));
+  EXPECT_TRUE(write_new({{in("b"), "mine"}})) << "it has that content";
+}
+
+}  // namespace
+}  // namespace ledgerline::init

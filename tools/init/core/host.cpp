@@ -1,0 +1,82 @@
+#include "tools/init/core/host.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+namespace ledgerline::init {
+namespace {
+
+using deployment::Deployment;
+using deployment::Endpoint;
+using deployment::Host;
+using deployment::LedgerKind;
+using deployment::Role;
+
+std::string known_hosts(const Deployment& deployment) {
+  std::string names;
+  for (const Host& host : deployment.hosts) names += (names.empty() ? "" : ", ") + host.name;
+  return names;
+}
+
+Result<std::string> endpoint_of(const Deployment& deployment, const Endpoint& place, const std::string& what) {
+  if (place.port == 0)
+    return Error{fmt::format("{} has no port: one that is chosen at the start is known to nobody", what)};
+  return fmt::format("{}:{}", deployment.host(place.host)->address, place.port);
+}
+
+// The embedded ledger's certificate is made before it is known who asks: it speaks of localhost.
+std::string server_name_of(const Deployment& deployment) {
+  return deployment.ledger == LedgerKind::embedded ? "localhost" : "";
+}
+
+Status add_servers(const Deployment& deployment, HostPlan& plan) {
+  bool found = false;
+  for (const auto& organisation : deployment.organisations) {
+    plan.msp_ids.push_back(organisation.id);
+    auto at = endpoint_of(deployment, organisation.peer, organisation.id);
+    if (!at) return at.error();
+    const bool embedded = deployment.ledger == LedgerKind::embedded;
+    const std::string tls = plan.folders.tls_of(embedded ? deployment.organisations[0].id : organisation.id);
+    const Server server{organisation.id, *at, server_name_of(deployment), tls};
+    if (organisation.id == plan.msp_id) {
+      plan.own = server;
+      found = true;
+    }
+    if (!embedded) plan.peers.push_back(server);
+    plan.network_peers.push_back({deployment.host(organisation.peer.host)->address, organisation.peer.port});
+  }
+  for (const Endpoint& orderer : deployment.orderers) {
+    auto at = endpoint_of(deployment, orderer, "an [[orderer]]");
+    if (!at) return at.error();
+    plan.orderers.push_back({"", *at, "", plan.folders.tls_of("orderers")});
+    plan.network_orderers.push_back({deployment.host(orderer.host)->address, orderer.port});
+  }
+  // A host of the ledger alone has no programs that ask.
+  if (!found && !plan.msp_id.empty()) return Error{fmt::format("there is no [[organisation]] {}", plan.msp_id)};
+  return done;
+}
+
+}  // namespace
+
+Result<HostPlan> plan_of(const Deployment& deployment, const std::string& name, const Folders& folders) {
+  const Host* host = deployment.host(name);
+  if (!host) return Error{fmt::format("there is no [[host]] \"{}\": {}", name, known_hosts(deployment))};
+  if (deployment.ledger == LedgerKind::none) return Error{"a deployment without a ledger has no configs of hosts"};
+  HostPlan plan{.host = host->name, .msp_id = host->organisation, .ledger = deployment.ledger, .folders = folders};
+  plan.channel = deployment.channel;
+  plan.contract = deployment.contract;
+  if (auto status = add_servers(deployment, plan); !status) return status.error();
+  int number = 0;
+  for (const deployment::Drone& drone : deployment.drones) {
+    plan.all_drones.push_back({drone.name, drone.address, ++number});
+    if (drone.host == name) plan.drones.push_back(plan.all_drones.back());
+  }
+  for (const auto& organisation : deployment.organisations) {
+    if (plan.listen.empty() && organisation.peer.host == name)
+      plan.listen = fmt::format("{}:{}", host->address, organisation.peer.port);
+  }
+  return plan;
+}
+
+}  // namespace ledgerline::init

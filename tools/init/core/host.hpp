@@ -1,0 +1,76 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "tools/deployment/deployment.hpp"
+#include "tools/deployment/patience.hpp"
+
+/// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric. Pure.
+namespace ledgerline::init {
+
+/// Where a host has the files that its configs name.
+struct Folders {
+  std::string config = "/etc/ledgerline";     ///< the configs, msp/, authorities/, tls/, CHANNEL.block
+  std::string state = "/var/lib/ledgerline";  ///< what programs remember
+  std::string msp_dir{};                      ///< of the identity; empty: `config`/msp
+  std::string tls_ca{};                       ///< for all servers of the ledger; empty: `config`/tls/MSPID.pem
+  std::string config_block{};                 ///< empty: `config`/CHANNEL.block
+
+  std::string msp() const { return msp_dir.empty() ? config + "/msp" : msp_dir; }
+  std::string authority_of(const std::string& msp_id) const { return config + "/authorities/" + msp_id + ".pem"; }
+  std::string tls_of(const std::string& whose) const {
+    return tls_ca.empty() ? config + "/tls/" + whose + ".pem" : tls_ca;
+  }
+};
+
+/// A peer or an orderer.
+struct Server {
+  std::string msp_id;         ///< of a peer
+  std::string endpoint;       ///< HOST:PORT
+  std::string server_name{};  ///< in its certificate; empty: the endpoint's host
+  std::string tls_ca{};       ///< file
+};
+
+/// A drone; `number` counts all drones of the deployment, so that it is the same at its host and at ground.
+struct HostDrone {
+  std::string name, address;
+  int number = 1;
+};
+
+struct HostPlan {
+  std::string host{};    ///< its name
+  std::string msp_id{};  ///< of its identity
+  std::string listen{};  ///< of the ledger's part that it runs, HOST:PORT; empty: none
+  deployment::LedgerKind ledger = deployment::LedgerKind::embedded;
+  std::string channel = "teleop", contract = "ledgerline";
+  Server own{};                         ///< whom its programs ask
+  std::vector<Server> peers{};          ///< of each organisation, for the direct path; empty: it is not used
+  std::vector<Server> orderers{};       ///< likewise
+  std::vector<std::string> msp_ids{};   ///< of all organisations
+  std::vector<HostDrone> drones{};      ///< that this host flies
+  std::vector<HostDrone> all_drones{};  ///< that ground commands
+  std::vector<deployment::Endpoint> network_peers{}, network_orderers{};  ///< by address, for net.toml
+  deployment::Patience patience{};
+  Folders folders;
+};
+
+/// An error names what is missing: the host, its organisation, a port.
+Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Folders& folders);
+
+/// A file that a profile has in its text.
+struct PublicFile {
+  std::string path, content;
+};
+struct ProfilePlan {
+  HostPlan plan;
+  std::vector<PublicFile> files;  ///< TLS authorities, for Folders::tls_of
+};
+/// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
+/// others, and orderers. Authorities that it has as PEM become files, those that it has as paths are named.
+Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
+                                    const Folders& folders);
+
+}  // namespace ledgerline::init

@@ -1,0 +1,100 @@
+#include <fmt/format.h>
+
+#include <nlohmann/json.hpp>
+
+#include "tools/init/core/host.hpp"
+
+namespace ledgerline::init {
+namespace {
+
+using nlohmann::json;
+
+std::string text(const json& object, const char* key) {
+  const auto found = object.is_object() ? object.find(key) : object.end();
+  return object.is_object() && found != object.end() && found->is_string() ? found->get<std::string>() : "";
+}
+json part(const json& object, const char* key) {
+  return object.is_object() && object.contains(key) ? object.at(key) : json();
+}
+
+/// "grpcs://peer0.org1.example.com:7051" without the scheme. Only TLS is spoken.
+Result<std::string> endpoint_of(const std::string& name, const std::string& url) {
+  constexpr std::string_view scheme = "grpcs://";
+  if (!url.starts_with(scheme) || url.find(':', scheme.size()) == std::string::npos)
+    return Error{fmt::format("{}: url is \"{}\", must be grpcs://HOST:PORT", name, url)};
+  return url.substr(scheme.size());
+}
+
+class Reader {
+ public:
+  Reader(const json& profile, const Folders& folders) : profile_(profile), folders_(folders) {}
+
+  Result<Server> server(const char* kind, const std::string& name, const std::string& msp_id) {
+    const json one = part(part(profile_, kind), name.c_str());
+    if (!one.is_object()) return Error{fmt::format("the profile has no {} \"{}\"", kind, name)};
+    auto endpoint = endpoint_of(name, text(one, "url"));
+    if (!endpoint) return endpoint.error();
+    Server out{msp_id, *endpoint, text(part(one, "grpcOptions"), "ssl-target-name-override"), ""};
+    if (out.server_name.empty()) out.server_name = text(part(one, "grpcOptions"), "hostnameOverride");
+    auto authority = authority_of(one, name);
+    if (!authority) return authority.error();
+    out.tls_ca = *authority;
+    return out;
+  }
+  std::vector<PublicFile> take_files() { return std::move(files_); }
+
+ private:
+  Result<std::string> authority_of(const json& one, const std::string& name) {
+    if (!folders_.tls_ca.empty()) return folders_.tls_ca;
+    const json authorities = part(one, "tlsCACerts");
+    if (const std::string path = text(authorities, "path"); !path.empty()) return path;
+    const json pem = part(authorities, "pem");
+    std::string content;
+    for (const json& certificate : pem.is_array() ? pem : json::array({pem}))
+      if (certificate.is_string()) content += certificate.get<std::string>();
+    if (content.empty()) return Error{fmt::format("{}: tlsCACerts has neither path nor pem", name)};
+    if (name.find('/') != std::string::npos) return Error{fmt::format("\"{}\" is no name of a server", name)};
+    files_.push_back({folders_.tls_of(name), content});
+    return files_.back().path;
+  }
+
+  const json& profile_;
+  const Folders& folders_;
+  std::vector<PublicFile> files_;
+};
+
+}  // namespace
+
+Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::string& msp_id, const std::string& host,
+                                    const Folders& folders) {
+  const json profile = json::parse(profile_json, nullptr, false);
+  if (!profile.is_object()) return Error{"the profile is no JSON object"};
+  HostPlan plan{.host = host, .msp_id = msp_id, .ledger = deployment::LedgerKind::fabric, .folders = folders};
+  Reader reader(profile, folders);
+  const json organisations = part(profile, "organizations");
+  for (const json& organisation : organisations.is_object() ? organisations : json::object()) {
+    const std::string id = text(organisation, "mspid");
+    if (id.empty()) continue;
+    plan.msp_ids.push_back(id);
+    const json peers = part(organisation, "peers");
+    bool first = true;
+    for (const json& peer : peers.is_array() ? peers : json::array()) {
+      if (!peer.is_string() || !first) continue;
+      first = false;
+      auto server = reader.server("peers", peer.get<std::string>(), id);
+      if (!server) return server.error();
+      if (id == msp_id) plan.own = *server;
+      plan.peers.push_back(std::move(*server));
+    }
+  }
+  if (plan.own.endpoint.empty()) return Error{fmt::format("the profile has no peer of an organisation {}", msp_id)};
+  const json orderers = part(profile, "orderers");
+  for (const auto& [name, _] : (orderers.is_object() ? orderers : json::object()).items()) {
+    auto server = reader.server("orderers", name, "");
+    if (!server) return server.error();
+    plan.orderers.push_back(std::move(*server));
+  }
+  return ProfilePlan{std::move(plan), reader.take_files()};
+}
+
+}  // namespace ledgerline::init

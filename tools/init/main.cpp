@@ -1,0 +1,168 @@
+#include <filesystem>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/base/printable.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "tools/init/core/files.hpp"
+#include "tools/init/shell/identity.hpp"
+#include "tools/init/shell/new_files.hpp"
+
+namespace {
+
+using namespace ledgerline;
+
+constexpr const char* about = "Writes the configs of a host by its role, with comments, and makes its key on it.";
+constexpr const char* notes = R"(
+Examples:
+  ledgerline init --deployment-example > deployment.toml
+  ledgerline init --request raven --organisation Org1 --out /etc/ledgerline      # key, and raven.csr for the authority
+  ledgerline init --certificate raven.pem --out /etc/ledgerline
+  ledgerline init --collect /var/lib/ledgerline/ledger --out public             # at the ledger, for all other hosts
+  ledgerline init --role drone-host --deployment deployment.toml --host raven
+  ledgerline init --role ground --profile connection.json --msp-id Org2MSP --drone tello1 --drone tello2
+
+Never overwrites a file. docs/three-machines.md goes through it from nothing.
+Exit codes: 0 written; 1 not, with what is wrong; 2 wrong usage.)";
+
+struct Wish {
+  std::string role, deployment, profile, host, msp_id, out = "/etc/ledgerline";
+  std::vector<std::string> drones;
+  init::Folders folders;
+  bool direct = false;
+  double batch_timeout_ms = 10;
+  int batch_count = 1;
+};
+
+/// "tello1=192.168.10.1", or "tello1" where it is not flown from here.
+Result<std::vector<init::HostDrone>> drones_of(const std::vector<std::string>& texts) {
+  std::vector<init::HostDrone> drones;
+  for (const std::string& text : texts) {
+    const std::size_t at = text.find('=');
+    init::HostDrone drone{text.substr(0, at), at == std::string::npos ? "" : text.substr(at + 1),
+                          static_cast<int>(drones.size()) + 1};
+    if (drone.name.empty()) return Error{"--drone is NAME or NAME=ADDRESS, not \"" + text + "\""};
+    drones.push_back(std::move(drone));
+  }
+  return drones;
+}
+
+Result<init::ProfilePlan> plan_by_deployment(const Wish& wish) {
+  auto config = Config::load(wish.deployment);
+  if (!config) return config.error();
+  const auto deployment = deployment::read(*config);
+  if (!deployment) return deployment.error();
+  auto plan = init::plan_of(*deployment, wish.host, wish.folders);
+  if (!plan) return plan.error();
+  return init::ProfilePlan{std::move(*plan), {}};
+}
+
+Result<init::ProfilePlan> plan_by_profile(const Wish& wish) {
+  auto text = read_file(wish.profile);
+  if (!text) return text.error();
+  auto planned = init::plan_of_profile(*text, wish.msp_id, wish.host, wish.folders);
+  if (!planned) return planned.error();
+  auto drones = drones_of(wish.drones);
+  if (!drones) return drones.error();
+  for (const init::HostDrone& drone : *drones)
+    if (!drone.address.empty()) planned->plan.drones.push_back(drone);
+  planned->plan.all_drones = std::move(*drones);
+  if (!wish.direct) {
+    planned->plan.orderers.clear();
+    planned->plan.peers.clear();
+  }
+  return planned;
+}
+
+Status write_configs(const Wish& wish) {
+  auto planned = wish.deployment.empty() ? plan_by_profile(wish) : plan_by_deployment(wish);
+  if (!planned) return planned.error();
+  const auto timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
+  planned->plan.patience = deployment::patience_with(deployment::both_ways(wish.batch_count, timeout_ns));
+  const auto files = init::files_of(init::role_of(wish.role), planned->plan);
+  if (!files) return files.error();
+  std::vector<init::NewFile> all;
+  for (const init::File& file : *files) all.push_back({wish.folders.config + "/" + file.name, file.text});
+  for (const init::PublicFile& file : planned->files) all.push_back({file.path, file.content});
+  if (auto status = init::write_new(all); !status) return status;
+  for (const init::NewFile& file : all) print_line(file.path);
+  return done;
+}
+
+std::string absolute(const std::string& path) {
+  return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("init", about, notes);
+  Wish wish;
+  bool example = false;
+  std::string request, certificate, collect;
+  crypto::Asker asker;
+  line.option("--role", wish.role, "what the host is for")
+      .one_of(std::vector<std::string>(init::roles.begin(), init::roles.end()));
+  line.option("--deployment", wish.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
+  line.option("--profile", wish.profile, "connection profile of Fabric (JSON), in place of --deployment")
+      .existing_file();
+  line.option("--host", wish.host, "which [[host]] of the deployment this is");
+  line.option("--msp-id", wish.msp_id, "with --profile: the own organisation");
+  line.option("--drone", wish.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
+      .one_at_a_time();
+  line.flag("--direct", wish.direct,
+            "with --profile: past the gateway, where the contract's policy is not a majority's");
+  line.option("--out", wish.out, "where the configs are written, and the files that they name lie").shows_default();
+  line.option("--state-dir", wish.folders.state, "where programs keep what they remember").shows_default();
+  line.option("--msp-dir", wish.folders.msp_dir, "of the identity; without: OUT/msp");
+  line.option("--tls-ca", wish.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
+  line.option("--config-block", wish.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
+  line.option("--batch-timeout", wish.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
+      .within(0.0, 60'000.0)
+      .shows_default();
+  line.option("--batch-count", wish.batch_count, "of the channel; 1: its timeout does not count")
+      .within(1, 10'000)
+      .shows_default();
+  line.flag("--deployment-example", example, "prints a deployment.toml to begin with");
+  line.option("--request", request, "makes a key and OUT/NAME.csr, for an authority to sign");
+  line.option("--organisation", asker.organization, "with --request: O of the subject");
+  line.option("--unit", asker.unit, "with --request: OU, which is the role in Fabric").shows_default();
+  line.option("--certificate", certificate, "what the authority made of the request: beside the key with it");
+  line.option("--collect", collect, "folder of a ledger: copies what other hosts need, and no key").existing_path();
+  if (const auto end = line.parse(argc, argv)) return *end;
+
+  const int asked = (example ? 1 : 0) + !request.empty() + !certificate.empty() + !collect.empty() + !wish.role.empty();
+  if (asked != 1) return fail({"one of --role, --request, --certificate, --collect, --deployment-example"}, exit_usage);
+  wish.folders.config = absolute(wish.out);
+  for (std::string* path :
+       {&wish.folders.state, &wish.folders.msp_dir, &wish.folders.tls_ca, &wish.folders.config_block})
+    *path = absolute(*path);
+  if (example) {
+    auto text = init::example_deployment();
+    if (!text) return fail(text.error());
+    std::fputs(text->c_str(), stdout);
+    return 0;
+  }
+  if (!collect.empty()) return exit_code(init::collect_public(collect, wish.folders.config));
+  const std::string msp_dir = wish.folders.msp();
+  if (!request.empty()) {
+    asker.common_name = request;
+    if (request.find('/') != std::string::npos) return fail({"--request is a name, not a path"}, exit_usage);
+    const std::string file = wish.folders.config + "/" + request + ".csr";
+    if (auto status = init::request_identity(msp_dir, file, asker); !status) return fail(status.error());
+    print_line(file);
+    return 0;
+  }
+  if (!certificate.empty()) {
+    const auto subject = init::take_certificate(msp_dir, certificate);
+    if (!subject) return fail(subject.error());
+    print_line(printable(*subject));
+    return 0;
+  }
+  if (wish.deployment.empty() == wish.profile.empty())
+    return fail({"--role needs one of --deployment and --profile"}, exit_usage);
+  if (!wish.deployment.empty() ? wish.host.empty() : wish.msp_id.empty())
+    return fail({"--deployment needs --host, --profile needs --msp-id"}, exit_usage);
+  return exit_code(write_configs(wish));
+}

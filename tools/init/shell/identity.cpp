@@ -1,0 +1,107 @@
+#include "tools/init/shell/identity.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+
+#include <chrono>
+#include <filesystem>
+
+#include "chaincode/identities/identities.hpp"
+#include "common/base/file.hpp"
+#include "common/crypto/crypto.hpp"
+#include "tools/init/shell/new_files.hpp"
+
+namespace ledgerline::init {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* key_name = "keystore/priv_sk";
+
+Status make_private_folder(const fs::path& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (!error) fs::permissions(folder, fs::perms::owner_all, error);
+  if (error) return Error{fmt::format("making {}: {}", folder.string(), error.message())};
+  return done;
+}
+
+Result<fs::path> key_in(const fs::path& msp_dir) {
+  std::error_code error;
+  for (fs::directory_iterator at(msp_dir / "keystore", error), end; !error && at != end; at.increment(error))
+    if (at->path().filename().string().ends_with("_sk")) return at->path();
+  return Error{fmt::format("{}/keystore has no key: make one with `ledgerline init --request NAME`", msp_dir.string())};
+}
+
+}  // namespace
+
+Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Asker& asker) {
+  const fs::path key_file = fs::path(msp_dir) / key_name;
+  if (key_in(msp_dir)) return Error{fmt::format("{}/keystore has a key already; move it away for a new one", msp_dir)};
+  if (auto status = check_new({request_file}); !status) return status;
+  auto made = crypto::make_request(asker);
+  if (!made) return made.error();
+  if (auto status = make_private_folder(key_file.parent_path()); !status) return status;
+  if (auto status = write_file(key_file, made->key_pem, 0600); !status) return status;
+  return write_file(request_file, made->request_pem);
+}
+
+Result<std::string> take_certificate(const std::string& msp_dir, const std::string& certificate_file) {
+  auto pem = read_file(certificate_file);
+  if (!pem) return pem.error();
+  auto certificate = crypto::parse_certificate(*pem);
+  if (!certificate) return Error{certificate_file + ": " + certificate.error().what};
+  auto key_file = key_in(msp_dir);
+  if (!key_file) return key_file.error();
+  auto key = read_file(*key_file);
+  if (!key) return key.error();
+  if (auto status = crypto::check_fits(*key, *pem); !status)
+    return Error{fmt::format("{} and {}: {}", certificate_file, key_file->string(), status.error().what)};
+  const std::int64_t now_s =
+      std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  if (certificate->not_after_s < now_s) return Error{certificate_file + " has expired"};
+  const fs::path folder = fs::path(msp_dir) / "signcerts";
+  if (auto status = replace_file((folder / "cert.pem").string(), *pem); !status) return status.error();
+  // Programs take the first one by name.
+  std::error_code error;
+  for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
+    if (at->path().extension() == ".pem" && at->path().filename() != "cert.pem") fs::remove(at->path(), error);
+  }
+  if (error) return Error{fmt::format("{}: {}", folder.string(), error.message())};
+  return certificate->subject;
+}
+
+Status collect_public(const std::string& ledger_dir, const std::string& out) {
+  std::vector<NewFile> files;
+  const auto add = [&](const fs::path& from, const std::string& to) -> Status {
+    auto content = read_file(from);
+    if (!content) return content.error();
+    files.push_back({out + "/" + to, std::move(*content)});
+    return done;
+  };
+  for (int k = 1; k <= identities::organisations; ++k) {
+    const std::string domain = identities::domain_of(k), id = identities::msp_id_of(k);
+    const fs::path folder = identities::organisation_dir(ledger_dir, k);
+    if (auto status = add(folder / "ca" / ("ca." + domain + "-cert.pem"), "authorities/" + id + ".pem"); !status)
+      return status;
+    if (auto status = add(folder / "tlsca" / ("tlsca." + domain + "-cert.pem"), "tls/" + id + ".pem"); !status)
+      return status;
+  }
+  const std::string orderers = identities::domain_of(0);
+  const fs::path ordering = identities::ordering_dir(ledger_dir) / "tlsca" / ("tlsca." + orderers + "-cert.pem");
+  if (fs::exists(ordering)) {
+    if (auto status = add(ordering, "tls/orderers.pem"); !status) return status;
+  }
+  std::size_t blocks = 0;
+  std::error_code error;
+  for (fs::directory_iterator at(ledger_dir, error), end; !error && at != end; at.increment(error)) {
+    if (at->path().extension() != ".block") continue;
+    ++blocks;
+    if (auto status = add(at->path(), at->path().filename().string()); !status) return status;
+  }
+  if (error) return Error{fmt::format("reading {}: {}", ledger_dir, error.message())};
+  if (blocks == 0) return Error{ledger_dir + " has no CHANNEL.block: start the ledger once"};
+  return write_new(files);
+}
+
+}  // namespace ledgerline::init
