@@ -53,6 +53,25 @@ Status read_topics(Config& config) {
   return done;
 }
 
+Status read_ground(Config& config) {
+  const ground::FlightConfig flight = ground::flight_config(config);
+  (void)ground::output_settings(config);
+  (void)ground::service_settings(config);
+  (void)ground::mission_settings(config);
+  (void)ground::checkpoint_path(config);
+  (void)ground::read_bridge(config, flight.drones);
+  return done;
+}
+// A file has hosts, or drones that are there already; the reference has both.
+Status read_deployment(Config& config) {
+  const bool of_own_drones = config.describes() || deployment::is_of_own_drones(config);
+  if (config.describes() || !of_own_drones) {
+    const auto read = deployment::read(config);
+    if (!of_own_drones) return status_of(read);
+  }
+  return status_of(deployment::read_own_drones(config));
+}
+
 const std::vector<Source>& sources() {
   static const std::vector<Source> all{
       {"link",
@@ -72,15 +91,7 @@ const std::vector<Source>& sources() {
        "`[output]` and "
        "`[dds]` alone.",
        {ledger, topics, dds},
-       [](Config& config) {
-         const ground::FlightConfig flight = ground::flight_config(config);
-         (void)ground::output_settings(config);
-         (void)ground::service_settings(config);
-         (void)ground::mission_settings(config);
-         (void)ground::checkpoint_path(config);
-         (void)ground::read_bridge(config, flight.drones);
-         return done;
-       }},
+       read_ground},
       {"bridge",
        "`ledgerline bridge bridge.toml`: [any ROS 2 topic](bridge.md) through the ledger.",
        {ledger, topics, dds},
@@ -116,14 +127,7 @@ const std::vector<Source>& sources() {
        "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "
        "already](fly.md#real-drones).",
        {},
-       [](Config& config) {
-         if (config.describes()) {
-           (void)deployment::read(config);
-           return status_of(deployment::read_own_drones(config));
-         }
-         return deployment::is_of_own_drones(config) ? status_of(deployment::read_own_drones(config))
-                                                     : status_of(deployment::read(config));
-       }},
+       read_deployment},
       {ledger,
        "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
        "block, has none.",
