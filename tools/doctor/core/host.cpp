@@ -1,0 +1,88 @@
+#include "tools/doctor/core/host.hpp"
+
+#include <fmt/format.h>
+
+namespace ledgerline::doctor {
+namespace {
+
+// A log and a checkpoint fit; and an hour's trace of three drones.
+constexpr std::uint64_t least_bytes = 64ULL << 20, good_bytes = 1ULL << 30;
+
+bool is_ours(const std::string& program) { return program.empty() || program.starts_with("ledgerline"); }
+
+}  // namespace
+
+Findings judge(const FolderFacts& facts) {
+  constexpr const char* check = "disk";
+  if (!facts.writable)
+    return {found(Problem::state_folder, check, facts.path,
+                  fmt::format("`install -d -o ledgerline {}`, or run doctor as the user of the programs", facts.path))};
+  if (!facts.free_bytes) return {fine(check, facts.path)};
+  const std::string what = fmt::format("{}: {} MB free", facts.path, *facts.free_bytes >> 20);
+  if (*facts.free_bytes < least_bytes) return {found(Problem::disk_full, check, what)};
+  if (*facts.free_bytes < good_bytes) return {found(Problem::disk_low, check, what)};
+  return {fine(check, what)};
+}
+
+Finding judge(const ClockFacts& facts) {
+  constexpr const char* check = "clock";
+  if (!facts.known) return found(Problem::clock_unsynchronised, check, "the kernel does not tell");
+  if (!facts.synchronised) return found(Problem::clock_unsynchronised, check, "by the kernel's own word");
+  return fine(check, fmt::format("synchronised within {:.1f} ms, by the kernel's own word", facts.max_error_ms));
+}
+
+Findings judge(const RealTimeFacts& facts) {
+  constexpr const char* check = "real_time";
+  if (!facts.wanted) return {fine(check, "not asked for ([realtime] priority = 0)")};
+  if (!facts.unit.empty()) return {fine(check, fmt::format("by its unit, {}", facts.unit))};
+  Findings out;
+  if (!facts.fifo) out.push_back(found(Problem::no_real_time, check, "of this user"));
+  if (!facts.locked) out.push_back(found(Problem::no_locked_memory, check, "of this user"));
+  if (out.empty()) out.push_back(fine(check, "SCHED_FIFO and locked memory are permitted"));
+  return out;
+}
+
+Findings judge(const SharedMemoryFacts& facts) {
+  constexpr const char* check = "roudi";
+  using Roudi = SharedMemoryFacts::Roudi;
+  if (facts.roudi == Roudi::alive && !is_ours(facts.program))
+    return {found(Problem::roudi_foreign, check, facts.program)};
+  if (facts.roudi == Roudi::forbidden) return {found(Problem::roudi_foreign, check, "of another user")};
+  if (facts.roudi == Roudi::alive) return {fine(check, "it answers")};
+  Findings out;
+  if (facts.roudi == Roudi::left) out.push_back(found(Problem::roudi_left, check, "/tmp/roudi"));
+  if (facts.roudi == Roudi::none) out.push_back(found(Problem::roudi_silent, check, "/tmp/roudi is not there"));
+  if (!facts.no_room.empty()) out.push_back(found(Problem::shm_small, check, facts.no_room));
+  return out;
+}
+
+Finding judge(const InterfaceFacts& facts) {
+  constexpr const char* check = "interface";
+  const std::string what = fmt::format("{} of {}", facts.name, facts.whose);
+  if (!facts.there) return found(Problem::interface_missing, check, what);
+  if (!facts.up)
+    return found(Problem::interface_down, check, what + " is down", fmt::format("`ip link set {} up`", facts.name));
+  if (!facts.has_address) return found(Problem::interface_down, check, what + " has no address");
+  return fine(check, what);
+}
+
+Finding judge(const RouteFacts& facts) {
+  constexpr const char* check = "route";
+  const std::string what = fmt::format("{} at {}", facts.drone, facts.address);
+  if (facts.over.empty()) return found(Problem::no_route, check, fmt::format("{}: {}", what, facts.why));
+  if (!facts.wanted.empty() && facts.over != facts.wanted)
+    return found(Problem::wrong_interface, check, fmt::format("{}: over {}, not {}", what, facts.over, facts.wanted));
+  return fine(check, fmt::format("{} over {}", what, facts.over));
+}
+
+Findings judge(const DroneFacts& facts) {
+  constexpr const char* check = "drone";
+  const std::string what = fmt::format("{} at {}", facts.name, facts.address);
+  if (!facts.there) return {found(Problem::drone_silent, check, what)};
+  if (!facts.battery) return {fine(check, what + " answers, and does not tell its battery")};
+  const std::string share = fmt::format("{}: {:.0f} %", what, 100 * *facts.battery);
+  if (*facts.battery <= facts.battery_low) return {found(Problem::battery_low, check, share)};
+  return {fine(check, share)};
+}
+
+}  // namespace ledgerline::doctor

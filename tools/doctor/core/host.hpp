@@ -1,0 +1,67 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "tools/doctor/core/finding.hpp"
+
+/// What is judged of the host itself. Facts in, lines out. Pure.
+namespace ledgerline::doctor {
+
+/// A folder that a program writes to.
+struct FolderFacts {
+  std::string path;
+  bool writable = false;
+  std::optional<std::uint64_t> free_bytes{};
+};
+Findings judge(const FolderFacts& facts);
+
+struct ClockFacts {
+  bool known = false, synchronised = false;  ///< as the kernel says
+  double max_error_ms = 0;
+};
+Finding judge(const ClockFacts& facts);
+
+/// Of this user: link's unit has capabilities of its own.
+struct RealTimeFacts {
+  bool wanted = true;  ///< [realtime] priority is not 0
+  bool fifo = false, locked = false;
+  std::string unit{};  ///< of link, which has the rights; empty: there is none
+};
+Findings judge(const RealTimeFacts& facts);
+
+struct SharedMemoryFacts {
+  enum class Roudi : std::uint8_t { none, left, alive, forbidden };
+  Roudi roudi = Roudi::none;
+  std::string program{};  ///< that has its socket; empty: that is not to be seen
+  std::string no_room{};  ///< why RouDi would not start; empty: it has room
+};
+Findings judge(const SharedMemoryFacts& facts);
+
+/// A network interface by the name that `whose` config has for it.
+struct InterfaceFacts {
+  std::string name, whose;
+  bool there = false, up = false, has_address = false;
+};
+Finding judge(const InterfaceFacts& facts);
+
+/// The way to a drone.
+struct RouteFacts {
+  std::string drone, address, wanted;  ///< `wanted`: an interface's name; empty: any
+  std::string over{};                  ///< the interface; empty: there is no way
+  std::string why{};                   ///< there is none
+};
+Finding judge(const RouteFacts& facts);
+
+/// What a drone answered.
+struct DroneFacts {
+  std::string name, address;
+  bool there = false;
+  std::optional<double> battery{};  ///< 0..1
+  double battery_low = 0.15;
+};
+Findings judge(const DroneFacts& facts);
+
+}  // namespace ledgerline::doctor

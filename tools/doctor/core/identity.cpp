@@ -1,0 +1,102 @@
+#include "tools/doctor/core/identity.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+
+#include "common/crypto/identities/request.hpp"
+#include "msp/identities.pb.h"
+
+namespace ledgerline::doctor {
+namespace {
+
+constexpr std::int64_t day_s = 86'400, warning_days = 30;
+
+std::string serialized(const std::string& msp_id, const std::string& pem) {
+  msp::SerializedIdentity identity;
+  identity.set_mspid(msp_id);
+  identity.set_id_bytes(pem);
+  return identity.SerializeAsString();
+}
+
+/// Why its organisation does not know it, whenever it is asked; empty: it does.
+std::string stranger(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+  std::vector<crypto::MspRoot> roots;
+  for (const AuthorityFacts& one : authorities) roots.push_back({one.msp_id, one.pem});
+  const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots));
+  const auto member = registry->member(serialized(facts.msp_id, facts.certificate_pem), now_s);
+  return member ? "" : member.error().what;
+}
+
+// Keys of an organisation's authorities are compared by their certificates, in whatever order a file has them.
+bool same_authority(const std::string& a, const std::string& b) {
+  return a.find(b.substr(0, b.find_last_not_of(" \n\r") + 1)) != std::string::npos ||
+         b.find(a.substr(0, a.find_last_not_of(" \n\r") + 1)) != std::string::npos;
+}
+
+}  // namespace
+
+Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+  constexpr const char* check = "identity";
+  const std::string who = fmt::format("{} in {}", facts.msp_id, facts.place);
+  Findings out;
+  if (!facts.no_key.empty()) out.push_back(found(Problem::key_missing, check, facts.no_key));
+  if (facts.key_is_open)
+    out.push_back(found(Problem::key_open, check, facts.key_file, fmt::format("`chmod 600 {}`", facts.key_file)));
+  if (!facts.no_certificate.empty()) {
+    out.push_back(found(Problem::certificate_missing, check, facts.no_certificate));
+    return out;
+  }
+  const auto certificate = crypto::parse_certificate(facts.certificate_pem);
+  if (!certificate) {
+    out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().what));
+    return out;
+  }
+  if (!facts.key_pem.empty()) {
+    if (const Status fits = crypto::check_fits(facts.key_pem, facts.certificate_pem); !fits)
+      out.push_back(found(Problem::key_misfit, check, who + ": " + fits.error().what));
+  }
+  const std::int64_t left_days = (certificate->not_after_s - now_s) / day_s;
+  const bool in_date = certificate->not_before_s <= now_s && now_s <= certificate->not_after_s;
+  if (now_s > certificate->not_after_s) {
+    out.push_back(found(Problem::identity_expired, check, fmt::format("{}, {} days ago", who, -left_days)));
+  } else if (now_s < certificate->not_before_s) {
+    out.push_back(found(Problem::identity_not_yet, check, who));
+  } else if (left_days < warning_days) {
+    out.push_back(found(Problem::identity_ends, check, fmt::format("{}, in {} days", who, left_days)));
+  }
+  if (!authorities.empty() && in_date) {
+    if (const std::string why = stranger(facts, authorities, now_s); !why.empty())
+      out.push_back(found(Problem::identity_foreign, check, fmt::format("{}: {}", who, why)));
+  }
+  if (out.empty())
+    out.push_back(fine(check, fmt::format("{} {}, for {} days", facts.msp_id, certificate->subject, left_days)));
+  return out;
+}
+
+Findings judge(const TrustFacts& facts) {
+  constexpr const char* check = "trust";
+  Findings out;
+  for (const TrustFacts::Msp& msp : facts.msps) {
+    if (!msp.why.empty()) {
+      out.push_back(
+          found(Problem::authority_unreadable, check, fmt::format("{} of {}: {}", msp.id, facts.program, msp.why)));
+      continue;
+    }
+    const auto known = std::find_if(facts.channel.begin(), facts.channel.end(),
+                                    [&](const AuthorityFacts& one) { return one.msp_id == msp.id; });
+    if (facts.channel.empty() || (known != facts.channel.end() && same_authority(known->pem, msp.pem))) continue;
+    out.push_back(found(Problem::authority_foreign, check,
+                        fmt::format("{} of {}, {}{}", msp.id, facts.program, msp.file,
+                                    known == facts.channel.end() ? ": the channel has no such organisation" : "")));
+  }
+  for (const AuthorityFacts& one : facts.channel) {
+    if (std::none_of(facts.msps.begin(), facts.msps.end(), [&](const auto& msp) { return msp.id == one.msp_id; }))
+      out.push_back(found(Problem::organisation_missing, check, fmt::format("{} of {}", one.msp_id, facts.program)));
+  }
+  if (out.empty())
+    out.push_back(fine(check, fmt::format("{} believes {} organisations", facts.program, facts.msps.size())));
+  return out;
+}
+
+}  // namespace ledgerline::doctor

@@ -1,0 +1,43 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/crypto/crypto.hpp"
+#include "tools/doctor/core/finding.hpp"
+
+/// Whether an identity is one that the ledger takes, and whom this host believes. Pure.
+namespace ledgerline::doctor {
+
+struct IdentityFacts {
+  std::string msp_id, place;  ///< `place`: its folder, or its certificate's file
+  std::string certificate_pem{};
+  std::string no_certificate{};  ///< why it was not read
+  std::string key_pem{};
+  std::string no_key{};      ///< why it was not read
+  bool key_is_open = false;  ///< others may read it
+  std::string key_file{};
+};
+
+/// Of an organisation, by the channel's configuration or by the config's [[msp]].
+struct AuthorityFacts {
+  std::string msp_id;
+  std::string pem;
+};
+
+/// `authorities`: of the organisation that the identity says, for whether they have issued it; empty: nobody knows.
+Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
+
+/// A config's [[msp]] against the organisations of the channel (empty: they are not known).
+struct TrustFacts {
+  std::string program;
+  struct Msp {
+    std::string id, file;
+    std::string pem{}, why{};  ///< why it was not read
+  };
+  std::vector<Msp> msps;
+  std::vector<AuthorityFacts> channel;
+};
+Findings judge(const TrustFacts& facts);
+
+}  // namespace ledgerline::doctor

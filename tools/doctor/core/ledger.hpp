@@ -1,0 +1,60 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
+#include "ledgerline.pb.h"
+#include "tools/doctor/core/finding.hpp"
+
+/// What is judged of a channel, its contract and the drones' records. Pure.
+namespace ledgerline::doctor {
+
+/// When a channel cuts its blocks.
+struct Batch {
+  int count = 1;
+  TimeNs timeout_ns = 0;
+};
+/// Of a common.Block with the channel's configuration.
+Result<Batch> read_batch(std::string_view config_block);
+
+/// What agent.toml and ground.toml say of time.
+struct PatienceFacts {
+  std::string program;
+  std::optional<TimeNs> max_age_ns{}, silent_after_ns{};  ///< of agent alone
+  TimeNs deadline_ns = 0;
+};
+Finding judge(const Batch& batch, const PatienceFacts& facts);
+
+/// The definition that is committed.
+struct ContractFacts {
+  std::string name;
+  std::string refused{};  ///< the peer's words where there is none
+  std::string version{}, own_version{};
+  bool weak = false;  ///< one organisation alone satisfies its policy
+};
+Findings judge(const ContractFacts& facts);
+
+enum class Side : std::uint8_t { agent, ground };
+struct LeaseFacts {
+  std::string drone;
+  std::optional<Control> control{};  ///< none: it is not enrolled
+  crypto::IdentityName self;
+  Side side = Side::agent;
+  bool is_operator = false;  ///< `self`, by the ledger's roles
+};
+Findings judge(const LeaseFacts& facts);
+
+/// Of the newest block, and of one a moment later.
+struct HeightFacts {
+  std::string place;
+  std::uint64_t height = 0, later = 0;
+  std::optional<std::uint64_t> elsewhere{};  ///< of another organisation's peer
+  std::optional<TimeNs> newest_age_ns{};     ///< by this host's clock, since its newest transaction was signed
+};
+Findings judge(const HeightFacts& facts);
+
+}  // namespace ledgerline::doctor

@@ -1,0 +1,158 @@
+#include "tools/doctor/core/problem.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::doctor {
+namespace {
+
+using enum Problem;
+using enum Verdict;
+
+constexpr std::array<Words, problem_count> table{{
+    {config_missing, "config_missing", broken, "the host has no config of a role that it is to have",
+     "`ledgerline init --role ROLE` writes it; or name the folder with --config-dir"},
+    {config_wrong, "config_wrong", broken, "a config is no TOML, has an unknown key, or a value out of its range",
+     "change what the line says; docs/configuration.md has every key"},
+    {state_folder, "state_folder", broken,
+     "a folder where a program keeps what it remembers is missing, or may not be written",
+     "make it, and give it to the user who runs the programs: `install -d -o ledgerline FOLDER`"},
+    {disk_full, "disk_full", broken, "less than 64 MB are free where programs write",
+     "delete old traces and logs, or let [output] lead to another disk"},
+    {disk_low, "disk_low", warning, "less than 1 GB is free where programs write: a trace takes 0.3 GB an hour",
+     "delete old traces and logs before a long flight"},
+
+    {certificate_missing, "certificate_missing", broken, "msp_dir has no signcerts/*.pem that can be read",
+     "let the authority sign the request, then `ledgerline init --certificate FILE`"},
+    {certificate_wrong, "certificate_wrong", broken, "what lies in signcerts/ is no certificate of P-256",
+     "let the authority sign the request anew, then `ledgerline init --certificate FILE`"},
+    {key_missing, "key_missing", broken, "msp_dir has no keystore/*_sk that this user can read",
+     "run doctor as the user of the programs; else `ledgerline init --request NAME` makes a key"},
+    {key_open, "key_open", broken, "others than its owner may read the key: no program takes it",
+     "`chmod 600` it; if strangers have accounts here, make a new one and revoke the certificate"},
+    {key_misfit, "key_misfit", broken, "key and certificate do not belong together",
+     "put the certificate there that was made of this key's request: `ledgerline init --certificate FILE`"},
+    {identity_expired, "identity_expired", broken, "the identity's certificate has expired",
+     "let the authority sign the request again, then `ledgerline init --certificate FILE`, and start the program anew"},
+    {identity_not_yet, "identity_not_yet", broken, "the identity's certificate is not valid yet, by this host's clock",
+     "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead"},
+    {identity_ends, "identity_ends", warning, "the identity's certificate ends within 30 days",
+     "let the authority sign the request again in time, then `ledgerline init --certificate FILE`"},
+    {identity_foreign, "identity_foreign", broken,
+     "the organisation that msp_id names has not issued the identity, or has revoked it: the ledger refuses it",
+     "set msp_id to the organisation of the identity, or msp_dir to one of that organisation"},
+
+    {anchor_missing, "anchor_missing", warning,
+     "no config_block is set: the peer is believed about blocks, whoever signed them",
+     "copy CHANNEL.block from the ledger's host and set [ledger] config_block"},
+    {anchor_wrong, "anchor_wrong", broken, "config_block cannot be read, or is not a configuration of this channel",
+     "copy CHANNEL.block from the ledger's host anew (`ledgerline init --collect`)"},
+    {authority_unreadable, "authority_unreadable", broken, "the file of an [[msp]]'s authority cannot be read",
+     "copy the organisation's authority to the path that the config names (`ledgerline init --collect`)"},
+    {authority_foreign, "authority_foreign", broken,
+     "an [[msp]] has another authority than the channel: what that organisation signs is not believed here",
+     "copy the authority's certificate of that organisation from the ledger's host"},
+    {organisation_missing, "organisation_missing", warning,
+     "an organisation of the channel has no [[msp]]: whatever it signs is not believed here",
+     "add an [[msp]] with its id and authority"},
+
+    {name_unknown, "name_unknown", broken, "the endpoint's host name has no address",
+     "spell it right; `getent hosts NAME` must answer: DNS, or a line in /etc/hosts"},
+    {no_route, "no_route", broken, "this host has no way to the address",
+     "`ip route get ADDRESS` says why: an interface that is down, a missing route, another default route"},
+    {unreachable, "unreachable", broken, "nothing answers at the address: no word came in time",
+     "is that host on, and does its firewall let the port through?"},
+    {port_closed, "port_closed", broken, "the host answers, but nobody listens at the port",
+     "start the ledger there, or set the endpoint to the port that it prints"},
+    {no_tls, "no_tls", broken, "whoever listens at the port does not speak TLS with HTTP/2",
+     "set the endpoint to the peer's or orderer's own port, not to its chaincode or operations port"},
+    {tls_ca_unreadable, "tls_ca_unreadable", broken, "the file tls_ca cannot be read, or has no certificate",
+     "copy the TLS authority's certificate to that path (`ledgerline init --collect`)"},
+    {tls_wrong_authority, "tls_wrong_authority", broken,
+     "the server's TLS certificate is not of the authority in tls_ca",
+     "set tls_ca to the TLS authority of the server's organisation, which is not the identities' authority"},
+    {tls_wrong_name, "tls_wrong_name", broken,
+     "the server's TLS certificate does not have the name that it is asked by",
+     "set server_name to a name that the certificate has, or the endpoint to such a name"},
+    {tls_expired, "tls_expired", broken, "the server's TLS certificate, or its authority's, has expired",
+     "renew it on the server's host and start the server anew; if it is in date, set this host's clock"},
+    {tls_not_yet, "tls_not_yet", broken, "the server's TLS certificate is not valid yet, by this host's clock",
+     "set the clock of this host, or of the authority's"},
+    {tls_client_certificate, "tls_client_certificate", broken, "the server wants a TLS certificate from its clients",
+     "give the program one; or let the peer go without (peer.tls.clientAuthRequired: false)"},
+
+    {ledger_refuses, "ledger_refuses", broken, "the peer answers, and refuses what it is asked",
+     "its words say why: another channel's name, an identity that it does not know"},
+    {peer_lags, "peer_lags", warning, "the peer has fewer blocks than another organisation's",
+     "look at its log, its disk and its way to the orderers"},
+    {contract_missing, "contract_missing", broken, "the channel has no contract of that name",
+     "commit its definition on the channel (docs/fabric.md), or set [ledger] contract to its name there"},
+    {contract_other_version, "contract_other_version", warning,
+     "the contract that is committed has another version than these programs are made for",
+     "bring contract and programs to one version (docs/fabric.md); the agent's log says what it refuses"},
+    {policy_weak, "policy_weak", warning,
+     "one organisation alone satisfies the contract's endorsement policy: it can make any record",
+     "define the contract with a majority (docs/ledger.md)"},
+    {blocks_late, "blocks_late", broken, "the channel cuts its blocks so late that commands are too old when they come",
+     "set the times that the line names, or a shorter BatchTimeout; `ledgerline init --batch-timeout` sets them"},
+
+    {not_enrolled, "not_enrolled", broken, "the ledger has no record of the drone",
+     "its organisation's administrator: `ledgerline control --config admin.toml enroll --msp MSPID --cert FILE NAME`"},
+    {of_another_host, "of_another_host", broken, "the drone is enrolled to another identity than this host's agent has",
+     "enroll it to this identity, or fly it from that host; names count, so a renewed certificate keeps its subject"},
+    {may_not_fly, "may_not_fly", broken,
+     "this identity is no operator, or has no grant of the drone's organisation: it cannot acquire the drone",
+     "administrators: `ledgerline control enroll --role operator` in one's own organisation, `grant --fly` in the "
+     "drone's"},
+    {lease_held, "lease_held", warning, "somebody else holds the drone's lease: ground cannot command it",
+     "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority"},
+    {stopped, "stopped", warning, "the drone is stopped: it does not take off",
+     "whoever stopped it resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
+
+    {clock_unsynchronised, "clock_unsynchronised", warning,
+     "the kernel says that this host's clock is not synchronised",
+     "run chrony or another client of NTP here and on every other host"},
+    {clock_behind, "clock_behind", broken, "the newest block was signed in this host's future: its clock is behind",
+     "set the clocks of both hosts by NTP (`chronyc tracking` shows the offset)"},
+    {clock_ahead, "clock_ahead", warning,
+     "blocks come, but each was signed long ago by this host's clock: it is ahead, or the signer's behind",
+     "set the clocks of both hosts by NTP (`chronyc tracking` shows the offset)"},
+
+    {no_real_time, "no_real_time", warning, "SCHED_FIFO is not permitted here: setpoints come late on a busy host",
+     "start link by its systemd unit, or `setcap cap_sys_nice,cap_ipc_lock+ep` on ledgerline-link"},
+    {no_locked_memory, "no_locked_memory", warning,
+     "memory may not be locked: a page that was swapped out holds link up",
+     "start link by its systemd unit, or raise `ulimit -l`"},
+    {shm_small, "shm_small", broken, "/dev/shm has no room for RouDi: it needs 96 MB",
+     "`mount -o remount,size=256m /dev/shm`; a container: --shm-size=256m"},
+    {roudi_silent, "roudi_silent", warning, "no RouDi runs: link and agent do not start without",
+     "`systemctl start ledgerline-roudi`, or start ledgerline-roudi by hand"},
+    {roudi_left, "roudi_left", broken, "a RouDi that is gone has left its socket, so nobody answers there",
+     "start ledgerline-roudi, which clears what is left of its own user; of another user: remove it as root"},
+    {roudi_foreign, "roudi_foreign", broken, "a RouDi that is not ours runs: it has no pools for link and agent",
+     "end it, or run its programs elsewhere; then start ledgerline-roudi"},
+    {interface_missing, "interface_missing", broken, "a config names a network interface that this host does not have",
+     "`ip -br link` shows those there are; plug it in, or correct its name"},
+    {interface_down, "interface_down", broken, "a network interface that a config names is down, or has no address",
+     "`ip link set NAME up`, and join its Wi-Fi"},
+    {wrong_interface, "wrong_interface", broken,
+     "the way to the drone leads over another interface than its config names",
+     "join the drone's Wi-Fi with that interface: it needs an address of the drone's network"},
+    {drones_in_use, "drones_in_use", warning, "link runs: the drones were not asked, since they may fly",
+     "stop link first, with the drones on the ground"},
+    {drone_silent, "drone_silent", broken, "the drone does not answer",
+     "switch it on and join its Wi-Fi: `ledgerline tello find --address ADDRESS`"},
+    {battery_low, "battery_low", broken, "link takes off only above battery_low", "charge or change the battery"},
+}};
+
+constexpr bool in_order() {
+  for (std::size_t i = 0; i < table.size(); ++i)
+    if (static_cast<std::size_t>(table[i].problem) != i) return false;
+  return true;
+}
+static_assert(in_order());
+
+}  // namespace
+
+const std::array<Words, problem_count>& all_problems() { return table; }
+
+}  // namespace ledgerline::doctor

@@ -1,0 +1,28 @@
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "tools/doctor/core/finding.hpp"
+
+/// What is judged of a way to a peer or an orderer: each layer by itself. Pure.
+namespace ledgerline::doctor {
+
+struct ServerFacts {
+  std::string what;            ///< "peer of agent.toml"
+  std::string endpoint;        ///< HOST:PORT
+  std::string name;            ///< that its certificate must have
+  std::string tls_ca;          ///< file
+  std::string no_authority{};  ///< why tls_ca was not read
+  enum class Reached : std::uint8_t { yes, name_unknown, no_route, silent, closed };
+  Reached reached = Reached::yes;
+  std::string why{};  ///< it was not reached, in the system's words
+  bool tls = false;   ///< the handshake went through, whoever it was with
+  bool http2 = false;
+  bool wants_certificate = false;  ///< and has not got one
+  // Of its certificate.
+  bool trusted = false, right_name = false, expired = false, not_yet = false;
+  std::string issuer{}, names{};
+};
+Finding judge(const ServerFacts& facts);
+
+}  // namespace ledgerline::doctor

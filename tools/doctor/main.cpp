@@ -1,0 +1,142 @@
+#include <algorithm>
+#include <cstdio>
+#include <set>
+
+#include "common/base/log.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/rt/clock.hpp"
+#include "tools/doctor/shell/configs.hpp"
+#include "tools/doctor/shell/drone_probe.hpp"
+#include "tools/doctor/shell/host_probe.hpp"
+#include "tools/doctor/shell/identity_probe.hpp"
+#include "tools/doctor/shell/ledger_probe.hpp"
+#include "tools/doctor/shell/server_probe.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using namespace ledgerline::doctor;
+
+constexpr const char* about =
+    "Looks at each link of the chain from this host, and says what is wrong and its cure. Changes nothing.";
+constexpr const char* notes = R"(
+Examples:
+  ledgerline doctor
+  ledgerline doctor --role drone-host --drones          # asks the drones, too; not while link runs
+  ledgerline doctor --config-dir ./raven --json
+
+Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.toml and bridge.toml are there. Run it as the
+user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
+Exit codes: 0 all is well, but for warnings; 1 something is broken; 2 wrong usage.)";
+
+struct Wish {
+  std::string dir = "/etc/ledgerline", role;
+  bool json = false, drones = false, table = false;
+  double patience_s = 3;
+};
+
+void add(Findings& all, Findings more) {
+  all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+}
+
+void look_at_host(const Configs& configs, Findings& all) {
+  std::set<std::string> folders, interfaces;
+  for (const ProgramConfig& one : configs.programs) {
+    for (const std::string& file : one.written) {
+      const FolderFacts facts = look_at_folder_of(file);
+      if (folders.insert(facts.path).second) add(all, judge(facts));
+    }
+    for (const std::string& name : one.interfaces)
+      if (interfaces.insert(name).second) all.push_back(judge(look_at_interface(name, one.file)));
+  }
+  all.push_back(judge(look_at_clock()));
+  const ProgramConfig* const link = configs.of("link");
+  if (!link && !configs.of("agent")) return;
+  add(all, judge(look_at_shared_memory()));
+  if (!link) return;
+  add(all, judge(look_at_real_time(link->real_time)));
+  for (const DroneKeys& drone : link->drones)
+    all.push_back(judge(look_at_route(drone.name, drone.address, drone.interface)));
+}
+
+/// Each server once. True: the program's own peer is in order.
+bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patience, std::set<std::string>& seen,
+                     Findings& all) {
+  bool good = true;
+  const auto look = [&](ServerKeys keys, const std::string& kind) {
+    if (keys.tls_certificate.empty() && keys.tls_key.empty()) {
+      keys.tls_certificate = one.ledger->peer.tls_certificate;
+      keys.tls_key = one.ledger->peer.tls_key;
+    }
+    if (keys.endpoint.empty()) return;
+    const std::string same = keys.endpoint + " " + keys.server_name + " " + keys.tls_ca + " " + keys.tls_certificate;
+    if (kind != "peer" && !seen.insert(same).second) return;
+    seen.insert(same);
+    const Finding finding = judge(look_at_server(keys, fmt::format("{} of {}", kind, one.file), patience));
+    if (kind == "peer") good = !finding.problem;
+    all.push_back(finding);
+  };
+  look(one.ledger->peer, "peer");
+  for (const ServerKeys& keys : one.ledger->orderers) look(keys, "[[orderer]]");
+  for (const ServerKeys& keys : one.ledger->endorsers) look(keys, "[[endorser]]");
+  for (const ServerKeys& keys : one.ledger->peers) look(keys, "[[peer]]");
+  return good;
+}
+
+void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, Findings& all) {
+  std::set<std::string> servers, identities;
+  for (const ProgramConfig& one : configs.programs) {
+    if (!one.ledger || one.ledger->peer.endpoint.empty()) continue;
+    Findings trust;
+    const AnchorFacts anchor = read_anchor(*one.ledger, one.file, trust);
+    if (!one.ledger->msps.empty()) add(trust, judge(read_trust(*one.ledger, one.file, anchor)));
+    const IdentityFacts identity = read_identity(*one.ledger);
+    Findings own;
+    if (identities.insert(identity.msp_id + " " + identity.place).second) {
+      std::vector<AuthorityFacts> authorities = anchor.organisations;
+      own = judge(identity, authorities, realtime_ns() / ns_per_s);
+    }
+    const bool known = !anything_broken(own) && !anything_broken(trust);
+    add(all, std::move(own));
+    add(all, std::move(trust));
+    const bool reached = look_at_servers(one, patience, servers, all);
+    const bool flies = one.program == "agent" || one.program == "ground";
+    std::vector<std::string> drones;
+    for (const DroneKeys& drone : one.drones) drones.push_back(drone.name);
+    // What is broken before this would only be told once more, in other words.
+    if (known && reached && flies) add(all, ask_ledger(one, anchor.block, anchor.embedded, drones, patience));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("doctor", about, notes);
+  Wish wish;
+  line.option("--config-dir", wish.dir, "where the configs are").shows_default();
+  line.option("--role", wish.role, "whose configs must be there; without: any")
+      .one_of(std::vector<std::string>(std::begin(config_roles), std::end(config_roles)));
+  line.flag("--drones", wish.drones, "asks each drone for its battery, unless link runs");
+  line.option("--patience", wish.patience_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
+  line.flag("--json", wish.json, "one object instead of lines");
+  line.flag("--table", wish.table, "prints all problems with their cures, as Markdown, and looks at nothing");
+  if (const auto end = line.parse(argc, argv)) return *end;
+  if (wish.table) {
+    std::fputs(problems_table().c_str(), stdout);
+    return 0;
+  }
+  spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the lines
+  const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * wish.patience_s));
+  Configs configs = read_configs(wish.dir, wish.role);
+  Findings all = std::move(configs.findings);
+  look_at_host(configs, all);
+  look_at_ledger(configs, patience, all);
+  const ProgramConfig* const link = configs.of("link");
+  if (wish.drones && link) add(all, ask_drones(*link));
+  if (wish.json)
+    print_line(to_json(all));
+  else
+    std::fputs(words(all).c_str(), stdout);
+  return anything_broken(all) ? exit_failed : 0;
+}

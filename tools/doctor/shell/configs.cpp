@@ -1,0 +1,140 @@
+#include "tools/doctor/shell/configs.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <sstream>
+
+#include "common/config/config.hpp"
+#include "tools/configuration/reference.hpp"
+#include "tools/deployment/patience.hpp"
+
+namespace ledgerline::doctor {
+namespace {
+
+struct Known {
+  const char *program, *file, *role;
+};
+// net.toml is of a network that `ledgerline fabric` runs, and only there.
+constexpr Known all_known[] = {{"link", "link.toml", "drone-host"},  {"agent", "agent.toml", "drone-host"},
+                               {"ground", "ground.toml", "ground"},  {"control", "operator.toml", ""},
+                               {"control", "admin.toml", "admin"},   {"bridge", "bridge.toml", "bridge"},
+                               {"endorser", "endorser.toml", ""},    {"fabric", "net.toml", ""},
+                               {"deployment", "deployment.toml", ""}};
+
+ServerKeys server_keys(Config& config, const std::string& table) {
+  return {"",
+          config.text(table + "endpoint", ""),
+          config.text(table + "tls_ca", ""),
+          config.text(table + "server_name", ""),
+          config.text(table + "tls_certificate", ""),
+          config.text(table + "tls_key", "")};
+}
+
+std::vector<ServerKeys> all_servers(Config& config, const std::string& table, bool endorsers) {
+  std::vector<ServerKeys> all;
+  for (std::size_t i = 0; i < config.table_count(table); ++i) {
+    const std::string key = fmt::format("{}.{}.", table, i);
+    all.push_back(server_keys(config, key));
+    if (endorsers) all.back().msp_id = config.text(key + "msp_id", "");
+  }
+  return all;
+}
+
+LedgerKeys ledger_keys(Config& config, const std::string& program) {
+  LedgerKeys keys;
+  keys.peer = server_keys(config, "ledger.");
+  keys.channel = config.text("ledger.channel", "teleop");
+  keys.contract = config.text("ledger.contract", "ledgerline");
+  keys.msp_id = config.text("ledger.msp_id", "");
+  keys.msp_dir = config.text("ledger.msp_dir", "");
+  keys.certificate = config.text("ledger.certificate", "");
+  keys.private_key = config.text("ledger.private_key", "");
+  keys.config_block = config.text("ledger.config_block", "");
+  const bool hurried = program == "agent" || program == "ground";
+  keys.deadline_ns = config.integer("ledger.deadline_ms", hurried ? 1'000 : 5'000, 100, 600'000) * ns_per_ms;
+  keys.orderers = all_servers(config, "orderer", false);
+  keys.endorsers = all_servers(config, "endorser", true);
+  keys.peers = all_servers(config, "peer", false);
+  for (std::size_t i = 0; i < config.table_count("msp"); ++i)
+    keys.msps.emplace_back(config.text(fmt::format("msp.{}.id", i), ""), config.text(fmt::format("msp.{}.ca", i), ""));
+  return keys;
+}
+
+void read_drones(Config& config, ProgramConfig& out) {
+  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+    const std::string key = fmt::format("drone.{}.", i);
+    DroneKeys drone{config.text(key + "name", ""), "", ""};
+    if (out.program == "link") {
+      drone.address = config.text(key + "address", "");
+      drone.interface = config.text(key + "interface", "");
+      if (!drone.interface.empty()) out.interfaces.push_back(drone.interface);
+    }
+    out.drones.push_back(std::move(drone));
+  }
+}
+
+void read_keys(Config& config, ProgramConfig& out) {
+  const bool on_board = out.program == "link" || out.program == "agent";
+  if (out.program != "link") out.ledger = ledger_keys(config, out.program);
+  if (on_board || out.program == "ground") read_drones(config, out);
+  for (const char* key :
+       {"output.trace", "output.summary", "output.checkpoint", "output.starts", "output.local_stops"}) {
+    std::string file = config.text(key, "");
+    if (!file.empty()) out.written.push_back(std::move(file));
+  }
+  const deployment::Patience usual;
+  if (out.program == "agent") {
+    out.max_age_ns = from_seconds(config.number("check.max_age_ms", to_ms(usual.max_age_ns), 1, 60'000) / 1e3);
+    out.silent_after_ns =
+        from_seconds(config.number("agent.ledger_silent_after_ms", to_ms(usual.silent_after_ns), 10, 60'000) / 1e3);
+  }
+  if (out.program == "link") {
+    out.real_time = config.integer("realtime.priority", 80, 0, 98) > 0;
+    out.battery_low = config.number("failsafe.battery_low", 0.15, 0.01, 0.95);
+  }
+}
+
+/// What the program itself would say at its start, a line each.
+void read_as_program(const ProgramConfig& one, Findings& findings) {
+  auto config = Config::load(one.path);
+  const Status read = config ? configuration::check(one.program, *config) : Status(config.error());
+  if (read) {
+    findings.push_back(fine("config", one.path));
+    return;
+  }
+  std::istringstream lines(read.error().what);
+  for (std::string line; std::getline(lines, line);) findings.push_back(found(Problem::config_wrong, "config", line));
+}
+
+}  // namespace
+
+const ProgramConfig* Configs::of(const std::string& program) const {
+  const auto one = std::find_if(programs.begin(), programs.end(), [&](const auto& p) { return p.program == program; });
+  return one == programs.end() ? nullptr : &*one;
+}
+
+Configs read_configs(const std::string& dir, const std::string& role) {
+  Configs configs;
+  for (const Known& known : all_known) {
+    ProgramConfig one{.program = known.program, .file = known.file, .path = dir + "/" + known.file};
+    std::error_code error;
+    if (!std::filesystem::exists(one.path, error)) {
+      if (!role.empty() && role == known.role)
+        configs.findings.push_back(found(Problem::config_missing, "config", one.path,
+                                         fmt::format("`ledgerline init --role {}` writes it", role)));
+      continue;
+    }
+    read_as_program(one, configs.findings);
+    if (one.program == "fabric" || one.program == "deployment") continue;
+    auto config = Config::load(one.path);
+    if (!config) continue;
+    read_keys(*config, one);
+    configs.programs.push_back(std::move(one));
+  }
+  if (configs.findings.empty()) configs.findings.push_back(found(Problem::config_missing, "config", dir + " has none"));
+  return configs;
+}
+
+}  // namespace ledgerline::doctor

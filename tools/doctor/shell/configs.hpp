@@ -1,0 +1,51 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "tools/doctor/core/finding.hpp"
+
+/// The configs of this host: whether their programs read them, and the keys that the checks go by, which are read even
+/// where something else of the file is wrong.
+namespace ledgerline::doctor {
+
+struct ServerKeys {
+  std::string msp_id, endpoint, tls_ca, server_name, tls_certificate, tls_key;
+};
+struct LedgerKeys {
+  ServerKeys peer;
+  std::string channel, contract, msp_id, msp_dir, certificate, private_key, config_block;
+  TimeNs deadline_ns = 0;
+  std::vector<ServerKeys> orderers, endorsers, peers;
+  std::vector<std::pair<std::string, std::string>> msps;  ///< id, file
+};
+struct DroneKeys {
+  std::string name, address, interface;
+};
+
+struct ProgramConfig {
+  std::string program;  ///< a part of the reference: "agent", "control"
+  std::string file;     ///< "agent.toml"
+  std::string path;
+  std::optional<LedgerKeys> ledger{};
+  std::vector<DroneKeys> drones{};
+  std::vector<std::string> written{};     ///< files that it writes
+  std::vector<std::string> interfaces{};  ///< that it names
+  TimeNs max_age_ns = 0, silent_after_ns = 0;
+  bool real_time = true;
+  double battery_low = 0;
+};
+
+struct Configs {
+  std::vector<ProgramConfig> programs;  ///< those whose files are there and are TOML
+  Findings findings;
+  const ProgramConfig* of(const std::string& program) const;  ///< null: there is none
+};
+
+/// `role`: whose files must be there; empty: any one file.
+Configs read_configs(const std::string& dir, const std::string& role);
+
+inline constexpr const char* config_roles[] = {"drone-host", "ground", "ledger", "bridge", "admin"};
+
+}  // namespace ledgerline::doctor

@@ -1,0 +1,98 @@
+#include "tools/doctor/shell/identity_probe.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "common/base/file.hpp"
+#include "common/common.pb.h"
+#include "common/fabric/judge/channel_config.hpp"
+
+namespace ledgerline::doctor {
+namespace {
+
+bool is_open(const std::string& file) {
+  struct stat info {};
+  std::vector<gid_t> groups(256);
+  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
+  groups.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
+  groups.push_back(::getegid());
+  return ::stat(file.c_str(), &info) == 0 &&
+         !crypto::key_is_private(info.st_mode & 07777, info.st_uid, info.st_gid, {groups.begin(), groups.end()});
+}
+
+}  // namespace
+
+IdentityFacts read_identity(const LedgerKeys& keys) {
+  IdentityFacts facts{.msp_id = keys.msp_id, .place = keys.msp_dir.empty() ? keys.certificate : keys.msp_dir};
+  crypto::IdentityFiles files{keys.certificate, keys.private_key};
+  if (!keys.msp_dir.empty()) {
+    auto in_folder = crypto::identity_files(keys.msp_dir);
+    if (!in_folder) {
+      // One of the two is missing: the words say which.
+      (in_folder.error().what.find("keystore") != std::string::npos ? facts.no_key : facts.no_certificate) =
+          in_folder.error().what;
+      if (facts.no_certificate.empty()) facts.no_certificate = "not looked at without its key";
+      return facts;
+    }
+    files = std::move(*in_folder);
+  }
+  facts.key_file = files.private_key;
+  if (auto certificate = read_file(files.certificate))
+    facts.certificate_pem = std::move(*certificate);
+  else
+    facts.no_certificate = certificate.error().what;
+  facts.key_is_open = is_open(files.private_key);
+  if (auto key = read_file(files.private_key))
+    facts.key_pem = std::move(*key);
+  else
+    facts.no_key = key.error().what;
+  return facts;
+}
+
+AnchorFacts read_anchor(const LedgerKeys& keys, const std::string& program, Findings& findings) {
+  constexpr const char* check = "trust";
+  AnchorFacts facts;
+  if (keys.config_block.empty()) {
+    findings.push_back(found(Problem::anchor_missing, check, program));
+    return facts;
+  }
+  const auto wrong = [&](const std::string& why) {
+    findings.push_back(
+        found(Problem::anchor_wrong, check, fmt::format("{} of {}: {}", keys.config_block, program, why)));
+  };
+  auto bytes = read_file(keys.config_block);
+  common::Block block;
+  if (!bytes) return wrong(bytes.error().what), facts;
+  if (!block.ParseFromString(*bytes)) return wrong("it is no block"), facts;
+  const auto config = fabric::read_channel_config(block);
+  if (!config) return wrong(config.error().what), facts;
+  if (config->channel != keys.channel)
+    return wrong(fmt::format("it is of channel {}, not {}", config->channel, keys.channel)), facts;
+  for (const crypto::MspRoot& one : config->organisations) facts.organisations.push_back({one.msp_id, one.ca_pem});
+  facts.embedded = config->embedded_node;
+  facts.block = std::move(*bytes);
+  return facts;
+}
+
+TrustFacts read_trust(const LedgerKeys& keys, const std::string& program, const AnchorFacts& anchor) {
+  TrustFacts facts{program, {}, anchor.organisations};
+  for (const auto& [id, file] : keys.msps) {
+    TrustFacts::Msp msp{id, file};
+    auto pem = read_file(file);
+    if (!pem) {
+      msp.why = pem.error().what;
+    } else if (auto certificate = crypto::parse_certificate(*pem); !certificate) {
+      msp.why = fmt::format("{}: {}", file, certificate.error().what);
+    } else {
+      msp.pem = std::move(*pem);
+    }
+    facts.msps.push_back(std::move(msp));
+  }
+  return facts;
+}
+
+}  // namespace ledgerline::doctor

@@ -1,0 +1,192 @@
+#include "tools/doctor/shell/ledger_probe.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <thread>
+
+#include "common/base/file.hpp"
+#include "common/belief/control_records.hpp"
+#include "common/belief/roles.hpp"
+#include "common/common.pb.h"
+#include "common/config/config.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/tx/form.hpp"
+#include "common/ledger.pb.h"
+#include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
+#include "peer/lifecycle/lifecycle.pb.h"
+#include "peer/policy.pb.h"
+
+namespace ledgerline::doctor {
+namespace {
+
+constexpr const char* check = "ledger";
+constexpr auto between_heights = std::chrono::milliseconds(300);
+
+/// A question to one of the peer's contracts.
+class Peer {
+ public:
+  static Result<Peer> create(const fabric::ClientConfig& config) {
+    Peer peer;
+    for (auto [name, client] :
+         {std::pair{config.where.contract.c_str(), &peer.contract_}, std::pair{"qscc", &peer.chain_},
+          std::pair{"cscc", &peer.configuration_}, std::pair{"_lifecycle", &peer.definitions_}}) {
+      fabric::ClientConfig one = config;
+      one.where.contract = name;
+      auto made = fabric::Client::create(std::move(one));
+      if (!made) return made.error();
+      *client = std::move(*made);
+    }
+    peer.channel_ = config.where.channel;
+    peer.contract_name_ = config.where.contract;
+    return peer;
+  }
+
+  belief::Evaluate contract() {
+    return [this](const fabric::Call& call) { return contract_->evaluate_at_peer(call); };
+  }
+  Result<std::uint64_t> height() {
+    auto answer = chain_->evaluate_at_peer({.function = "GetChainInfo", .args = {channel_}});
+    common::BlockchainInfo info;
+    if (!answer) return answer.error();
+    if (!info.ParseFromString(*answer)) return Error{"its answer about the chain cannot be read"};
+    return info.height();
+  }
+  Result<std::string> block(std::uint64_t number) {
+    return chain_->evaluate_at_peer({.function = "GetBlockByNumber", .args = {channel_, std::to_string(number)}});
+  }
+  Result<std::string> config_block() {
+    return configuration_->evaluate_at_peer({.function = "GetConfigBlock", .args = {channel_}});
+  }
+  Result<lifecycle::QueryChaincodeDefinitionResult> definition() {
+    lifecycle::QueryChaincodeDefinitionArgs question;
+    question.set_name(contract_name_);
+    auto answer = definitions_->evaluate_at_peer(
+        {.function = "QueryChaincodeDefinition", .args = {question.SerializeAsString()}});
+    if (!answer) return answer.error();
+    lifecycle::QueryChaincodeDefinitionResult definition;
+    if (!definition.ParseFromString(*answer)) return Error{"its answer cannot be read"};
+    return definition;
+  }
+
+ private:
+  std::string channel_, contract_name_;
+  std::unique_ptr<fabric::Client> contract_, chain_, configuration_, definitions_;
+};
+
+/// Since the newest of a block's transactions was signed.
+std::optional<TimeNs> age_of(const std::string& bytes) {
+  common::Block block;
+  if (!block.ParseFromString(bytes)) return std::nullopt;
+  std::optional<TimeNs> newest_ns;
+  for (const std::string& transaction : block.data().data()) {
+    const auto& stamp = fabric::read_form(transaction).channel_header.timestamp();
+    const TimeNs at_ns = stamp.seconds() * ns_per_s + stamp.nanos();
+    newest_ns = std::max(newest_ns.value_or(at_ns), at_ns);
+  }
+  if (!newest_ns) return std::nullopt;
+  return realtime_ns() - *newest_ns;
+}
+
+/// One peer alone would do.
+bool is_weak(const lifecycle::QueryChaincodeDefinitionResult& definition, const fabric::ChannelConfig& channel) {
+  protos::ApplicationPolicy policy;
+  if (!policy.ParseFromString(definition.validation_parameter())) return false;
+  return std::any_of(channel.organisations.begin(), channel.organisations.end(), [&](const crypto::MspRoot& one) {
+    const std::vector<fabric::Endorser> alone{{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}};
+    return policy.has_signature_policy()
+               ? fabric::satisfies(policy.signature_policy().SerializeAsString(), alone)
+               : channel.organisations.size() > 1 && fabric::satisfies(channel.endorsement, alone);
+  });
+}
+
+void add(Findings& out, Findings more) { out.insert(out.end(), more.begin(), more.end()); }
+
+void ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor, bool embedded, Findings& out) {
+  // The newest, where the peer tells it; a change of the times since the anchor counts.
+  auto newest = peer.config_block();
+  const std::string& block = newest ? *newest : anchor;
+  if (const auto batch = read_batch(block)) {
+    PatienceFacts facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns};
+    if (one.program == "agent") {
+      facts.max_age_ns = one.max_age_ns;
+      facts.silent_after_ns = one.silent_after_ns;
+    }
+    if (one.program == "agent" || one.program == "ground") out.push_back(judge(*batch, facts));
+  } else {
+    out.push_back(found(Problem::ledger_refuses, check, "its configuration: " + batch.error().what));
+  }
+  ContractFacts contract{.name = one.ledger->contract, .own_version = std::to_string(contract::record_version + 1)};
+  if (embedded) {
+    out.push_back(fine("contract", contract.name + " of the embedded ledger"));
+    return;
+  }
+  const auto definition = peer.definition();
+  common::Block parsed;
+  if (definition) {
+    contract.version = definition->version();
+    if (parsed.ParseFromString(block)) {
+      if (const auto channel = fabric::read_channel_config(parsed)) contract.weak = is_weak(*definition, *channel);
+    }
+  } else {
+    contract.refused = definition.error().what;
+  }
+  add(out, judge(contract));
+}
+
+void ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
+                 const std::vector<std::string>& drones, Findings& out) {
+  const Side side = one.program == "agent" ? Side::agent : Side::ground;
+  const auto roles = belief::read_roles(peer.contract());
+  for (const std::string& drone : drones) {
+    LeaseFacts facts{.drone = drone, .self = self, .side = side};
+    if (roles) facts.is_operator = is_operator(roles->of(self));
+    if (auto control = belief::read_control(drone, peer.contract()))
+      facts.control = std::move(*control);
+    else if (!roles)
+      return out.push_back(found(Problem::ledger_refuses, check, control.error().what));
+    add(out, judge(facts));
+  }
+}
+
+}  // namespace
+
+Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                    const std::vector<std::string>& drones, std::chrono::milliseconds patience) {
+  Findings out;
+  auto config = Config::load(one.path);
+  if (!config) return {found(Problem::config_wrong, check, config.error().what)};
+  auto ledger = fabric::ledger_config(*config);
+  if (!ledger) return {found(Problem::ledger_refuses, check, ledger.error().what)};
+  ledger->deadline = patience;
+  auto peer = Peer::create(*ledger);
+  if (!peer) return {found(Problem::ledger_refuses, check, peer.error().what)};
+  const auto height = peer->height();
+  if (!height)
+    return {
+        found(Problem::ledger_refuses, check, fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().what))};
+  ask_configuration(*peer, one, anchor, embedded, out);
+  ask_records(*peer, one, ledger->identity.name, drones, out);
+  std::this_thread::sleep_for(between_heights);
+  HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
+  if (auto later = peer->height()) facts.later = *later;
+  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of(*block);
+  for (const ServerKeys& other : one.ledger->endorsers) {
+    if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
+    fabric::ClientConfig elsewhere = *ledger;
+    elsewhere.endpoint = other.endpoint;
+    elsewhere.tls_ca_file = other.tls_ca;
+    elsewhere.server_name = other.server_name;
+    elsewhere.other_peers.clear();
+    auto second = Peer::create(elsewhere);
+    if (!second) continue;
+    if (auto its = second->height()) facts.elsewhere = *its;
+  }
+  add(out, judge(facts));
+  return out;
+}
+
+}  // namespace ledgerline::doctor
