@@ -156,9 +156,7 @@ class Files {
   }
   // For systemd's EnvironmentFile: these two have no config file.
   void node() {
-    files_.push_back({"node.env", fmt::format("# ledgerline-node --dir $LEDGERLINE_DIR --listen $LEDGERLINE_LISTEN\n"
-                                              "LEDGERLINE_DIR={}/ledger\nLEDGERLINE_LISTEN={}\n",
-                                              plan_.folders.state, plan_.listen)});
+    files_.push_back({"node.env", fmt::format("# Where ledgerline-node listens, for its unit.\nLEDGERLINE_LISTEN={}\n", plan_.listen)});
   }
   void chaincode() {
     files_.push_back(

@@ -1,0 +1,43 @@
+"""docs/three-machines.md from its first command to the landing, and what doctor says when something is broken."""
+import os
+
+import breakages
+import pytest
+from walk import Machines
+
+LONG = os.environ.get("LEDGERLINE_LONG", "0") == "1"
+QUICK = {"config_wrong", "key_open", "key_misfit", "identity_expired", "authority_foreign", "port_closed", "tls_wrong_name",
+         "not_enrolled"}
+
+
+@pytest.fixture(scope="module")
+def machines(tmp_path_factory):
+    machines = Machines(tmp_path_factory.mktemp("machines"))
+    yield machines
+    machines.close()
+
+
+def is_flight(commands: str) -> bool:
+    return any(word in commands for word in (" sim ", " roudi", " link ", " agent ", " acquire "))
+
+
+def test_everything_before_the_flight_is_well_by_doctor(machines):
+    machines.walk(lambda commands: not is_flight(commands))  # its doctors end with 0, or the walk fails
+
+
+@pytest.mark.parametrize("one", breakages.ALL, ids=lambda one: one.problem)
+def test_what_is_broken_is_named_and_its_cure_works(machines, one):
+    if not LONG and one.problem not in QUICK:
+        pytest.skip("with LEDGERLINE_LONG=1")
+    with one.broken(machines):
+        found = machines.doctor(one.host, *one.words)
+        assert one.problem in found, found
+        assert found[one.problem]["cure"]
+    assert one.problem not in machines.doctor(one.host, *one.words)
+
+
+def test_the_page_flies(machines):
+    ground = machines.etc("desk") / "ground.toml"
+    ground.write_text(ground.read_text().replace("# laps = 3", "laps = 1").replace("# side_m = 1.5", "side_m = 1.0"))
+    machines.walk(is_flight)
+    assert "stopped" not in machines.doctor("desk")

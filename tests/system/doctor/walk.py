@@ -1,0 +1,114 @@
+"""Walks docs/three-machines.md: its blocks, on three network namespaces as its hosts."""
+import json
+import os
+import pathlib
+import re
+import subprocess
+import time
+
+from netns import Namespace
+
+BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
+PAGE = pathlib.Path(__file__).resolve().parents[3] / "docs/three-machines.md"
+HOSTS = {"raven": "10.77.0.1", "tower": "10.77.0.2", "desk": "10.77.0.3"}
+READY_S, STEP_S = 60, 180
+
+SCP = """#!/bin/sh
+# Between the hosts' homes and this host's files.
+set -eu
+[ "$1" != -r ] || shift
+from=$1 to=$2
+case $from in *:*) from=$ROOT/${from%%:*}/home/${from#*:} ;; esac
+case $to in *:*) to=$ROOT/${to%%:*}/home/${to#*:} ;; esac
+exec cp -r "$from" "$to"
+"""
+
+
+def blocks() -> list[tuple[str, bool, str]]:
+    """(host, keeps running, commands) in the page's order."""
+    out = []
+    for text in re.findall(r"```sh\n(.*?)```", PAGE.read_text(), re.S):
+        first, commands = text.split("\n", 1)
+        host, keeps = re.fullmatch(r"# (\w+)( &)?", first).groups()
+        out.append((host, keeps is not None, commands))
+    return out
+
+
+class Machines:
+    def __init__(self, root: pathlib.Path) -> None:
+        self.root = root
+        self.running: list[subprocess.Popen] = []
+        self.spaces = {host: Namespace() for host in HOSTS}
+        ip = lambda *words: subprocess.run(["ip", *words], check=True)
+        ip("link", "add", "machines", "type", "bridge")
+        ip("link", "set", "machines", "up")
+        deployment = re.search(r"```toml\n(.*?)```", PAGE.read_text(), re.S).group(1)
+        (root / "bin").mkdir()
+        (root / "bin/scp").write_text(SCP)
+        (root / "bin/scp").chmod(0o755)
+        for host, address in HOSTS.items():
+            space = self.spaces[host]
+            ip("link", "add", host, "type", "veth", "peer", "name", "eth0", "netns", str(space.holder.pid))
+            ip("link", "set", host, "master", "machines", "up")
+            space.run("ip", "addr", "add", f"{address}/24", "dev", "eth0")
+            space.run("ip", "link", "set", "eth0", "up")
+            for folder in ("home", "etc", "var"):
+                (root / host / folder).mkdir(parents=True)
+            (root / host / "home/deployment.toml").write_text(deployment)
+
+    def etc(self, host: str) -> pathlib.Path:
+        return self.root / host / "etc"
+
+    def on(self, host: str, commands: str) -> list:
+        """As they are typed there: each host has its own /etc/ledgerline and /var/lib/ledgerline."""
+        commands = commands.replace("/etc/ledgerline", str(self.etc(host)))
+        commands = commands.replace("/var/lib/ledgerline", str(self.root / host / "var"))
+        commands = commands.replace("ledgerline init --role", f"ledgerline init --state-dir {self.root / host}/var --role")
+        commands = commands.replace("ledgerline doctor", f"ledgerline doctor --config-dir {self.etc(host)}")
+        return self.spaces[host].command("env", f"ROOT={self.root}", f"PATH={self.root}/bin:{BIN}:{os.environ['PATH']}",
+                                         "sh", "-euc", commands)
+
+    def run(self, host: str, commands: str, code: int | None = 0) -> str:
+        done = subprocess.run(self.on(host, commands), cwd=self.root / host / "home", capture_output=True, text=True,
+                              timeout=STEP_S)
+        assert code is None or done.returncode == code, f"{host}: {commands}\n{done.stdout}{done.stderr}"
+        return done.stdout
+
+    def start(self, host: str, commands: str) -> subprocess.Popen:
+        said = self.root / f"{host}.{len(self.running)}.out"
+        with open(said, "wb") as out, open(said.with_suffix(".log"), "wb") as log:
+            process = self.spaces[host].popen(*self.on(host, "exec " + commands.strip())[2:], stdout=out, stderr=log,
+                                              cwd=self.root / host / "home")
+        self.running.append(process)
+        until = time.monotonic() + READY_S
+        while '"ready":true' not in said.read_text():
+            assert process.poll() is None and time.monotonic() < until, said.with_suffix(".log").read_text()[-2000:]
+            time.sleep(0.05)
+        return process
+
+    def walk(self, wanted) -> None:
+        """The page's blocks for which wanted(commands) is true."""
+        for host, keeps, commands in blocks():
+            if wanted(commands):
+                self.start(host, commands) if keeps else self.run(host, commands)
+
+    def doctor(self, host: str, *words: str) -> dict:
+        """By problem: what was found. Exit code and `ok` agree."""
+        done = subprocess.run(self.on(host, " ".join(["ledgerline doctor --json --patience 5", *words])),
+                              cwd=self.root / host / "home", capture_output=True, text=True, timeout=STEP_S)
+        said = json.loads(done.stdout)
+        assert done.returncode == (0 if said["ok"] else 1), done.stderr
+        return {check["problem"]: check for check in said["checks"] if check["problem"]}
+
+    def close(self) -> None:
+        for process in reversed(self.running):
+            process.terminate()
+        for process in reversed(self.running):
+            try:
+                process.wait(20)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        for space in self.spaces.values():
+            space.close()
+        subprocess.run(["ip", "link", "del", "machines"], check=True)
