@@ -65,18 +65,16 @@ def copy_of(source: str):
     return lambda path, machines: shutil.copy(machines.root / source, path)
 
 
-@contextlib.contextmanager
-def renamed(path: pathlib.Path):
-    away = path.with_name(path.name + ".away")
-    path.rename(away)
-    try:
-        yield
-    finally:
-        away.rename(path)
-
-
 def away(name: str):
-    return lambda machines: renamed(machines.root / name)
+    @contextlib.contextmanager
+    def broken(machines: Machines):
+        there, elsewhere = machines.root / name, machines.root / "away"
+        there.rename(elsewhere)
+        try:
+            yield
+        finally:
+            elsewhere.rename(there)
+    return broken
 
 
 def said_on_ledger(commands: str, back: str):
@@ -92,13 +90,16 @@ def said_on_ledger(commands: str, back: str):
 
 
 @contextlib.contextmanager
-def stranger_as_roudi(_: Machines):
-    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as stranger:
-        stranger.bind("/tmp/roudi")
-        try:
-            yield
-        finally:
-            pathlib.Path("/tmp/roudi").unlink()
+def stranger_as_roudi(machines: Machines):
+    code = "import socket, time; s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM); s.bind('/tmp/roudi'); time.sleep(60)"
+    stranger = machines.spaces["raven"].popen("python3", "-c", code)
+    try:
+        machines.run("raven", "until test -S /tmp/roudi; do sleep 0.1; done")
+        yield
+    finally:
+        stranger.kill()
+        stranger.wait()
+        pathlib.Path("/tmp/roudi").unlink()
 
 
 @contextlib.contextmanager

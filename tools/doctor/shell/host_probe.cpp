@@ -90,6 +90,22 @@ std::string interface_with(const in_addr& address) {
   return name;
 }
 
+/// Whether an address is of the interface's own network.
+bool is_beside(const std::string& interface, const in_addr& address) {
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return false;
+  bool beside = false;
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {
+    if (interface != one->ifa_name || !one->ifa_addr || one->ifa_addr->sa_family != AF_INET || !one->ifa_netmask)
+      continue;
+    const in_addr_t own = reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr.s_addr;
+    const in_addr_t mask = reinterpret_cast<const sockaddr_in*>(one->ifa_netmask)->sin_addr.s_addr;
+    beside = beside || ((own ^ address.s_addr) & mask) == 0;
+  }
+  ::freeifaddrs(all);
+  return beside;
+}
+
 }  // namespace
 
 FolderFacts look_at_folder_of(const std::string& file) {
@@ -160,13 +176,16 @@ RouteFacts look_at_route(const std::string& drone, const std::string& address, c
     facts.why = "it is no IPv4 address";
     return facts;
   }
+  // link binds to the interface, so its own network counts before the routing table, which names one of two that have
+  // the same.
+  if (!wanted.empty() && is_beside(wanted, to.sin_addr)) {
+    facts.over = wanted;
+    return facts;
+  }
   const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_in from{};
   socklen_t size = sizeof from;
-  // link binds to the interface, too; the routing table alone would say the first of two with one network.
-  const bool bound = wanted.empty() || ::setsockopt(fd, SOL_SOCKET, SO_BINDTODEVICE, wanted.c_str(),
-                                                    static_cast<socklen_t>(wanted.size())) == 0;
-  if (fd < 0 || !bound || ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0 ||
+  if (fd < 0 || ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0 ||
       ::getsockname(fd, reinterpret_cast<sockaddr*>(&from), &size) != 0) {
     facts.why = std::strerror(errno);
   } else {

@@ -156,7 +156,8 @@ class Files {
   }
   // For systemd's EnvironmentFile: these two have no config file.
   void node() {
-    files_.push_back({"node.env", fmt::format("# Where ledgerline-node listens, for its unit.\nLEDGERLINE_LISTEN={}\n", plan_.listen)});
+    files_.push_back({"node.env", fmt::format("# Where ledgerline-node listens, for its unit.\nLEDGERLINE_LISTEN={}\n",
+                                              plan_.listen)});
   }
   void chaincode() {
     files_.push_back(

@@ -1,0 +1,116 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+#include "common/common.pb.h"
+#include "common/configtx.pb.h"
+#include "orderer/configuration.pb.h"
+#include "tools/doctor/core/host.hpp"
+#include "tools/doctor/core/ledger.hpp"
+#include "tools/doctor/core/server.hpp"
+
+namespace ledgerline::doctor {
+namespace {
+
+using testing::HasSubstr;
+
+std::string config_block(const std::string& timeout_text, unsigned count) {
+  orderer::BatchTimeout timeout;
+  timeout.set_timeout(timeout_text);
+  orderer::BatchSize size;
+  size.set_max_message_count(count);
+  common::ConfigEnvelope config;
+  auto& values = *(*config.mutable_config()->mutable_channel_group()->mutable_groups())["Orderer"].mutable_values();
+  values["BatchTimeout"].set_value(timeout.SerializeAsString());
+  values["BatchSize"].set_value(size.SerializeAsString());
+  common::Payload payload;
+  payload.set_data(config.SerializeAsString());
+  common::Envelope envelope;
+  envelope.set_payload(payload.SerializeAsString());
+  common::Block block;
+  block.mutable_data()->add_data(envelope.SerializeAsString());
+  return block.SerializeAsString();
+}
+
+TEST(DoctorBlocks, AreReadAsGoWritesDurations) {
+  EXPECT_EQ(read_batch(config_block("2s", 10))->timeout_ns, 2 * ns_per_s);
+  EXPECT_EQ(read_batch(config_block("1m30s", 10))->timeout_ns, 90 * ns_per_s);
+  EXPECT_EQ(read_batch(config_block("10000us", 1))->timeout_ns, 10 * ns_per_ms);
+  for (const char* text : {"", "2", "s", "-1s", "1e300s"}) EXPECT_FALSE(read_batch(config_block(text, 1))) << text;
+  EXPECT_FALSE(read_batch("x"));
+}
+
+TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
+  PatienceFacts usual{
+      .program = "agent.toml", .max_age_ns = 500 * ns_per_ms, .silent_after_ns = ns_per_s, .deadline_ns = ns_per_s};
+  const Batch slow{10, 2 * ns_per_s};
+  const Finding late = judge(slow, usual);
+  EXPECT_EQ(late.problem, Problem::blocks_late);
+  EXPECT_THAT(
+      late.cure,
+      HasSubstr("[check] max_age_ms = 4500, [agent] ledger_silent_after_ms = 5000, [ledger] deadline_ms = 5000"));
+  usual = {"agent.toml", 4500 * ns_per_ms, 5 * ns_per_s, 5 * ns_per_s};
+  EXPECT_FALSE(judge(slow, usual).problem);
+  EXPECT_FALSE(judge(Batch{1, 2 * ns_per_s}, {.program = "a", .deadline_ns = ns_per_s}).problem) << "cut at once";
+}
+
+Finding server(const std::function<void(ServerFacts&)>& change) {
+  ServerFacts facts{.what = "peer", .endpoint = "h:1", .name = "h", .tls_ca = "ca.pem"};
+  facts.tls = facts.http2 = facts.trusted = facts.right_name = true;
+  change(facts);
+  return judge(facts);
+}
+
+TEST(DoctorServer, TellsEachLayerApart) {
+  using Reached = ServerFacts::Reached;
+  EXPECT_FALSE(server([](auto&) {}).problem);
+  EXPECT_EQ(server([](auto& f) { f.reached = Reached::name_unknown; }).problem, Problem::name_unknown);
+  EXPECT_EQ(server([](auto& f) { f.reached = Reached::no_route; }).problem, Problem::no_route);
+  EXPECT_EQ(server([](auto& f) { f.reached = Reached::silent; }).problem, Problem::unreachable);
+  EXPECT_EQ(server([](auto& f) { f.reached = Reached::closed; }).problem, Problem::port_closed);
+  EXPECT_EQ(server([](auto& f) { f.tls = false; }).problem, Problem::no_tls);
+  EXPECT_EQ(server([](auto& f) { f.http2 = false; }).problem, Problem::no_tls);
+  EXPECT_EQ(server([](auto& f) { f.right_name = false; }).problem, Problem::tls_wrong_name);
+  EXPECT_EQ(server([](auto& f) { f.expired = true; }).problem, Problem::tls_expired);
+  EXPECT_EQ(server([](auto& f) { f.not_yet = true; }).problem, Problem::tls_not_yet);
+  EXPECT_EQ(server([](auto& f) { f.wants_certificate = true; }).problem, Problem::tls_client_certificate);
+  EXPECT_EQ(server([](auto& f) { f.trusted = false, f.expired = true; }).problem, Problem::tls_wrong_authority)
+      << "dates of a stranger's certificate mean nothing";
+}
+
+TEST(DoctorChain, TellsClocksByTheNewestBlock) {
+  const auto problem = [](HeightFacts facts) { return judge(facts)[0].problem; };
+  EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = -ns_per_s}), Problem::clock_behind);
+  EXPECT_EQ(problem({.place = "p", .height = 5, .later = 9, .newest_age_ns = 60 * ns_per_s}), Problem::clock_ahead);
+  EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = 60 * ns_per_s}), std::nullopt)
+      << "a quiet ledger";
+  EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .elsewhere = 50}), Problem::peer_lags);
+}
+
+TEST(DoctorContract, TellsNoneAnotherVersionAndAWeakPolicyApart) {
+  EXPECT_EQ(judge({.name = "c", .refused = "not there"})[0].problem, Problem::contract_missing);
+  EXPECT_EQ(judge({.name = "c", .version = "1", .own_version = "2"})[0].problem, Problem::contract_other_version);
+  EXPECT_EQ(judge({.name = "c", .version = "2", .own_version = "2", .weak = true})[0].problem, Problem::policy_weak);
+}
+
+TEST(DoctorHost, WarnsOfADiskBeforeItIsFull) {
+  EXPECT_EQ(judge(FolderFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
+  EXPECT_EQ(judge(FolderFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
+  EXPECT_FALSE(judge(FolderFacts{"/x", true, 5ULL << 30})[0].problem);
+}
+
+TEST(DoctorList, IsBrokenByOneProblemAndNotByWarnings) {
+  Findings all{fine("config", "a"), found(Problem::disk_low, "disk", "b")};
+  EXPECT_FALSE(anything_broken(all));
+  all.push_back(found(Problem::key_open, "identity", "c\x1b[2J"));
+  EXPECT_TRUE(anything_broken(all));
+  const auto said = nlohmann::json::parse(to_json(all));
+  EXPECT_EQ(said["ok"], false);
+  EXPECT_EQ(said["checks"][2]["problem"], "key_open");
+  EXPECT_EQ(said["checks"][0]["cure"], nullptr);
+  EXPECT_EQ(words(all).find('\x1b'), std::string::npos);
+}
+
+}  // namespace
+}  // namespace ledgerline::doctor
