@@ -2,13 +2,8 @@
 
 #include <fmt/format.h>
 
-#include <charconv>
-
-#include "common/common.pb.h"
-#include "common/configtx.pb.h"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
-#include "orderer/configuration.pb.h"
 #include "tools/deployment/patience.hpp"
 
 namespace ledgerline::doctor {
@@ -19,75 +14,31 @@ constexpr TimeNs max_ahead_ns = 20 * ns_per_ms, max_behind_ns = 5 * ns_per_s;
 // Peers of one channel are a block or two apart.
 constexpr std::uint64_t max_lag = 5;
 
-/// Go's time.Duration in a block: "2s", "10ms", "250us", "1.5s", "1m0s".
-std::optional<TimeNs> duration_of(std::string_view text) {
-  double total_ns = 0;
-  if (text.empty()) return std::nullopt;
-  while (!text.empty()) {
-    double value = 0;
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-    if (error != std::errc()) return std::nullopt;
-    text.remove_prefix(static_cast<std::size_t>(end - text.data()));
-    constexpr std::pair<std::string_view, double> units[] = {{"ms", 1e6}, {"us", 1e3}, {"\xc2\xb5s", 1e3}, {"ns", 1},
-                                                             {"s", 1e9},  {"m", 60e9}, {"h", 3600e9}};
-    const auto* unit =
-        std::find_if(std::begin(units), std::end(units), [&](const auto& u) { return text.starts_with(u.first); });
-    if (unit == std::end(units)) return std::nullopt;
-    text.remove_prefix(unit->first.size());
-    total_ns += value * unit->second;
-  }
-  return total_ns >= 0 && total_ns < 1e18 ? std::optional(static_cast<TimeNs>(total_ns)) : std::nullopt;
-}
-
 std::string name(const Identity& who) { return who.msp_id() + " " + who.subject(); }
 
 std::string ms(TimeNs ns) { return fmt::format("{:.0f} ms", to_ms(ns)); }
 
 }  // namespace
 
-Result<Batch> read_batch(std::string_view config_block) {
-  common::Block block;
-  common::Envelope envelope;
-  common::Payload payload;
-  common::ConfigEnvelope config;
-  const Error wrong{"the block has no configuration of a channel"};
-  if (!block.ParseFromArray(config_block.data(), static_cast<int>(config_block.size())) ||
-      block.data().data_size() != 1 || !envelope.ParseFromString(block.data().data(0)) ||
-      !payload.ParseFromString(envelope.payload()) || !config.ParseFromString(payload.data()))
-    return wrong;
-  const auto& groups = config.config().channel_group().groups();
-  const auto orderer = groups.find("Orderer");
-  if (orderer == groups.end()) return wrong;
-  const auto& values = orderer->second.values();
-  const auto timeout_value = values.find("BatchTimeout"), size_value = values.find("BatchSize");
-  orderer::BatchTimeout timeout;
-  orderer::BatchSize size;
-  if (timeout_value == values.end() || size_value == values.end() ||
-      !timeout.ParseFromString(timeout_value->second.value()) || !size.ParseFromString(size_value->second.value()))
-    return wrong;
-  const auto timeout_ns = duration_of(timeout.timeout());
-  if (!timeout_ns) return Error{fmt::format("its BatchTimeout is \"{}\"", timeout.timeout())};
-  return Batch{static_cast<int>(size.max_message_count()), *timeout_ns};
-}
-
-Finding judge(const Batch& batch, const PatienceFacts& facts) {
+Finding judge(const fabric::Batching& batching, const PatienceFacts& facts) {
   constexpr const char* check = "blocks";
-  const TimeNs longer_ns = deployment::both_ways(batch.count, batch.timeout_ns);
+  const TimeNs longer_ns = deployment::both_ways(static_cast<int>(batching.max_messages), batching.timeout_ns);
   const deployment::Patience needed = deployment::patience_with(longer_ns);
-  const std::string what = fmt::format("{} transactions or {} a block", batch.count, ms(batch.timeout_ns));
+  const std::string what = fmt::format("{} transactions or {} a block", batching.max_messages, ms(batching.timeout_ns));
   std::string cure;
   const auto want = [&](const char* key, std::optional<TimeNs> is_ns, TimeNs needed_ns) {
     if (is_ns && *is_ns < needed_ns)
       cure += fmt::format("{}{} = {:.0f}", cure.empty() ? "" : ", ", key, to_ms(needed_ns));
   };
-  if (longer_ns > 0) {
+  if (longer_ns > 0 && !facts.of_channel) {
     want("[check] max_age_ms", facts.max_age_ns, needed.max_age_ns);
     want("[agent] ledger_silent_after_ms", facts.silent_after_ns, needed.silent_after_ns);
     want("[ledger] deadline_ms", facts.deadline_ns, needed.deadline_ns);
   }
   if (cure.empty()) return fine(check, fmt::format("{}, for which {} waits long enough", what, facts.program));
-  return found(Problem::blocks_late, check, fmt::format("{}: {}", facts.program, what),
-               fmt::format("in {}: {}; or a shorter BatchTimeout", facts.program, cure));
+  return found(
+      Problem::blocks_late, check, fmt::format("{}: {}", facts.program, what),
+      fmt::format("in {}: {}; or [ledger] patience = \"auto\"; or a shorter BatchTimeout", facts.program, cure));
 }
 
 Findings judge(const ContractFacts& facts) {

@@ -6,6 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/judge/channel_config.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 #include "tools/doctor/core/finding.hpp"
@@ -13,21 +14,14 @@
 /// What is judged of a channel, its contract and the drones' records. Pure.
 namespace ledgerline::doctor {
 
-/// When a channel cuts its blocks.
-struct Batch {
-  int count = 1;
-  TimeNs timeout_ns = 0;
-};
-/// Of a common.Block with the channel's configuration.
-Result<Batch> read_batch(std::string_view config_block);
-
 /// What agent.toml and ground.toml say of time.
 struct PatienceFacts {
   std::string program;
   std::optional<TimeNs> max_age_ns{}, silent_after_ns{};  ///< of agent alone
   TimeNs deadline_ns = 0;
+  bool of_channel = false;  ///< [ledger] patience = "auto": they grow by themselves
 };
-Finding judge(const Batch& batch, const PatienceFacts& facts);
+Finding judge(const fabric::Batching& batching, const PatienceFacts& facts);
 
 /// The definition that is committed.
 struct ContractFacts {

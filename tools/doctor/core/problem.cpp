@@ -93,7 +93,7 @@ constexpr std::array<Words, problem_count> table{{
      "one organisation alone satisfies the contract's endorsement policy: it can make any record",
      "define the contract with a majority (docs/ledger.md)"},
     {blocks_late, "blocks_late", broken, "the channel cuts its blocks so late that commands are too old when they come",
-     "set the times that the line names, or a shorter BatchTimeout; `ledgerline init --batch-timeout` sets them"},
+     "set `patience = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout"},
 
     {not_enrolled, "not_enrolled", broken, "the ledger has no record of the drone",
      "its organisation's administrator: `ledgerline control --config admin.toml enroll --msp MSPID --cert FILE NAME`"},

@@ -52,6 +52,7 @@ LedgerKeys ledger_keys(Config& config, const std::string& program) {
   keys.certificate = config.text("ledger.certificate", "");
   keys.private_key = config.text("ledger.private_key", "");
   keys.config_block = config.text("ledger.config_block", "");
+  keys.patient = config.text("ledger.patience", "fixed") == "auto";
   const bool hurried = program == "agent" || program == "ground";
   keys.deadline_ns = config.integer("ledger.deadline_ms", hurried ? 1'000 : 5'000, 100, 600'000) * ns_per_ms;
   keys.orderers = all_servers(config, "orderer", false);

@@ -109,15 +109,19 @@ void ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& 
   // The newest, where the peer tells it; a change of the times since the anchor counts.
   auto newest = peer.config_block();
   const std::string& block = newest ? *newest : anchor;
-  if (const auto batch = read_batch(block)) {
-    PatienceFacts facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns};
+  common::Block parsed;
+  const auto channel = parsed.ParseFromString(block) ? fabric::read_channel_config(parsed)
+                                                     : Result<fabric::ChannelConfig>(Error{"it is no block"});
+  if (!channel || !channel->batching) {
+    out.push_back(found(Problem::ledger_refuses, check,
+                        "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().what)));
+  } else if (one.program == "agent" || one.program == "ground") {
+    PatienceFacts facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
     if (one.program == "agent") {
       facts.max_age_ns = one.max_age_ns;
       facts.silent_after_ns = one.silent_after_ns;
     }
-    if (one.program == "agent" || one.program == "ground") out.push_back(judge(*batch, facts));
-  } else {
-    out.push_back(found(Problem::ledger_refuses, check, "its configuration: " + batch.error().what));
+    out.push_back(judge(*channel->batching, facts));
   }
   ContractFacts contract{.name = one.ledger->contract, .own_version = std::to_string(contract::record_version + 1)};
   if (embedded) {
@@ -125,12 +129,9 @@ void ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& 
     return;
   }
   const auto definition = peer.definition();
-  common::Block parsed;
   if (definition) {
     contract.version = definition->version();
-    if (parsed.ParseFromString(block)) {
-      if (const auto channel = fabric::read_channel_config(parsed)) contract.weak = is_weak(*definition, *channel);
-    }
+    contract.weak = channel && is_weak(*definition, *channel);
   } else {
     contract.refused = definition.error().what;
   }

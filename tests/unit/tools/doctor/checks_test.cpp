@@ -3,9 +3,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "common/common.pb.h"
-#include "common/configtx.pb.h"
-#include "orderer/configuration.pb.h"
 #include "tools/doctor/core/host.hpp"
 #include "tools/doctor/core/ledger.hpp"
 #include "tools/doctor/core/server.hpp"
@@ -15,44 +12,26 @@ namespace {
 
 using testing::HasSubstr;
 
-std::string config_block(const std::string& timeout_text, unsigned count) {
-  orderer::BatchTimeout timeout;
-  timeout.set_timeout(timeout_text);
-  orderer::BatchSize size;
-  size.set_max_message_count(count);
-  common::ConfigEnvelope config;
-  auto& values = *(*config.mutable_config()->mutable_channel_group()->mutable_groups())["Orderer"].mutable_values();
-  values["BatchTimeout"].set_value(timeout.SerializeAsString());
-  values["BatchSize"].set_value(size.SerializeAsString());
-  common::Payload payload;
-  payload.set_data(config.SerializeAsString());
-  common::Envelope envelope;
-  envelope.set_payload(payload.SerializeAsString());
-  common::Block block;
-  block.mutable_data()->add_data(envelope.SerializeAsString());
-  return block.SerializeAsString();
-}
-
-TEST(DoctorBlocks, AreReadAsGoWritesDurations) {
-  EXPECT_EQ(read_batch(config_block("2s", 10))->timeout_ns, 2 * ns_per_s);
-  EXPECT_EQ(read_batch(config_block("1m30s", 10))->timeout_ns, 90 * ns_per_s);
-  EXPECT_EQ(read_batch(config_block("10000us", 1))->timeout_ns, 10 * ns_per_ms);
-  for (const char* text : {"", "2", "s", "-1s", "1e300s"}) EXPECT_FALSE(read_batch(config_block(text, 1))) << text;
-  EXPECT_FALSE(read_batch("x"));
-}
-
 TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
   PatienceFacts usual{
       .program = "agent.toml", .max_age_ns = 500 * ns_per_ms, .silent_after_ns = ns_per_s, .deadline_ns = ns_per_s};
-  const Batch slow{10, 2 * ns_per_s};
+  const fabric::Batching slow{.timeout_ns = 2 * ns_per_s, .max_messages = 10};
   const Finding late = judge(slow, usual);
   EXPECT_EQ(late.problem, Problem::blocks_late);
   EXPECT_THAT(
       late.cure,
       HasSubstr("[check] max_age_ms = 4500, [agent] ledger_silent_after_ms = 5000, [ledger] deadline_ms = 5000"));
-  usual = {"agent.toml", 4500 * ns_per_ms, 5 * ns_per_s, 5 * ns_per_s};
+  usual.of_channel = true;
+  EXPECT_FALSE(judge(slow, usual).problem) << "they grow by themselves";
+  usual = {.program = "agent.toml",
+           .max_age_ns = 4500 * ns_per_ms,
+           .silent_after_ns = 5 * ns_per_s,
+           .deadline_ns = 5 * ns_per_s};
   EXPECT_FALSE(judge(slow, usual).problem);
-  EXPECT_FALSE(judge(Batch{1, 2 * ns_per_s}, {.program = "a", .deadline_ns = ns_per_s}).problem) << "cut at once";
+  EXPECT_FALSE(
+      judge(fabric::Batching{.timeout_ns = 2 * ns_per_s, .max_messages = 1}, {.program = "a", .deadline_ns = ns_per_s})
+          .problem)
+      << "cut at once";
 }
 
 Finding server(const std::function<void(ServerFacts&)>& change) {
