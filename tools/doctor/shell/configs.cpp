@@ -14,14 +14,14 @@ namespace ledgerline::doctor {
 namespace {
 
 struct Known {
-  const char *program, *file, *role;
+  const char *program, *name, *role;  ///< the file is NAME.toml
 };
 // net.toml is of a network that `ledgerline fabric` runs, and only there.
-constexpr Known all_known[] = {{"link", "link.toml", "drone-host"},  {"agent", "agent.toml", "drone-host"},
-                               {"ground", "ground.toml", "ground"},  {"control", "operator.toml", ""},
-                               {"control", "admin.toml", "admin"},   {"bridge", "bridge.toml", "bridge"},
-                               {"endorser", "endorser.toml", ""},    {"fabric", "net.toml", ""},
-                               {"deployment", "deployment.toml", ""}};
+constexpr Known all_known[] = {{"link", "link", "drone-host"},  {"agent", "agent", "drone-host"},
+                               {"ground", "ground", "ground"},  {"control", "operator", ""},
+                               {"control", "admin", "admin"},   {"bridge", "bridge", "bridge"},
+                               {"endorser", "endorser", ""},    {"fabric", "net", ""},
+                               {"deployment", "deployment", ""}};
 
 ServerKeys server_keys(Config& config, const std::string& table) {
   return {"",
@@ -119,7 +119,8 @@ const ProgramConfig* Configs::of(const std::string& program) const {
 Configs read_configs(const std::string& dir, const std::string& role) {
   Configs configs;
   for (const Known& known : all_known) {
-    ProgramConfig one{.program = known.program, .file = known.file, .path = dir + "/" + known.file};
+    ProgramConfig one{
+        .program = known.program, .file = std::string(known.name) + ".toml", .path = dir + "/" + known.name + ".toml"};
     std::error_code error;
     if (!std::filesystem::exists(one.path, error)) {
       if (!role.empty() && role == known.role)
