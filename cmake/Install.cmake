@@ -1,6 +1,5 @@
 # `cmake --install` gives strangers the client and the shims as a CMake package: docs/library.md. Headers keep their paths of
-# this tree below include/ledgerline, so the examples are the same files here and there. And the program that flies fault
-# scripts with its scenarios, where they were built: docs/faults.md.
+# this tree below include/ledgerline, so the examples are the same files here and there. Programs: packaging/CMakeLists.txt.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
@@ -11,7 +10,7 @@ set(public_headers common/crypto/crypto.hpp common/fabric/checkpoint/checkpoint.
   onboard/shim/drones_end.hpp onboard/shim/mapping.hpp onboard/shim/shim_memory.hpp)
 foreach(header ${public_headers})
   get_filename_component(folder ${header} DIRECTORY)
-  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder})
+  install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder} COMPONENT dev)
 endforeach()
 
 set_target_properties(ledgerline_fabric_client PROPERTIES EXPORT_NAME client)
@@ -23,34 +22,19 @@ endforeach()
 install(TARGETS ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
     ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
   EXPORT LedgerlineTargets
-  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR}
+  ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline)
 set(package ${CMAKE_INSTALL_LIBDIR}/cmake/Ledgerline)
-install(EXPORT LedgerlineTargets NAMESPACE Ledgerline:: DESTINATION ${package})
+install(EXPORT LedgerlineTargets NAMESPACE Ledgerline:: DESTINATION ${package} COMPONENT dev)
 write_basic_package_version_file(${CMAKE_BINARY_DIR}/LedgerlineConfigVersion.cmake COMPATIBILITY SameMinorVersion)
 install(FILES cmake/LedgerlineConfig.cmake cmake/FindMbedTLS.cmake ${CMAKE_BINARY_DIR}/LedgerlineConfigVersion.cmake
-  DESTINATION ${package})
+  DESTINATION ${package} COMPONENT dev)
 
 set(examples ${CMAKE_INSTALL_DATADIR}/ledgerline/examples)
-install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cpp)
-install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp)
-install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp)
-install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt)
-
-install(PROGRAMS $<TARGET_FILE:ledgerline> $<TARGET_FILE:ledgerline-fault> DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT faults OPTIONAL)
-install(DIRECTORY hil/scenarios DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults FILES_MATCHING PATTERN *.toml)
-# Your own code under the judge (docs/own-code.md): the interface of plug-ins, and the three examples.
-install(FILES ground/plugin/controller_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/ground/plugin COMPONENT faults)
-install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controller.cpp COMPONENT faults)
-install(DIRECTORY hil/fault/own/examples/ DESTINATION ${examples} COMPONENT faults FILES_MATCHING PATTERN *.py)
-install(FILES ${CMAKE_BINARY_DIR}/share/ledgerline/fault-script.schema.json DESTINATION ${CMAKE_INSTALL_DATADIR}/ledgerline COMPONENT faults
-  OPTIONAL)
-# The ground station's command line, and what `ledgerline demo` starts.
-foreach(program ledgerline ledgerline-demo ledgerline-drones ledgerline-missions ledgerline-flights ledgerline-alarms ledgerline-fly
-    ledgerline-roudi ledgerline-sim ledgerline-link ledgerline-agent ledgerline-ground ledgerline-node ledgerline-control)
-  install(PROGRAMS $<TARGET_FILE:${program}> DESTINATION ${CMAKE_INSTALL_BINDIR} COMPONENT tools OPTIONAL)
-endforeach()
-install(FILES docs/examples/mission-two.csv DESTINATION ${examples} COMPONENT tools)
-# What a shell completes of `ledgerline` (docs/commands.md).
-install(FILES tools/command/completion.bash DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-completion/completions RENAME ledgerline COMPONENT tools)
-install(FILES tools/command/completion.zsh DESTINATION ${CMAKE_INSTALL_DATADIR}/zsh/site-functions RENAME _ledgerline COMPONENT tools)
+install(FILES common/fabric/example.cpp DESTINATION ${examples} RENAME client.cpp COMPONENT dev)
+install(FILES chaincode/shim/example.cpp DESTINATION ${examples} RENAME chaincode.cpp COMPONENT dev)
+install(FILES hil/shim/example.cpp DESTINATION ${examples} RENAME drones.cpp COMPONENT dev)
+install(FILES cmake/examples.cmake DESTINATION ${examples} RENAME CMakeLists.txt COMPONENT dev)
+# Your own code under the judge (docs/own-code.md): the interface of plug-ins, and an example.
+install(FILES ground/plugin/controller_plugin.h DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/ground/plugin COMPONENT dev)
+install(FILES ground/plugin/example.cpp DESTINATION ${examples} RENAME controller.cpp COMPONENT dev)

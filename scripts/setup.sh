@@ -104,3 +104,21 @@ build() {
     die "the build failed (whole log: $log)"
   fi
 }
+
+# bare_debian SUITE FOLDER LOG PACKAGE...: a root of Debian, of packages from where this machine has its own; kept until PACKAGE...
+# change. Needs root and mmdebstrap.
+bare_debian() {
+  local suite=$1 folder=$2 log=$3 mirror file options=()
+  shift 3
+  [ "$*" = "$(cat "$folder/packages" 2>/dev/null)" ] && return
+  say "Making a root of Debian ($suite)"
+  rm -rf "$folder"
+  mkdir -p "$(dirname "$folder")"
+  mirror=$(apt-get indextargets --format '$(REPO_URI)' 'Created-By: Packages' | grep -v security | sort -u | sed -n 1p)
+  for file in /etc/apt/apt.conf.d/*; do
+    grep -qs 'Acquire::' "$file" && ! grep -qs 'Post-Invoke\|gzip' "$file" && options+=(--aptopt="$file")
+  done
+  mmdebstrap --variant=apt "${options[@]}" --include="$(IFS=,; echo "$*")" "$suite" "$folder" "$mirror" >"$log" 2>&1 ||
+    { tail -n 15 "$log" >&2; die "mmdebstrap failed (whole log: $log)"; }
+  echo "$*" >"$folder/packages"
+}

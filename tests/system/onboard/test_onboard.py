@@ -5,7 +5,6 @@ import json
 import os
 import pathlib
 import re
-import shutil
 import signal
 import socket
 import struct
@@ -39,30 +38,6 @@ def test_a_program_needs_the_libraries_that_the_page_lists(program, built):
     if built == AARCH64 and not (AARCH64 / program).exists():
         pytest.skip("not cross-built: ./run-tests does it")
     assert needed(built / program) - {"ld-linux-aarch64.so.1"} == listed(program)
-
-
-@pytest.fixture(scope="module")
-def installed(tmp_path_factory) -> pathlib.Path:
-    prefix = tmp_path_factory.mktemp("installed")
-    subprocess.run(["cmake", "--install", BIN.parent, "--component", "onboard", "--prefix", prefix], check=True,
-                   capture_output=True)
-    return prefix
-
-
-def test_an_installation_has_programs_units_and_their_user(installed):
-    files = {str(file.relative_to(installed)) for file in installed.rglob("*") if file.is_file()}
-    assert files == {f"bin/{p}" for p in PROGRAMS} | {f"lib/systemd/system/{p}.service" for p in PROGRAMS} | {
-        "lib/systemd/system/ledgerline-.service.d/hardening.conf", "lib/sysusers.d/ledgerline.conf"}
-
-
-@pytest.mark.parametrize("program", PROGRAMS)
-def test_systemd_finds_nothing_wrong_with_a_unit(installed, program):
-    if not shutil.which("systemd-analyze"):
-        pytest.skip("systemd is not here")
-    unit = installed / "lib/systemd/system" / f"{program}.service"
-    ran = subprocess.run(["systemd-analyze", "verify", "--man=no", "--recursive-errors=no", unit], capture_output=True,
-                         text=True)
-    assert (ran.returncode, ran.stderr) == (0, "")
 
 
 class Manager:

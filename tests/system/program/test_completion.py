@@ -52,7 +52,7 @@ def test_what_is_no_shell_is_bad_usage():
 
 
 def test_the_scripts_are_installed_as_they_are_printed(tmp_path):
-    subprocess.run(["cmake", "--install", BIN.parent, "--component", "tools", "--prefix", tmp_path], check=True, capture_output=True)
+    subprocess.run(["cmake", "--install", BIN.parent, "--component", "common", "--prefix", tmp_path], check=True, capture_output=True)
     for shell, place in (("bash", "bash-completion/completions/ledgerline"), ("zsh", "zsh/site-functions/_ledgerline")):
         printed = subprocess.run([LEDGERLINE, "completion", shell], capture_output=True, text=True, check=True, timeout=60).stdout
         assert (tmp_path / "share" / place).read_text() == printed

@@ -104,7 +104,8 @@ def test_check_refuses_what_run_refuses_over_the_shim(tmp_path):
 
 
 def test_an_installed_program_finds_its_scenarios_beside_it(tmp_path):
-    subprocess.run(["cmake", "--install", BIN.parent, "--component", "faults", "--prefix", tmp_path], check=True, capture_output=True)
+    for part in ("common", "tools"):
+        subprocess.run(["cmake", "--install", BIN.parent, "--component", part, "--prefix", tmp_path], check=True, capture_output=True)
     listed = subprocess.run([tmp_path / "bin/ledgerline", "fault", "list", "--json"], capture_output=True, text=True, check=True)
     rows = json.loads(listed.stdout)
     assert len(rows) == len(SCENARIOS)

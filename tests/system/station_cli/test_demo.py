@@ -47,7 +47,8 @@ def test_the_demo_says_where_to_click_and_ends_with_nothing_left(tmp_path):
 
 
 def test_an_installed_demo_needs_no_build_tree(tmp_path):
-    subprocess.run(["cmake", "--install", BIN.parent, "--component", "tools", "--prefix", tmp_path / "usr"], check=True, capture_output=True)
+    for part in ("common", "onboard", "ground", "ledger", "tools"):
+        subprocess.run(["cmake", "--install", BIN.parent, "--component", part, "--prefix", tmp_path / "usr"], check=True, capture_output=True)
     flight, station = demo(tmp_path / "usr/bin/ledgerline", tmp_path)
     check_and_end(flight, station, tmp_path)
     assert str(tmp_path / "usr/share/ledgerline/examples/mission-two.csv") in printed(tmp_path)
