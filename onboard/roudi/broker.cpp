@@ -12,6 +12,7 @@
 
 #include "common/rt/retry/keep_trying.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
+#include "onboard/roudi/other_roudi.hpp"
 #include "onboard/roudi/shared_memory.hpp"
 
 namespace ledgerline::roudi {
@@ -44,7 +45,7 @@ void unlink_segments() {
 
 Result<Broker> Broker::start() {
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
-  if (ipc::probe("roudi") != ipc::Peer::gone) return Error{"another RouDi runs already on this machine: stop it first"};
+  if (const Status alone = check_no_other(); !alone) return alone.error();
   unlink_segments();
   if (const Status room = check_shared_memory(); !room) return room.error();
 

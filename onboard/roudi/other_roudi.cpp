@@ -1,0 +1,73 @@
+#include "onboard/roudi/other_roudi.hpp"
+
+#include <fmt/format.h>
+#include <sys/stat.h>
+#include <sys/sysmacros.h>
+
+#include <fstream>
+#include <sstream>
+
+#include "onboard/ipc/roudi_probe.hpp"
+
+namespace ledgerline::roudi {
+namespace {
+
+// iceoryx 2 locks it for as long as a RouDi lives, so that there is one a machine.
+constexpr const char* lock_file = "/tmp/iox-unique-roudi.lock";
+
+std::string text_of(const std::string& file) {
+  std::stringstream text;
+  text << std::ifstream(file).rdbuf();
+  return text.str();
+}
+
+std::string program_of(pid_t process) {
+  std::string name = text_of(fmt::format("/proc/{}/comm", process));
+  if (!name.empty() && name.back() == '\n') name.pop_back();
+  return name;
+}
+
+}  // namespace
+
+std::optional<pid_t> lock_holder(const std::string& locks, dev_t device, ino_t inode) {
+  const std::string file = fmt::format("{:02x}:{:02x}:{}", major(device), minor(device), inode);
+  std::istringstream lines(locks);
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    std::string number, kind, advisory, access, of_file;
+    pid_t process = 0;
+    if (words >> number >> kind >> advisory >> access >> process >> of_file && of_file == file && process > 0)
+      return process;
+  }
+  return std::nullopt;
+}
+
+Error in_the_way(bool answers, std::optional<pid_t> holder, const std::string& program) {
+  constexpr const char* both = "Where both are needed, give one of them a container with /tmp and /dev/shm of its own";
+  if (holder) {
+    return Error{
+        fmt::format("another RouDi runs already on this machine, {} (process {}), and iceoryx has one a machine: stop "
+                    "it first (kill {}, or systemctl stop its unit). {}",
+                    program.empty() ? "a program that cannot be seen" : program, *holder, *holder, both)};
+  }
+  if (answers) {
+    return Error{fmt::format(
+        "another RouDi runs already on this machine, and iceoryx has one a machine: stop it first (`pgrep -af roudi` "
+        "shows it). {}",
+        both)};
+  }
+  return Error{
+      "/tmp/roudi belongs to another user, and no RouDi is seen that lives: as root, rm /tmp/roudi /tmp/roudi.lock "
+      "/tmp/iox-unique-roudi.lock /dev/shm/iceoryx_mgmt"};
+}
+
+Status check_no_other() {
+  const ipc::Peer peer = ipc::probe("roudi");
+  if (peer == ipc::Peer::gone) return done;
+  struct stat info {};
+  std::optional<pid_t> holder;
+  if (::stat(lock_file, &info) == 0) holder = lock_holder(text_of("/proc/locks"), info.st_dev, info.st_ino);
+  return in_the_way(peer == ipc::Peer::alive, holder, holder ? program_of(*holder) : "");
+}
+
+}  // namespace ledgerline::roudi
