@@ -18,7 +18,7 @@ def image(tmp_path_factory) -> pathlib.Path:
     if not (shutil.which("umoci") and shutil.which("skopeo")):
         pytest.skip("umoci and skopeo are not here: ./run-tests installs them")
     folder = tmp_path_factory.mktemp("oci") / "image"
-    subprocess.run([ROOT / "scripts/oci-image", folder], check=True, capture_output=True, timeout=120)
+    subprocess.run([ROOT / "packaging/oci-image", folder], check=True, capture_output=True, timeout=120)
     return folder
 
 
