@@ -19,8 +19,11 @@ set_target_properties(ledgerline_drone_shim PROPERTIES EXPORT_NAME drone_shim)
 foreach(target ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
-install(TARGETS ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
-    ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session fabric_protos fabric_grpc
+set(dev ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
+  ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session
+  fabric_protos fabric_grpc)
+add_custom_target(install_dev DEPENDS ${dev})
+install(TARGETS ${dev}
   EXPORT LedgerlineTargets
   ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT dev
   INCLUDES DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline)
