@@ -10,10 +10,11 @@
 namespace ledgerline::dds {
 namespace {
 
-/// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. ROS 2's setup files say which release is used here.
-std::size_t gid_bytes_of_release() {
-  const char* release = std::getenv("ROS_DISTRO");
-  const std::string_view name = release ? release : "";
+/// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. Where the config does not say which release is used here, ROS 2's
+/// setup files do.
+std::size_t gid_bytes_of(std::string_view release) {
+  const char* distro = std::getenv("ROS_DISTRO");
+  const std::string_view name = !release.empty() ? release : distro ? distro : "";
   return name == "foxy" || name == "galactic" || name == "humble" ? 24 : 16;
 }
 
@@ -29,7 +30,8 @@ void put_gids(CdrWriter& out, const std::vector<Guid>& guids, std::size_t bytes)
 
 }  // namespace
 
-Result<std::unique_ptr<NodeInfo>> NodeInfo::create(dds_entity_t participant, const std::string& name) {
+Result<std::unique_ptr<NodeInfo>> NodeInfo::create(dds_entity_t participant, const std::string& name,
+                                                   const std::string& ros_release) {
   // A node's full name follows the rules of a topic's.
   const std::string full = name.starts_with('/') ? name : "/" + name;
   if (!dds_topic(full)) return Error{"'" + name + "' is no name of a ROS 2 node: give it like agent or /fleet/agent"};
@@ -37,7 +39,7 @@ Result<std::unique_ptr<NodeInfo>> NodeInfo::create(dds_entity_t participant, con
   const std::size_t slash = full.rfind('/');
   node->space_ = slash == 0 ? "/" : full.substr(0, slash);
   node->name_ = full.substr(slash + 1);
-  node->gid_bytes_ = gid_bytes_of_release();
+  node->gid_bytes_ = gid_bytes_of(ros_release);
   node->participant_ = guid_of(participant);
   if (auto opened = node->info_.open_writer(participant, "ros_discovery_info",
                                             "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",

@@ -10,8 +10,9 @@ namespace ledgerline::dds {
 /// (rmw_dds_common/msg/ParticipantEntitiesInfo: the newest value holds, late joiners get it). Thread-safe.
 class NodeInfo {
  public:
-  /// `name`: "agent" or, in a namespace, "/fleet/agent".
-  static Result<std::unique_ptr<NodeInfo>> create(dds_entity_t participant, const std::string& name);
+  /// `name`: "agent" or, in a namespace, "/fleet/agent". `ros_release`: "humble", "jazzy" ...; empty: ROS_DISTRO's.
+  static Result<std::unique_ptr<NodeInfo>> create(dds_entity_t participant, const std::string& name,
+                                                  const std::string& ros_release);
 
   Status add_reader(dds_entity_t reader);
   Status add_writer(dds_entity_t writer);

@@ -5,15 +5,13 @@
 
 #include <algorithm>
 #include <cstdlib>
-#include <map>
-#include <mutex>
 #include <string>
 
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
+#include "common/dds/domain.hpp"
 #include "common/dds/endpoint.hpp"
 #include "common/dds/node.hpp"
-#include "common/dds/settings/reach.hpp"
 
 namespace ledgerline::dds {
 namespace {
@@ -27,35 +25,6 @@ Result<std::uint32_t> domain_from_environment() {
   if (!plain || std::stoul(digits) > 232)
     return Error{"ROS_DOMAIN_ID is '" + digits + "': give a number from 0 to 232"};
   return static_cast<std::uint32_t>(std::stoul(digits));
-}
-
-/// A domain made with a configuration that is not the environment's; deleting it ends DDS's threads in this process.
-class OwnDomain {
- public:
-  explicit OwnDomain(dds_entity_t handle) : handle_(handle) {}
-  ~OwnDomain() { dds_delete(handle_); }
-  OwnDomain(const OwnDomain&) = delete;
-  OwnDomain& operator=(const OwnDomain&) = delete;
-
- private:
-  dds_entity_t handle_;
-};
-
-/// Null where the domain exists already by other means: it then keeps its own configuration.
-Result<std::shared_ptr<OwnDomain>> own_domain(std::uint32_t id, const std::string& config) {
-  static std::mutex mutex;
-  static std::map<std::uint32_t, std::weak_ptr<OwnDomain>> domains;
-  const std::lock_guard lock(mutex);
-  if (auto existing = domains[id].lock()) return existing;
-  const dds_entity_t handle = dds_create_domain(id, config.c_str());
-  if (handle == DDS_RETCODE_PRECONDITION_NOT_MET) return std::shared_ptr<OwnDomain>{};
-  if (handle < 0)
-    return Error{
-        "DDS domain " + std::to_string(id) + " does not start: " + dds_strretcode(handle) +
-        " (on loopback: is lo up? try: ip link set lo up; with a file of Cyclone's: see its own message above)"};
-  auto made = std::make_shared<OwnDomain>(handle);
-  domains[id] = made;
-  return made;
 }
 
 Status check(const Security& files) {
@@ -106,14 +75,11 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
   if (!options.cyclonedds.empty() && ::access(options.cyclonedds.c_str(), R_OK) != 0)
     return Error{"DDS: cannot read '" + options.cyclonedds + "', which the config names for Cyclone DDS"};
   const char* uri = std::getenv("CYCLONEDDS_URI");
-  const Reach reach = reach_of(options, uri ? uri : "");
-  if (!reach.warning.empty()) spdlog::warn("{}", reach.warning);
-  std::shared_ptr<OwnDomain> own;
-  if (reach.cyclone_config) {
-    auto made = own_domain(domain, *reach.cyclone_config);
-    if (!made) return made.error();
-    own = *made;
-  }
+  const auto interfaces = host_interfaces();
+  if (!interfaces) return interfaces.error();
+  const auto reach = reach_of(options, uri ? uri : "", *interfaces);
+  if (!reach) return reach.error();
+  for (const std::string& warning : reach->warnings) spdlog::warn("{}", warning);
   const QosPtr qos(dds_create_qos());
   // How ROS 2 knows that a participant is one of its own.
   constexpr std::string_view enclave = "enclave=/;";
@@ -122,15 +88,14 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
     if (auto checked = check(*options.security); !checked) return checked.error();
     use(*options.security, qos.get());
   }
-  const dds_entity_t handle = dds_create_participant(domain, qos.get(), nullptr);
-  if (handle < 0)
-    return Error{"no DDS participant in domain " + std::to_string(domain) + ": " + dds_strretcode(handle) +
-                 " (the reason is in Cyclone's own message above; check CYCLONEDDS_URI, the network interfaces" +
-                 (options.security ? " and the files of DDS Security)" : ")")};
+  const auto made = make_participant(domain, *reach, qos.get());
+  if (!made) {
+    return Error{made.error().what + (options.security ? " (with DDS Security: look at its files, too)" : "")};
+  }
   // The participant goes before its domain.
-  ParticipantPtr participant(new Participant(handle), [own](const Participant* p) { delete p; });
+  ParticipantPtr participant(new Participant(made->handle), [own = made->domain](const Participant* p) { delete p; });
   if (!options.node.empty()) {
-    auto node = NodeInfo::create(handle, options.node);
+    auto node = NodeInfo::create(made->handle, options.node, options.ros_release);
     if (!node) return node.error();
     participant->node_ = std::move(*node);
   }

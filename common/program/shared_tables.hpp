@@ -10,7 +10,7 @@ inline const std::string ledger_table_help =
     "  [[orderer]], [[peer]] endpoint, tls_ca, and as [ledger] server_name, tls_certificate, tls_key; [[msp]] id, ca\n";
 
 inline const std::string dds_table_help =
-    "  [dds] domain (ROS_DOMAIN_ID), local_only or cyclonedds, and for DDS Security\n"
+    "  [dds] domain (ROS_DOMAIN_ID); local_only, interfaces and peers, or cyclonedds; ros_release; for DDS Security\n"
     "    identity_ca, certificate, private_key, governance, permissions\n";
 
 inline const std::string topic_tables_help =

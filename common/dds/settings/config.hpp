@@ -6,7 +6,8 @@
 
 namespace ledgerline::dds {
 
-/// Reads [dds] of a program's config: domain, local_only or cyclonedds (may be missing), and the files of DDS Security:
+/// Reads [dds] of a program's config: domain; local_only, interfaces and peers, or cyclonedds (may be missing); ros_release;
+/// and the files of DDS Security:
 /// identity_ca, certificate, private_key, governance, permissions (all of them or none). What is wrong comes with config.finish().
 ParticipantOptions participant_options(Config& config, const std::string& node);
 

@@ -1,42 +1,171 @@
 #include "common/dds/settings/reach.hpp"
 
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 #include <filesystem>
 
 namespace ledgerline::dds {
 namespace {
 
-// Discovery by multicast where lo can do it, and by unicast to the first participants of this host where it cannot: a
-// fresh container's lo has no MULTICAST flag. Neither leaves the machine.
-constexpr const char* loopback = R"(
-<CycloneDDS><Domain id="any">
-  <General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General>
-  <Discovery>
-    <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>31</MaxAutoParticipantIndex>
-    <Peers><Peer address="127.0.0.1"/></Peers>
-  </Discovery>
-</Domain></CycloneDDS>)";
+/// How an interface is used.
+enum class Multicast { yes, no, as_cyclone_finds };
+
+struct Used {
+  std::string name;
+  Multicast multicast;
+};
+
+std::string in_xml_text(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '"')
+      out += "&quot;";
+    else
+      out += c;
+  }
+  return out;
+}
+
+/// No interfaces: Cyclone's own choice. Discovery by multicast where an interface can do it, and by unicast to the
+/// participants of the peers.
+std::string cyclone_config(const std::vector<Used>& interfaces, const std::vector<std::string>& peers) {
+  std::string general;
+  for (const Used& one : interfaces) {
+    constexpr const char* multicast[] = {" multicast=\"true\"", " multicast=\"false\"", ""};
+    general += fmt::format("<NetworkInterface name=\"{}\"{}/>", in_xml_text(one.name),
+                           multicast[static_cast<std::size_t>(one.multicast)]);
+  }
+  if (!general.empty()) general = "<General><Interfaces>" + general + "</Interfaces></General>";
+  std::string asked;
+  for (const std::string& peer : peers) asked += fmt::format("<Peer address=\"{}\"/>", in_xml_text(peer));
+  if (!asked.empty()) asked = "<Peers>" + asked + "</Peers>";
+  return fmt::format(
+      "<CycloneDDS><Domain id=\"any\">{}<Discovery><ParticipantIndex>auto</ParticipantIndex>"
+      "<MaxAutoParticipantIndex>{}</MaxAutoParticipantIndex>{}</Discovery></Domain></CycloneDDS>",
+      general, max_participants - 1, asked);
+}
+
+constexpr const char* this_host = "127.0.0.1";
+
+/// "lo" on every Linux.
+constexpr const char* loopback_name = "lo";
+
+Result<Interface> usable(const std::string& name, const std::vector<Interface>& host) {
+  const auto found = std::find_if(host.begin(), host.end(), [&](const Interface& i) { return i.name == name; });
+  if (found == host.end()) {
+    std::vector<std::string> names;
+    for (const Interface& i : host) names.push_back(i.name);
+    return Error{fmt::format("DDS: this host has no network interface '{}'; it has {}", name, fmt::join(names, ", "))};
+  }
+  if (!found->up)
+    return Error{fmt::format("DDS: the network interface '{}' is down; run: ip link set {} up", name, name)};
+  if (!found->has_address) return Error{fmt::format("DDS: the network interface '{}' has no IPv4 address", name)};
+  return *found;
+}
+
+/// Loopback, with multicast whether or not lo is flagged for it: a fresh container's is not, and can.
+Result<Reach> loopback(const std::vector<Interface>& host, std::string_view ros_release) {
+  if (const auto lo = usable(loopback_name, host); !lo) return lo.error();
+  std::vector<Used> interfaces{{loopback_name, Multicast::yes}};
+  if (localhost_has_any_address(ros_release)) {
+    // Neighbours announce all their addresses, so one of each is enough. What is sent to them stays on this host.
+    for (const Interface& i : host) {
+      if (i.up && i.has_address && !i.loopback && interfaces.size() < max_interfaces)
+        interfaces.push_back({i.name, Multicast::no});
+    }
+    if (interfaces.size() > 1) interfaces.front().multicast = Multicast::no;
+  }
+  return Reach{cyclone_config(interfaces, {this_host}), true, {}};
+}
+
+Result<Reach> named(const ParticipantOptions& options, const std::vector<Interface>& host) {
+  Reach reach;
+  std::vector<Used> interfaces;
+  std::vector<std::string> peers = options.peers, deaf;
+  reach.this_host_only = !options.interfaces.empty();
+  for (const std::string& name : options.interfaces) {
+    const auto found = usable(name, host);
+    if (!found) return found.error();
+    interfaces.push_back({name, found->loopback ? Multicast::yes : Multicast::as_cyclone_finds});
+    if (found->loopback)
+      peers.emplace_back(this_host);
+    else
+      reach.this_host_only = false;
+    if (!found->loopback && !found->multicast) deaf.push_back(name);
+  }
+  if (!deaf.empty()) {
+    reach.warnings.push_back(fmt::format("DDS: {} cannot multicast, so Cyclone finds others by unicast alone: {}",
+                                         fmt::join(deaf, ", "),
+                                         options.peers.empty() ? "name them in [dds] peers" : "those of [dds] peers"));
+  }
+  reach.cyclone_config = cyclone_config(interfaces, peers);
+  return reach;
+}
 
 }  // namespace
 
-Reach reach_of(const ParticipantOptions& options, std::string_view uri) {
+const std::vector<std::string>& ros_releases() {
+  static const std::vector<std::string> names{"foxy", "galactic", "humble", "iron", "jazzy", "kilted", "rolling"};
+  return names;
+}
+
+bool localhost_has_any_address(std::string_view ros_release) {
+  const auto& names = ros_releases();
+  return std::find(names.begin(), names.end(), ros_release) >= std::find(names.begin(), names.end(), "iron") &&
+         std::find(names.begin(), names.end(), ros_release) != names.end();
+}
+
+Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host) {
   if (!options.cyclonedds.empty()) {
-    return {"file://" + std::filesystem::absolute(options.cyclonedds).string(),
-            uri.empty() ? "" : "CYCLONEDDS_URI is set, but the config names " + options.cyclonedds + ", which decides"};
+    Reach reach{"file://" + std::filesystem::absolute(options.cyclonedds).string(), false, {}};
+    if (!uri.empty())
+      reach.warnings.push_back("CYCLONEDDS_URI is set, but the config names " + options.cyclonedds + ", which decides");
+    return reach;
   }
-  if (!options.local_only && uri.empty()) return {loopback, ""};
+  if (!options.interfaces.empty() || !options.peers.empty()) {
+    auto reach = named(options, host);
+    if (reach && !uri.empty())
+      reach->warnings.emplace_back("CYCLONEDDS_URI is set, but the config names interfaces or peers, which decide");
+    return reach;
+  }
+  if (options.local_only.value_or(uri.empty())) {
+    auto reach = loopback(host, options.ros_release);
+    if (reach && !uri.empty()) {
+      reach->warnings.emplace_back(
+          "CYCLONEDDS_URI is set, but the config says local_only = true: DDS stays on this machine");
+    }
+    return reach;
+  }
   if (!options.local_only) {
-    return {
+    return Reach{
         std::nullopt,
-        "CYCLONEDDS_URI decides how far DDS reaches, since the config says nothing: local_only = true in [dds] keeps "
-        "it on this machine"};
+        false,
+        {"CYCLONEDDS_URI decides how far DDS reaches, since the config says nothing: local_only = true in [dds] keeps "
+         "it on this machine"}};
   }
-  if (*options.local_only) {
-    return {loopback, uri.empty() ? ""
-                                  : "CYCLONEDDS_URI is set, but the config says local_only = true: DDS stays on this "
-                                    "machine"};
+  Reach reach;
+  if (!uri.empty())
+    reach.warnings.emplace_back("DDS leaves this machine, as the config says, and CYCLONEDDS_URI decides how");
+  return reach;
+}
+
+std::string why_no_domain(std::uint32_t domain, std::string_view said) {
+  const std::string head = fmt::format("DDS domain {} does not start: ", domain);
+  if (said.find("free participant index") != std::string_view::npos) {
+    const std::uint32_t first = 7410 + 250 * domain;
+    return fmt::format(
+        "{}programs on this host have taken every participant's ports of this domain (UDP, from {}; ours have room for "
+        "{} programs, a configuration of your own for its MaxAutoParticipantIndex); end some, or use another domain",
+        head, first, max_participants);
   }
-  return {std::nullopt,
-          uri.empty() ? "" : "DDS leaves this machine, as the config says, and CYCLONEDDS_URI decides how"};
+  if (said.empty()) return head + "Cyclone DDS does not say why";
+  return head + std::string(said);
 }
 
 }  // namespace ledgerline::dds

@@ -2,19 +2,41 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/dds/dds.hpp"
+#include "common/dds/settings/interfaces.hpp"
 
 namespace ledgerline::dds {
 
-/// How far a participant's domain reaches. Pure.
+/// Cyclone's own limit.
+constexpr std::size_t max_interfaces = 4;
+/// A participant's ports are 7410 + 250 x domain + 2 x index and the next one: 120 fit in front of the next domain's.
+/// Each participant asks all of these ports of this host, and of each of [dds] peers, every 8 s, so a higher index costs
+/// everybody packets (docs/dds.md).
+constexpr int max_participants = 120;
+
+/// How far a participant's domain reaches.
 struct Reach {
   /// Of Cyclone, in place of CYCLONEDDS_URI; none: Cyclone looks for itself, at the environment, too.
   std::optional<std::string> cyclone_config;
-  std::string warning;  ///< empty: nothing that a person would not expect
+  /// Cyclone's sockets must hear this host alone: it binds them to every address, whatever its configuration.
+  bool this_host_only = false;
+  std::vector<std::string> warnings;  ///< what a person would not expect
 };
 
-/// The config beats the environment. `uri`: CYCLONEDDS_URI, empty where it is not set.
-Reach reach_of(const ParticipantOptions& options, std::string_view uri);
+/// The config beats the environment. `uri`: CYCLONEDDS_URI, empty where it is not set. `host`: the interfaces that there
+/// are; one that is needed but missing, down or without an IPv4 address is an error. Pure.
+Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host);
+
+/// Iron and later: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST lets a node announce any address of its host. Before, there
+/// was ROS_LOCALHOST_ONLY=1: 127.0.0.1 alone.
+bool localhost_has_any_address(std::string_view ros_release);
+
+/// The releases that [dds] ros_release may name.
+const std::vector<std::string>& ros_releases();
+
+/// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. Pure.
+std::string why_no_domain(std::uint32_t domain, std::string_view said);
 
 }  // namespace ledgerline::dds

@@ -7,7 +7,9 @@
 namespace ledgerline::dds {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr const char* all_files =
     "[dds]\nidentity_ca = \"ca.pem\"\ncertificate = \"me.pem\"\nprivate_key = \"me.key\"\ngovernance = \"g.p7s\"\n"
@@ -58,37 +60,121 @@ TEST(DdsConfig, FilesOfSecurityAreAllThereOrNone) {
   }
 }
 
-std::string warning_of(std::optional<bool> local_only, const std::string& uri, const std::string& file = {}) {
-  ParticipantOptions options;
-  options.local_only = local_only;
-  options.cyclonedds = file;
-  return reach_of(options, uri).warning;
+const std::vector<Interface> host{
+    {.name = "lo", .up = true, .loopback = true, .multicast = false, .has_address = true},
+    {.name = "wlan0", .up = true, .loopback = false, .multicast = true, .has_address = true},
+    {.name = "tun0", .up = true, .loopback = false, .multicast = false, .has_address = true},
+    {.name = "eth1", .up = false, .loopback = false, .multicast = true, .has_address = true},
+    {.name = "eth2", .up = true, .loopback = false, .multicast = true, .has_address = false}};
+
+Reach reach_with(const std::string& dds, const std::string& uri = {}) {
+  auto config = Config::parse("[dds]\n" + dds, "ground.toml");
+  const ParticipantOptions options = participant_options(*config, "ledgerline_ground");
+  EXPECT_TRUE(config->finish()) << dds;
+  auto reach = reach_of(options, uri, host);
+  EXPECT_TRUE(reach) << reach.error().what;
+  return reach ? *reach : Reach{};
 }
 
-TEST(DdsConfig, BeatsTheEnvironmentAndSaysSo) {
-  const auto reaches = [](std::optional<bool> local_only, const std::string& uri) {
-    ParticipantOptions options;
-    options.local_only = local_only;
-    return reach_of(options, uri).cyclone_config.value_or("as the environment says");
-  };
-  EXPECT_THAT(reaches(std::nullopt, ""), HasSubstr("127.0.0.1"));
-  EXPECT_THAT(reaches(true, ""), HasSubstr("127.0.0.1"));
-  EXPECT_THAT(reaches(true, "file:///lan.xml"), HasSubstr("127.0.0.1"));
-  EXPECT_EQ(reaches(false, "file:///lan.xml"), "as the environment says");
-  EXPECT_EQ(reaches(std::nullopt, "file:///lan.xml"), "as the environment says");
-  for (const auto said : {std::optional<bool>{}, std::optional(true), std::optional(false)}) {
-    EXPECT_EQ(warning_of(said, ""), "");
-    EXPECT_THAT(warning_of(said, "file:///lan.xml"), HasSubstr("CYCLONEDDS_URI"));
-  }
-  EXPECT_THAT(warning_of(true, "file:///lan.xml"), HasSubstr("stays on this machine"));
-  EXPECT_THAT(warning_of(std::nullopt, "file:///lan.xml"), HasSubstr("CYCLONEDDS_URI decides"));
+std::string error_with(const std::string& dds) {
+  auto config = Config::parse("[dds]\n" + dds, "ground.toml");
+  const auto reach = reach_of(participant_options(*config, "ledgerline_ground"), "", host);
+  return reach ? "" : reach.error().what;
+}
 
-  ParticipantOptions named;
-  named.cyclonedds = "/etc/cyclone.xml";
-  EXPECT_EQ(reach_of(named, "file:///lan.xml").cyclone_config, "file:///etc/cyclone.xml");
-  EXPECT_THAT(warning_of(std::nullopt, "file:///lan.xml", "/etc/cyclone.xml"),
-              HasSubstr("/etc/cyclone.xml, which decides"));
-  EXPECT_EQ(warning_of(std::nullopt, "", "/etc/cyclone.xml"), "");
+constexpr const char* discovery_here =
+    "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>119</MaxAutoParticipantIndex>"
+    "<Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain></CycloneDDS>";
+constexpr const char* loopback_alone =
+    "<CycloneDDS><Domain id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"true\"/>"
+    "</Interfaces></General>";
+
+TEST(DdsConfig, BeatsTheEnvironmentAndSaysSo) {
+  const std::string lan = "file:///lan.xml";
+  const std::string here = std::string(loopback_alone) + discovery_here;
+  for (const auto& [dds, uri] :
+       {std::pair{"", ""}, {"local_only = true", ""}, {"local_only = true", "file:///lan.xml"}}) {
+    EXPECT_EQ(reach_with(dds, uri).cyclone_config, here) << dds;
+    EXPECT_TRUE(reach_with(dds, uri).this_host_only) << dds;
+  }
+  for (const char* dds : {"", "local_only = false"}) {
+    EXPECT_EQ(reach_with(dds, lan).cyclone_config, std::nullopt) << "as the environment says";
+    EXPECT_FALSE(reach_with(dds, lan).this_host_only);
+  }
+  for (const char* dds :
+       {"", "local_only = true", "local_only = false", "interfaces = [\"lo\"]", "cyclonedds = \"x\""}) {
+    EXPECT_THAT(reach_with(dds).warnings, IsEmpty()) << dds;
+    EXPECT_THAT(reach_with(dds, lan).warnings, ElementsAre(HasSubstr("CYCLONEDDS_URI"))) << dds;
+  }
+  EXPECT_THAT(reach_with("local_only = true", lan).warnings, ElementsAre(HasSubstr("stays on this machine")));
+  EXPECT_THAT(reach_with("", lan).warnings, ElementsAre(HasSubstr("CYCLONEDDS_URI decides")));
+  EXPECT_EQ(reach_with("cyclonedds = \"/etc/cyclone.xml\"", lan).cyclone_config, "file:///etc/cyclone.xml");
+  EXPECT_THAT(reach_with("cyclonedds = \"/etc/cyclone.xml\"", lan).warnings,
+              ElementsAre(HasSubstr("/etc/cyclone.xml, which decides")));
+}
+
+TEST(DdsConfig, NamedInterfacesAndPeersBecomeCyclonesConfiguration) {
+  const std::string begin = "<CycloneDDS><Domain id=\"any\">",
+                    discovery =
+                        "<Discovery><ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>119"
+                        "</MaxAutoParticipantIndex>",
+                    end = "</Discovery></Domain></CycloneDDS>";
+  EXPECT_EQ(
+      reach_with("interfaces = [\"lo\", \"wlan0\"]\npeers = [\"10.0.0.7\", \"drone.lan:7412\"]").cyclone_config,
+      begin +
+          "<General><Interfaces><NetworkInterface name=\"lo\" multicast=\"true\"/>"
+          "<NetworkInterface name=\"wlan0\"/></Interfaces></General>" +
+          discovery +
+          "<Peers><Peer address=\"10.0.0.7\"/><Peer address=\"drone.lan:7412\"/><Peer address=\"127.0.0.1\"/></Peers>" +
+          end);
+  EXPECT_EQ(reach_with("local_only = false\npeers = [\"10.0.0.7\"]").cyclone_config,
+            begin + discovery + "<Peers><Peer address=\"10.0.0.7\"/></Peers>" + end)
+      << "the interfaces are Cyclone's choice";
+  EXPECT_FALSE(reach_with("interfaces = [\"lo\", \"wlan0\"]").this_host_only);
+  EXPECT_FALSE(reach_with("interfaces = [\"wlan0\"]").this_host_only);
+  EXPECT_FALSE(reach_with("local_only = false\npeers = [\"10.0.0.7\"]").this_host_only);
+  EXPECT_TRUE(reach_with("interfaces = [\"lo\"]").this_host_only);
+  EXPECT_THAT(reach_with("interfaces = [\"tun0\"]").warnings, ElementsAre(HasSubstr("tun0 cannot multicast")));
+  EXPECT_THAT(reach_with("interfaces = [\"wlan0\"]").warnings, IsEmpty());
+}
+
+TEST(DdsConfig, NeighboursSinceIronMayAnnounceAnyAddressOfTheHost) {
+  const std::string any_address =
+      std::string(
+          "<CycloneDDS><Domain id=\"any\"><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"false\"/>"
+          "<NetworkInterface name=\"wlan0\" multicast=\"false\"/><NetworkInterface name=\"tun0\" multicast=\"false\"/>"
+          "</Interfaces></General>") +
+      discovery_here;
+  for (const char* release : {"iron", "jazzy", "kilted", "rolling"}) {
+    const Reach reach = reach_with(std::string("ros_release = \"") + release + "\"");
+    EXPECT_EQ(reach.cyclone_config, any_address) << release;
+    EXPECT_TRUE(reach.this_host_only) << release;
+  }
+  for (const char* release : {"foxy", "galactic", "humble"})
+    EXPECT_EQ(reach_with(std::string("local_only = true\nros_release = \"") + release + "\"").cyclone_config,
+              std::string(loopback_alone) + discovery_here);
+  EXPECT_EQ(reach_with("ros_release = \"jazzy\"", "file:///lan.xml").cyclone_config, std::nullopt)
+      << "the release opens and closes nothing";
+}
+
+TEST(DdsConfig, AnInterfaceThatCannotBeUsedIsNamedWithItsCure) {
+  EXPECT_EQ(error_with("interfaces = [\"lo\", \"wlan1\"]"),
+            "DDS: this host has no network interface 'wlan1'; it has lo, wlan0, tun0, eth1, eth2");
+  EXPECT_EQ(error_with("interfaces = [\"eth1\"]"),
+            "DDS: the network interface 'eth1' is down; run: ip link set eth1 up");
+  EXPECT_EQ(error_with("interfaces = [\"eth2\"]"), "DDS: the network interface 'eth2' has no IPv4 address");
+  auto down = host;
+  down.front().up = false;
+  const auto alone = reach_of(ParticipantOptions{}, "", down);
+  ASSERT_FALSE(alone);
+  EXPECT_EQ(alone.error().what, "DDS: the network interface 'lo' is down; run: ip link set lo up");
+}
+
+TEST(DdsConfig, ADomainThatDoesNotStartTellsWhy) {
+  const std::string full = why_no_domain(3, "Failed to find a free participant index for domain 3");
+  EXPECT_THAT(full, HasSubstr("have taken every participant's ports of this domain (UDP, from 8160; "));
+  EXPECT_THAT(full, HasSubstr("room for 120 programs"));
+  EXPECT_EQ(why_no_domain(0, "nix: unknown element"), "DDS domain 0 does not start: nix: unknown element");
 }
 
 TEST(DdsConfig, AWrongValueIsNamedWithFileLineKeyAndWhatIsAllowed) {
@@ -97,6 +183,18 @@ TEST(DdsConfig, AWrongValueIsNamedWithFileLineKeyAndWhatIsAllowed) {
   EXPECT_THAT(problem_of("[dds]\nlocal_only = 1\n"), HasSubstr("ground.toml:2: dds.local_only: must be true or false"));
   EXPECT_THAT(problem_of("[dds]\nlocal_only = true\ncyclonedds = \"lan.xml\"\n"),
               HasSubstr("ground.toml:3: dds.cyclonedds: must not stand beside dds.local_only"));
+  EXPECT_THAT(problem_of("[dds]\ninterfaces = [\"lo\"]\nlocal_only = true\n"),
+              HasSubstr("ground.toml:2: dds.interfaces: must not stand beside dds.local_only"));
+  EXPECT_THAT(problem_of("[dds]\ninterfaces = [\"lo\", \"lo\"]\n"), HasSubstr("dds.interfaces: names 'lo' twice"));
+  EXPECT_THAT(problem_of("[dds]\ninterfaces = [\"lo\"]\ncyclonedds = \"lan.xml\"\n"),
+              HasSubstr("dds.interfaces: must not stand beside dds.cyclonedds"));
+  EXPECT_THAT(problem_of("[dds]\ninterfaces = [\"a\", \"b\", \"c\", \"d\", \"e\"]\n"), HasSubstr("dds.interfaces"));
+  for (const char* here : {"", "local_only = true\n"})
+    EXPECT_THAT(problem_of(std::string("[dds]\npeers = [\"10.0.0.7\"]\n") + here),
+                HasSubstr("ground.toml:2: dds.peers: needs dds.interfaces, or dds.local_only = false"));
+  EXPECT_THAT(problem_of("[dds]\ninterfaces = [\"lo\"]\npeers = [\"a b\"]\n"), HasSubstr("'a b' is no address"));
+  EXPECT_THAT(problem_of("[dds]\nros_release = \"jazy\"\n"),
+              HasSubstr("ground.toml:2: dds.ros_release: must be one of foxy, galactic, humble, iron, jazzy"));
   EXPECT_THAT(problem_of("[dds]\nidentity = \"a\"\n"), HasSubstr("ground.toml:2: dds.identity: unknown key"));
 }
 
