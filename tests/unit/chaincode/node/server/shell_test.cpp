@@ -188,7 +188,7 @@ TEST_F(ShellTest, ADiskThatIsNearlyFullTakesWhatIsUrgentAlone) {
   std::this_thread::sleep_for(std::chrono::milliseconds(1'100));
   node->post([](NodeCore&) {});
   const auto order = [&](const std::string& function, const std::string& argument) {
-    const auto asker = *crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", user_msp_dir(dir_, 1, "User1"));
+    const auto asker = *crypto::load_identity(crypto::Library::libcrypto, "Org2MSP", user_msp_dir(dir_, 2, "User1"));
     Inbox<Reply> replies;
     node->post([&](NodeCore& core) {
       const Now now{monotonic_ns(), realtime_ns()};
@@ -200,8 +200,8 @@ TEST_F(ShellTest, ADiskThatIsNearlyFullTakesWhatIsUrgentAlone) {
     });
     return replies.wait_for(1)[0];
   };
-  EXPECT_THAT(order("set", R"({"id":"Org1MSP/a","msgType":"t"})").detail, HasSubstr("the disk is nearly full"));
-  EXPECT_EQ(order("stop", "tello1").code, Code::ok);
+  EXPECT_THAT(order("set", R"({"id":"Org2MSP/a","msgType":"t"})").detail, HasSubstr("the disk is nearly full"));
+  EXPECT_EQ(order("acquire", "tello1").code, Code::ok);
   node.reset();
   ::umount2(dir_.c_str(), MNT_DETACH);
 }
