@@ -7,7 +7,7 @@ namespace ledgerline::node {
 
 EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, const grpc::ByteBuffer& bytes) {
   auto stream = std::make_shared<EventStream>(node, limit, events);
-  if (!admit(stream, limit)) return stream.get();
+  if (!admit(stream)) return stream.get();
   gateway::SignedChaincodeEventsRequest signed_request;
   if (!parse(bytes, signed_request)) {
     stream->finish(unparsable("gateway.SignedChaincodeEventsRequest"));

@@ -12,6 +12,7 @@ namespace {
 
 /// Fabric's peer.limits.concurrency.endorserService and deliverService; its orderer has no limit, ours has the same.
 constexpr int max_peer_calls = 2500;
+constexpr std::size_t max_strangers = 256;  // streams of a service of which no member is known yet
 
 class EndorserService final
     : public protos::Endorser::WithRawCallbackMethod_ProcessProposal<protos::Endorser::Service> {
@@ -65,19 +66,20 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
         with_private_data_(view_of(node.feed(), fill_with_private_data)) {}
 
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, whole_);
+    return DeliverStream::start(node_, limit_, strangers_, whole_);
   }
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverFiltered(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, filtered_);
+    return DeliverStream::start(node_, limit_, strangers_, filtered_);
   }
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverWithPrivateData(
       grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, with_private_data_);
+    return DeliverStream::start(node_, limit_, strangers_, with_private_data_);
   }
 
  private:
   Node& node_;
   Limit limit_{"/protos.Deliver", max_peer_calls};
+  Strangers strangers_{max_strangers};
   DeliverStream::View whole_, filtered_, with_private_data_;
 };
 
@@ -85,19 +87,22 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
 class BroadcastStream final
     : public ServedStream<BroadcastStream, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>> {
  public:
-  static BroadcastStream* start(Node& node, Limit& limit) {
-    auto stream = std::make_shared<BroadcastStream>(node, limit);
-    if (admit(stream, limit)) stream->StartRead(&stream->request_);
+  static BroadcastStream* start(Node& node, Limit& limit, Strangers& strangers) {
+    auto stream = std::make_shared<BroadcastStream>(node, limit, strangers);
+    if (admit(stream)) stream->StartRead(&stream->request_);
     return stream.get();
   }
-  BroadcastStream(Node& node, Limit& limit) : ServedStream(limit), node_(node) {}
+  BroadcastStream(Node& node, Limit& limit, Strangers& strangers) : ServedStream(limit, strangers), node_(node) {}
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
     common::Envelope envelope;
     if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
     const bool taken = node_.post([self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
-      self->acknowledge(core.order(bytes, read_now()));
+      const Reply reply = core.order(bytes, read_now());
+      // What is taken was signed by a member.
+      if (reply.code == Code::ok && !self->is_of_member()) return;
+      self->acknowledge(reply);
     });
     if (!taken) acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});
   }
@@ -140,15 +145,16 @@ class OrdererService final
  public:
   explicit OrdererService(Node& node) : node_(node), ordered_(view_of(node.feed(), fill_orderer)) {}
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Broadcast(grpc::CallbackServerContext*) override {
-    return BroadcastStream::start(node_, limit_);
+    return BroadcastStream::start(node_, limit_, strangers_);
   }
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, ordered_);
+    return DeliverStream::start(node_, limit_, strangers_, ordered_);
   }
 
  private:
   Node& node_;
   Limit limit_{"/orderer.AtomicBroadcast", max_peer_calls};
+  Strangers strangers_{max_strangers};
   DeliverStream::View ordered_;
 };
 

@@ -5,26 +5,48 @@
 #include <mutex>
 
 #include "chaincode/node/server/grpc_status.hpp"
+#include "chaincode/node/server/strangers.hpp"
 
 namespace ledgerline::node {
 
 /// What the node's streams share: a place under their service's limit, a life that ends when gRPC is done with them,
 /// and one end. `Self` is the stream, `Reactor` gRPC's class for its kind.
 template <typename Self, typename Reactor>
-class ServedStream : public Reactor, public std::enable_shared_from_this<Self> {
+class ServedStream : public Reactor, public Strangers::Stream, public std::enable_shared_from_this<Self> {
  public:
   void OnCancel() override { finish(grpc::Status::CANCELLED); }
-  void OnDone() override { self_.reset(); }
+  void OnDone() override {
+    if (strangers_ != nullptr) strangers_->remove(this);
+    self_.reset();
+  }
+  void displace() override {
+    finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many streams of which nobody knows whose they are"});
+  }
 
  protected:
-  /// The limit outlives the stream.
-  explicit ServedStream(Limit& limit) : place_(limit.take()) {}
+  /// It has its place at once. The limit outlives the stream.
+  explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.take()) {}
+  /// It has a place once its member is known. Both outlive the stream.
+  ServedStream(Limit& limit, Strangers& strangers) : limit_(limit), strangers_(&strangers) {}
 
   /// Gives a new stream to gRPC. False: the limit is reached, and the stream has ended with that.
-  static bool admit(const std::shared_ptr<Self>& stream, const Limit& limit) {
+  static bool admit(const std::shared_ptr<Self>& stream) {
     stream->self_ = stream;
-    if (!stream->place_) stream->finish(too_many(limit));
+    if (stream->strangers_ != nullptr) {
+      stream->strangers_->add(stream);
+      return true;
+    }
+    if (!stream->place_) stream->finish(too_many(stream->limit_));
     return stream->place_ != nullptr;
+  }
+
+  /// A member has signed what came: from now on it has a member's place. False as in admit(). On the core thread.
+  bool is_of_member() {
+    if (place_) return true;
+    place_ = limit_.take();
+    strangers_->remove(this);
+    if (!place_) finish(too_many(limit_));
+    return place_ != nullptr;
   }
 
   void finish(const grpc::Status& status) {
@@ -42,7 +64,9 @@ class ServedStream : public Reactor, public std::enable_shared_from_this<Self> {
   bool finished_ = false;
 
  private:
-  const Limit::Slot place_;
+  Limit& limit_;
+  Strangers* strangers_ = nullptr;
+  Limit::Slot place_;
   std::shared_ptr<Self> self_;
 };
 

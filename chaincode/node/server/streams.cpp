@@ -68,9 +68,9 @@ bool is_fresh(const SeekRequest& request, TimeNs real_ns) {
   return request.sent_ns && std::abs(*request.sent_ns - real_ns) <= time_window_ns;
 }
 
-DeliverStream* DeliverStream::start(Node& node, Limit& limit, View& view) {
-  auto stream = std::make_shared<DeliverStream>(node, limit, view);
-  if (admit(stream, limit)) stream->StartRead(&stream->request_);
+DeliverStream* DeliverStream::start(Node& node, Limit& limit, Strangers& strangers, View& view) {
+  auto stream = std::make_shared<DeliverStream>(node, limit, strangers, view);
+  if (admit(stream)) stream->StartRead(&stream->request_);
   return stream.get();
 }
 
@@ -86,7 +86,7 @@ void DeliverStream::OnReadDone(bool ok) {
     const auto range = read_range(request.seek, core.height());
     if (!signer) return self->send_status(common::FORBIDDEN);
     if (!range) return self->send_status(common::BAD_REQUEST);
-    self->begin(*range);
+    if (self->is_of_member()) self->begin(*range);
   });
   if (!taken) send_status(common::SERVICE_UNAVAILABLE);
 }

@@ -46,8 +46,9 @@ class DeliverStream final
     ViewCache blocks;
     std::function<grpc::ByteBuffer(common::Status)> status;
   };
-  static DeliverStream* start(Node& node, Limit& limit, View& view);
-  DeliverStream(Node& node, Limit& limit, View& view) : ServedStream(limit), node_(node), view_(view) {}
+  static DeliverStream* start(Node& node, Limit& limit, Strangers& strangers, View& view);
+  DeliverStream(Node& node, Limit& limit, Strangers& strangers, View& view)
+      : ServedStream(limit, strangers), node_(node), view_(view) {}
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;

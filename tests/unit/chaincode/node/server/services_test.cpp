@@ -413,6 +413,25 @@ TEST_F(ServicesTest, BlocksAreDeliveredUpToTheStop) {
   EXPECT_EQ(blocks, 4 * 2);
 }
 
+/// More than the limit of open calls, by somebody who has no certificate: silent ones, and ones that were refused.
+TEST_F(ServicesTest, StreamsOfStrangersTakeNoPlaceOfMembers) {
+  constexpr int many = 2'600;
+  std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
+  std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, protos::DeliverResponse>>> readers;
+  std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, orderer::BroadcastResponse>>> writers;
+  for (int i = 0; i < many; ++i) {
+    readers.push_back(blocks_of->Deliver(contexts.emplace_back(within()).get()));
+    writers.push_back(ordering->Broadcast(contexts.emplace_back(within()).get()));
+    if (i % 100 == 0) writers.back()->Write(common::Envelope());
+  }
+  EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));
+  EXPECT_EQ(broadcast(envelope_of(host)).status(), common::SUCCESS);
+  protos::DeliverResponse response;
+  EXPECT_FALSE(readers.front()->Read(&response)) << "the oldest has ended";
+  EXPECT_EQ(readers.front()->Finish().error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  for (const auto& context : contexts) context->TryCancel();
+}
+
 TEST_F(ServicesTest, CallsBeyondTheLimitAreRefusedAndOtherServicesGoOn) {
   gateway::CommitStatusRequest request;
   request.set_transaction_id("never");
