@@ -96,15 +96,19 @@ class BroadcastStream final
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
+    is_looked_at();
     common::Envelope envelope;
     if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
     const bool taken = node_.post([self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
       const Reply reply = core.order(bytes, read_now());
       // What is taken was signed by a member.
       if (reply.code == Code::ok && !self->is_of_member()) return;
+      if (reply.code != Code::ok) self->is_of_nobody();
       self->acknowledge(reply);
     });
-    if (!taken) acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});
+    if (taken) return;
+    is_of_nobody();
+    acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});
   }
   void OnWriteDone(bool ok) override {
     if (!ok) return finish({grpc::StatusCode::UNAVAILABLE, "the reader is gone"});

@@ -40,13 +40,19 @@ class ServedStream : public Reactor, public Strangers::Stream, public std::enabl
     return stream->place_ != nullptr;
   }
 
-  /// A member has signed what came: from now on it has a member's place. False as in admit(). On the core thread.
+  /// Something came, which the core looks at next: nobody displaces it meanwhile.
+  void is_looked_at() {
+    if (!place_) strangers_->remove(this);
+  }
+  /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
   bool is_of_member() {
-    if (place_) return true;
-    place_ = limit_.take();
-    strangers_->remove(this);
+    if (!place_) place_ = limit_.take();
     if (!place_) finish(too_many(limit_));
     return place_ != nullptr;
+  }
+  /// It was not, or nobody looks at it: what comes next may be.
+  void is_of_nobody() {
+    if (!place_) strangers_->add(this->shared_from_this());
   }
 
   void finish(const grpc::Status& status) {

@@ -76,6 +76,7 @@ DeliverStream* DeliverStream::start(Node& node, Limit& limit, Strangers& strange
 
 void DeliverStream::OnReadDone(bool ok) {
   if (!ok) return finish(grpc::Status::OK);
+  is_looked_at();
   common::Envelope envelope;
   if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
   const auto request = read_seek(envelope);
@@ -132,6 +133,7 @@ void DeliverStream::pump() {
 }
 
 void DeliverStream::send_status(common::Status status) {
+  is_of_nobody();
   const std::lock_guard lock(mutex_);
   write_status(status);
 }

@@ -415,13 +415,13 @@ TEST_F(ServicesTest, BlocksAreDeliveredUpToTheStop) {
 
 /// More than the limit of open calls, by somebody who has no certificate: silent ones, and ones that were refused.
 TEST_F(ServicesTest, StreamsOfStrangersTakeNoPlaceOfMembers) {
-  constexpr int many = 2'600;
+  constexpr int many = 2'600, patience_s = 300;  // not a limit on speed: only how long a broken test may take
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, protos::DeliverResponse>>> readers;
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, orderer::BroadcastResponse>>> writers;
   for (int i = 0; i < many; ++i) {
-    readers.push_back(blocks_of->Deliver(contexts.emplace_back(within()).get()));
-    writers.push_back(ordering->Broadcast(contexts.emplace_back(within()).get()));
+    readers.push_back(blocks_of->Deliver(contexts.emplace_back(within(patience_s)).get()));
+    writers.push_back(ordering->Broadcast(contexts.emplace_back(within(patience_s)).get()));
     if (i % 100 == 0) writers.back()->Write(common::Envelope());
   }
   EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));
