@@ -14,6 +14,7 @@ import netns
 
 BRIDGE = pathlib.Path(__file__).with_name("bridge")
 RUST = pathlib.Path(os.environ.get("LEDGERLINE_PEER", BRIDGE.parents[2] / "build" / "peer")) / "release/ros2-client-peer"
+FAST_DDS = pathlib.Path(os.environ["LEDGERLINE_BIN"]) / "fast_dds_peer"
 PYTHON = [sys.executable, BRIDGE / "cyclonedds_peer.py"]
 COMMANDS = {"cyclonedds": PYTHON, "ros2-client": [RUST]}
 LAN = """<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface name="lan0"/></Interfaces></General></Domain>
@@ -32,6 +33,8 @@ def why_missing(kind: str) -> str:
     """Empty where a peer can run; else why not."""
     if kind == "ros2-client" and not RUST.exists():
         return f"{RUST} is missing: cargo is missing or too old (run-tests says which it needs)"
+    if kind == "fast-dds" and not FAST_DDS.exists():
+        return f"{FAST_DDS} is missing: it is built where Fast DDS is (libfastrtps-dev)"
     return ""
 
 

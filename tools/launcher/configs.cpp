@@ -151,6 +151,7 @@ enum class Side { drones, ground };
 std::string dds_table(const Options& options, Side side) {
   std::string table = "\n[dds]\n";
   if (!options.domains.empty()) table += fmt::format("domain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
+  if (!options.ros_release.empty()) table += fmt::format("ros_release = \"{}\"\n", options.ros_release);
   return table + (options.cyclonedds.empty() ? "local_only = true\n"
                                              : fmt::format("cyclonedds = \"{}\"\n", options.cyclonedds));
 }

@@ -7,6 +7,7 @@
 #include <set>
 #include <sstream>
 
+#include "common/dds/settings/ros_release.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -174,10 +175,17 @@ void add_run_options(CommandLine& line, Options& o) {
               "DDS domains of the drones and of ground, such as 1,2 (default: ROS_DOMAIN_ID, else 0, for both)")
       .comma_list(2)
       .within(0, 232);
-  line.option("--dds", o.cyclonedds,
+  const auto dds_file =
+      line.option(
+              "--dds", o.cyclonedds,
               "File of Cyclone DDS's own configuration; without it DDS stays on this machine, whatever CYCLONEDDS_URI "
               "says")
-      .existing_file();
+          .existing_file();
+  line.option("--ros-release", o.ros_release,
+              "ROS 2's release on this machine: how its nodes are met here and how ours are announced (default: "
+              "ROS_DISTRO's form)")
+      .one_of(dds::ros_releases())
+      .excludes(dds_file);
   line.option("--seed", o.seed, "Of wind and sensor noise").shows_default();
   line.option("--json", o.json, "Write the figures to this file, as one JSON object");
   line.option("--out", o.out, "Directory for traces, logs and the page (default: build/runs/TIME)");

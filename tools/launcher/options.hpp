@@ -63,6 +63,7 @@ struct Options {
   int approvals = 1;         ///< of different operators, before a mission starts: 1 or 2
   std::string faults;        ///< file of what the proxy switches when; empty: none
   std::string cyclonedds;    ///< file of Cyclone DDS's own configuration; empty: DDS stays on this machine
+  std::string ros_release;   ///< ROS 2's on this machine; empty: ROS_DISTRO says it
   std::vector<int> domains;  ///< of DDS: that of sim and agent, that of ground; empty: ROS_DOMAIN_ID, else 0
   std::uint64_t seed = 1;
   std::string json;  ///< file; empty: none

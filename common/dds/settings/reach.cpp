@@ -110,11 +110,6 @@ Result<Reach> named(const ParticipantOptions& options, const std::vector<Interfa
 
 }  // namespace
 
-const std::vector<std::string>& ros_releases() {
-  static const std::vector<std::string> names{"foxy", "galactic", "humble", "iron", "jazzy", "kilted", "rolling"};
-  return names;
-}
-
 bool localhost_has_any_address(std::string_view ros_release) {
   const auto& names = ros_releases();
   return std::find(names.begin(), names.end(), ros_release) >= std::find(names.begin(), names.end(), "iron") &&

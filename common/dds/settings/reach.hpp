@@ -6,6 +6,7 @@
 
 #include "common/dds/dds.hpp"
 #include "common/dds/settings/interfaces.hpp"
+#include "common/dds/settings/ros_release.hpp"
 
 namespace ledgerline::dds {
 
@@ -32,9 +33,6 @@ Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, 
 /// Iron and later: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST lets a node announce any address of its host. Before, there
 /// was ROS_LOCALHOST_ONLY=1: 127.0.0.1 alone.
 bool localhost_has_any_address(std::string_view ros_release);
-
-/// The releases that [dds] ros_release may name.
-const std::vector<std::string>& ros_releases();
 
 /// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. Pure.
 std::string why_no_domain(std::uint32_t domain, std::string_view said);

@@ -49,7 +49,8 @@ struct Poses {
 Result<std::vector<Poses>> subscribe(const fly::Options& flight) {
   std::vector<Poses> all;
   if (flight.own->pose_topic.empty()) return all;
-  dds::ParticipantOptions options{.cyclonedds = flight.cyclonedds, .node = "ledgerline_tello"};
+  dds::ParticipantOptions options{
+      .ros_release = flight.ros_release, .cyclonedds = flight.cyclonedds, .node = "ledgerline_tello"};
   if (flight.cyclonedds.empty()) options.local_only = true;  // as fly has it
   if (!flight.domains.empty()) options.domain = static_cast<std::uint32_t>(flight.domains.front());
   auto participant = dds::Participant::create(options);

@@ -195,6 +195,11 @@ TEST_F(FakePrograms, DdsStaysOnThisMachineWhateverTheShellSaysUnlessAFileIsNamed
     ASSERT_TRUE(write_local_configs(files, options));
     EXPECT_THAT(dds("local"), HasSubstr(line));
   }
+  options.cyclonedds.clear();
+  options.ros_release = "jazzy";
+  ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {}, {}}));
+  for (const char* program : {"agent", "ground"})
+    EXPECT_THAT(dds(program), AllOf(HasSubstr("local_only = true\n"), HasSubstr("ros_release = \"jazzy\"\n")));
 }
 
 TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTheDrones) {

@@ -188,6 +188,13 @@ TEST(FlyOptions, DdsLeavesThisMachineOnlyByAFile) {
   expect_refused({"--dds", "/nowhere/lan.xml"}, "/nowhere/lan.xml");
 }
 
+TEST(FlyOptions, RosReleaseIsOneThatThereIsAndNotBesideAFileOfCyclones) {
+  EXPECT_EQ(parse_command_line({}).options.ros_release, "");
+  EXPECT_EQ(parse_command_line({"--ros-release", "jazzy"}).options.ros_release, "jazzy");
+  expect_refused({"--ros-release", "noetic"}, "jazzy");
+  expect_refused({"--ros-release", "jazzy", "--dds", "/dev/null"}, "--dds");
+}
+
 TEST(FlyOptions, TwoApprovalsNeedTwoOperators) {
   const std::vector<std::string> page{"--shape", "manual", "--watch"};
   const auto with = [&](std::initializer_list<const char*> more) {
