@@ -1,15 +1,13 @@
 #include "common/fabric/patience.hpp"
 
-#include <algorithm>
-
 #include "common/base/log.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/tx/both_ways.hpp"
 
 namespace ledgerline::fabric {
 namespace {
-
-constexpr TimeNs max_both_ways_ns = 55 * ns_per_s;
 
 Result<ChannelConfig> channel_of(const ClientConfig& config) {
   if (!config.config_block.empty()) {
@@ -23,17 +21,12 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
 
 }  // namespace
 
-TimeNs both_ways_ns(const Batching& batching) {
-  if (batching.max_messages == 1) return 0;
-  return std::min(2 * std::min(batching.timeout_ns, max_both_ways_ns), max_both_ways_ns);
-}
-
 Result<TimeNs> added_patience(const ClientConfig& config) {
   if (!config.patience_of_channel) return TimeNs{0};
   const auto channel = channel_of(config);
   if (!channel) return Error{"ledger.patience: the channel's settings are not known: " + channel.error().what};
   if (!channel->batching) return Error{"ledger.patience: the channel's configuration has no BatchTimeout"};
-  const TimeNs both_ns = both_ways_ns(*channel->batching);
+  const TimeNs both_ns = both_ways_ns(channel->batching->timeout_ns, channel->batching->max_messages);
   spdlog::info(
       "blocks are cut {:g} s behind their first transaction, or at {}: a command may come {:g} s later than it "
       "would if each were cut at once, and limits are so much longer",

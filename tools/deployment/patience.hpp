@@ -13,14 +13,8 @@ struct Patience {
   TimeNs deadline_ns = ns_per_s;        ///< [ledger] deadline_ms of both
 };
 
-/// A state waits for its block, and so does the command that answers it; 55 s are less than the longest deadline.
-/// `batch_count` 1: a block is cut at once, whatever its timeout.
-inline TimeNs both_ways(int batch_count, TimeNs batch_timeout_ns) {
-  return batch_count == 1 ? 0 : std::min(2 * batch_timeout_ns, 55 * ns_per_s);
-}
-
-/// A command may be so much older, and a quiet ledger is not yet a silent one. `max_age_ns` that somebody asked for
-/// counts more; 0: none.
+/// `longer_ns`: by how much a command may be older (fabric::both_ways_ns), and a quiet ledger is not yet a silent one.
+/// `max_age_ns` that somebody asked for counts more; 0: none.
 inline Patience patience_with(TimeNs longer_ns, TimeNs max_age_ns = 0) {
   const Patience usual;
   return {.max_age_ns = max_age_ns > 0 ? max_age_ns : usual.max_age_ns + longer_ns,

@@ -3,6 +3,7 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
+#include "common/fabric/tx/both_ways.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/init/core/files.hpp"
@@ -79,7 +80,8 @@ Status write_configs(const Wish& wish) {
   auto planned = wish.deployment.empty() ? plan_by_profile(wish) : plan_by_deployment(wish);
   if (!planned) return planned.error();
   const auto timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
-  planned->plan.patience = deployment::patience_with(deployment::both_ways(wish.batch_count, timeout_ns));
+  planned->plan.patience =
+      deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(wish.batch_count)));
   const auto files = init::files_of(init::role_of(wish.role), planned->plan);
   if (!files) return files.error();
   std::vector<init::NewFile> all;

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "common/base/file.hpp"
+#include "common/fabric/tx/both_ways.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
 #include "tools/deployment/patience.hpp"
@@ -21,7 +22,7 @@ std::string organisation_dir(const RunFiles& files, int organisation) {
 
 // A slow ledger is the user's wish.
 TimeNs both_ways(const Options& options) {
-  return deployment::both_ways(options.batch_count, options.batch_timeout_ns);
+  return fabric::both_ways_ns(options.batch_timeout_ns, static_cast<std::uint32_t>(options.batch_count));
 }
 
 std::string tls_ca(const RunFiles& files, int organisation) {

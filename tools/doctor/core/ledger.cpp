@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "common/fabric/tx/both_ways.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 #include "tools/deployment/patience.hpp"
@@ -22,7 +23,7 @@ std::string ms(TimeNs ns) { return fmt::format("{:.0f} ms", to_ms(ns)); }
 
 Finding judge(const fabric::Batching& batching, const PatienceFacts& facts) {
   constexpr const char* check = "blocks";
-  const TimeNs longer_ns = deployment::both_ways(static_cast<int>(batching.max_messages), batching.timeout_ns);
+  const TimeNs longer_ns = fabric::both_ways_ns(batching.timeout_ns, batching.max_messages);
   const deployment::Patience needed = deployment::patience_with(longer_ns);
   const std::string what = fmt::format("{} transactions or {} a block", batching.max_messages, ms(batching.timeout_ns));
   std::string cure;

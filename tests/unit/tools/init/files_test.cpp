@@ -6,6 +6,8 @@
 #include <fstream>
 #include <sstream>
 
+#include "common/base/file.hpp"
+#include "common/fabric/tx/both_ways.hpp"
 #include "tools/configuration/reference.hpp"
 #include "tools/init/core/commented.hpp"
 
@@ -153,7 +155,7 @@ TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
 
 TEST(InitFiles, WaitForALedgerThatCutsLate) {
   HostPlan slow = plan(fabric_deployment, "raven");
-  slow.patience = deployment::patience_with(deployment::both_ways(10, 2 * ns_per_s));
+  slow.patience = deployment::patience_with(fabric::both_ways_ns(2 * ns_per_s, 10));
   const std::string agent = text_of(*files_of(Role::drone_host, slow), "agent.toml");
   EXPECT_THAT(agent, HasSubstr("\nmax_age_ms = 4500\n"));
   EXPECT_THAT(agent, HasSubstr("\nledger_silent_after_ms = 5000\n"));

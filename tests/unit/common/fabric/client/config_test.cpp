@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "common/fabric/patience.hpp"
+#include "common/fabric/tx/both_ways.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -96,10 +97,10 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
 }
 
 TEST(Patience, IsTwiceABlocksWaitWhereBlocksWait) {
-  EXPECT_EQ(both_ways_ns({2 * ns_per_s, 10}), 4 * ns_per_s);
-  EXPECT_EQ(both_ways_ns({2 * ns_per_s, 1}), 0);
-  EXPECT_EQ(both_ways_ns({3600 * ns_per_s, 500}), 55 * ns_per_s) << "whatever a configuration says";
-  EXPECT_EQ(both_ways_ns({INT64_MAX, 500}), 55 * ns_per_s);
+  EXPECT_EQ(both_ways_ns(2 * ns_per_s, 10), 4 * ns_per_s);
+  EXPECT_EQ(both_ways_ns(2 * ns_per_s, 1), 0);
+  EXPECT_EQ(both_ways_ns(3600 * ns_per_s, 500), 55 * ns_per_s) << "whatever a configuration says";
+  EXPECT_EQ(both_ways_ns(INT64_MAX, 500), 55 * ns_per_s);
 }
 
 TEST(Patience, IsOfTheTrustAnchorOrOfThePeer) {
