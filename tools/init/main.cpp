@@ -20,7 +20,7 @@ Examples:
   ledgerline init --deployment-example > deployment.toml
   ledgerline init --request raven --organisation Org1 --out /etc/ledgerline      # key, and raven.csr for the authority
   ledgerline init --certificate raven.pem --out /etc/ledgerline
-  ledgerline init --collect /var/lib/ledgerline/ledger --out public             # at the ledger, for all other hosts
+  ledgerline init --collect /var/lib/ledgerline-node/ledger --out public        # at the ledger, for all other hosts
   ledgerline init --role drone-host --deployment deployment.toml --host raven
   ledgerline init --role ground --profile connection.json --msp-id Org2MSP --drone tello1 --drone tello2
 
@@ -116,7 +116,8 @@ int main(int argc, char** argv) {
   line.flag("--direct", wish.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");
   line.option("--out", wish.out, "where the configs are written, and the files that they name lie").shows_default();
-  line.option("--state-dir", wish.folders.state, "where programs keep what they remember").shows_default();
+  line.option("--state-dir", wish.folders.state,
+              "where programs keep what they remember; without: their services' own, below /var/lib");
   line.option("--msp-dir", wish.folders.msp_dir, "of the identity; without: OUT/msp");
   line.option("--tls-ca", wish.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
   line.option("--config-block", wish.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");

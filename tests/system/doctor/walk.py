@@ -60,9 +60,9 @@ class Machines:
         return self.root / host / "etc"
 
     def on(self, host: str, commands: str) -> list:
-        """As they are typed there: each host has its own /etc/ledgerline and /var/lib/ledgerline."""
+        """As they are typed there: each host has its own /etc/ledgerline and /var/lib."""
         commands = commands.replace("/etc/ledgerline", str(self.etc(host)))
-        commands = commands.replace("/var/lib/ledgerline", str(self.root / host / "var"))
+        commands = re.sub(r"/var/lib/ledgerline(-\w+)?", str(self.root / host / "var"), commands)
         commands = commands.replace("ledgerline init --role", f"ledgerline init --state-dir {self.root / host}/var --role")
         commands = commands.replace("ledgerline doctor", f"ledgerline doctor --config-dir {self.etc(host)}")
         return self.spaces[host].command("env", f"ROOT={self.root}", f"PATH={self.root}/bin:{BIN}:{os.environ['PATH']}",

@@ -10,13 +10,20 @@ constexpr std::uint64_t least_bytes = 64ULL << 20, good_bytes = 1ULL << 30;
 
 bool is_ours(const std::string& program) { return program.empty() || program.starts_with("ledgerline"); }
 
+// A service's folder has its user's name.
+std::string user_of(const std::string& folder) {
+  const std::string name = folder.substr(folder.rfind('/') + 1);
+  return name.starts_with("ledgerline") ? name : "USER";
+}
+
 }  // namespace
 
 Findings judge(const FolderFacts& facts) {
   constexpr const char* check = "disk";
   if (!facts.writable)
     return {found(Problem::state_folder, check, facts.path,
-                  fmt::format("`install -d -o ledgerline {}`, or run doctor as the user of the programs", facts.path))};
+                  fmt::format("`install -d -o {} {}`, or run doctor as the user of the programs", user_of(facts.path),
+                              facts.path))};
   if (!facts.free_bytes) return {fine(check, facts.path)};
   const std::string what = fmt::format("{}: {} MB free", facts.path, *facts.free_bytes >> 20);
   if (*facts.free_bytes < least_bytes) return {found(Problem::disk_full, check, what)};

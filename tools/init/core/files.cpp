@@ -99,8 +99,8 @@ class Files {
   void link() {
     Values values;
     add_drones(values, plan_.drones, true);
-    values.text("[output]", "starts", plan_.folders.state + "/link.starts");
-    values.text("[output]", "local_stops", plan_.folders.state + "/link.stops");
+    values.text("[output]", "starts", plan_.folders.state_of("ledgerline") + "/link.starts");
+    values.text("[output]", "local_stops", plan_.folders.state_of("ledgerline") + "/link.stops");
     values.add("[playout]", "max_margin_ms", "0");
     write("link", "link.toml", keys_of("link"), values);
   }
@@ -109,7 +109,7 @@ class Files {
     Values values;
     add_ledger(values, keys, plan_, true);
     add_drones(values, plan_.drones, false);
-    values.text("[output]", "checkpoint", plan_.folders.state + "/agent.checkpoint");
+    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline") + "/agent.checkpoint");
     if (plan_.patience.max_age_ns != deployment::Patience{}.max_age_ns) {
       values.add("[check]", "max_age_ms", fmt::format("{:.0f}", to_ms(plan_.patience.max_age_ns)));
       values.add("[agent]", "ledger_silent_after_ms", fmt::format("{:.0f}", to_ms(plan_.patience.silent_after_ns)));
@@ -122,7 +122,7 @@ class Files {
     Values values;
     add_ledger(values, keys, plan_, true);
     add_drones(values, plan_.all_drones, false);
-    values.text("[output]", "checkpoint", plan_.folders.state + "/ground.checkpoint");
+    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-ground") + "/ground.checkpoint");
     values.text("[flight]", "shape", "square");
     values.add("[dds]", "local_only", "true");
     write("ground", "ground.toml", keys, values);
@@ -137,7 +137,7 @@ class Files {
     const auto keys = keys_of("bridge");
     Values values;
     add_ledger(values, keys, plan_, true);
-    values.text("[output]", "checkpoint", plan_.folders.state + "/bridge.checkpoint");
+    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-bridge") + "/bridge.checkpoint");
     values.add("[dds]", "local_only", "true");
     write("bridge", "bridge.toml", keys, values);
   }

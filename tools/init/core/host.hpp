@@ -13,12 +13,14 @@ namespace ledgerline::init {
 
 /// Where a host has the files that its configs name.
 struct Folders {
-  std::string config = "/etc/ledgerline";     ///< the configs, msp/, authorities/, tls/, CHANNEL.block
-  std::string state = "/var/lib/ledgerline";  ///< what programs remember
-  std::string msp_dir{};                      ///< of the identity; empty: `config`/msp
-  std::string tls_ca{};                       ///< for all servers of the ledger; empty: `config`/tls/MSPID.pem
-  std::string config_block{};                 ///< empty: `config`/CHANNEL.block
+  std::string config = "/etc/ledgerline";  ///< the configs, msp/, authorities/, tls/, CHANNEL.block
+  std::string state{};                     ///< what programs remember; empty: the folder of each one's service
+  std::string msp_dir{};                   ///< of the identity; empty: `config`/msp
+  std::string tls_ca{};                    ///< for all servers of the ledger; empty: `config`/tls/MSPID.pem
+  std::string config_block{};              ///< empty: `config`/CHANNEL.block
 
+  /// `service`: as its unit's StateDirectory has it.
+  std::string state_of(const std::string& service) const { return state.empty() ? "/var/lib/" + service : state; }
   std::string msp() const { return msp_dir.empty() ? config + "/msp" : msp_dir; }
   std::string authority_of(const std::string& msp_id) const { return config + "/authorities/" + msp_id + ".pem"; }
   std::string tls_of(const std::string& whose) const {

@@ -143,6 +143,25 @@ TEST(InitFiles, SayOfTheLedgerWhatTheDeploymentSays) {
   EXPECT_THAT(ground, HasSubstr("[ledger]\nendpoint = \"10.0.0.2:7061\"\n"));
 }
 
+// The units of packaging/systemd let a program write to its own StateDirectory alone.
+TEST(InitFiles, KeepStateWhereTheServicesMayWrite) {
+  const auto state_of = [](const std::string& unit) {
+    auto text = read_file(std::string(LEDGERLINE_SOURCE "/packaging/systemd/") + unit + ".service");
+    EXPECT_TRUE(text) << text.error().what;
+    auto at = text->find("StateDirectory=");
+    EXPECT_NE(at, std::string::npos) << unit;
+    at += std::string("StateDirectory=").size();
+    return "\"/var/lib/" + text->substr(at, text->find('\n', at) - at) + "/";
+  };
+  const auto drone_host = files(Role::drone_host, fabric_deployment, "raven");
+  EXPECT_THAT(text_of(drone_host, "link.toml"), HasSubstr("\nstarts = " + state_of("ledgerline-link")));
+  EXPECT_THAT(text_of(drone_host, "agent.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-agent")));
+  const auto ground = files(Role::ground, fabric_deployment, "desk");
+  EXPECT_THAT(text_of(ground, "ground.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-ground")));
+  const auto bridge = files(Role::bridge, fabric_deployment, "desk");
+  EXPECT_THAT(text_of(bridge, "bridge.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-bridge")));
+}
+
 TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
   std::string text = fabric_deployment;
   text +=
