@@ -3,6 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
+#include <string_view>
 
 #include "common/crypto/identities/request.hpp"
 #include "msp/identities.pb.h"
@@ -28,10 +30,28 @@ std::string stranger(const IdentityFacts& facts, const std::vector<AuthorityFact
   return member ? "" : member.error().what;
 }
 
-// Keys of an organisation's authorities are compared by their certificates, in whatever order a file has them.
+/// Each without its line breaks, and without the words that openssl writes before it.
+std::set<std::string> certificates_of(const std::string& pem) {
+  constexpr std::string_view begin = "-----BEGIN CERTIFICATE-----", end = "-----END CERTIFICATE-----";
+  std::set<std::string> all;
+  for (std::size_t at = 0; (at = pem.find(begin, at)) != std::string::npos;) {
+    const std::size_t last = pem.find(end, at);
+    if (last == std::string::npos) break;
+    std::string one = pem.substr(at + begin.size(), last - at - begin.size());
+    one.erase(std::remove_if(one.begin(), one.end(), [](char c) { return c == '\n' || c == '\r' || c == ' '; }),
+              one.end());
+    all.insert(std::move(one));
+    at = last;
+  }
+  return all;
+}
+
+// Roots and intermediates, in whatever order a file has them; one of the two may leave some out.
 bool same_authority(const std::string& a, const std::string& b) {
-  return a.find(b.substr(0, b.find_last_not_of(" \n\r") + 1)) != std::string::npos ||
-         b.find(a.substr(0, a.find_last_not_of(" \n\r") + 1)) != std::string::npos;
+  const auto of_a = certificates_of(a), of_b = certificates_of(b);
+  if (of_a.empty() || of_b.empty()) return false;
+  return std::includes(of_a.begin(), of_a.end(), of_b.begin(), of_b.end()) ||
+         std::includes(of_b.begin(), of_b.end(), of_a.begin(), of_a.end());
 }
 
 }  // namespace

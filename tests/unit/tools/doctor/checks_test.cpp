@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/doctor/core/host.hpp"
+#include "tools/doctor/core/identity.hpp"
 #include "tools/doctor/core/ledger.hpp"
 #include "tools/doctor/core/server.hpp"
 
@@ -65,6 +66,22 @@ TEST(DoctorChain, TellsClocksByTheNewestBlock) {
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = 60 * ns_per_s}), std::nullopt)
       << "a quiet ledger";
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .elsewhere = 50}), Problem::peer_lags);
+}
+
+TEST(DoctorTrust, ComparesAuthoritiesByTheirCertificates) {
+  const auto pem = [](const std::string& key) {
+    return "-----BEGIN CERTIFICATE-----\n" + key + "\n-----END CERTIFICATE-----\n";
+  };
+  const auto judged = [&](const std::string& own) {
+    TrustFacts facts{.program = "agent.toml", .msps = {{"Org2MSP", "org2.pem"}}, .channel = {}};
+    facts.msps[0].pem = own;
+    facts.channel.push_back({"Org2MSP", pem("cm9v\ndA==") + pem("bWlk")});
+    return judge(facts)[0].problem;
+  };
+  EXPECT_FALSE(judged("Subject: mid\n" + pem("bWlk") + pem("cm9vdA=="))) << "another order, other lines";
+  EXPECT_FALSE(judged(pem("cm9vdA=="))) << "the root alone";
+  EXPECT_EQ(judged(pem("bWlk") + pem("b3RoZXI=")), Problem::authority_foreign);
+  EXPECT_EQ(judged("no certificate"), Problem::authority_foreign);
 }
 
 TEST(DoctorContract, TellsNoneAnotherVersionAndAWeakPolicyApart) {
