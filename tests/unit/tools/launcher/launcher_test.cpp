@@ -46,6 +46,12 @@ class FakePrograms : public testing::Test {
     write("ground", R"(echo '{"ground":{"drones":[{"name":"tello1","phase":"path"}]}}'
 sleep 0.2; exit 0)");
     write("control", "exit 0", false);
+    // Of the ledger's files fly itself looks for the host's certificate.
+    const fs::path host = files.in("ledger/crypto/peerOrganizations/org1.ledgerline/users/User1@org1.ledgerline/msp");
+    for (const char* file : {"signcerts/cert.pem", "keystore/key_sk"}) {
+      fs::create_directories((host / file).parent_path());
+      std::ofstream(host / file) << "x";
+    }
   }
   ~FakePrograms() override { fs::remove_all(files.directory); }
 
