@@ -113,6 +113,26 @@ def left_by_roudi(_: Machines):
 
 
 @contextlib.contextmanager
+def small_disk(machines: Machines):
+    folder = machines.root / "raven/var"
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=32m", "tmpfs", folder], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@contextlib.contextmanager
+def dds_over_what_is_down(machines: Machines):
+    machines.run("raven", "ip link add spare type veth peer name spare1")
+    try:
+        with edited("raven", "agent.toml", "local_only = true", 'interfaces = ["spare"]')(machines):
+            yield
+    finally:
+        machines.run("raven", "ip link del spare")
+
+
+@contextlib.contextmanager
 def small_memory(_: Machines):
     subprocess.run(["mount", "-o", "remount,size=32m", "/dev/shm"], check=True)
     try:
@@ -185,5 +205,8 @@ ALL = [
     Breakage("roudi_foreign", "raven", stranger_as_roudi),
     Breakage("shm_small", "raven", small_memory),
     Breakage("interface_missing", "raven", edited("raven", "link.toml", INTERFACED, INTERFACE.format("wlan9"))),
+    Breakage("interface_missing", "raven", edited("raven", "agent.toml", "local_only = true", 'interfaces = ["wlan9"]')),
+    Breakage("interface_down", "raven", dds_over_what_is_down),
+    Breakage("disk_full", "raven", small_disk),
     Breakage("wrong_interface", "raven", edited("raven", "link.toml", INTERFACED, INTERFACE.format("eth0"))),
 ]

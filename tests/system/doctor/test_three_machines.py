@@ -7,7 +7,7 @@ from walk import Machines
 
 LONG = os.environ.get("LEDGERLINE_LONG", "0") == "1"
 QUICK = {"config_wrong", "key_open", "key_misfit", "identity_expired", "authority_foreign", "port_closed", "tls_wrong_name",
-         "not_enrolled"}
+         "not_enrolled", "interface_down", "disk_full"}
 
 
 @pytest.fixture(scope="module")

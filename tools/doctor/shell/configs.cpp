@@ -13,6 +13,8 @@
 namespace ledgerline::doctor {
 namespace {
 
+constexpr std::size_t max_dds_interfaces = 4;
+
 struct Known {
   const char *program, *name, *role;  ///< the file is NAME.toml
 };
@@ -85,6 +87,8 @@ void read_keys(Config& config, ProgramConfig& out) {
     std::string file = config.text(key, "");
     if (!file.empty()) out.written.push_back(std::move(file));
   }
+  for (std::string& name : config.texts("dds.interfaces", max_dds_interfaces))
+    out.interfaces.push_back(std::move(name));
   const deployment::Patience usual;
   if (out.program == "agent") {
     out.max_age_ns = from_seconds(config.number("check.max_age_ms", to_ms(usual.max_age_ns), 1, 60'000) / 1e3);
