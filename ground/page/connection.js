@@ -40,7 +40,7 @@ export class Connection extends EventTarget {
   #wait = 0;
   #paths = {};
   stateMs = 0; // of the newest state, the station's clock: a velocity says what its pilot saw
-  hello = { manual: false, speed_mps: 0, cmd_timeout_ms: 0 };
+  hello = { manual: false, speed_mps: 0, cmd_timeout_ms: 0, fence: null };
 
   get up() {
     return this.#socket?.readyState === WebSocket.OPEN;

@@ -126,6 +126,8 @@ at('blocks-on').addEventListener('click', () => {
 connection.addEventListener('hello', async () => {
   blocks.restart();
   hand.speed_mps = connection.hello.speed_mps;
+  map.fence = connection.hello.fence;
+  at('fence-help').hidden = map.fence === null;
   await operators.load();
   missions.refresh();
   const answer = await connection.request('GET', 'events?since=0');

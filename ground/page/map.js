@@ -15,6 +15,7 @@ export class PlanView {
   selected = null;
   draft = [];
   previews = []; // [{drone, path, begins}]: what missions fly, z may be null; `begins`: from where the drone is
+  fence = null; // {min_m, max_m}: what missions are checked against
   cursor = null; // where the keyboard's cross stands while drawing
   onplace = () => {};
   onpick = () => {};
@@ -70,6 +71,7 @@ export class PlanView {
     ctx.fillStyle = this.#ink('map');
     ctx.fillRect(0, 0, width, height);
     this.#grid(width, height);
+    if (this.fence) this.#fence(this.fence);
     this.drones.forEach((drone, number) => this.#way(drone, number, now));
     for (const preview of this.previews) this.#preview(preview);
     this.#draftPath();
@@ -105,6 +107,12 @@ export class PlanView {
     for (let x = Math.ceil(from.x / step) * step; x < to.x; x += step) line(x, 'x');
     for (let y = Math.ceil(from.y / step) * step; y < to.y; y += step) line(y, 'y');
     ctx.fillText('m', 4, height - 5);
+  }
+
+  /// Larger than what is flown, as a rule, so it does not count for the zoom.
+  #fence({ min_m: [west, south], max_m: [east, north] }) {
+    const corners = [[west, south], [east, south], [east, north], [west, north], [west, south]];
+    this.#line(corners, { colour: this.#ink('muted'), dash: [14, 8], width: 1.5 });
   }
 
   #line(points, { colour, dash = [], width = 2, alpha = 1 }) {

@@ -213,23 +213,28 @@ void Ground::open_missions(service::MissionSettings settings) {
 
 Status Ground::serve(const service::ServiceSettings& settings, service::MissionSettings missions,
                      const fabric::ClientConfig& ledger) {
+  const FlightConfig& flight = core_.config();
+  const service::Greeting greeting{.manual = flight.manual,
+                                   .speed_mps = flight.controller.speed_mps,
+                                   .cmd_timeout_ns = flight.cmd_timeout_ns,
+                                   .fence = missions.check.fence};
   open_missions(std::move(missions));
   if (!settings.operators.empty()) {
     if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
   }
   self_ = ledger.identity.serialized;
   session_idle_ns_ = settings.session_idle_ns;
-  const FlightConfig& flight = core_.config();
-  auto server = service::Server::start(
-      settings, names_,
-      {.manual = flight.manual, .speed_mps = flight.controller.speed_mps, .cmd_timeout_ns = flight.cmd_timeout_ns},
-      {.take = [this](const PilotWish& one) { return take(one); },
-       .keys = desk_.get(),
-       .ask_missions =
-           [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
-             ask(std::move(asked), std::move(answer));
-           },
-       .tell = [this](Level level, std::string words) { mailbox_.put(Told{level, "", std::move(words)}); }});
+  service::Server::Behind behind{.take = [this](const PilotWish& one) { return take(one); },
+                                 .keys = desk_.get(),
+                                 .ask_missions =
+                                     [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+                                       ask(std::move(asked), std::move(answer));
+                                     },
+                                 .tell =
+                                     [this](Level level, std::string words) {
+                                       mailbox_.put(Told{level, "", std::move(words)});
+                                     }};
+  auto server = service::Server::start(settings, names_, greeting, std::move(behind));
   if (!server) return server.error();
   server_ = std::move(server).value();
   show(monotonic_ns());

@@ -3,7 +3,7 @@
 import { OrbitControls } from 'three/orbit';
 import * as THREE from 'three';
 import { fixed, STALE_MS } from '../drones.js';
-import { arrow, cross, disc, forget, label, line, stand, trailOf } from './shapes.js';
+import { arrow, box, cross, disc, forget, label, line, stand, trailOf } from './shapes.js';
 
 const EVERY_MS = 50; // states come 30 times a second; more than twenty pictures of them nobody needs
 const KEY_TURN = Math.PI / 24;
@@ -37,6 +37,7 @@ export class SpaceView {
   drones = [];
   trails = new Map();
   selected = null;
+  fence = null; // {min_m, max_m}: what missions are checked against
   previews = []; // [{drone, path}] of missions; a path without heights is the plan's alone
 
   /// Throws where the browser has no WebGL.
@@ -69,7 +70,7 @@ export class SpaceView {
     if (!width || !height || document.hidden || now - this.#drawn < EVERY_MS) return;
     const seen = [...this.drones.map((drone) => this.#seen(drone, ageOf(drone))), ...this.#ahead().map(({ drone, path }) => `${drone} ${path}`)].join('|');
     const size = `${width} ${height} ${devicePixelRatio}`;
-    const lit = `${this.#extent()} ${this.#ink('map')}`;
+    const lit = `${this.#extent()} ${this.#ink('map')} ${JSON.stringify(this.fence)}`;
     if (!this.#turned && seen === this.#shown && size === this.#size && lit === this.#lit && !this.#moved(height)) return;
     if (size !== this.#size) {
       this.#renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
@@ -152,6 +153,7 @@ export class SpaceView {
       this.#fixed.add(label(`${at}`, [at, 0, 0], this.#ink('muted')), label(`${at}`, [0, at, 0], this.#ink('muted')));
     }
     for (let at = 1; at < high; ++at) this.#fixed.add(label(`${at}`, [0, 0, at], this.#ink('muted')));
+    if (this.fence) this.#fixed.add(box(this.fence, colour('muted')));
   }
 
   #things(now, ageOf) {

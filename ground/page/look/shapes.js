@@ -44,6 +44,15 @@ export function trailOf(trail, now, colour, ground) {
   return new THREE.Line(made, material(THREE.LineBasicMaterial, { vertexColors: true }));
 }
 
+/// The edges of a box, from its least corner to its greatest.
+export function box({ min_m, max_m }, colour) {
+  const size = max_m.map((each, axis) => each - min_m[axis]);
+  const made = new THREE.LineSegments(new THREE.EdgesGeometry(new THREE.BoxGeometry(...size)), material(THREE.LineDashedMaterial, { color: colour, dashSize: 0.3, gapSize: 0.2 }));
+  made.position.set(...min_m.map((each, axis) => each + size[axis] / 2));
+  made.computeLineDistances();
+  return made;
+}
+
 /// Where it took off.
 export function cross([x, y, z], colour) {
   const arm = 0.09;

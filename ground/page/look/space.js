@@ -43,7 +43,7 @@ export class SpaceSwitch {
   draw(now, ageOf) {
     if (!this.#on) this.#plan.draw(now, ageOf);
     if (!this.#on || !this.#view) return;
-    Object.assign(this.#view, { drones: this.#plan.drones, trails: this.#plan.trails, selected: this.#plan.selected, previews: this.#plan.previews });
+    Object.assign(this.#view, { drones: this.#plan.drones, trails: this.#plan.trails, selected: this.#plan.selected, previews: this.#plan.previews, fence: this.#plan.fence });
     this.#view.draw(now, ageOf);
   }
 

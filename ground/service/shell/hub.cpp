@@ -1,6 +1,7 @@
 #include "ground/service/shell/hub.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 
@@ -67,8 +68,13 @@ void Hub::make_room() {
 }
 
 std::string Hub::greeting() const {
-  return fmt::format(R"({{"op":"hello","version":1,"manual":{},"speed_mps":{:.3f},"cmd_timeout_ms":{:.0f}}})",
-                     greeting_.manual, greeting_.speed_mps, to_ms(greeting_.cmd_timeout_ns));
+  const std::optional<mission::Fence>& box = greeting_.fence;
+  const std::string fence = box ? fmt::format(R"({{"min_m":[{:.3f}],"max_m":[{:.3f}]}})", fmt::join(box->min_m, ","),
+                                              fmt::join(box->max_m, ","))
+                                : "null";
+  return fmt::format(
+      R"({{"op":"hello","version":1,"manual":{},"speed_mps":{:.3f},"cmd_timeout_ms":{:.0f},"fence":{}}})",
+      greeting_.manual, greeting_.speed_mps, to_ms(greeting_.cmd_timeout_ns), fence);
 }
 
 }  // namespace ledgerline::ground::service

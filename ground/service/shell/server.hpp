@@ -2,10 +2,12 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "ground/mission/check.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/blocks.hpp"
 #include "ground/service/core/guard.hpp"
@@ -21,6 +23,7 @@ struct Greeting {
   bool manual = false;
   double speed_mps = 0;
   TimeNs cmd_timeout_ns = 0;
+  std::optional<mission::Fence> fence{};  ///< that missions are checked against; nothing: none is known
 };
 
 /// The operators' keys, behind the station. Called on the server's thread.
