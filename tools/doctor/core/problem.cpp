@@ -23,7 +23,7 @@ constexpr std::array<Words, problem_count> table{{
 
     {certificate_missing, "certificate_missing", broken, "msp_dir has no signcerts/*.pem that can be read",
      "let the authority sign the request, then `ledgerline init --certificate FILE`"},
-    {certificate_wrong, "certificate_wrong", broken, "what lies in signcerts/ is no certificate of P-256",
+    {certificate_wrong, "certificate_wrong", broken, "what lies in signcerts/ is no certificate of P-256 or P-384",
      "let the authority sign the request anew, then `ledgerline init --certificate FILE`"},
     {key_missing, "key_missing", broken, "msp_dir has no keystore/*_sk that this user can read",
      "run doctor as the user of the programs; else `ledgerline init --request NAME` makes a key"},
