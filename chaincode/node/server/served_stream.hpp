@@ -5,7 +5,6 @@
 #include <mutex>
 
 #include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/server/strangers.hpp"
 
 namespace ledgerline::node {
 
