@@ -39,6 +39,7 @@ export class Connection extends EventTarget {
   #heard = 0;
   #wait = 0;
   #paths = {};
+  #lostAt = null; // the first time since the last hello
   stateMs = 0; // of the newest state, the station's clock: a velocity says what its pilot saw
   hello = { manual: false, speed_mps: 0, cmd_timeout_ms: 0, fence: null };
 
@@ -166,7 +167,7 @@ export class Connection extends EventTarget {
     }
     this.#heard = performance.now();
     this.#fails = 0;
-    if (message.op === 'hello') this.hello = message;
+    if (message.op === 'hello') this.#greet(message);
     if (message.op === 'paths') this.#paths = message.paths;
     if (message.op === 'state') {
       this.stateMs = message.t_ms;
@@ -175,9 +176,19 @@ export class Connection extends EventTarget {
     if (['hello', 'state', 'events', 'blocks', 'missions'].includes(message.op)) this.#say(message.op, message);
   }
 
+  /// `hello.back`: how long the link was lost, in words; null: it was not.
+  #greet(hello) {
+    const away = this.#lostAt === null ? null : ((performance.now() - this.#lostAt) / 1000).toFixed(1);
+    const anew = hello.started_ms !== this.hello.started_ms;
+    hello.back = away && (anew ? `Ground was away for ${away} s; it is back` : `The connection was lost for ${away} s; it is back`);
+    this.#lostAt = null;
+    this.hello = hello;
+  }
+
   async #lost(socket) {
     if (socket !== this.#socket) return;
     this.#socket = null;
+    if (this.hello.started_ms) this.#lostAt ??= performance.now();
     socket.onclose = null;
     socket.close();
     // Half of the wait is drawn, so that many pages do not come back all at once.

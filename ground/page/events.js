@@ -68,14 +68,20 @@ export class Events {
     setInterval(() => this.#open.length && this.#tellSound(), 1000);
   }
 
-  /// A station that was started anew counts from the beginning: `all` is everything it still has.
-  restart(all) {
-    const newest = all.at(-1)?.n ?? 0;
-    if (newest >= this.#last) return;
+  /// A station that was started anew counts from the beginning. `started`: when this one was, as its hello says.
+  restart(started) {
+    if (sessionStorage.getItem('started') === `${started}`) return;
+    sessionStorage.setItem('started', started);
+    sessionStorage.setItem('seen', 0);
     this.#last = this.#seen = 0;
     this.#open = [];
     this.#list.replaceChildren();
     this.#show();
+  }
+
+  /// What the page itself has to say, now.
+  note(text) {
+    this.#list.prepend(this.#row({ level: 'info', text, t_ms: Date.now() - this.#offset_ms }));
   }
 
   add(events) {

@@ -123,7 +123,8 @@ at('blocks-on').addEventListener('click', () => {
   at('blocks-on').setAttribute('aria-pressed', on);
 });
 
-connection.addEventListener('hello', async () => {
+connection.addEventListener('hello', async ({ detail: hello }) => {
+  put(at('link-back'), hello.back ?? '');
   blocks.restart();
   hand.speed_mps = connection.hello.speed_mps;
   map.fence = connection.hello.fence;
@@ -131,9 +132,9 @@ connection.addEventListener('hello', async () => {
   await operators.load();
   missions.refresh();
   const answer = await connection.request('GET', 'events?since=0');
-  if (!answer.ok) return;
-  events.restart(answer.body.events);
-  events.add(answer.body.events);
+  events.restart(hello.started_ms);
+  if (answer.ok) events.add(answer.body.events);
+  if (hello.back) events.note(hello.back);
 });
 function takeState(said, now) {
   const drones = said.map(cleaned);

@@ -73,8 +73,8 @@ std::string Hub::greeting() const {
                                               fmt::join(box->max_m, ","))
                                 : "null";
   return fmt::format(
-      R"({{"op":"hello","version":1,"manual":{},"speed_mps":{:.3f},"cmd_timeout_ms":{:.0f},"fence":{}}})",
-      greeting_.manual, greeting_.speed_mps, to_ms(greeting_.cmd_timeout_ns), fence);
+      R"({{"op":"hello","version":1,"started_ms":{},"manual":{},"speed_mps":{:.3f},"cmd_timeout_ms":{:.0f},"fence":{}}})",
+      started_ns_ / ns_per_ms, greeting_.manual, greeting_.speed_mps, to_ms(greeting_.cmd_timeout_ns), fence);
 }
 
 }  // namespace ledgerline::ground::service

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "common/rt/clock.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/shell/server.hpp"
 
@@ -92,6 +93,7 @@ class Hub {
 
   const std::vector<std::string> names_;
   const Greeting greeting_;
+  const TimeNs started_ns_ = realtime_ns();
   const Server::Behind behind_;
   const std::vector<Operator> operators_;
   SignIns sign_ins_;

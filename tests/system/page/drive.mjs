@@ -2,9 +2,10 @@
 //
 // Usage: node drive.mjs URL OUTDIR [--drone NAME]
 //   URL      of the page, with #token=...; its station flies a manual flight, the drone stands on the ground
-//   OUTDIR   gets screenshots
+//   OUTDIR   gets screenshots, and the file kill-ground when ground is to be killed, and started again at its port
 // Prints one JSON object. Exit code: 0 all went well; 1 not (`wrong` says what); 2 usage, or no browser.
 // LEDGERLINE_PAGE_NPM: where playwright-core and axe-core are installed, else build/npm-page; LEDGERLINE_CHROMIUM: the browser.
+import { writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { cardOf, launch, SIZES, Watcher } from './watcher.mjs';
 import { openSpace, pictureDelays, readBlocks, turnSpace, withoutLibraries } from './look.mjs';
@@ -12,6 +13,7 @@ import { openSpace, pictureDelays, readBlocks, turnSpace, withoutLibraries } fro
 const TAKEOFF_MS = 45000;
 const PATH_MS = 60000;
 const LANDED_MS = 30000;
+const BACK_MS = 60000;
 
 const [url, outdir, flag, named] = process.argv.slice(2);
 if (!url || !outdir || (flag && (flag !== '--drone' || !named))) {
@@ -22,7 +24,7 @@ const watcher = new Watcher(outdir, { requests: 0, bytes: 0, phases: [], velocit
   waypoints_sent: 0, stop: [], alarms: [] });
 const { saw, velocities } = watcher;
 const check = (good, words) => watcher.check(good, words);
-const watch = (page) => watcher.watch(page);
+const watch = (page) => watcher.watch(page, { meant: /ERR_CONNECTION_(REFUSED|RESET)/ }); // while ground is away
 const pictures = (page, size, moment) => watcher.pictures(page, size, moment, ['flight', 'space'].includes(moment));
 
 async function countLoad(page) {
@@ -135,6 +137,23 @@ async function onPhone(browser, name) {
   await context.close();
 }
 
+/// Ground is killed while the drone is in the air: the page says so, and that it is back.
+async function loseGround(page, drone) {
+  await page.evaluate(() => {
+    globalThis.linkWords = new Set();
+    setInterval(() => linkWords.add(document.querySelector('#link-words').textContent), 20);
+  });
+  writeFileSync(join(outdir, 'kill-ground'), '');
+  await page.locator('#link-back', { hasText: 'Ground was away for' }).waitFor({ timeout: BACK_MS });
+  saw.away = await page.locator('#link-back').textContent();
+  const words = await page.evaluate(() => [...linkWords]);
+  check(words.some((each) => each.startsWith('Connection lost')), 'nothing says that the connection is lost');
+  await page.locator("#link[data-level='fresh']").waitFor({ timeout: BACK_MS });
+  await drone.card.locator("[data-field=state][data-level='fresh']").waitFor({ timeout: BACK_MS });
+  await page.locator('#events-list .event', { hasText: saw.away }).waitFor({ timeout: BACK_MS });
+  await page.screenshot({ path: join(outdir, 'back-desktop.png') });
+}
+
 async function stopAll(page, name) {
   await page.keyboard.press('Backspace');
   const row = page.locator('#stop-list li', { has: page.locator('strong', { hasText: new RegExp(`^${name}$`) }) });
@@ -171,6 +190,7 @@ async function main() {
     await look(page);
     await withoutLibraries(browser, url, watch, check);
     await onPhone(browser, name);
+    await loseGround(page, drone);
     await stopAll(page, name);
   } catch (error) {
     saw.wrong.push(String(error.message).split('\n')[0]);

@@ -6,9 +6,10 @@ import re
 import shutil
 import signal
 import subprocess
+import threading
 
 import pytest
-from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed
+from flights import assert_nothing_left, fly, no_flight_outlives_its_test, pid_of, printed
 from station import Station
 
 HERE = pathlib.Path(__file__).parent
@@ -41,6 +42,13 @@ def drive(script: str, station: Station, pictures: pathlib.Path, *arguments: str
     return saw
 
 
+def kill_ground_when_asked(asked: pathlib.Path, over: threading.Event) -> None:
+    while not asked.exists():
+        if over.wait(0.05):
+            return
+    os.kill(pid_of("ledgerline-ground"), signal.SIGKILL)
+
+
 def end(flight: subprocess.Popen, tmp_path: pathlib.Path) -> None:
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 1, printed(tmp_path)  # it was stopped, and says so
@@ -49,7 +57,15 @@ def end(flight: subprocess.Popen, tmp_path: pathlib.Path) -> None:
 
 def test_a_person_flies_by_the_page(tmp_path):
     flight, station = start(tmp_path)
-    saw = drive("drive.mjs", station, tmp_path / "pictures")
+    over = threading.Event()
+    killer = threading.Thread(target=kill_ground_when_asked, args=(tmp_path / "pictures" / "kill-ground", over))
+    killer.start()
+    try:
+        saw = drive("drive.mjs", station, tmp_path / "pictures")
+    finally:
+        over.set()
+        killer.join()
+    assert saw["away"].startswith("Ground was away for"), saw
     assert saw["bytes"] < MAX_BYTES and saw["requests"] <= MAX_REQUESTS, saw
     assert saw["space"]["bytes"] < MAX_SPACE_BYTES and saw["space"]["requests"] <= MAX_SPACE_REQUESTS, saw
     assert {"Taking off", "By hand", "On its path", "Landed"} <= set(saw["phases"]), saw

@@ -14,6 +14,7 @@ nlohmann::json told(const Greeting& greeting) {
 TEST(Greeting, SaysHowItIsFlown) {
   const auto hello = told({.manual = true, .speed_mps = 0.5, .cmd_timeout_ns = 500 * ns_per_ms});
   EXPECT_EQ(hello["op"], "hello");
+  EXPECT_GT(hello["started_ms"], 0);
   EXPECT_EQ(hello["manual"], true);
   EXPECT_EQ(hello["speed_mps"], 0.5);
   EXPECT_EQ(hello["cmd_timeout_ms"], 500);
