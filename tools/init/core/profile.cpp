@@ -88,8 +88,9 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     }
   }
   if (plan.own.endpoint.empty()) return Error{fmt::format("the profile has no peer of an organisation {}", msp_id)};
-  const json orderers = part(profile, "orderers");
-  for (const auto& [name, _] : (orderers.is_object() ? orderers : json::object()).items()) {
+  json orderers = part(profile, "orderers");
+  if (!orderers.is_object()) orderers = json::object();
+  for (const auto& [name, _] : orderers.items()) {
     auto server = reader.server("orderers", name, "");
     if (!server) return server.error();
     plan.orderers.push_back(std::move(*server));
