@@ -38,7 +38,9 @@ class ClientTls : public testing::Test {
     std::filesystem::remove_all(dir_);
   }
   crypto::KeyAndCertificate issue(const std::string& name, std::vector<std::string> sans) const {
-    return crypto::issue(authority_, {.common_name = name, .organization = "", .unit = std::nullopt, .sans = std::move(sans), .tls = true})
+    return crypto::issue(
+               authority_,
+               {.common_name = name, .organization = "", .unit = std::nullopt, .sans = std::move(sans), .tls = true})
         .value();
   }
 
@@ -105,7 +107,7 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
   config.tls_pair = pair();
   config.orderers = {here()};
   config.other_peers = {here()};
-  config.endorsers = {{"Org2MSP", "localhost:" + std::to_string(port_), here().tls_ca_file, here().server_name}};
+  config.endorsers = {{"Org2MSP", here().endpoint, here().tls_ca_file, here().server_name}};
   config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
   const auto made = make_connection(config).value();
   EXPECT_TRUE(is_ready(made->orderers.at(0)));
