@@ -73,7 +73,7 @@ Reply Orderer::order(std::string_view bytes, Now now) {
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE",
                         "the disk is nearly full: commands, stops and control alone are ordered");
   }
-  if (const auto why = waiting_.add({signature_header.creator(), urgent}, std::string(bytes), now.monotonic_ns)) {
+  if (const auto why = waiting_.add({(*member)->name, urgent}, std::string(bytes), now.monotonic_ns)) {
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE", *why);
   }
   return {};

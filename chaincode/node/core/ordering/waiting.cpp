@@ -27,15 +27,15 @@ std::optional<std::string> Waiting::refusal(const Member& member, bool urgent, s
     return std::to_string(own) + " envelopes of this identity wait for a block already";
   }
   const std::size_t share = urgent ? 16 : 12;
-  if (count_ > 0 && (count_ >= places(share) || bytes_ + size > room(share))) {
-    return std::to_string(count_) + " envelopes wait for a block already";
+  if (!empty() && (count() >= places(share) || bytes_ + size > room(share))) {
+    return std::to_string(count()) + " envelopes wait for a block already";
   }
   return std::nullopt;
 }
 
 std::optional<std::string> Waiting::add(const Sender& sender, std::string envelope, TimeNs now_ns) {
   if (members_.size() >= max_members) forget_idle(now_ns);
-  Member& member = members_[sender.identity];
+  Member& member = members_[sender.name];
   const std::size_t size = envelope.size();
   if (auto why = refusal(member, sender.urgent, size)) return why;
   const double spent_bytes = spent(member, now_ns), allowance = static_cast<double>(config_.identity_burst_bytes);
@@ -53,9 +53,8 @@ std::optional<std::string> Waiting::add(const Sender& sender, std::string envelo
     place.tag = std::max(member.tag, clock_);
     member.tag = place.tag + static_cast<double>(size);
   }
-  lanes_[lane].emplace(place, Held{std::move(envelope), sender.identity, now_ns});
-  ++arrivals_[now_ns];
-  ++count_;
+  lanes_[lane].emplace(place, Held{std::move(envelope), &member, now_ns});
+  arrivals_.insert(now_ns);
   bytes_ += size;
   return std::nullopt;
 }
@@ -70,12 +69,9 @@ std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_by
       if (!taken.empty() && bytes + size > max_bytes) return taken;
       bytes += size;
       if (lane == 1) clock_ = place.tag;
-      Member& member = members_.at(held.identity);
-      --member.count[lane];
-      member.bytes -= size;
-      const auto arrival = arrivals_.find(held.arrived_ns);
-      if (--arrival->second == 0) arrivals_.erase(arrival);
-      --count_;
+      --held.member->count[lane];
+      held.member->bytes -= size;
+      arrivals_.erase(arrivals_.find(held.arrived_ns));
       bytes_ -= size;
       taken.push_back(std::move(held.envelope));
       lanes_[lane].erase(lanes_[lane].begin());

@@ -5,17 +5,19 @@
 #include <cstdint>
 #include <map>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "chaincode/node/core/types.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {
 
 /// Who sent an envelope, and what it is.
 struct Sender {
-  std::string identity;  ///< msp.SerializedIdentity
-  bool urgent = false;   ///< a call of the contract's that commands, stops, or says who may
+  crypto::IdentityName name;  ///< one for all certificates of an identity, and for every layout of one
+  bool urgent = false;        ///< a call of the contract's that commands, stops, or says who may
 };
 
 /// Envelopes that wait for a block, with a share for each identity. Urgent ones leave first, in the order in which they
@@ -31,13 +33,13 @@ class Waiting {
   /// The next ones, at most so many and so many bytes together (the first one whatever its size).
   std::vector<std::string> take(std::size_t max_count, std::size_t max_bytes);
 
-  bool empty() const { return count_ == 0; }
-  std::size_t count() const { return count_; }
+  bool empty() const { return count() == 0; }
+  std::size_t count() const { return arrivals_.size(); }
   std::size_t bytes() const { return bytes_; }
   /// Identities that have an entry here.
   std::size_t remembered() const { return members_.size(); }
   /// When that one came which has waited longest. Only where one waits.
-  TimeNs oldest_ns() const { return arrivals_.begin()->first; }
+  TimeNs oldest_ns() const { return *arrivals_.begin(); }
 
  private:
   struct Place {
@@ -45,11 +47,6 @@ class Waiting {
     std::uint64_t turn = 0;  ///< of equal tags the older one first
     auto operator<=>(const Place&) const = default;
   };
-  struct Held {
-    std::string envelope, identity;
-    TimeNs arrived_ns = 0;
-  };
-  using Lane = std::map<Place, Held>;
   struct Member {
     std::array<std::size_t, 2> count{};  ///< waiting, by lane
     std::size_t bytes = 0;               ///< of both
@@ -57,18 +54,24 @@ class Waiting {
     double spent_bytes = 0;              ///< of its allowance: flows back with time
     TimeNs spent_at_ns = 0;
   };
+  struct Held {
+    std::string envelope;
+    Member* member;
+    TimeNs arrived_ns;
+  };
+  using Lane = std::map<Place, Held>;
 
   std::optional<std::string> refusal(const Member& member, bool urgent, std::size_t size) const;
   void forget_idle(TimeNs now_ns);
   double spent(const Member& member, TimeNs now_ns) const;
 
   const CoreConfig& config_;
-  std::array<Lane, 2> lanes_;  ///< urgent, all others
-  double clock_ = 0;           ///< the tag of the one that left last and was not urgent
-  std::map<std::string, Member> members_;
-  std::map<TimeNs, std::size_t> arrivals_;  ///< how many came when
+  std::array<Lane, 2> lanes_;                       ///< urgent, all others
+  double clock_ = 0;                                ///< the tag of the one that left last and was not urgent
+  std::map<crypto::IdentityName, Member> members_;  ///< one with something waiting stays where it is
+  std::multiset<TimeNs> arrivals_;                  ///< of all that wait
   std::uint64_t turns_ = 0;
-  std::size_t count_ = 0, bytes_ = 0;
+  std::size_t bytes_ = 0;
 };
 
 }  // namespace ledgerline::node

@@ -36,6 +36,7 @@ class SignatureTest : public ::testing::Test {
     std::vector<crypto::MspRoot> roots{{"Org1MSP", ca.certificate_pem}};
     CoreConfig config;
     config.organisations = roots;
+    config.max_waiting = 16;
     core = std::make_unique<NodeCore>(config, crypto::make_msp_registry(crypto::Library::libcrypto, roots),
                                       std::vector{identity(ca, "Org1MSP", "peer0", "peer")},
                                       identity(ca, "Org1MSP", "orderer", "orderer"), nullptr);
@@ -62,6 +63,30 @@ TEST_F(SignatureTest, ARealSignatureIsAccepted) {
   ASSERT_EQ(reply.code, Code::ok) << reply.detail;
   ASSERT_EQ(core->order(*fabric::sign_envelope(user, reply.bytes), now).code, Code::ok);
   EXPECT_EQ(core->cut(now)->transactions.at(0).code, 0);
+}
+
+/// Whoever writes his certificate in another layout each time has one share of what waits for a block.
+TEST_F(SignatureTest, OneCertificateInManyLayoutsIsOneIdentityToTheOrderer) {
+  crypto::SigningIdentity again = user;
+  std::size_t taken = 0;
+  for (int i = 0; i < 12; ++i) {
+    msp::SerializedIdentity serialized;
+    ASSERT_TRUE(serialized.ParseFromString(user.serialized));
+    serialized.set_id_bytes(std::string(static_cast<std::size_t>(i), '\n') + serialized.id_bytes());
+    again.serialized = serialized.SerializeAsString();
+    common::Payload payload;
+    common::ChannelHeader channel_header;
+    channel_header.set_channel_id("teleop");
+    channel_header.set_type(common::ENDORSER_TRANSACTION);
+    common::SignatureHeader signature_header;
+    signature_header.set_creator(again.serialized);
+    payload.mutable_header()->set_channel_header(channel_header.SerializeAsString());
+    payload.mutable_header()->set_signature_header(signature_header.SerializeAsString());
+    common::Envelope envelope;
+    envelope.set_payload(payload.SerializeAsString());
+    taken += core->order(*fabric::sign_envelope(again, envelope.SerializeAsString()), now).code == Code::ok ? 1U : 0U;
+  }
+  EXPECT_EQ(taken, 4U) << "a quarter of all places";
 }
 
 TEST_F(SignatureTest, AHighSIsRefusedThoughItsMathIsRight) {

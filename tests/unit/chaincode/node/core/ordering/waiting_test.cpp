@@ -11,7 +11,7 @@ using ::testing::HasSubstr;
 class WaitingTest : public ::testing::Test {
  protected:
   std::optional<std::string> add(const std::string& who, std::string envelope, bool urgent = false) {
-    return waiting.add({who, urgent}, std::move(envelope), now_ns);
+    return waiting.add({{"Org1MSP", who}, urgent}, std::move(envelope), now_ns);
   }
   std::vector<std::string> all() { return waiting.take(1'000, 1'000'000'000); }
 
