@@ -28,17 +28,6 @@ bool configures(const common::Block& block, const std::string& channel) {
          channel_header.channel_id() == channel;
 }
 
-/// Of a transaction that is valid: each layer parses.
-std::string creator_of(const std::string& bytes) {
-  common::Envelope envelope;
-  common::Payload payload;
-  common::SignatureHeader header;
-  envelope.ParseFromString(bytes);
-  payload.ParseFromString(envelope.payload());
-  header.ParseFromString(payload.header().signature_header());
-  return header.creator();
-}
-
 std::string msp_of(const std::string& creator) {
   msp::SerializedIdentity identity;
   identity.ParseFromString(creator);
@@ -64,8 +53,7 @@ CutBlock Committer::validate(OrderedBlock ordered) {
     for (fabric::Verdict& verdict : fabric::judge_transactions(block, view_, *members_, rules_)) {
       const Version at{cut.number, cut.transactions.size()};
       if (verdict.code == protos::VALID) {
-        const std::string& envelope = block.data().data(static_cast<int>(cut.transactions.size()));
-        writes.push_back({at, set_of(verdict.sets, config_.contract), msp_of(creator_of(envelope))});
+        writes.push_back({at, set_of(verdict.sets, config_.contract), std::move(verdict.creator_msp)});
       }
       cut.transactions.push_back({std::move(verdict.tx_id), cut.number, verdict.code});
     }

@@ -32,7 +32,10 @@ class Judging {
     Verdict verdict;
     const TransactionForm form =
         read_form(envelope, [&](const std::string& creator, const std::string& payload, const std::string& signature) {
-          return verdict.creator_signed = has_signed(creator, payload, signature);
+          const auto member = members_.member(creator, std::nullopt);
+          verdict.creator_signed = member && (*member)->verifier->verify(payload, signature);
+          if (verdict.creator_signed) verdict.creator_msp = (*member)->name.msp_id;
+          return verdict.creator_signed;
         });
     verdict.tx_id = form.channel_header.tx_id();
     verdict.config = form.config;
@@ -139,11 +142,6 @@ class Judging {
   static bool is_of_endorsement(std::optional<int> code) {
     return code && *code != protos::VALID && *code != protos::DUPLICATE_TXID && *code != protos::MVCC_READ_CONFLICT &&
            *code != protos::PHANTOM_READ_CONFLICT;
-  }
-
-  bool has_signed(const std::string& who, const std::string& message, const std::string& signature) {
-    const auto member = members_.member(who, std::nullopt);
-    return member && (*member)->verifier->verify(message, signature);
   }
 
   /// Who has endorsed, each once, until those found are enough: nothing follows from more of them.

@@ -23,6 +23,7 @@ struct Verdict {
   /// creator may have used its id before the state knows ids; then peers flag it as a duplicate.
   bool repeatable = false;
   bool creator_signed = false;
+  std::string creator_msp{};  ///< of a creator who signed
   /// Of each endorsement, as far as they were looked at: it is a member's. Once they are enough, no further one is.
   std::vector<bool> endorsement_fits{};
   std::vector<Endorser> endorsers{};  ///< likewise, each once
