@@ -116,12 +116,10 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
 /// Why the caller's organisation may not write that much more. Commands, and who may do what, are written by anybody.
 std::optional<std::string> Endorser::over_share(const Simulation& simulation, const std::string& function,
                                                 const std::string& msp_id) const {
+  if (contract::is_urgent(function)) return std::nullopt;
   const std::int64_t growth = simulation.growth_bytes();
   const std::size_t stored = ledger_.state().stored_bytes(msp_id);
-  if (contract::is_urgent(function) || growth <= 0 ||
-      stored + static_cast<std::size_t>(growth) <= config_.max_stored_bytes) {
-    return std::nullopt;
-  }
+  if (growth <= 0 || stored + static_cast<std::size_t>(growth) <= config_.max_stored_bytes) return std::nullopt;
   return "the values that " + msp_id + " has written take " + std::to_string(stored) + " bytes, " +
          std::to_string(growth) + " more would be above " + std::to_string(config_.max_stored_bytes) +
          ": delete some of them";

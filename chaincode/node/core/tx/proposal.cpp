@@ -13,12 +13,18 @@ bool parse(google::protobuf::MessageLite& message, std::string_view bytes) {
   return message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
 }
 
+/// Both layers of a ChaincodeProposalPayload. False: one does not parse.
+bool parse_call(const std::string& bytes, protos::ChaincodeProposalPayload& payload,
+                protos::ChaincodeInvocationSpec& spec) {
+  return payload.ParseFromString(bytes) && spec.ParseFromString(payload.input());
+}
+
 }  // namespace
 
 std::optional<CalledFunction> read_called(const std::string& proposal_payload) {
   protos::ChaincodeProposalPayload payload;
   protos::ChaincodeInvocationSpec spec;
-  if (!payload.ParseFromString(proposal_payload) || !spec.ParseFromString(payload.input())) return std::nullopt;
+  if (!parse_call(proposal_payload, payload, spec)) return std::nullopt;
   const auto& args = spec.chaincode_spec().input().args();
   return CalledFunction{spec.chaincode_spec().chaincode_id().name(), args.empty() ? "" : args[0]};
 }
@@ -45,7 +51,7 @@ Result<ProposalParts> read_proposal(std::string_view proposal_bytes) {
   }
   protos::ChaincodeProposalPayload payload;
   protos::ChaincodeInvocationSpec spec;
-  if (!payload.ParseFromString(proposal.payload()) || !spec.ParseFromString(payload.input())) {
+  if (!parse_call(proposal.payload(), payload, spec)) {
     return Error{"error unmarshaling the proposal's payload"};
   }
   parts.contract = extension.chaincode_id().name();
