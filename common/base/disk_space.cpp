@@ -22,7 +22,7 @@ std::uint64_t bytes_below(const std::string& directory) {
   return sum;
 }
 
-Result<std::uint64_t> free_bytes(const std::string& path) {
+Result<Room> room_at(const std::string& path) {
   std::error_code error;
   fs::path place = fs::absolute(path, error);
   while (!fs::exists(place, error) && place.has_relative_path()) place = place.parent_path();
@@ -30,7 +30,12 @@ Result<std::uint64_t> free_bytes(const std::string& path) {
   if (::statvfs(place.c_str(), &info) != 0) {
     return Error{fmt::format("looking at the room in {}: {}", place.string(), std::strerror(errno))};
   }
-  return static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
+  return Room{std::uint64_t{info.f_bavail} * info.f_frsize, std::uint64_t{info.f_blocks} * info.f_frsize};
+}
+
+Result<std::uint64_t> free_bytes(const std::string& path) {
+  const auto room = room_at(path);
+  return room ? Result(room->free_bytes) : room.error();
 }
 
 Status enough_space(const std::string& path, std::uint64_t free, std::uint64_t needed, const std::string& for_what) {

@@ -11,7 +11,12 @@ namespace ledgerline {
 /// a missing directory count as zero.
 std::uint64_t bytes_below(const std::string& directory);
 
-/// Bytes free to this user on the file system where `path` is, or would be made.
+/// Of the file system where `path` is, or would be made.
+struct Room {
+  std::uint64_t free_bytes = 0;  ///< to this user
+  std::uint64_t all_bytes = 0;
+};
+Result<Room> room_at(const std::string& path);
 Result<std::uint64_t> free_bytes(const std::string& path);
 
 /// An error that names the place and both figures when fewer bytes are free than needed.

@@ -1,8 +1,7 @@
 #include "chaincode/node/shell/node.hpp"
 
-#include <sys/statvfs.h>
-
 #include "chaincode/identities/first_calls.hpp"
+#include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -180,17 +179,15 @@ void Node::run_core() {
 
 /// What commands and stops need is kept for them before the disk is full for all.
 void Node::look_at_disk() {
-  struct statvfs disk {};
+  const auto room = room_at(dir_);
   // A disk that cannot be asked is one that cannot be written either: that is told where a block is.
-  if (::statvfs(dir_.c_str(), &disk) != 0) return;
-  const std::uint64_t free = std::uint64_t{disk.f_bavail} * disk.f_frsize, all = disk.f_blocks * disk.f_frsize;
-  const bool nearly_full = free < std::min(kept_bytes_, all / 32);
-  if (nearly_full != nearly_full_) {
-    if (nearly_full) {
-      spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, free / 1'000);
-    } else {
-      spdlog::warn("{} has room again: everything is ordered", dir_);
-    }
+  if (!room) return;
+  const bool nearly_full = room->free_bytes < std::min(kept_bytes_, room->all_bytes / 32);
+  if (nearly_full == nearly_full_) return;
+  if (nearly_full) {
+    spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, room->free_bytes / 1'000);
+  } else {
+    spdlog::warn("{} has room again: everything is ordered", dir_);
   }
   nearly_full_ = nearly_full;
   core_->keep_room(nearly_full);
