@@ -43,4 +43,23 @@ std::string printable(std::string_view text, std::size_t max_size) {
   return out;
 }
 
+std::string xml_text(std::string_view text) {
+  std::string out;
+  for (const char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else if (c == '"')
+      out += "&quot;";
+    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
+      out += ' ';
+    else
+      out += c;
+  }
+  return out;
+}
+
 }  // namespace ledgerline

@@ -7,6 +7,7 @@
 #include <map>
 #include <nlohmann/json.hpp>
 
+#include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"
@@ -87,25 +88,6 @@ json timeline_json(const std::vector<TimelinePoint>& points) {
   return out;
 }
 
-std::string for_xml(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else if (c == '"')
-      out += "&quot;";
-    else if (static_cast<unsigned char>(c) < 32 && c != '\n')
-      out += ' ';
-    else
-      out += c;
-  }
-  return out;
-}
-
 }  // namespace
 
 std::string broken_text(const RunResult& result) {
@@ -171,19 +153,19 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
   for (const RunSummary& run : all) {
     const auto found = in_full.find({run.script, run.seed});
     const RunResult* result = found == in_full.end() ? nullptr : found->second;
-    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\">\n", for_xml(run.script),
+    text += fmt::format("  <testcase classname=\"{}\" name=\"seed {}\" time=\"{:.3f}\">\n", xml_text(run.script),
                         run.seed, to_seconds(run.flown_ns));
     if (!run.broken.empty())
-      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", for_xml(result ? result->title : run.script),
-                          for_xml(result ? broken_text(*result) : fmt::format("{}", fmt::join(run.broken, "\n"))));
+      text += fmt::format("    <failure message=\"{}\">{}</failure>\n", xml_text(result ? result->title : run.script),
+                          xml_text(result ? broken_text(*result) : fmt::format("{}", fmt::join(run.broken, "\n"))));
     if (result && !result->not_judged.empty())
-      text += fmt::format("    <system-out>{}</system-out>\n", for_xml(not_judged_text(*result)));
+      text += fmt::format("    <system-out>{}</system-out>\n", xml_text(not_judged_text(*result)));
     text += "  </testcase>\n";
   }
   for (const NotFlown& flight : not_flown)
     text += fmt::format("  <testcase classname=\"{}\" name=\"{}\">\n    <{} message=\"{}\"/>\n  </testcase>\n",
-                        for_xml(flight.script), flight.seed ? fmt::format("seed {}", *flight.seed) : "not flown",
-                        flight.error ? "error" : "skipped", for_xml(flight.why));
+                        xml_text(flight.script), flight.seed ? fmt::format("seed {}", *flight.seed) : "not flown",
+                        flight.error ? "error" : "skipped", xml_text(flight.why));
   return text + "</testsuite>\n";
 }
 

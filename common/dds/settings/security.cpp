@@ -3,6 +3,8 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include "common/base/printable.hpp"
+
 namespace ledgerline::dds {
 namespace {
 
@@ -54,19 +56,6 @@ std::string permissions(const std::string& grants) {
          grants + "\n  </permissions>\n</dds>\n";
 }
 
-std::string in_xml(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 std::string date(std::int64_t unix_s) { return fmt::format("{:%Y-%m-%dT%H:%M:%S}", fmt::gmtime(unix_s)); }
 
 }  // namespace
@@ -83,7 +72,7 @@ Result<SecurityDocuments> make_security_documents(const crypto::KeyAndCertificat
   for (std::size_t i = 0; i < members.size(); ++i) {
     const auto member = crypto::parse_certificate(members[i]);
     if (!member) return member.error();
-    grants += fmt::format(grant, i + 1, in_xml(member->subject), date(own->not_before_s), date(own->not_after_s));
+    grants += fmt::format(grant, i + 1, xml_text(member->subject), date(own->not_before_s), date(own->not_after_s));
   }
   auto signed_governance = crypto::sign_document(signer, governance);
   if (!signed_governance) return signed_governance.error();
