@@ -5,6 +5,7 @@
 #include <string_view>
 
 #include "common/dds/dds.hpp"
+#include "common/dds/settings/ros_release.hpp"
 #include "common/msg/cdr.hpp"
 
 namespace ledgerline::dds {
@@ -15,7 +16,7 @@ namespace {
 std::size_t gid_bytes_of(std::string_view release) {
   const char* distro = std::getenv("ROS_DISTRO");
   const std::string_view name = !release.empty() ? release : distro ? distro : "";
-  return name == "foxy" || name == "galactic" || name == "humble" ? 24 : 16;
+  return is_before_iron(name) ? 24 : 16;
 }
 
 void put_gid(CdrWriter& out, const Guid& guid, std::size_t bytes) {

@@ -6,6 +6,9 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "common/base/printable.hpp"
+#include "common/dds/settings/ros_release.hpp"
+
 namespace ledgerline::dds {
 namespace {
 
@@ -17,33 +20,18 @@ struct Used {
   Multicast multicast;
 };
 
-std::string in_xml_text(std::string_view text) {
-  std::string out;
-  for (const char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '"')
-      out += "&quot;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 /// No interfaces: Cyclone's own choice. Discovery by multicast where an interface can do it, and by unicast to the
 /// participants of the peers.
 std::string cyclone_config(const std::vector<Used>& interfaces, const std::vector<std::string>& peers) {
   std::string general;
   for (const Used& one : interfaces) {
     constexpr const char* multicast[] = {" multicast=\"true\"", " multicast=\"false\"", ""};
-    general += fmt::format("<NetworkInterface name=\"{}\"{}/>", in_xml_text(one.name),
+    general += fmt::format("<NetworkInterface name=\"{}\"{}/>", xml_text(one.name),
                            multicast[static_cast<std::size_t>(one.multicast)]);
   }
   if (!general.empty()) general = "<General><Interfaces>" + general + "</Interfaces></General>";
   std::string asked;
-  for (const std::string& peer : peers) asked += fmt::format("<Peer address=\"{}\"/>", in_xml_text(peer));
+  for (const std::string& peer : peers) asked += fmt::format("<Peer address=\"{}\"/>", xml_text(peer));
   if (!asked.empty()) asked = "<Peers>" + asked + "</Peers>";
   return fmt::format(
       "<CycloneDDS><Domain id=\"any\">{}<Discovery><ParticipantIndex>auto</ParticipantIndex>"
@@ -73,7 +61,8 @@ Result<Interface> usable(const std::string& name, const std::vector<Interface>& 
 Result<Reach> loopback(const std::vector<Interface>& host, std::string_view ros_release) {
   if (const auto lo = usable(loopback_name, host); !lo) return lo.error();
   std::vector<Used> interfaces{{loopback_name, Multicast::yes}};
-  if (localhost_has_any_address(ros_release)) {
+  // From Iron on ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST lets a node announce any address of its host.
+  if (!ros_release.empty() && !is_before_iron(ros_release)) {
     // Neighbours announce all their addresses, so one of each is enough. What is sent to them stays on this host.
     for (const Interface& i : host) {
       if (i.up && i.has_address && !i.loopback && interfaces.size() < max_interfaces)
@@ -109,12 +98,6 @@ Result<Reach> named(const ParticipantOptions& options, const std::vector<Interfa
 }
 
 }  // namespace
-
-bool localhost_has_any_address(std::string_view ros_release) {
-  const auto& names = ros_releases();
-  return std::find(names.begin(), names.end(), ros_release) >= std::find(names.begin(), names.end(), "iron") &&
-         std::find(names.begin(), names.end(), ros_release) != names.end();
-}
 
 Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host) {
   if (!options.cyclonedds.empty()) {

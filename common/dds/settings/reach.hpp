@@ -30,10 +30,6 @@ struct Reach {
 /// are; one that is needed but missing, down or without an IPv4 address is an error. Pure.
 Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host);
 
-/// Iron and later: ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST lets a node announce any address of its host. Before, there
-/// was ROS_LOCALHOST_ONLY=1: 127.0.0.1 alone.
-bool localhost_has_any_address(std::string_view ros_release);
-
 /// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. Pure.
 std::string why_no_domain(std::uint32_t domain, std::string_view said);
 
