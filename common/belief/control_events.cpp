@@ -211,10 +211,7 @@ Status folded(const Control& before, const Control& after, const Creator& creato
 
 }  // namespace
 
-bool is_control_event(std::string_view event_name) {
-  return std::find(contract::control_functions.begin(), contract::control_functions.end(), event_name) !=
-         contract::control_functions.end();
-}
+bool is_control_event(std::string_view event_name) { return contract::is_control(event_name); }
 
 Result<ControlEvent> read_control_event(const AskedCall& call, std::string_view event_name,
                                         std::string_view event_payload) {

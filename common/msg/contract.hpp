@@ -57,10 +57,11 @@ inline constexpr const char* verify = "verify";
 /// The functions that write who may do what: roles, grants, leases, stops.
 inline constexpr std::array<std::string_view, 12> control_functions{enroll,    revoke, grant, acquire, release, request,
                                                                     hand_over, deny,   evict, stop,    resume,  fold};
-/// Those and commands: what a full or busy ledger takes first.
-constexpr bool is_urgent(std::string_view function) {
-  return function == command || std::ranges::find(control_functions, function) != control_functions.end();
+constexpr bool is_control(std::string_view function) {
+  return std::ranges::find(control_functions, function) != control_functions.end();
 }
+/// Those and commands: what a full or busy ledger takes first.
+constexpr bool is_urgent(std::string_view function) { return function == command || is_control(function); }
 
 /// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.
 inline constexpr std::array<std::string_view, 8> reserved_names{
