@@ -28,13 +28,6 @@ struct Secret {
 
 constexpr off_t max_file_bytes = 1 << 20;
 
-std::vector<unsigned> own_groups() {
-  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
-  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
-  groups.push_back(::getegid());
-  return {groups.begin(), groups.end()};
-}
-
 Status read_file(const fs::path& path, bool secret, std::string& out) {
   const int fd = ::open(path.c_str(), O_RDONLY | O_CLOEXEC);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", path.string(), std::strerror(errno))};
@@ -57,7 +50,7 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
 
 /// The first file by name with the ending (cryptogen and fabric-ca make exactly one), or the one of that name, or the only
 /// one that there is. Kubernetes' own folders and links (..data) are none.
-Result<fs::path> file_in(const fs::path& folder, const std::string& ending, const std::string& name) {
+Result<std::string> file_in(const fs::path& folder, const std::string& ending, const std::string& name) {
   std::error_code error;
   std::vector<fs::path> all, found;
   for (fs::directory_iterator at(folder, error), end; !error && at != end; at.increment(error)) {
@@ -67,12 +60,12 @@ Result<fs::path> file_in(const fs::path& folder, const std::string& ending, cons
     if (file.ends_with(ending) || file == name) found.push_back(at->path());
   }
   if (error) return Error{fmt::format("cannot read folder {}: {}", folder.string(), error.message())};
-  if (found.empty() && all.size() == 1) return all.front();
+  if (found.empty() && all.size() == 1) return all.front().string();
   if (found.empty() && all.empty()) return Error{fmt::format("{} has no file *{}", folder.string(), ending)};
   if (found.empty())
     return Error{
         fmt::format("{} has {} files, none of them *{}: which one counts?", folder.string(), all.size(), ending)};
-  return *std::min_element(found.begin(), found.end());
+  return std::min_element(found.begin(), found.end())->string();
 }
 
 struct Named {
@@ -92,10 +85,6 @@ Result<Named> read_named(const fs::path& file) {
   named.certificate = std::move(*parsed);
   named.subject = description->subject;
   return named;
-}
-
-Result<fs::path> certificate_in(const std::string& msp_dir) {
-  return file_in(fs::path(msp_dir) / "signcerts", ".pem", "tls.crt");
 }
 
 /// `pass_phrase`: null where none locks the key.
@@ -133,12 +122,20 @@ Result<SigningIdentity> load(Library library, const std::string& msp_id, const I
 
 }  // namespace
 
+Result<std::string> certificate_file(const std::string& msp_dir) {
+  return file_in(fs::path(msp_dir) / "signcerts", ".pem", "tls.crt");
+}
+
+Result<std::string> key_file(const std::string& msp_dir) {
+  return file_in(fs::path(msp_dir) / "keystore", "_sk", "priv-key.pem");
+}
+
 Result<IdentityFiles> identity_files(const std::string& msp_dir) {
-  auto certificate = certificate_in(msp_dir);
+  auto certificate = certificate_file(msp_dir);
   if (!certificate) return certificate.error();
-  auto key = file_in(fs::path(msp_dir) / "keystore", "_sk", "priv-key.pem");
+  auto key = key_file(msp_dir);
   if (!key) return key.error();
-  return IdentityFiles{certificate->string(), key->string()};
+  return IdentityFiles{std::move(*certificate), std::move(*key)};
 }
 
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir) {
@@ -157,7 +154,7 @@ Result<SigningIdentity> load_locked_identity(Library library, const std::string&
 }
 
 Result<IdentityName> read_identity_name(const std::string& msp_id, const std::string& msp_dir) {
-  const auto file = certificate_in(msp_dir);
+  const auto file = certificate_file(msp_dir);
   if (!file) return file.error();
   const auto named = read_named(*file);
   if (!named) return named.error();
@@ -168,6 +165,13 @@ Result<std::string> read_key_file(const std::string& path) {
   std::string text;
   if (auto s = read_file(path, true, text); !s) return s.error();
   return text;
+}
+
+std::vector<unsigned> own_groups() {
+  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
+  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
+  groups.push_back(::getegid());
+  return {groups.begin(), groups.end()};
 }
 
 bool key_is_private(unsigned mode, unsigned owner, unsigned group, const std::vector<unsigned>& own_groups) {

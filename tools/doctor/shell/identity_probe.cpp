@@ -16,12 +16,8 @@ namespace {
 
 bool is_open(const std::string& file) {
   struct stat info {};
-  std::vector<gid_t> groups(256);
-  const int count = ::getgroups(static_cast<int>(groups.size()), groups.data());
-  groups.resize(count > 0 ? static_cast<std::size_t>(count) : 0);
-  groups.push_back(::getegid());
   return ::stat(file.c_str(), &info) == 0 &&
-         !crypto::key_is_private(info.st_mode & 07777, info.st_uid, info.st_gid, {groups.begin(), groups.end()});
+         !crypto::key_is_private(info.st_mode & 07777, info.st_uid, info.st_gid, crypto::own_groups());
 }
 
 }  // namespace
@@ -30,15 +26,11 @@ IdentityFacts read_identity(const LedgerKeys& keys) {
   IdentityFacts facts{.msp_id = keys.msp_id, .place = keys.msp_dir.empty() ? keys.certificate : keys.msp_dir};
   crypto::IdentityFiles files{keys.certificate, keys.private_key};
   if (!keys.msp_dir.empty()) {
-    auto in_folder = crypto::identity_files(keys.msp_dir);
-    if (!in_folder) {
-      // One of the two is missing: the words say which.
-      (in_folder.error().what.find("keystore") != std::string::npos ? facts.no_key : facts.no_certificate) =
-          in_folder.error().what;
-      if (facts.no_certificate.empty()) facts.no_certificate = "not looked at without its key";
-      return facts;
-    }
-    files = std::move(*in_folder);
+    const auto certificate = crypto::certificate_file(keys.msp_dir), key = crypto::key_file(keys.msp_dir);
+    if (!certificate) facts.no_certificate = certificate.error().what;
+    if (!key) facts.no_key = key.error().what;
+    if (!certificate || !key) return facts;
+    files = {*certificate, *key};
   }
   facts.key_file = files.private_key;
   if (auto certificate = read_file(files.certificate))

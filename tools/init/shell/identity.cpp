@@ -3,12 +3,12 @@
 #include <fmt/format.h>
 #include <sys/stat.h>
 
-#include <chrono>
 #include <filesystem>
 
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
 #include "tools/init/shell/new_files.hpp"
 
 namespace ledgerline::init {
@@ -26,23 +26,17 @@ Status make_private_folder(const fs::path& folder) {
   return done;
 }
 
-Result<fs::path> key_in(const fs::path& msp_dir) {
-  std::error_code error;
-  for (fs::directory_iterator at(msp_dir / "keystore", error), end; !error && at != end; at.increment(error))
-    if (at->path().filename().string().ends_with("_sk")) return at->path();
-  return Error{fmt::format("{}/keystore has no key: make one with `ledgerline init --request NAME`", msp_dir.string())};
-}
-
 }  // namespace
 
 Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Asker& asker) {
-  const fs::path key_file = fs::path(msp_dir) / key_name;
-  if (key_in(msp_dir)) return Error{fmt::format("{}/keystore has a key already; move it away for a new one", msp_dir)};
+  const fs::path new_key = fs::path(msp_dir) / key_name;
+  if (crypto::key_file(msp_dir))
+    return Error{fmt::format("{}/keystore has a key already; move it away for a new one", msp_dir)};
   if (auto status = check_new({request_file}); !status) return status;
   auto made = crypto::make_request(asker);
   if (!made) return made.error();
-  if (auto status = make_private_folder(key_file.parent_path()); !status) return status;
-  if (auto status = write_file(key_file, made->key_pem, 0600); !status) return status;
+  if (auto status = make_private_folder(new_key.parent_path()); !status) return status;
+  if (auto status = write_file(new_key, made->key_pem, 0600); !status) return status;
   return write_file(request_file, made->request_pem);
 }
 
@@ -51,15 +45,13 @@ Result<std::string> take_certificate(const std::string& msp_dir, const std::stri
   if (!pem) return pem.error();
   auto certificate = crypto::parse_certificate(*pem);
   if (!certificate) return Error{certificate_file + ": " + certificate.error().what};
-  auto key_file = key_in(msp_dir);
-  if (!key_file) return key_file.error();
+  const auto key_file = crypto::key_file(msp_dir);
+  if (!key_file) return Error{key_file.error().what + ": make one with `ledgerline init --request NAME`"};
   auto key = read_file(*key_file);
   if (!key) return key.error();
   if (auto status = crypto::check_fits(*key, *pem); !status)
-    return Error{fmt::format("{} and {}: {}", certificate_file, key_file->string(), status.error().what)};
-  const std::int64_t now_s =
-      std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
-  if (certificate->not_after_s < now_s) return Error{certificate_file + " has expired"};
+    return Error{fmt::format("{} and {}: {}", certificate_file, *key_file, status.error().what)};
+  if (certificate->not_after_s < realtime_ns() / ns_per_s) return Error{certificate_file + " has expired"};
   const fs::path folder = fs::path(msp_dir) / "signcerts";
   if (auto status = replace_file((folder / "cert.pem").string(), *pem); !status) return status.error();
   // Programs take the first one by name.
