@@ -18,12 +18,6 @@ constexpr long backdate_s = 300;
 
 using ExtensionPtr = std::unique_ptr<X509_EXTENSION, Freed<X509_EXTENSION_free>>;
 
-bool add_name(X509_NAME* name, const char* field, const std::string& value) {
-  return value.empty() ||
-         X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
-                                    static_cast<int>(value.size()), -1, 0) == 1;
-}
-
 bool add_extension(X509* certificate, X509* issuer, int nid, const std::string& value) {
   X509V3_CTX context;
   X509V3_set_ctx(&context, issuer, certificate, nullptr, nullptr, 0);
@@ -116,6 +110,12 @@ void remove_extension(X509* certificate, int nid) {
 }
 
 }  // namespace
+
+bool add_name(X509_NAME* name, const char* field, const std::string& value) {
+  return value.empty() ||
+         X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
+                                    static_cast<int>(value.size()), -1, 0) == 1;
+}
 
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization) {
   return make({common_name,

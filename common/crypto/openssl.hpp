@@ -38,6 +38,9 @@ std::string text_of(BIO* bio);
 /// read it from standard input, and so wait for ever.
 inline int no_pass_phrase(char*, int, int, void*) { return -1; }
 
+/// Adds a field to a name; an empty value adds none.
+bool add_name(X509_NAME* name, const char* field, const std::string& value);
+
 Result<X509Ptr> read_certificate(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
 Result<std::int64_t> unix_time(const ASN1_TIME* time);

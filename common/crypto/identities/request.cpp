@@ -10,12 +10,6 @@ namespace {
 
 using RequestPtr = std::unique_ptr<X509_REQ, Freed<X509_REQ_free>>;
 
-bool name_field(X509_NAME* name, const char* field, const std::string& value) {
-  return value.empty() ||
-         X509_NAME_add_entry_by_txt(name, field, MBSTRING_UTF8, reinterpret_cast<const unsigned char*>(value.data()),
-                                    static_cast<int>(value.size()), -1, 0) == 1;
-}
-
 }  // namespace
 
 Result<KeyAndRequest> make_request(const Asker& asker) {
@@ -24,8 +18,8 @@ Result<KeyAndRequest> make_request(const Asker& asker) {
   const BioPtr key_text(BIO_new(BIO_s_secmem())), request_text(BIO_new(BIO_s_mem()));
   X509_NAME* const name = request ? X509_REQ_get_subject_name(request.get()) : nullptr;
   const bool good =
-      key && name && name_field(name, "O", asker.organization) && name_field(name, "OU", asker.unit) &&
-      name_field(name, "CN", asker.common_name) && X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
+      key && name && add_name(name, "O", asker.organization) && add_name(name, "OU", asker.unit) &&
+      add_name(name, "CN", asker.common_name) && X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
       X509_REQ_sign(request.get(), key.get(), EVP_sha256()) != 0 &&
       PEM_write_bio_PKCS8PrivateKey(key_text.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) == 1 &&
       PEM_write_bio_X509_REQ(request_text.get(), request.get()) == 1;
