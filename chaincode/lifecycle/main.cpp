@@ -138,7 +138,7 @@ Status install(const Wish& wish, Lifecycle& lifecycle) {
 }
 
 /// The one asked for, else the one that counts if it has the version, else the next one.
-Result<Definition> wanted(const Wish& wish, const std::optional<Committed>& now) {
+Definition wanted(const Wish& wish, const std::optional<Committed>& now) {
   Definition out{wish.version, static_cast<std::int64_t>(wish.sequence)};
   if (out.sequence > 0) return out;
   out.sequence = !now                                      ? 1
@@ -157,14 +157,14 @@ Status approve(const Wish& wish, Lifecycle& lifecycle) {
   const auto now = lifecycle.committed();
   if (!now) return now.error();
   const auto definition = wanted(wish, *now);
-  const auto before = lifecycle.approved(*definition);
+  const auto before = lifecycle.approved(definition);
   if (!before) return before.error();
   if (*before == *id) {
-    fmt::print("{} is approved already\n", described(*definition));
+    fmt::print("{} is approved already\n", described(definition));
     return done;
   }
-  if (Status s = lifecycle.approve(*definition, *id); !s) return s;
-  fmt::print("approved {} of {}\n", described(*definition), *id);
+  if (Status s = lifecycle.approve(definition, *id); !s) return s;
+  fmt::print("approved {} of {}\n", described(definition), *id);
   return done;
 }
 
@@ -180,18 +180,17 @@ Status commit(const Wish& wish, Lifecycle& lifecycle) {
   const auto now = lifecycle.committed();
   if (!now) return now.error();
   const auto definition = wanted(wish, *now);
-  if (*now && (*now)->definition.version == definition->version &&
-      (*now)->definition.sequence == definition->sequence) {
-    fmt::print("{} is committed already\n", described(*definition));
+  if (*now && (*now)->definition == definition) {
+    fmt::print("{} is committed already\n", described(definition));
     return done;
   }
-  if (Status s = lifecycle.commit(*definition); !s) {
-    const auto approvals = lifecycle.approvals(*definition);
+  if (Status s = lifecycle.commit(definition); !s) {
+    const auto approvals = lifecycle.approvals(definition);
     if (!approvals) return s;
-    return Error{fmt::format("{}\n{} is approved by {}; not by {}", s.error().what, described(*definition),
+    return Error{fmt::format("{}\n{} is approved by {}; not by {}", s.error().what, described(definition),
                              approvers(*approvals, true), approvers(*approvals, false))};
   }
-  fmt::print("committed {}\n", described(*definition));
+  fmt::print("committed {}\n", described(definition));
   return done;
 }
 
@@ -222,7 +221,7 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
     out["installed_unknown"] = installed.error().what;  // an administrator's question
   }
   const auto definition = wanted(wish, *committed);
-  const bool open = !*committed || (*committed)->definition.sequence < definition->sequence;
+  const bool open = !*committed || (*committed)->definition.sequence < definition.sequence;
   if (*committed) {
     const Fitness fitness = fitness_of(*channel, (*committed)->policy);
     out["committed"] = {{"version", (*committed)->definition.version},
@@ -235,9 +234,9 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
       out["committed"]["own_package"] = **own;
   }
   if (open) {
-    const auto approvals = lifecycle.approvals(*definition);
+    const auto approvals = lifecycle.approvals(definition);
     if (approvals)
-      out["next"] = {{"version", definition->version}, {"sequence", definition->sequence}, {"approvals", *approvals}};
+      out["next"] = {{"version", definition.version}, {"sequence", definition.sequence}, {"approvals", *approvals}};
   }
   if (wish.json) {
     fmt::print("{}\n", out.dump());
@@ -260,7 +259,7 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
   }
   if (out.contains("next")) {
     const std::map<std::string, bool> approvals = out["next"]["approvals"];
-    fmt::print("next        {}, approved by {}; not by {}\n", described(*definition), approvers(approvals, true),
+    fmt::print("next        {}, approved by {}; not by {}\n", described(definition), approvers(approvals, true),
                approvers(approvals, false));
   }
   if (channel->batching)

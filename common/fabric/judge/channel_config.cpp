@@ -105,7 +105,7 @@ std::optional<Batching> read_batching(const common::ConfigGroup& ordering) {
   if (!read_value(ordering, "BatchTimeout", timeout) || !read_value(ordering, "BatchSize", size)) return std::nullopt;
   const auto timeout_ns = read_go_duration(timeout.timeout());
   if (!timeout_ns) return std::nullopt;
-  return Batching{*timeout_ns, size.max_message_count(), size.preferred_max_bytes(), size.absolute_max_bytes()};
+  return Batching{*timeout_ns, size.max_message_count()};
 }
 
 Status read_orderers(const common::ConfigGroup& channel, ChannelConfig& out) {

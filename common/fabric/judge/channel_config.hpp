@@ -17,10 +17,10 @@ class Block;
 
 namespace ledgerline::fabric {
 
-/// When its orderers cut a block: at so many transactions or bytes, else so long behind its first transaction.
+/// When its orderers cut a block: at so many transactions, else so long behind its first one.
 struct Batching {
   TimeNs timeout_ns = 0;
-  std::uint32_t max_messages = 0, preferred_max_bytes{}, absolute_max_bytes{};
+  std::uint32_t max_messages = 0;
 };
 
 struct ChannelConfig {
