@@ -7,13 +7,13 @@
 #include <sstream>
 
 #include "common/config/config.hpp"
+#include "common/dds/settings/reach.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "tools/configuration/reference.hpp"
 #include "tools/deployment/patience.hpp"
 
 namespace ledgerline::doctor {
 namespace {
-
-constexpr std::size_t max_dds_interfaces = 4;
 
 struct Known {
   const char *program, *name, *role;  ///< the file is NAME.toml
@@ -47,8 +47,9 @@ std::vector<ServerKeys> all_servers(Config& config, const std::string& table, bo
 LedgerKeys ledger_keys(Config& config, const std::string& program) {
   LedgerKeys keys;
   keys.peer = server_keys(config, "ledger.");
-  keys.channel = config.text("ledger.channel", "teleop");
-  keys.contract = config.text("ledger.contract", "ledgerline");
+  const fabric::ChannelAndContract usual;
+  keys.channel = config.text("ledger.channel", usual.channel);
+  keys.contract = config.text("ledger.contract", usual.contract);
   keys.msp_id = config.text("ledger.msp_id", "");
   keys.msp_dir = config.text("ledger.msp_dir", "");
   keys.certificate = config.text("ledger.certificate", "");
@@ -87,7 +88,7 @@ void read_keys(Config& config, ProgramConfig& out) {
     std::string file = config.text(key, "");
     if (!file.empty()) out.written.push_back(std::move(file));
   }
-  for (std::string& name : config.texts("dds.interfaces", max_dds_interfaces))
+  for (std::string& name : config.texts("dds.interfaces", dds::max_interfaces))
     out.interfaces.push_back(std::move(name));
   const deployment::Patience usual;
   if (out.program == "agent") {

@@ -7,7 +7,6 @@
 #include <sched.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/timex.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -20,6 +19,7 @@
 #include "common/base/disk_space.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/roudi/shared_memory.hpp"
+#include "tools/launcher/machine.hpp"
 
 namespace ledgerline::doctor {
 namespace {
@@ -117,10 +117,8 @@ FolderFacts look_at_folder_of(const std::string& file) {
 }
 
 ClockFacts look_at_clock() {
-  timex state{};
-  const int answer = ::adjtimex(&state);
-  return {answer >= 0, answer >= 0 && answer != TIME_ERROR && (state.status & STA_UNSYNC) == 0,
-          static_cast<double>(state.maxerror) / 1e3};
+  const auto clock = fly::read_kernel_clock();
+  return {clock.known, clock.synchronised, clock.max_error_ms};
 }
 
 RealTimeFacts look_at_real_time(bool wanted) {

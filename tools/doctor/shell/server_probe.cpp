@@ -183,6 +183,8 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
 ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
   ContextPtr context(SSL_CTX_new(TLS_client_method()));
   if (!context) return context;
+  // Else OpenSSL asks for the pass phrase of a locked key at the terminal.
+  SSL_CTX_set_default_passwd_cb(context.get(), [](char*, int, int, void*) { return -1; });
   if (SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1)
     facts.no_authority =
         fmt::format("{}: {}", keys.tls_ca, read_file(keys.tls_ca) ? "no certificate in PEM" : "it cannot be read");
