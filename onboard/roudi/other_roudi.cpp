@@ -4,9 +4,9 @@
 #include <sys/stat.h>
 #include <sys/sysmacros.h>
 
-#include <fstream>
 #include <sstream>
 
+#include "common/base/file.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
 
 namespace ledgerline::roudi {
@@ -15,14 +15,9 @@ namespace {
 // iceoryx 2 locks it for as long as a RouDi lives, so that there is one a machine.
 constexpr const char* lock_file = "/tmp/iox-unique-roudi.lock";
 
-std::string text_of(const std::string& file) {
-  std::stringstream text;
-  text << std::ifstream(file).rdbuf();
-  return text.str();
-}
-
 std::string program_of(pid_t process) {
-  std::string name = text_of(fmt::format("/proc/{}/comm", process));
+  const auto comm = read_file(fmt::format("/proc/{}/comm", process));
+  std::string name = comm ? *comm : "";
   if (!name.empty() && name.back() == '\n') name.pop_back();
   return name;
 }
@@ -66,7 +61,8 @@ Status check_no_other() {
   if (peer == ipc::Peer::gone) return done;
   struct stat info {};
   std::optional<pid_t> holder;
-  if (::stat(lock_file, &info) == 0) holder = lock_holder(text_of("/proc/locks"), info.st_dev, info.st_ino);
+  const auto locks = read_file("/proc/locks");
+  if (locks && ::stat(lock_file, &info) == 0) holder = lock_holder(*locks, info.st_dev, info.st_ino);
   return in_the_way(peer == ipc::Peer::alive, holder, holder ? program_of(*holder) : "");
 }
 
