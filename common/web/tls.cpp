@@ -79,7 +79,9 @@ Result<TlsContext> server_tls(const TlsFiles& files) {
   if (files.authority.empty()) return context;
   if (auto status = believe(*context, files.authority); !status) return status.error();
   // Told to clients, so that a browser offers the right one.
-  SSL_CTX_set_client_CA_list(context->native_handle(), SSL_load_client_CA_file(files.authority.c_str()));
+  auto* const told = SSL_load_client_CA_file(files.authority.c_str());
+  if (!told) return Error{fmt::format("{} has no certificate in PEM: {}", files.authority, openssl_error())};
+  SSL_CTX_set_client_CA_list(context->native_handle(), told);
   context->set_verify_mode(ssl::verify_peer | ssl::verify_fail_if_no_peer_cert);
   return context;
 }
