@@ -54,6 +54,10 @@ check_tools() {
   version_at_least 3.9 "$is" || die "python3 is $is, 3.9 or newer is needed"
 }
 
+tree_version() { sed -n 's/^project(ledgerline VERSION \([0-9.]*\).*/\1/p' "$root/CMakeLists.txt"; }
+# Unix time of the commit, so that the same tree gives the same packages; without git, of the changelog.
+tree_time() { git -C "$root" log -1 --format=%ct 2>/dev/null || stat -c %Y "$root/CHANGELOG.md"; }
+
 make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requirements, made anew when they change
   if cmp -s "$2" "$1/requirements.txt"; then return 0; fi
   rm -rf "$1"
