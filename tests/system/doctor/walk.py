@@ -1,11 +1,11 @@
 """Walks docs/three-machines.md: its blocks, on three network namespaces as its hosts."""
-import json
 import os
 import pathlib
 import re
 import subprocess
 import time
 
+import findings
 from netns import Namespace
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
@@ -93,12 +93,9 @@ class Machines:
                 self.start(host, commands) if keeps else self.run(host, commands)
 
     def doctor(self, host: str, *words: str) -> dict:
-        """By problem: what was found. Exit code and `ok` agree."""
         done = subprocess.run(self.on(host, " ".join(["ledgerline doctor --json --patience 5", *words])),
                               cwd=self.root / host / "home", capture_output=True, text=True, timeout=STEP_S)
-        said = json.loads(done.stdout)
-        assert done.returncode == (0 if said["ok"] else 1), done.stderr
-        return {check["problem"]: check for check in said["checks"] if check["problem"]}
+        return findings.of_doctor(done)
 
     def close(self) -> None:
         for process in reversed(self.running):

@@ -3,6 +3,7 @@ import json
 import pathlib
 import random
 import re
+import ssl
 import subprocess
 import time
 import urllib.error
@@ -15,6 +16,8 @@ PATIENCE_S = 60  # not a limit on speed: only how long a broken test may take
 
 
 class Station:
+    context: ssl.SSLContext | None = None  # where it has TLS
+
     def __init__(self, out: pathlib.Path, flight: subprocess.Popen) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while not (found := re.search(r"The page: (http://([\d.:]+))/#token=(\w+)", printed(out))):
@@ -27,7 +30,7 @@ class Station:
         request = urllib.request.Request(f"{self.url}/api/v1/{path}", method=method, headers={"Authorization": f"Bearer {self.token}", **(headers or {})},
                                          data=None if body is None else json.dumps(body).encode())
         try:
-            with urllib.request.urlopen(request, timeout=PATIENCE_S) as response:
+            with urllib.request.urlopen(request, timeout=PATIENCE_S, context=self.context) as response:
                 return response.status, json.load(response)
         except urllib.error.HTTPError as refused:
             return refused.code, json.load(refused)
@@ -51,7 +54,8 @@ class Station:
         return drone
 
     def stream(self, **options) -> ClientConnection:
-        return connect(f"ws://{self.place}/api/v1/stream", **({"subprotocols": ["ledgerline.v1", f"token.{self.token}"]} | options))
+        return connect(f"{self.url.replace('http', 'ws', 1)}/api/v1/stream", ssl=self.context,
+                       **({"subprotocols": ["ledgerline.v1", f"token.{self.token}"]} | options))
 
 
 def take_off(station: Station, name: str) -> None:

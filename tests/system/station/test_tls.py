@@ -1,6 +1,5 @@
 """The station with TLS, on an address that other computers reach: as docs/station.md says it is made."""
 import http.client
-import json
 import os
 import pathlib
 import random
@@ -18,7 +17,6 @@ from commands import Person
 from flights import BIN, fly, no_flight_outlives_its_test, pid_of, printed
 from station import PATIENCE_S, Station, spoilt, take_off, velocity
 from test_station import STOPPED, end, resident_kb
-from websockets.sync.client import connect
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 HERE = "192.0.2.10"  # as in the documentation
@@ -53,19 +51,6 @@ class SecureStation(Station):
         self.context = ssl.create_default_context(cafile=made / "page-ca.pem")
         if own:
             self.context.load_cert_chain(made / f"{own}.pem", made / f"{own}.key")
-        self.opener = urllib.request.build_opener(urllib.request.HTTPSHandler(context=self.context))
-
-    def ask(self, method: str, path: str, body: object = None, headers: dict | None = None) -> tuple[int, dict]:
-        request = urllib.request.Request(f"{self.url}/api/v1/{path}", method=method, headers={"Authorization": f"Bearer {self.token}", **(headers or {})},
-                                         data=None if body is None else json.dumps(body).encode())
-        try:
-            with self.opener.open(request, timeout=PATIENCE_S) as response:
-                return response.status, json.load(response)
-        except urllib.error.HTTPError as refused:
-            return refused.code, json.load(refused)
-
-    def stream(self, **options):
-        return connect(f"wss://{self.place}/api/v1/stream", ssl=self.context, subprotocols=["ledgerline.v1", f"token.{self.token}"], **options)
 
     def told(self, words: str) -> None:
         deadline = time.monotonic() + PATIENCE_S
@@ -112,7 +97,7 @@ def test_a_flight_by_https_from_another_address(tmp_path, address):
     begin_anew(tmp_path, lambda text: re.sub(r'\[service\]\nlisten = ".*"\n', tls_table(made, f"{HERE}:{port}"), text))
     station = SecureStation(tmp_path, made)
     assert station.url == f"https://{HERE}:{port}"
-    with station.opener.open(station.url, timeout=PATIENCE_S) as page:
+    with urllib.request.urlopen(station.url, timeout=PATIENCE_S, context=station.context) as page:
         assert page.headers["Strict-Transport-Security"] == "max-age=2592000" and b"<html" in page.read()
     assert station.ask("GET", "drones", headers={"Host": f"{NAME}:{port}"})[0] == 200
     for wrong in ({"Host": f"evil.example:{port}"}, {"Origin": f"http://{HERE}:{port}"}):

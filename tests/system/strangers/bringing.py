@@ -46,14 +46,14 @@ def ledger_file(network: Consortium, k: int, user: str, whole: bool = False, dir
     text += 'patience = "auto"\n' if whole else "deadline_ms = 10000\n"
     if whole and direct:
         text += f'[[orderer]]\n{server(network.orderer_port, "orderer.example.com", network.ordering.tlsca)}'
-        for org, port in zip(network.organisations, network.peer_ports):
-            text += f'[[endorser]]\nmsp_id = "{org.msp_id}"\n{server(port, f"peer0.{org.domain}", org.tlsca)}'
+        for each, port in zip(network.organisations, network.peer_ports):
+            text += f'[[endorser]]\nmsp_id = "{each.msp_id}"\n{server(port, f"peer0.{each.domain}", each.tlsca)}'
     if whole:
-        for org in network.organisations:
-            bundle = network.directory / f"{org.domain}-ca.pem"
-            bundle.write_text(org.ca.root.certificate.read_text() + org.ca.certificate.read_text() * bool(org.ca.chain))
-            text += f'[[msp]]\nid = "{org.msp_id}"\nca = "{bundle}"\n'
-    file = network.directory / f"{org.domain if not whole else network.organisations[k - 1].domain}-{user}{'-whole' * whole}.toml"
+        for each in network.organisations:
+            bundle = network.directory / f"{each.domain}-ca.pem"
+            bundle.write_text(each.ca.root.certificate.read_text() + each.ca.certificate.read_text() * bool(each.ca.chain))
+            text += f'[[msp]]\nid = "{each.msp_id}"\nca = "{bundle}"\n'
+    file = network.directory / f"{org.domain}-{user}{'-whole' * whole}.toml"
     file.write_text(text)
     return file
 

@@ -7,6 +7,8 @@ import socket
 import subprocess
 import time
 
+from ledgers import openssl
+
 PATIENCE_S = 60  # not a limit on speed: only how long a broken network may take
 NODE_OUS = "NodeOUs:\n  Enable: true\n" + "".join(
     f"  {key}OUIdentifier: {{OrganizationalUnitIdentifier: {ou}}}\n"
@@ -19,11 +21,6 @@ def free_ports(count: int) -> list[int]:
     for one in sockets:
         one.close()
     return ports
-
-
-def openssl(*words) -> None:
-    done = subprocess.run(["openssl", *words], capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
 
 
 class Authority:
