@@ -79,6 +79,7 @@ Status MissionRun::change(Mission mission) {
 void MissionRun::set_approvals(std::span<const Approval> approvals) {
   const auto kept = approvals.first(std::min(approvals.size(), max_approvals));
   all_approvals_.assign(kept.begin(), kept.end());
+  approvals_read_ = true;
   approvers_.clear();
   for (const Approval& approval : all_approvals_) {
     if (approval.digest == digest_) approvers_.insert(approval.signer);
@@ -251,7 +252,13 @@ void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
   }
 }
 
-// All drones are found or lost.
+// All drones are found or lost, and who has approved it is known, if it matters.
+bool MissionRun::is_recovered(TimeNs now) const {
+  return std::all_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.found; }) &&
+         (approvals_read_ || config_.after_restart != AfterRestart::go_on ||
+          now - recovering_since_ns_ > config_.find_ns);
+}
+
 void MissionRun::recover() {
   recovering_ = false;
   if (!active()) return;
@@ -356,7 +363,7 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
     for (std::size_t i = 0; i < parts_.size(); ++i) {
       if (indices[i] < drones.size()) find(now, i, drones[indices[i]]);
     }
-    if (std::all_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.found; })) recover();
+    if (is_recovered(now)) recover();
   } else if (active()) {
     for (std::size_t i = 0; i < parts_.size() && active(); ++i) {
       if (indices[i] < drones.size()) look(now, i, drones[indices[i]]);

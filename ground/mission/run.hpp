@@ -24,7 +24,8 @@ struct RunConfig {
   AfterRestart after_restart = AfterRestart::hover;
   TimeNs takeoff_ns = 40 * ns_per_s;  ///< until a drone hovers: FlightConfig gives it 25 s, and its take-off may wait
   TimeNs order_ns = 3 * ns_per_s;     ///< until a drone does what it was told; FlightCore takes or refuses it at once
-  TimeNs find_ns = 30 * ns_per_s;  ///< after a restart, until FlightCore has a drone: as long as it waits for a state
+  /// After a restart, until FlightCore has a drone (as long as it waits for a state), and approvals are set.
+  TimeNs find_ns = 30 * ns_per_s;
 };
 
 /// As read from the ledger: who signed that this digest may be flown.
@@ -57,7 +58,8 @@ struct RunOutputs {
 /// another count nothing, so a mission that was changed is to be approved anew.
 ///
 /// Kept and restored, it waits until FlightCore has found each drone that was in the air, and then goes on, hovers or
-/// lands (AfterRestart). It goes on only if what was kept is approved; nobody takes off by itself after a restart.
+/// lands (AfterRestart). It goes on only if what was kept is approved, and waits as long for the approvals to be set as for
+/// the drones; nobody takes off by itself after a restart.
 ///
 /// Deterministic; no clock; one thread.
 class MissionRun {
@@ -128,6 +130,7 @@ class MissionRun {
   void look_flying(TimeNs now, std::size_t drone, const DroneNow& seen);
   void look_behind(std::size_t drone, const DroneNow& seen);
   void find(TimeNs now, std::size_t drone, const DroneNow& seen);
+  bool is_recovered(TimeNs now) const;
   void recover();
   void conduct(TimeNs now, std::span<const DroneNow> drones, std::span<const std::size_t> indices);
   void order(TimeNs now, std::size_t drone, const DroneNow& seen, std::size_t index);
@@ -146,6 +149,7 @@ class MissionRun {
   bool recovering_ = false;
   TimeNs recovering_since_ns_ = 0;
   std::string why_;
+  bool approvals_read_ = false;
   std::vector<Approval> all_approvals_;
   std::set<crypto::IdentityName> approvers_;  ///< of this digest
   std::vector<Part> parts_;

@@ -113,6 +113,33 @@ TEST(MissionRestored, ItLandsEachDroneAsSoonAsItIsFound) {
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
 }
 
+// They are the ledger's, which is asked while the drones are found: whichever is sooner.
+TEST(MissionRestored, ItGoesOnWhenItsApprovalsAreRead) {
+  Killed flight(AfterRestart::go_on);
+  flight.run = *MissionRun::restore(flight.run.saved(), flight.config);
+  flight.rises("tello1");
+  flight.rises("tello2");
+  flight.step();
+  flight.step(5);
+  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_FALSE(flight.run.paused()) << "nobody knows yet that they are missing";
+  flight.approve();
+  flight.step();
+  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+}
+
+TEST(MissionRestored, ItHoversIfItsApprovalsCannotBeRead) {
+  Killed flight(AfterRestart::go_on);
+  flight.run = *MissionRun::restore(flight.run.saved(), flight.config);
+  flight.rises("tello1");
+  flight.rises("tello2");
+  flight.step();
+  flight.step(31);
+  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_TRUE(flight.run.paused());
+  EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
+}
+
 // Whoever can write the kept file must not fly a path that nobody has approved.
 TEST(MissionRestored, WhatIsNotApprovedHovers) {
   Killed flight(AfterRestart::go_on);
