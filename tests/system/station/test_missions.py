@@ -100,31 +100,22 @@ def comes_back(station: Station, pid: int) -> None:
         time.sleep(0.1)
 
 
-def test_a_ground_that_is_killed_goes_on_with_its_mission(tmp_path):
-    kills = 200 if LONG else 3
-    draw = random.Random(7)
-    flight = fly(tmp_path, "--drones", "2", "--shape", "manual", "--watch")
-    station = Station(tmp_path, flight)
+def killed_in_a_mission(out, draw: random.Random, kills: int) -> int:
+    """A flight whose ground is killed so often, or until its battery has done enough. How often it was."""
+    flight = fly(out, "--drones", "2", "--shape", "manual", "--watch")
+    station = Station(out, flight)
     way = [(1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)] * 30
-
-    def begin(name: str) -> tuple[str, dict]:
-        one = add(station, mission(station, name, {"tello1": way, "tello2": way}))
-        station.say(f"missions/{one}/approve")
-        until(station, one, lambda told: told["phase"] == "approved")
-        station.say(f"missions/{one}/start")
-        return one, dict(until(station, one, lambda told: told["phase"] == "flying")["reached"])
-
-    one, flown = begin("rounds")
-    for kill in range(kills):
-        if max(flown.values()) > 100:  # a battery does not last for all kills
-            station.say(f"missions/{one}/land")
-            for name in flown:
-                station.wait(name, lambda drone: drone["phase"] == "landed")
-            assert station.ask("DELETE", f"missions/{one}")[0] == 202
-            one, flown = begin(f"rounds{kill}")
+    one = add(station, mission(station, "rounds", {"tello1": way, "tello2": way}))
+    station.say(f"missions/{one}/approve")
+    until(station, one, lambda told: told["phase"] == "approved")
+    station.say(f"missions/{one}/start")
+    flown = dict(until(station, one, lambda told: told["phase"] == "flying")["reached"])
+    killed = 0
+    while killed < kills and max(flown.values()) <= 100:
         time.sleep(draw.uniform(0.5, 4))
         pid = pid_of("ledgerline-ground")
         os.kill(pid, signal.SIGKILL)
+        killed += 1
         comes_back(station, pid)
         for name in flown:  # what was kept says nothing of now
             station.wait(name, lambda drone: drone["link_phase"] == "flying" and drone["lease"]["ours"] and drone["phase"] == "path")
@@ -132,8 +123,17 @@ def test_a_ground_that_is_killed_goes_on_with_its_mission(tmp_path):
         told = until(station, one, lambda told: all(told["reached"][name] > flown[name] for name in flown))
         assert told["phase"] in ("to_start", "flying") and not told["paused"], told
         flown = dict(told["reached"])
-    print(f"{kills} kills in the middle of a mission: each went on, waypoints {flown}")
     station.say(f"missions/{one}/land")
     for name in flown:
         station.wait(name, lambda drone: drone["phase"] == "landed")
-    end(flight, tmp_path)
+    end(flight, out)
+    return killed
+
+
+def test_a_ground_that_is_killed_goes_on_with_its_mission(tmp_path):
+    kills = 200 if LONG else 3
+    draw = random.Random(7)
+    flights = []
+    while (left := kills - sum(flights)) > 0:
+        flights.append(killed_in_a_mission(tmp_path / f"flight{len(flights)}", draw, left))
+    print(f"{kills} kills in the middle of {len(flights)} missions: each went on")
