@@ -38,7 +38,9 @@ endfunction()
 # what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
 # threads_tests: those that start threads, so that tsan has something to find; they have the label `threads`.
 add_custom_target(programs)
-# part_tests: those that sanitizers look into in every run; the others have the label `long_sanitized`.
+# part_tests: those that sanitizers run in every run. Release runs them with --quick, --long or by name alone (label `sanitized`),
+# so they are not in `all`; but for those with the label `release`, which sanitizers get in the way of. The other tests have the
+# label `long_sanitized`.
 add_custom_target(part_tests)
 add_custom_target(unit_tests)
 add_dependencies(unit_tests part_tests)
@@ -60,6 +62,19 @@ function(ll_program name)
   add_dependencies(programs ${name})
 endfunction()
 
+# ll_label_test(NAME LABEL...): the labels of a unit test, and which builds it is in.
+function(ll_label_test name)
+  add_dependencies(unit_tests ${name})
+  if(NOT "long_sanitized" IN_LIST ARGN)
+    add_dependencies(part_tests ${name})
+    if(NOT "release" IN_LIST ARGN)
+      list(APPEND ARGN sanitized)
+      set_target_properties(${name} PROPERTIES EXCLUDE_FROM_ALL ON)
+    endif()
+  endif()
+  set_tests_properties(${name} PROPERTIES LABELS "unit;${ARGN}")
+endfunction()
+
 # ll_test(NAME SOURCES a_test.cpp DEPS ... [SERIAL] [TIMEOUT s] [LABELS ...]): a GoogleTest program, one ctest entry a program.
 function(ll_test name)
   cmake_parse_arguments(ARG "SERIAL" "TIMEOUT" "SOURCES;DEPS;LABELS" ${ARGN})
@@ -70,12 +85,8 @@ function(ll_test name)
   target_link_libraries(${name} PRIVATE ledgerline_options ${ARG_DEPS} GTest::gtest GTest::gmock GTest::gtest_main)
   target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   add_test(NAME ${name} COMMAND ${name})
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} LABELS "unit;${ARG_LABELS}")
-  if("long_sanitized" IN_LIST ARG_LABELS)
-    add_dependencies(unit_tests ${name})
-  else()
-    add_dependencies(part_tests ${name})
-  endif()
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT})
+  ll_label_test(${name} ${ARG_LABELS})
   foreach(label onboard threads)
     if(label IN_LIST ARG_LABELS)
       add_dependencies(${label}_tests ${name})
@@ -86,22 +97,22 @@ function(ll_test name)
   endif()
 endfunction()
 
-# ll_namespaced_test(NAME SOURCES a_test.cpp PROGRAMS program ... DEPS ...): a GoogleTest program with a main of its own that
+# ll_namespaced_test(NAME SOURCES a_test.cpp PROGRAMS program ... DEPS ... [LABELS ...]): a GoogleTest program with a main of its own that
 # takes the paths of the programs. Each run gets its own /dev/shm, /tmp and loopback (RouDi is one per machine, and so are a
 # drone's addresses), which needs root.
 function(ll_namespaced_test name)
-  cmake_parse_arguments(ARG "" "" "SOURCES;PROGRAMS;DEPS" ${ARGN})
+  cmake_parse_arguments(ARG "" "" "SOURCES;PROGRAMS;DEPS;LABELS" ${ARGN})
   add_executable(${name} ${ARG_SOURCES})
   target_link_libraries(${name} PRIVATE ledgerline_options GTest::gtest ${ARG_DEPS})
   target_compile_options(${name} PRIVATE ${LEDGERLINE_LITTLE_OPTIMISED})
   add_dependencies(${name} ${ARG_PROGRAMS})
-  add_dependencies(part_tests ${name})
   set(paths)
   foreach(program ${ARG_PROGRAMS})
     list(APPEND paths $<TARGET_FILE:${program}>)
   endforeach()
   add_test(NAME ${name} COMMAND ${CMAKE_SOURCE_DIR}/tests/unit/in_namespace.sh $<TARGET_FILE:${name}> ${paths})
-  set_tests_properties(${name} PROPERTIES TIMEOUT 120 LABELS unit SKIP_RETURN_CODE 77)
+  set_tests_properties(${name} PROPERTIES TIMEOUT 120 SKIP_RETURN_CODE 77)
+  ll_label_test(${name} ${ARG_LABELS})
 endfunction()
 
 # page_as_text(NAME FILE NAMESPACE): an HTML page with the pages' style and helpers in it, as the text NAMESPACE::NAME; its source is
