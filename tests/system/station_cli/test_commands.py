@@ -2,10 +2,11 @@
 import json
 import pathlib
 import signal
+import subprocess
 import time
 
 from commands import Person
-from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed
+from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed
 from station import PATIENCE_S, Station
 
 STOPPED = 1  # exit code of a flight: a stopped drone is something that went wrong
@@ -16,6 +17,20 @@ def take_off_by_commands(person: Person, station: Station, *names: str) -> None:
     person.says("drones", "takeoff", *names)
     for name in names:
         station.wait(name, lambda drone: drone["phase"] == "manual")
+
+
+def status_of(out: pathlib.Path) -> None:
+    """By `ledgerline status`: what runs of this flight, and how old what the ledger has of it is."""
+    done = subprocess.run([BIN / "ledgerline-status", "--json", "--config-dir", out], capture_output=True, text=True, timeout=PATIENCE_S)
+    told = json.loads(done.stdout)
+    ours = {one["program"]: one for one in told["programs"] if (one["config"] or "").startswith(str(out))}
+    assert {"ledgerline-agent", "ledgerline-link", "ledgerline-ground"} <= ours.keys(), told
+    assert all(0 <= one["age_s"] < 120 and not one["replaced"] and one["user"] for one in ours.values()), ours
+    ledger = next(one for one in told["ledgers"] if one["config"] == ours["ledgerline-agent"]["config"])
+    assert ledger["why"] is None and ledger["peers"][0]["height"] > 3 and ledger["newest_block_age_s"] < 5, ledger
+    assert [(one["drone"], "alice" in one["holder"], one["stopped_by"]) for one in ledger["drones"]] == [
+        ("tello1", True, None), ("tello2", True, None)], ledger
+    assert all(one["state_age_s"] < 5 for one in ledger["drones"]), ledger
 
 
 def with_operators(out: pathlib.Path) -> tuple:
@@ -63,6 +78,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     watching = anybody.start("drones", "--watch")
     following = anybody.start("alarms", "--watch")
     take_off_by_commands(alice, station, "tello1", "tello2")
+    status_of(tmp_path)
     flown = anybody.json("flights")["flights"]
     assert [(one["what"], one["drones"], "alice" in one["by"]) for one in flown] == [("hand", ["tello1"], True), ("hand", ["tello2"], True)]
     assert all(0 < one["since_s"] < PATIENCE_S for one in flown), flown

@@ -121,6 +121,14 @@ const ProgramConfig* Configs::of(const std::string& program) const {
   return one == programs.end() ? nullptr : &*one;
 }
 
+Result<ProgramConfig> read_config(const std::string& program, const std::string& path) {
+  auto config = Config::load(path);
+  if (!config) return config.error();
+  ProgramConfig one{.program = program, .file = std::filesystem::path(path).filename(), .path = path};
+  read_keys(*config, one);
+  return one;
+}
+
 Configs read_configs(const std::string& dir, const std::string& role) {
   Configs configs;
   for (const Known& known : all_known) {
@@ -135,10 +143,7 @@ Configs read_configs(const std::string& dir, const std::string& role) {
     }
     read_as_program(one, configs.findings);
     if (one.program == "fabric" || one.program == "deployment") continue;
-    auto config = Config::load(one.path);
-    if (!config) continue;
-    read_keys(*config, one);
-    configs.programs.push_back(std::move(one));
+    if (auto read = read_config(one.program, one.path)) configs.programs.push_back(std::move(*read));
   }
   if (configs.findings.empty()) configs.findings.push_back(found(Problem::config_missing, "config", dir + " has none"));
   return configs;

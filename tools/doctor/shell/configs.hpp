@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "tools/doctor/core/finding.hpp"
 
@@ -43,6 +44,9 @@ struct Configs {
   Findings findings;
   const ProgramConfig* of(const std::string& program) const;  ///< null: there is none
 };
+
+/// Of one program, "agent" or "bridge"; an error: its file cannot be read or is no TOML.
+Result<ProgramConfig> read_config(const std::string& program, const std::string& path);
 
 /// `role`: whose files must be there; empty: any one file.
 Configs read_configs(const std::string& dir, const std::string& role);

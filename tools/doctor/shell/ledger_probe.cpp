@@ -10,11 +10,11 @@
 #include "common/belief/roles.hpp"
 #include "common/common.pb.h"
 #include "common/config/config.hpp"
+#include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/judge/channel_config.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/ledger.pb.h"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
@@ -26,46 +26,28 @@ namespace {
 constexpr const char* check = "ledger";
 constexpr auto between_heights = std::chrono::milliseconds(300);
 
-/// A question to one of the peer's contracts.
+/// What the peer of a config is asked.
 class Peer {
  public:
   static Result<Peer> create(const fabric::ClientConfig& config) {
-    Peer peer;
-    for (auto [name, client] :
-         {std::pair{config.where.contract.c_str(), &peer.contract_}, std::pair{"qscc", &peer.chain_},
-          std::pair{"cscc", &peer.configuration_}, std::pair{"_lifecycle", &peer.definitions_}}) {
-      fabric::ClientConfig one = config;
-      one.where.contract = name;
-      auto made = fabric::Client::create(std::move(one));
-      if (!made) return made.error();
-      *client = std::move(*made);
-    }
-    peer.channel_ = config.where.channel;
-    peer.contract_name_ = config.where.contract;
-    return peer;
+    auto questions = fabric::PeerQuestions::create(config);
+    if (!questions) return questions.error();
+    return Peer(std::move(*questions), config.where);
   }
 
   belief::Evaluate contract() {
-    return [this](const fabric::Call& call) { return contract_->evaluate_at_peer(call); };
+    return [this](const fabric::Call& call) { return questions_->ask(where_, call); };
   }
-  Result<std::uint64_t> height() {
-    auto answer = chain_->evaluate_at_peer({.function = "GetChainInfo", .args = {channel_}});
-    common::BlockchainInfo info;
-    if (!answer) return answer.error();
-    if (!info.ParseFromString(*answer)) return Error{"its answer about the chain cannot be read"};
-    return info.height();
-  }
+  Result<std::uint64_t> height() { return questions_->height(); }
+  Result<std::string> config_block() { return questions_->config_block(); }
   Result<std::string> block(std::uint64_t number) {
-    return chain_->evaluate_at_peer({.function = "GetBlockByNumber", .args = {channel_, std::to_string(number)}});
-  }
-  Result<std::string> config_block() {
-    return configuration_->evaluate_at_peer({.function = "GetConfigBlock", .args = {channel_}});
+    return questions_->ask({where_.channel, "qscc"}, {"GetBlockByNumber", {where_.channel, std::to_string(number)}});
   }
   Result<lifecycle::QueryChaincodeDefinitionResult> definition() {
     lifecycle::QueryChaincodeDefinitionArgs question;
-    question.set_name(contract_name_);
-    auto answer = definitions_->evaluate_at_peer(
-        {.function = "QueryChaincodeDefinition", .args = {question.SerializeAsString()}});
+    question.set_name(where_.contract);
+    auto answer =
+        questions_->ask({where_.channel, "_lifecycle"}, {"QueryChaincodeDefinition", {question.SerializeAsString()}});
     if (!answer) return answer.error();
     lifecycle::QueryChaincodeDefinitionResult definition;
     if (!definition.ParseFromString(*answer)) return Error{"its answer cannot be read"};
@@ -73,23 +55,11 @@ class Peer {
   }
 
  private:
-  std::string channel_, contract_name_;
-  std::unique_ptr<fabric::Client> contract_, chain_, configuration_, definitions_;
+  Peer(std::unique_ptr<fabric::PeerQuestions> questions, fabric::ChannelAndContract where)
+      : questions_(std::move(questions)), where_(std::move(where)) {}
+  std::unique_ptr<fabric::PeerQuestions> questions_;
+  fabric::ChannelAndContract where_;
 };
-
-/// Since the newest of a block's transactions was signed.
-std::optional<TimeNs> age_of(const std::string& bytes) {
-  common::Block block;
-  if (!block.ParseFromString(bytes)) return std::nullopt;
-  std::optional<TimeNs> newest_ns;
-  for (const std::string& transaction : block.data().data()) {
-    const auto& stamp = fabric::read_form(transaction).channel_header.timestamp();
-    const TimeNs at_ns = stamp.seconds() * ns_per_s + stamp.nanos();
-    newest_ns = std::max(newest_ns.value_or(at_ns), at_ns);
-  }
-  if (!newest_ns) return std::nullopt;
-  return realtime_ns() - *newest_ns;
-}
 
 /// One peer alone would do.
 bool is_weak(const lifecycle::QueryChaincodeDefinitionResult& definition, const fabric::ChannelConfig& channel) {
@@ -155,6 +125,19 @@ void ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityNam
 
 }  // namespace
 
+std::optional<TimeNs> age_of_block(const std::string& bytes) {
+  common::Block block;
+  if (!block.ParseFromString(bytes)) return std::nullopt;
+  std::optional<TimeNs> newest_ns;
+  for (const std::string& transaction : block.data().data()) {
+    const auto& stamp = fabric::read_form(transaction).channel_header.timestamp();
+    const TimeNs at_ns = stamp.seconds() * ns_per_s + stamp.nanos();
+    newest_ns = std::max(newest_ns.value_or(at_ns), at_ns);
+  }
+  if (!newest_ns) return std::nullopt;
+  return realtime_ns() - *newest_ns;
+}
+
 Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
                     const std::vector<std::string>& drones, std::chrono::milliseconds patience) {
   Findings out;
@@ -174,7 +157,7 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
   std::this_thread::sleep_for(between_heights);
   HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
   if (auto later = peer->height()) facts.later = *later;
-  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of(*block);
+  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block);
   for (const ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
     fabric::ClientConfig elsewhere = *ledger;

@@ -1,0 +1,83 @@
+#include "tools/status/core/status.hpp"
+
+#include <gtest/gtest.h>
+
+#include <nlohmann/json.hpp>
+
+namespace ledgerline::status {
+namespace {
+
+TEST(StatusTest, ProcessesAreReadAsProcTellsThem) {
+  const std::string cmdline("/usr/bin/ledgerline-agent\0--config\0agent.toml\0", 46);
+  EXPECT_EQ(words_of(cmdline), (std::vector<std::string>{"/usr/bin/ledgerline-agent", "--config", "agent.toml"}));
+  EXPECT_EQ(config_of(words_of(cmdline)), "agent.toml");
+  EXPECT_EQ(config_of({"ledgerline-link", "--config=/etc/link.toml"}), "/etc/link.toml");
+  EXPECT_EQ(config_of({"ledgerline-link", "--config"}), "");
+  EXPECT_EQ(unit_of("0::/system.slice/ledgerline-agent.service\n"), "ledgerline-agent.service");
+  EXPECT_EQ(unit_of("0::/user.slice/user-0.slice/session-1.scope\n"), "");
+  EXPECT_TRUE(executable_of("/usr/bin/ledgerline-link (deleted)").deleted);
+  EXPECT_EQ(executable_of("/usr/bin/ledgerline-link (deleted)").file, "/usr/bin/ledgerline-link");
+}
+
+TEST(StatusTest, AStartIsFoundBehindANameWithBlanksAndBrackets) {
+  std::string stat = "812 (ledger) line) S";
+  for (int field = 4; field <= 30; ++field) stat += field == 22 ? " 12345" : " 7";
+  ASSERT_TRUE(start_of(stat, 100));
+  EXPECT_DOUBLE_EQ(*start_of(stat, 100), 123.45);
+  EXPECT_FALSE(start_of("812 (link", 100));
+  EXPECT_FALSE(start_of("812 (link) S 1 2", 100));
+  EXPECT_FALSE(start_of("", 100));
+}
+
+TEST(StatusTest, AgesAreSaidInTheUnitThatFits) {
+  EXPECT_EQ(words_of_age(340 * ns_per_ms), "340 ms");
+  EXPECT_EQ(words_of_age(-20 * ns_per_ms), "-20 ms");
+  EXPECT_EQ(words_of_age(from_seconds(12.5)), "12.5 s");
+  EXPECT_EQ(words_of_age(240 * ns_per_s), "4 min");
+  EXPECT_EQ(words_of_age(3 * 3'600 * ns_per_s), "3 h");
+  EXPECT_EQ(words_of_age(200'000 * ns_per_s), "2 d");
+}
+
+Status one_of_all() {
+  Ledger ledger{.config = "/etc/ledgerline/agent.toml", .channel = "flight", .peers = {}};
+  ledger.peers.push_back({.endpoint = "peer:7051", .msp_id = "Org1MSP", .height = 17});
+  ledger.newest_block_age_ns = 250 * ns_per_ms;
+  ledger.drones.push_back(
+      {.name = "tello1", .state_age_ns = 40 * ns_per_ms, .owner = "Org1MSP CN=host", .holder = "Org2MSP CN=alice"});
+  ledger.drones.push_back({.name = "tello2", .why = "tello2 is not enrolled\x1b[2J"});
+  return {.programs = {{.name = "ledgerline-agent",
+                        .pid = 12,
+                        .user = "ledgerline",
+                        .unit = "ledgerline-agent.service",
+                        .config = "/etc/ledgerline/agent.toml",
+                        .age_ns = 90 * ns_per_s,
+                        .replaced = true}},
+          .ledgers = {ledger}};
+}
+
+TEST(StatusTest, TablesSayWhoRunsAndHowOldWhatIs) {
+  const std::string text = words(one_of_all());
+  for (const char* part : {"ledgerline-agent *", "90.0 s", "replaced", "channel flight, newest block 250 ms old", "17",
+                           "40 ms", "Org2MSP CN=alice", "tello2 is not enrolled"})
+    EXPECT_NE(text.find(part), std::string::npos) << part << " in\n" << text;
+  EXPECT_EQ(text.find('\x1b'), std::string::npos) << "what a peer says does not move a terminal's cursor";
+  EXPECT_NE(words({}).find("No program"), std::string::npos);
+}
+
+TEST(StatusTest, APeerThatDoesNotAnswerIsToldAndCounts) {
+  Status status = one_of_all();
+  EXPECT_TRUE(all_answered(status));
+  status.ledgers[0].peers.push_back({.endpoint = "far:7051", .msp_id = "Org2MSP", .why = "not reached"});
+  EXPECT_FALSE(all_answered(status));
+  EXPECT_NE(words(status).find("not reached"), std::string::npos);
+  const auto json = nlohmann::json::parse(to_json(status));
+  EXPECT_EQ(json["ledgers"][0]["peers"][1]["why"], "not reached");
+  EXPECT_TRUE(json["ledgers"][0]["peers"][1]["height"].is_null());
+  EXPECT_EQ(json["ledgers"][0]["drones"][0]["state_age_s"], 0.04);
+  EXPECT_TRUE(json["ledgers"][0]["drones"][0]["stopped_by"].is_null());
+  EXPECT_EQ(json["programs"][0]["unit"], "ledgerline-agent.service");
+  EXPECT_EQ(json["programs"][0]["replaced"], true);
+}
+
+}  // namespace
+}  // namespace ledgerline::status

@@ -1,0 +1,118 @@
+#include "tools/status/core/status.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <nlohmann/json.hpp>
+
+#include "common/base/printable.hpp"
+#include "tools/station/core/show.hpp"
+
+namespace ledgerline::status {
+namespace {
+
+using station::Rows;
+
+nlohmann::json text_or_null(const std::string& text) {
+  return text.empty() ? nlohmann::json() : nlohmann::json(printable(text));
+}
+
+nlohmann::json seconds_or_null(const std::optional<TimeNs>& age_ns) {
+  return age_ns ? nlohmann::json(std::round(to_seconds(*age_ns) * 1e3) / 1e3) : nlohmann::json();
+}
+
+std::string or_dash(const std::string& text) { return text.empty() ? "-" : printable(text); }
+std::string or_dash(const std::optional<TimeNs>& age_ns) { return age_ns ? words_of_age(*age_ns) : "-"; }
+
+std::string program_table(const std::vector<Program>& programs) {
+  if (programs.empty()) return "No program of Ledgerline runs on this host.\n";
+  Rows rows{{"program", "pid", "user", "unit", "runs for", "config"}};
+  bool replaced = false;
+  for (const Program& one : programs) {
+    rows.push_back({one.name + (one.replaced ? " *" : ""), std::to_string(one.pid), or_dash(one.user),
+                    or_dash(one.unit), words_of_age(one.age_ns), or_dash(one.config)});
+    replaced = replaced || one.replaced;
+  }
+  return station::aligned(rows) +
+         (replaced ? "* its file has been replaced: its next start brings what is there now\n" : "");
+}
+
+std::string ledger_table(const Ledger& ledger) {
+  std::string text = fmt::format("\n{}: channel {}", printable(ledger.config), or_dash(ledger.channel));
+  if (!ledger.why.empty()) return text + fmt::format(": {}\n", printable(ledger.why));
+  text += fmt::format(", newest block {} old\n", or_dash(ledger.newest_block_age_ns));
+  Rows peers{{"peer", "organisation", "height"}};
+  for (const Peer& peer : ledger.peers)
+    peers.push_back({or_dash(peer.endpoint), or_dash(peer.msp_id),
+                     peer.height ? std::to_string(*peer.height) : printable(peer.why)});
+  text += station::aligned(peers);
+  if (ledger.drones.empty()) return text;
+  Rows drones{{"drone", "state", "owner", "holder", "flown by", "stopped by"}};
+  for (const Drone& drone : ledger.drones)
+    drones.push_back({or_dash(drone.name), drone.why.empty() ? or_dash(drone.state_age_ns) : printable(drone.why),
+                      or_dash(drone.owner), or_dash(drone.holder),
+                      or_dash(drone.delegate.empty() ? drone.holder : drone.delegate), or_dash(drone.stopped_by)});
+  return text + station::aligned(drones);
+}
+
+}  // namespace
+
+std::string words_of_age(TimeNs age_ns) {
+  const double age_s = to_seconds(age_ns);
+  if (std::abs(age_s) < 1) return fmt::format("{:.0f} ms", 1e3 * age_s);
+  if (std::abs(age_s) < 100) return fmt::format("{:.1f} s", age_s);
+  if (std::abs(age_s) < 6'000) return fmt::format("{:.0f} min", age_s / 60);
+  if (std::abs(age_s) < 172'800) return fmt::format("{:.0f} h", age_s / 3'600);
+  return fmt::format("{:.0f} d", age_s / 86'400);
+}
+
+std::string words(const Status& status) {
+  std::string text = program_table(status.programs);
+  for (const Ledger& ledger : status.ledgers) text += ledger_table(ledger);
+  return text;
+}
+
+std::string to_json(const Status& status) {
+  nlohmann::json programs = nlohmann::json::array(), ledgers = nlohmann::json::array();
+  for (const Program& one : status.programs)
+    programs.push_back({{"program", printable(one.name)},
+                        {"pid", one.pid},
+                        {"user", printable(one.user)},
+                        {"unit", text_or_null(one.unit)},
+                        {"config", text_or_null(one.config)},
+                        {"age_s", seconds_or_null(one.age_ns)},
+                        {"replaced", one.replaced}});
+  for (const Ledger& one : status.ledgers) {
+    nlohmann::json peers = nlohmann::json::array(), drones = nlohmann::json::array();
+    for (const Peer& peer : one.peers)
+      peers.push_back({{"endpoint", printable(peer.endpoint)},
+                       {"msp_id", text_or_null(peer.msp_id)},
+                       {"height", peer.height ? nlohmann::json(*peer.height) : nlohmann::json()},
+                       {"why", text_or_null(peer.why)}});
+    for (const Drone& drone : one.drones)
+      drones.push_back({{"drone", printable(drone.name)},
+                        {"state_age_s", seconds_or_null(drone.state_age_ns)},
+                        {"owner", text_or_null(drone.owner)},
+                        {"holder", text_or_null(drone.holder)},
+                        {"delegate", text_or_null(drone.delegate)},
+                        {"stopped_by", text_or_null(drone.stopped_by)},
+                        {"why", text_or_null(drone.why)}});
+    ledgers.push_back({{"config", printable(one.config)},
+                       {"channel", text_or_null(one.channel)},
+                       {"newest_block_age_s", seconds_or_null(one.newest_block_age_ns)},
+                       {"why", text_or_null(one.why)},
+                       {"peers", peers},
+                       {"drones", drones}});
+  }
+  return nlohmann::json{{"programs", programs}, {"ledgers", ledgers}}.dump();
+}
+
+bool all_answered(const Status& status) {
+  return std::ranges::all_of(status.ledgers, [](const Ledger& ledger) {
+    return ledger.why.empty() && !ledger.peers.empty() &&
+           std::ranges::all_of(ledger.peers, [](const Peer& peer) { return peer.height.has_value(); });
+  });
+}
+
+}  // namespace ledgerline::status

@@ -1,0 +1,52 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/rt/clock.hpp"
+#include "tools/status/core/process.hpp"
+
+/// What `ledgerline status` tells. Pure.
+namespace ledgerline::status {
+
+struct Peer {
+  std::string endpoint, msp_id;  ///< msp_id: empty where the config does not say
+  std::optional<std::uint64_t> height{};
+  std::string why{};  ///< it has none: the peer's words, or why it is not reached
+};
+
+struct Drone {
+  std::string name;
+  std::optional<TimeNs> state_age_ns{};  ///< of its newest state, by this host's clock; none: the ledger has none of it
+  std::string owner{}, holder{}, delegate{};  ///< "MSP subject"; empty: nobody
+  std::string stopped_by{};                   ///< the first who has stopped it; empty: nobody
+  std::string why{};                          ///< nothing is known of it: the ledger's words
+};
+
+/// A channel, as one config sees it.
+struct Ledger {
+  std::string config, channel;
+  std::vector<Peer> peers{};  ///< the config's own first
+  std::optional<TimeNs> newest_block_age_ns{};
+  std::vector<Drone> drones{};
+  std::string why{};  ///< nothing could be asked: what is wrong with the config
+};
+
+struct Status {
+  std::vector<Program> programs;
+  std::vector<Ledger> ledgers;
+};
+
+/// 340 ms, 12.5 s, 4 min, 3 h, 2 d; a clock that is behind: "-20 ms".
+std::string words_of_age(TimeNs age_ns);
+/// Tables for people.
+std::string words(const Status& status);
+/// {"programs":[{"program","pid","user","unit"|null,"config"|null,"age_s","replaced"}],"ledgers":[{"config","channel",
+/// "newest_block_age_s"|null,"why"|null,"peers":[{"endpoint","msp_id"|null,"height"|null,"why"|null}],
+/// "drones":[{"drone","state_age_s"|null,"owner"|null,"holder"|null,"delegate"|null,"stopped_by"|null,"why"|null}]}]}
+std::string to_json(const Status& status);
+/// Whether every ledger answered.
+bool all_answered(const Status& status);
+
+}  // namespace ledgerline::status

@@ -1,0 +1,92 @@
+#include "tools/status/shell/ledgers.hpp"
+
+#include <algorithm>
+
+#include "common/belief/control_records.hpp"
+#include "common/config/config.hpp"
+#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/config.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/ros.hpp"
+#include "tools/doctor/shell/ledger_probe.hpp"
+
+namespace ledgerline::status {
+namespace {
+
+std::string text_of(const Identity& identity) {
+  return identity.msp_id().empty() ? "" : identity.msp_id() + " " + identity.subject();
+}
+
+/// When the drone's newest state was taken; each brings a battery, also without a pose. None: the ledger has none.
+std::optional<TimeNs> newest_stamp(const std::string& drone, const belief::Evaluate& evaluate) {
+  QueryCall query;
+  query.set_id(drone + "/battery");
+  const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
+  Assets assets;
+  if (!answer || !parse_message(*answer, assets) || assets.assets_size() != 1) return std::nullopt;
+  const auto battery = battery_from_cdr(assets.assets(0).msg_data());
+  return battery ? std::optional(battery->header.stamp_ns) : std::nullopt;
+}
+
+Drone ask_drone(const std::string& name, const belief::Evaluate& evaluate) {
+  Drone drone{.name = name};
+  const auto control = belief::read_control(name, evaluate);
+  if (!control) {
+    drone.why = control.error().what;
+    return drone;
+  }
+  drone.owner = text_of(control->owner());
+  drone.holder = text_of(control->holder());
+  drone.delegate = text_of(control->delegate());
+  if (control->stoppers_size() > 0) drone.stopped_by = text_of(control->stoppers(0).stopper());
+  if (const auto stamp_ns = newest_stamp(name, evaluate)) drone.state_age_ns = realtime_ns() - *stamp_ns;
+  return drone;
+}
+
+Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
+  Peer peer{.endpoint = config.endpoint, .msp_id = msp_id};
+  auto questions = fabric::PeerQuestions::create(config);
+  const auto height = questions ? (*questions)->height() : Result<std::uint64_t>(questions.error());
+  if (height)
+    peer.height = *height;
+  else
+    peer.why = height.error().what;
+  return peer;
+}
+
+}  // namespace
+
+Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds patience) {
+  Ledger ledger{.config = one.path, .channel = one.ledger->channel};
+  auto config = Config::load(one.path);
+  auto client = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
+  if (client) client->deadline = patience;
+  auto questions =
+      client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
+  if (!questions) {
+    ledger.why = questions.error().what;
+    return ledger;
+  }
+  ledger.peers.push_back(height_of(*client, client->identity.name.msp_id));
+  for (const doctor::ServerKeys& other : one.ledger->endorsers) {
+    if (other.endpoint == client->endpoint) continue;
+    fabric::ClientConfig elsewhere = *client;
+    elsewhere.endpoint = other.endpoint;
+    elsewhere.tls_ca_file = other.tls_ca;
+    elsewhere.server_name = other.server_name;
+    elsewhere.other_peers.clear();
+    ledger.peers.push_back(height_of(elsewhere, other.msp_id));
+  }
+  const auto height = ledger.peers.front().height;
+  if (!height) return ledger;
+  const auto block = (*questions)
+                         ->ask({client->where.channel, "qscc"},
+                               {"GetBlockByNumber", {client->where.channel, std::to_string(*height - 1)}});
+  if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block);
+  const belief::Evaluate evaluate = [&](const fabric::Call& call) { return (*questions)->ask(client->where, call); };
+  for (const doctor::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
+  return ledger;
+}
+
+}  // namespace ledgerline::status
