@@ -8,6 +8,8 @@
 #include <utility>
 
 #include "chaincode/endorser/shell/service.hpp"
+#include "chaincode/endorser/shell/settings.hpp"
+#include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
@@ -64,20 +66,6 @@ Result<fabric::TlsServer> serve(const endorser::Settings& settings, grpc::Servic
                               {&service});
 }
 
-Status write_summary(const std::string& path, const endorser::Service::Counts& counts) {
-  const nlohmann::json summary{{"blocks", counts.blocks},
-                               {"answered", counts.answered},
-                               {"sent_to_the_peer", counts.sent_to_the_peer},
-                               {"checked", counts.checked},
-                               {"same", counts.same},
-                               {"other_state", counts.other_state},
-                               {"peer_refused", counts.peer_refused},
-                               {"apart", counts.apart},
-                               {"not_checked", counts.not_checked},
-                               {"differ", counts.differ}};
-  return write_file(path, summary.dump(2) + "\n");
-}
-
 int run(Config& config) {
   auto ledger = fabric::ledger_config(config);
   const endorser::Settings settings = endorser::read_settings(config);
@@ -87,7 +75,8 @@ int run(Config& config) {
     checked = Error{"ledger.blocks: an endorser follows its own peer, whose answers it is to give"};
   if (!checked) return fail(checked.error(), exit_usage);
   std::atomic<bool> failed{false};
-  auto service = endorser::Service::start(std::move(*ledger), settings, [&](const std::string&) { failed = true; });
+  auto service =
+      endorser::Service::start(std::move(*ledger), settings.check_one_in, [&](const std::string&) { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
   EndorserService answers(**service);
   auto served = serve(settings, answers);
@@ -108,7 +97,7 @@ int run(Config& config) {
   served->server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
   served->server->Wait();
   if (!settings.summary.empty()) {
-    if (Status s = write_summary(settings.summary, (*service)->counts()); !s) return fail(s.error());
+    if (Status s = endorser::write_summary(settings.summary, (*service)->counts()); !s) return fail(s.error());
   }
   return failed || (!ready && !stop_requested) ? 1 : 0;
 }

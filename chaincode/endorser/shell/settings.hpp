@@ -15,4 +15,12 @@ struct Settings {
 };
 Settings read_settings(Config& config);
 
+/// The table [own_endorser]: within agent or ground.
+struct WithinSettings {
+  std::string msp_dir;  ///< empty: there is none
+  int check_one_in = 100;
+  std::string summary;
+};
+WithinSettings read_within_settings(Config& config);
+
 }  // namespace ledgerline::endorser

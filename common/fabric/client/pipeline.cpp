@@ -42,13 +42,14 @@ Outcome in_block(std::uint64_t block, int code) {
 
 }  // namespace
 
-Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {
+Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
+    : connection_(std::move(connection)), within_(connection_->endorsers.size()) {
   for (const auto& peer : connection_->peers) {
     gateways_.push_back(gateway::Gateway::NewStub(peer));
     proposals_.push_back(protos::Endorser::NewStub(peer));
   }
   for (const auto& endorser : connection_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
-  rest_until_.resize(endorsers_.size());
+  rest_until_.resize(within_ + 1);
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
