@@ -14,9 +14,10 @@ int check_one_in(Config& config, const std::string& table, int otherwise) {
 
 Settings read_settings(Config& config) {
   Settings out;
-  out.listen = config.text({"serve.listen", "ADDRESS:PORT where it serves; port 0 takes a free one"}, "127.0.0.1:0");
-  out.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
-  out.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
+  out.serve.listen =
+      config.text({"serve.listen", "ADDRESS:PORT where it serves; port 0 takes a free one"}, "127.0.0.1:0");
+  out.serve.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
+  out.serve.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
   out.check_one_in = check_one_in(config, "serve.", out.check_one_in);
   out.summary = config.text({"output.summary", "JSON file that is written at the end", "none"}, "");
   return out;
@@ -32,6 +33,13 @@ WithinSettings read_within_settings(Config& config) {
        "none: others endorse"},
       "");
   out.check_one_in = check_one_in(config, "own_endorser.", out.check_one_in);
+  out.serve.listen = config.text({"own_endorser.listen",
+                                  "ADDRESS:PORT where it serves other programs, too, as `ledgerline endorser` does; "
+                                  "with tls_certificate and tls_key",
+                                  "none: this process alone"},
+                                 "");
+  out.serve.tls_certificate = config.text({"own_endorser.tls_certificate", "PEM file, of that server"}, "");
+  out.serve.tls_key = config.text({"own_endorser.tls_key", "PEM file of that certificate's key"}, "");
   out.summary = config.text({"own_endorser.summary", "JSON file of what it did, written at the end", "none"}, "");
   return out;
 }

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "chaincode/endorser/shell/service.hpp"
+#include "chaincode/endorser/shell/serving.hpp"
 #include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/client/own_endorser.hpp"
@@ -17,12 +18,20 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   Within(std::unique_ptr<Service> service, std::string summary)
       : service_(std::move(service)), summary_(std::move(summary)) {}
   ~Within() override {
+    served_.reset();
     if (summary_.empty()) return;
     if (const Status s = write_summary(summary_, service_->counts()); !s)
       spdlog::error("own_endorser.summary: {}", s.error().what);
   }
   Within(const Within&) = delete;
   Within& operator=(const Within&) = delete;
+
+  Status serve(const ServeSettings& settings) {
+    auto served = endorser::serve(*service_, settings, "own_endorser.");
+    if (!served) return served.error();
+    served_ = std::move(*served);
+    return done;
+  }
 
   Answer endorse(const std::string& signed_proposal) override {
     node::Reply reply = service_->process_proposal(signed_proposal);
@@ -61,6 +70,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   const std::unique_ptr<Service> service_;
   const std::string summary_;
   std::atomic<bool> fed_{false};
+  std::unique_ptr<Served> served_;
 };
 
 }  // namespace
@@ -76,7 +86,11 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   own.identity = std::move(*identity);
   auto service = Service::start(std::move(own), settings.check_one_in, [](const std::string&) {});
   if (!service) return Error{"own_endorser: " + service.error().what};
-  ledger.own_endorser = std::make_shared<Within>(std::move(*service), settings.summary);
+  auto within = std::make_shared<Within>(std::move(*service), settings.summary);
+  if (!settings.serve.listen.empty()) {
+    if (Status s = within->serve(settings.serve); !s) return s;
+  }
+  ledger.own_endorser = std::move(within);
   return done;
 }
 

@@ -1,6 +1,9 @@
 #include "chaincode/endorser/shell/within.hpp"
 
+#include <arpa/inet.h>
 #include <gmock/gmock.h>
+#include <sys/socket.h>
+#include <unistd.h>
 
 #include <atomic>
 #include <nlohmann/json.hpp>
@@ -18,6 +21,19 @@ using node::ServedNode;
 
 fabric::Call state(const std::string& id) {
   return {"set", {R"({"assets":[{"id":")" + id + R"(","msgType":"t"}],"stream":true})"}};
+}
+
+/// That nobody had a moment ago.
+int free_port() {
+  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof at;
+  EXPECT_EQ(::bind(fd, reinterpret_cast<const sockaddr*>(&at), size), 0);
+  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size), 0);
+  ::close(fd);
+  return ntohs(at.sin_port);
 }
 
 class FakeEndorser final : public fabric::OwnEndorser {
@@ -53,7 +69,7 @@ class WithinTest : public ::testing::Test {
     const std::filesystem::path summary = organisation() / "within.json";
     fabric::ClientConfig with = config();
     with.blocks = blocks;
-    const Status begun = endorse_within({msp_dir, 10, summary}, with);
+    const Status begun = endorse_within({msp_dir, 10, summary, {}}, with);
     EXPECT_TRUE(begun.ok()) << begun.error().what;
     {
       const auto client = fabric::Client::create(std::move(with)).value();
@@ -90,14 +106,31 @@ TEST_F(WithinTest, WithAnIdentityThatMayNotEndorseItLeavesAllToThePeer) {
   EXPECT_GT(counts["sent_to_the_peer"], 0) << counts;
 }
 
+TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
+  const std::filesystem::path peer = organisation() / "peers/peer0.org1.ledgerline";
+  fabric::ClientConfig with = config();
+  const Status nowhere = endorse_within({peer / "msp", 1, "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
+  EXPECT_THAT(nowhere.error().what, HasSubstr("own_endorser.tls_certificate"));
+  const std::string at = "127.0.0.1:" + std::to_string(free_port());
+  const std::filesystem::path summary = organisation() / "serving.json";
+  ASSERT_TRUE(
+      endorse_within({peer / "msp", 10, summary, {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with).ok());
+  fabric::ClientConfig other = config();
+  other.endorsers = {{"Org1MSP", at, served.tls_ca_file()}, {"Org1MSP", served.endpoint(), served.tls_ca_file()}};
+  const auto client = fabric::Client::create(std::move(other)).value();
+  for (int i = 0; i < count; ++i) EXPECT_EQ(client->submit_and_wait(state("tello1/a")).kind, Kind::committed);
+  with = {};
+  EXPECT_GT(nlohmann::json::parse(node::text_of(summary))["answered"], count / 2);
+}
+
 TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
   fabric::ClientConfig none = config();
   EXPECT_TRUE(endorse_within({}, none).ok());
   EXPECT_EQ(none.own_endorser, nullptr);
-  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, ""}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", {}}, none).error().what,
               HasSubstr("own_endorser.msp_dir"));
   none.orderers.clear();
-  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, ""}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", {}}, none).error().what,
               HasSubstr("no [[orderer]]"));
   none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
   EXPECT_FALSE(fabric::Client::create(none).ok());
