@@ -72,7 +72,9 @@ class Pipeline {
     EndorsementNeed need;
     std::vector<std::shared_ptr<Unary<protos::ProposalResponse>>> asked{};  ///< of several organisations
     std::optional<Gathering> gathering{};
-    std::string unheard{};  ///< Outcome::unheard
+    std::string unheard{};                 ///< Outcome::unheard
+    std::optional<std::size_t> orderer{};  ///< that it was sent to, and no other
+    TimeNs sent_ns = 0;
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
     std::shared_ptr<Unary<gateway::CommitStatusResponse>> status;
     std::shared_ptr<grpc::Alarm> alarm;
