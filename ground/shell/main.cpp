@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
@@ -28,6 +29,7 @@ int fly(Config& config) {
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto believed = fabric::msp_registry(config);
+  const endorser::WithinSettings within = endorser::read_within_settings(config);
   Status checked = config.finish();
   if (checked && flight.drones.empty()) checked = Error{"no [[drone]] to fly"};
   if (checked && !ledger) checked = ledger.error();
@@ -41,6 +43,7 @@ int fly(Config& config) {
   const auto longer_ns = fabric::added_patience(*ledger);
   if (!longer_ns) return fail(longer_ns.error());
   ledger->deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+  if (const Status s = endorser::endorse_within(within, *ledger); !s) return fail(s.error(), exit_usage);
   const fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
   if (careful.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto client = fabric::Client::create(careful);
@@ -76,6 +79,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
+  [own_endorser] msp_dir, check_one_in, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [service] listen, token_file, tls_certificate, tls_key, tls_client_ca, names, operators, session_idle_s
     (a page to fly from: docs/station.md)
   [mission] folder, approvals, approvers, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)

@@ -90,8 +90,12 @@ const std::vector<Contender>& contenders() {
       {"ledgerline-compared", "Ledgerline, compared", Way::ledgerline, false, "libcrypto", false, "compared"},
       {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, "peer", true},
       {"ledgerline-ordered", "Ledgerline, ordered", Way::ledgerline, false, "libcrypto", false, "ordered", true},
-      {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true, true},
-      {"endorser-ordered", "own endorser, ordered", Way::ledgerline, false, "libcrypto", true, "ordered", true, true},
+      {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true,
+       Contender::Endorser::beside},
+      {"endorser-ordered", "own endorser, ordered", Way::ledgerline, false, "libcrypto", true, "ordered", true,
+       Contender::Endorser::beside},
+      {"endorser-within-ordered", "own endorser within, ordered", Way::ledgerline, false, "libcrypto", true, "ordered",
+       true, Contender::Endorser::within},
   };
   return all;
 }

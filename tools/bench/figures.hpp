@@ -20,7 +20,8 @@ struct Contender {
   bool only_when_asked = false;
   std::string blocks = "peer";  ///< of Ledgerline: ledger.blocks
   bool judged = false;          ///< of Ledgerline: blocks and transactions are judged, by a trust anchor
-  bool endorser = false;        ///< of Ledgerline: each side's organisation has an endorser of its own
+  /// Of Ledgerline: each side's organisation has an endorser of its own, as a program beside its client or in it.
+  enum class Endorser { none, beside, within } endorser = Endorser::none;
 };
 const std::vector<Contender>& contenders();
 const Contender* find_contender(const std::string& id);

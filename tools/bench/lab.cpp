@@ -143,9 +143,13 @@ Status Network::up() {
 
 double Network::cpu_seconds() const { return cpu_seconds_of_tree(children_.pid(name_)); }
 
+fs::path Network::endorser_dir(int organisation) const {
+  return identities::organisation_dir(dir_ / "ledger", organisation) / "peers" /
+         fmt::format("endorser0.{}", identities::domain_of(organisation));
+}
+
 std::string Network::endorser_config(int organisation, const fs::path& summary) const {
-  const fs::path own = identities::organisation_dir(dir_ / "ledger", organisation) / "peers" /
-                       fmt::format("endorser0.{}", identities::domain_of(organisation));
+  const fs::path own = endorser_dir(organisation);
   Access as = access(organisation);
   as.msp_dir = own / "msp";
   return ledger_table(as) +
@@ -227,7 +231,7 @@ class Pair {
         children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
 
   Result<Turn> run() {
-    if (contender_.endorser) {
+    if (contender_.endorser == Contender::Endorser::beside) {
       for (const int organisation : {1, 2}) {
         if (auto s = start_endorser(organisation); !s) return s.error();
       }
@@ -316,6 +320,10 @@ class Pair {
       const auto own = endorsers_.find(endorser_name(name == "a" ? 1 : 2));
       if (own != endorsers_.end()) text += endorser_table(access.msp_id, own->second, peer.tls_ca);
       text += endorser_table(access.msp_id, peer.endpoint, peer.tls_ca);
+      if (contender_.endorser == Contender::Endorser::within)
+        text += fmt::format("\n[own_endorser]\nmsp_dir = \"{}\"\nsummary = \"{}\"\n",
+                            (network_.endorser_dir(name == "a" ? 1 : 2) / "msp").string(),
+                            (dir_ / (name + "-endorser.json")).string());
       if (auto s = write_file(config, text); !s) return s;
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};

@@ -47,7 +47,9 @@ class Network {
 
   /// CPU time of all of its processes so far.
   double cpu_seconds() const;
-  /// The config of that organisation's own endorser.
+  /// The folder of that organisation's own endorser, with its identity and what it serves by.
+  std::filesystem::path endorser_dir(int organisation) const;
+  /// Its config as a program.
   std::string endorser_config(int organisation, const std::filesystem::path& summary) const;
 
   /// What a client of organisation 1 (side a) or 2 (side b) needs.

@@ -40,6 +40,7 @@ Clients:
   endorser              as ledgerline-judged; each organisation's own endorser endorses in its peer's place (Fabric alone;
                         when it is asked for)
   endorser-ordered      both of these
+  endorser-within-ordered  as endorser-ordered, with each side's endorser within its client: its CPU time is the client's
 
 Examples:
   ledgerline bench two-way --rates 30,70 --json two-way.json
@@ -100,8 +101,9 @@ Status check(const Options& o) {
                  " is missing: ./run-tests installs it, or npm ci in a copy of tests/system/conformance"};
   }
   if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
-  const bool endorsers =
-      std::any_of(o.clients.begin(), o.clients.end(), [](const auto& id) { return find_contender(id)->endorser; });
+  const bool endorsers = std::any_of(o.clients.begin(), o.clients.end(), [](const auto& id) {
+    return find_contender(id)->endorser != Contender::Endorser::none;
+  });
   if (endorsers && o.place.embedded)
     return Error{"an organisation's own endorser is for Fabric: the embedded node endorses within itself"};
   if (!o.place.embedded && !fs::exists(o.place.fabric / "peer")) {

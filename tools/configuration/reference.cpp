@@ -59,6 +59,7 @@ Status read_ground(Config& config) {
   (void)ground::service_settings(config);
   (void)ground::mission_settings(config);
   (void)ground::checkpoint_path(config);
+  (void)endorser::read_within_settings(config);
   (void)ground::read_bridge(config, flight.drones);
   return done;
 }
@@ -83,6 +84,7 @@ const std::vector<Source>& sources() {
        "`ledgerline-agent --config agent.toml`, on the drone's host.",
        {ledger, topics, dds},
        [](Config& config) {
+         (void)endorser::read_within_settings(config);
          (void)agent::read_bridge(config, agent::read_settings(config, "", {}).core.drones);
          return done;
        }},

@@ -20,6 +20,10 @@ std::string organisation_dir(const RunFiles& files, int organisation) {
   return files.in(fmt::format("ledger/crypto/peerOrganizations/org{}.ledgerline", organisation));
 }
 
+std::string endorser_dir(const RunFiles& files) {
+  return organisation_dir(files, 1) + "/peers/endorser0.org1.ledgerline";
+}
+
 // A slow ledger is the user's wish.
 TimeNs both_ways(const Options& options) {
   return fabric::both_ways_ns(options.batch_timeout_ns, static_cast<std::uint32_t>(options.batch_count));
@@ -176,6 +180,16 @@ std::string playout_table(const Options& options) {
   return table;
 }
 
+// More of agent.toml.
+std::string endorser_within(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
+  if (!options.endorser_within) return "";
+  const std::string own = endorser_dir(files);
+  return fmt::format(
+      "\n[own_endorser]\nmsp_dir = \"{0}/msp\"\nlisten = \"{1}\"\ntls_certificate = \"{0}/tls/server.crt\"\ntls_key = "
+      "\"{0}/tls/server.key\"\nsummary = \"{2}\"\n",
+      own, places.own_endorser, files.summary("endorser"));
+}
+
 // Of agent's and ground's transactions.
 std::string deadline(const Options& options) {
   if (both_ways(options) == 0) return "";
@@ -247,7 +261,7 @@ Status write_local_configs(const RunFiles& files, const Options& options) {
 }
 
 Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) {
-  const std::string own = organisation_dir(files, 1) + "/peers/endorser0.org1.ledgerline";
+  const std::string own = endorser_dir(files);
   return write_file(
       files.config("endorser"),
       fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"Org1MSP\"\nmsp_dir = "
@@ -290,7 +304,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
                             place(proxied, orderer_name(program, i), orderers[i]),
                             files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
     }
-    if (!places.own_endorser.empty())
+    if (!places.own_endorser.empty() && !(options.endorser_within && program == "agent"))
       tables += endorser(1, place(proxied, own_endorser_name(program), places.own_endorser));
     for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k) {
       const std::string at = k == 1 ? place(proxied, program, places.endpoint)
@@ -311,8 +325,8 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const std::string link = link_config(files, options);
   const std::string agent = ledger("agent", 1) + output_table(files, "agent") +
                             checkpoint_line(files, options, "agent") + with_status + patience(options) +
-                            (options.own ? options.own->mocap_table : "") + dds_table(options, Side::drones) +
-                            drone_tables(options);
+                            endorser_within(files, options, places) + (options.own ? options.own->mocap_table : "") +
+                            dds_table(options, Side::drones) + drone_tables(options);
   const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
                              checkpoint_line(files, options, "ground") + with_status + service_table(files, options) +
                              flight_table(options) + dds_table(options, Side::ground) + flown_drone_tables(options);

@@ -3,6 +3,7 @@
 #include <nlohmann/json.hpp>
 
 #include "tools/launcher/launcher.hpp"
+#include "tools/launcher/machine.hpp"
 #include "tools/launcher/operators.hpp"
 
 // What the launcher does until a ledger is there, and who may fly what stands on it.
@@ -48,6 +49,7 @@ Status Launcher::prepare_ledger() {
   if (options_.endorser) {
     if (auto s = start_endorser(places); !s) return s;
   }
+  if (options_.endorser_within) places.own_endorser = fmt::format("127.0.0.1:{}", free_port());
   Proxied proxied;
   if (options_.proxy) {
     if (auto s = start_proxy(places, proxied); !s) return s;

@@ -121,6 +121,8 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.flag("--gateway", o.gateway, "Fabric: transactions through the gateway instead of the direct path");
   line.flag("--endorser", o.endorser,
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
+  line.flag("--endorser-within", o.endorser_within,
+            "The same within agent, which holds that key then, and serves ground (docs/endorser.md)");
   line.option("--network", o.network_options,
               "Fabric: one more word for `ledgerline fabric run`: --network=--no-history (docs/fabric.md)")
       .one_at_a_time();
@@ -228,6 +230,9 @@ std::string contradiction(const CommandLine& line, const Options& o) {
        "2 needs two different --operators: nobody else approves"},
       {"--endorser", fabric && !o.gateway,
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
+      {"--endorser-within", fabric && !o.gateway && !o.endorser,
+       "goes with --ledger fabric and the direct path, in place of --endorser"},
+      {"--endorser-within", !o.believe_peer, "signs only by blocks that are judged, so it needs the trust anchor"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},
       {"--storage", !others, of_others},
       {"--crypto", !others, of_others},
@@ -236,6 +241,7 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--ca", !others, of_others},
       {"--gateway", !others, of_others},
       {"--endorser", !others, of_others},
+      {"--endorser-within", !others, of_others},
       {"--network", !others, of_others},
       {"--proxy", !o.own, "stands between simulated drones and a ledger: a deployment's own drones have none"},
       {"--shim", !o.own, "stands before simulated drones: a deployment has its own"},

@@ -43,12 +43,13 @@ struct Options {
   int laps = 3;
   double seconds = 0;  ///< > 0: instead of laps; manual: until it lands and ends; 0: until Ctrl-C
   Ledger ledger = Ledger::embedded;
-  int orderers = 1;       ///< of Fabric: 1 or 3
-  bool tmpfs = false;     ///< the ledger in memory, gone after the flight
-  bool ca = false;        ///< Fabric's identities come from fabric-ca
-  bool gateway = false;   ///< Fabric: transactions through the gateway, not the direct path
-  bool mbedtls = false;   ///< signs and verifies in agent and ground, in libcrypto's place
-  bool endorser = false;  ///< Fabric: the drones' organisation has an endorser of its own beside its peer
+  int orderers = 1;              ///< of Fabric: 1 or 3
+  bool tmpfs = false;            ///< the ledger in memory, gone after the flight
+  bool ca = false;               ///< Fabric's identities come from fabric-ca
+  bool gateway = false;          ///< Fabric: transactions through the gateway, not the direct path
+  bool mbedtls = false;          ///< signs and verifies in agent and ground, in libcrypto's place
+  bool endorser = false;         ///< Fabric: the drones' organisation has an endorser of its own beside its peer
+  bool endorser_within = false;  ///< the same within agent, which serves ground, too
   std::vector<std::string> network_options{};  ///< Fabric: more words for `ledgerline fabric run`
   std::string blocks = "peer";                 ///< agent's and ground's ledger.blocks
   bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged

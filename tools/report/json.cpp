@@ -75,6 +75,7 @@ json to_json(const Results& r) {
              {"believe_peer", r.asked.believe_peer},
              {"blocks_of", r.asked.blocks},
              {"endorser", r.asked.endorser},
+             {"endorser_within", r.asked.endorser_within},
              {"network_options", r.asked.network_options},
              {"gateway", r.asked.gateway},
              {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},

@@ -62,8 +62,18 @@ Status Core::configure(const common::Block& message) {
   if (!config) return config.error();
   if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition_; });
   embedded_node_ = config->embedded_node;
+  const auto self = setup_.make_registry(config->organisations)->member(setup_.identity.serialized, std::nullopt);
+  not_a_peer_ = !self ? self.error().what : (*self)->peer ? "" : "its certificate has not OU=peer";
   endorser_.set_members(node::MemberCheck(setup_.make_registry(std::move(config->organisations)), config_.channel));
   return done;
+}
+
+/// Whoever tells the block: of an id that was used in another one no transaction is valid. Without the ids of all blocks
+/// that is not seen.
+bool Core::counts(const fabric::Transaction& transaction, std::uint64_t block) const {
+  if (transaction.code != protos::VALID) return false;
+  const auto known = ledger_.state().find_tx(transaction.tx_id);
+  return !known || known->block == block;
 }
 
 void Core::write(const std::string& envelope, node::Version at) {
@@ -88,7 +98,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     return Error{name + " does not follow the one before it: it is of another chain"};
   for (std::size_t i = 0; i < block.transactions.size(); ++i) {
     const fabric::Transaction& transaction = block.transactions[i];
-    const bool valid = transaction.code == protos::VALID;
+    const bool valid = counts(transaction, block.number);
     if (transaction.config) {
       if (!valid) continue;
       if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().what};
@@ -107,6 +117,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
 node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
     return ask_a_peer("the endorser's own certificate has expired");
+  if (!not_a_peer_.empty()) return ask_a_peer("no endorsement of this endorser counts: " + not_a_peer_);
   auto read = node::read_signed_proposal(signed_proposal);
   // What cannot be read is not for it either.
   if (!read || read->proposal.channel_header.channel_id() != setup_.where.channel ||

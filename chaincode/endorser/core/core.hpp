@@ -36,12 +36,13 @@ class Core {
   std::optional<node::Version> defined_at() const;
 
   /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and channels)
-  /// is `unavailable`, as everything is once the own certificate has expired: clients then ask the peer.
+  /// is `unavailable`, as everything is once the own certificate has expired or is revoked: clients then ask the peer.
   node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
 
  private:
   std::optional<node::Definition> read_definition() const;
   Status configure(const common::Block& message);
+  bool counts(const fabric::Transaction& transaction, std::uint64_t block) const;
   void write(const std::string& envelope, node::Version at);
 
   const Setup setup_;
@@ -52,6 +53,7 @@ class Core {
   node::Ledger ledger_;
   node::State lifecycle_;                       ///< the keys of the namespace _lifecycle
   std::optional<node::Definition> definition_;  ///< what they say
+  std::string not_a_peer_;  ///< why the configuration does not let the own identity endorse; empty: it does
   node::Endorser endorser_;
 };
 

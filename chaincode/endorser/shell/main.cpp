@@ -1,5 +1,3 @@
-#include <grpc/support/log.h>
-
 #include <atomic>
 #include <chrono>
 #include <nlohmann/json.hpp>
@@ -8,75 +6,22 @@
 #include <utility>
 
 #include "chaincode/endorser/shell/service.hpp"
-#include "common/base/file.hpp"
+#include "chaincode/endorser/shell/serving.hpp"
+#include "chaincode/endorser/shell/settings.hpp"
+#include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/serving/tls_server.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
-#include "peer/peer.grpc.pb.h"
 
 namespace {
 
 using namespace ledgerline;
 
-constexpr int max_request_bytes = 11 << 20;            // Fabric's AbsoluteMaxBytes, with room for a frame
-constexpr std::size_t max_memory_bytes = 256'000'000;  // of all requests that are being received
 constexpr std::chrono::milliseconds end_looked_for{100};
 constexpr TimeNs max_standstill_ns = 60 * ns_per_s;  // at the start, without a further block of the peer's
-
-/// The peer's service of this name, for any client of Fabric.
-class EndorserService final : public protos::Endorser::CallbackService {
- public:
-  explicit EndorserService(endorser::Service& service) : service_(service) {}
-
-  grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const protos::SignedProposal* request,
-                                            protos::ProposalResponse* response) override {
-    grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    const node::Reply reply = service_.process_proposal(request->SerializeAsString());
-    if (reply.code != node::Code::ok) {
-      const bool elsewhere = reply.code == node::Code::unavailable;
-      reactor->Finish({elsewhere ? grpc::StatusCode::UNAVAILABLE : grpc::StatusCode::UNKNOWN, reply.message});
-    } else {
-      response->ParseFromString(reply.bytes);
-      reactor->Finish(grpc::Status::OK);
-    }
-    return reactor;
-  }
-
- private:
-  endorser::Service& service_;
-};
-
-Result<fabric::TlsServer> serve(const endorser::Settings& settings, grpc::Service& service) {
-  auto certificate = read_file(settings.tls_certificate);
-  if (!certificate) return Error{"serve.tls_certificate: " + certificate.error().what};
-  auto key = read_file(settings.tls_key);
-  if (!key) return Error{"serve.tls_key: " + key.error().what};
-  return fabric::serve_by_tls({.name = "endorser",
-                               .listen = settings.listen,
-                               .key_pem = std::move(*key),
-                               .certificate_pem = std::move(*certificate),
-                               .max_request_bytes = max_request_bytes,
-                               .max_memory_bytes = max_memory_bytes},
-                              {&service});
-}
-
-Status write_summary(const std::string& path, const endorser::Service::Counts& counts) {
-  const nlohmann::json summary{{"blocks", counts.blocks},
-                               {"answered", counts.answered},
-                               {"sent_to_the_peer", counts.sent_to_the_peer},
-                               {"checked", counts.checked},
-                               {"same", counts.same},
-                               {"other_state", counts.other_state},
-                               {"peer_refused", counts.peer_refused},
-                               {"apart", counts.apart},
-                               {"not_checked", counts.not_checked},
-                               {"differ", counts.differ}};
-  return write_file(path, summary.dump(2) + "\n");
-}
 
 int run(Config& config) {
   auto ledger = fabric::ledger_config(config);
@@ -87,10 +32,10 @@ int run(Config& config) {
     checked = Error{"ledger.blocks: an endorser follows its own peer, whose answers it is to give"};
   if (!checked) return fail(checked.error(), exit_usage);
   std::atomic<bool> failed{false};
-  auto service = endorser::Service::start(std::move(*ledger), settings, [&](const std::string&) { failed = true; });
+  auto service =
+      endorser::Service::start(std::move(*ledger), settings.check_one_in, [&](const std::string&) { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
-  EndorserService answers(**service);
-  auto served = serve(settings, answers);
+  auto served = endorser::serve(**service, settings.serve, "serve.");
   if (!served) return fail(served.error());
   bool ready = false;
   std::uint64_t blocks = 0;
@@ -102,13 +47,12 @@ int run(Config& config) {
   }
   if (!ready && !failed && !stop_requested) spdlog::error("endorser: the peer gives no block: it has {}", blocks);
   if (ready)
-    print_line(
-        nlohmann::json{{"ready", true}, {"program", "ledgerline-endorser"}, {"endpoint", served->endpoint}}.dump());
+    print_line(nlohmann::json{{"ready", true}, {"program", "ledgerline-endorser"}, {"endpoint", (*served)->endpoint()}}
+                   .dump());
   while (ready && !stop_requested && !failed) std::this_thread::sleep_for(end_looked_for);
-  served->server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-  served->server->Wait();
+  served->reset();
   if (!settings.summary.empty()) {
-    if (Status s = write_summary(settings.summary, (*service)->counts()); !s) return fail(s.error());
+    if (Status s = endorser::write_summary(settings.summary, (*service)->counts()); !s) return fail(s.error());
   }
   return failed || (!ready && !stop_requested) ? 1 : 0;
 }

@@ -13,13 +13,15 @@ namespace {
 
 constexpr int max_tries = 5;
 constexpr std::chrono::milliseconds again_after{20};
+// Below a client's patience with an endorser (ClientConfig::endorse_patience).
+constexpr std::chrono::milliseconds max_wait_for_check{200};
 constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
 
 std::uint64_t seed() { return std::random_device{}(); }
 
 }  // namespace
 
-Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, const Settings& settings,
+Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, int check_one_in,
                                                 std::function<void(const std::string&)> on_failure) {
   if (ledger.config_block.empty())
     return Error{"ledger.config_block is missing: an endorser signs only by blocks that the channel's orderers signed"};
@@ -27,35 +29,40 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
   if (!peer) return peer.error();
   auto client = fabric::Client::create(ledger);
   if (!client) return client.error();
-  std::unique_ptr<Service> service(new Service(std::move(ledger), settings, std::move(on_failure)));
+  std::unique_ptr<Service> service(new Service(std::move(ledger), check_one_in, std::move(on_failure)));
   Service& self = *service;
   self.peer_ = std::move(*peer);
   self.client_ = std::move(*client);
   self.checker_ = std::thread([&self] { self.run_checks(); });
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [&self](const fabric::Block& block, std::string_view raw) { self.on_block(block, raw); };
-  handlers.on_connection = [&self](bool connected, const std::string& why) { self.on_connection(connected, why); };
+  handlers.on_block = [&self](const fabric::Block& block, std::string_view raw) {
+    self.on_block(Feed::Source::own, block, raw);
+  };
+  handlers.on_connection = [&self](bool connected, const std::string& why) {
+    self.on_connection(Feed::Source::own, connected, why);
+  };
   handlers.on_unbelievable = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
+  const std::lock_guard lock(self.mutex_);
   self.stream_ = self.client_->blocks(0, std::move(handlers));
   return service;
 }
 
-Service::Service(fabric::ClientConfig ledger, const Settings& settings,
-                 std::function<void(const std::string&)> on_failure)
-    : check_one_in_(settings.check_one_in),
+Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
+    : check_one_in_(check_one_in),
       on_failure_(std::move(on_failure)),
       core_({ledger.where, ledger.identity, fabric::BlockJudge::registry_of(ledger.verifier)}),
       random_(seed()) {}
 
 Service::~Service() {
-  stream_.reset();
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
     checks_wake_.notify_all();
+    checked_wakes_.notify_all();
   }
   if (checker_.joinable()) checker_.join();
+  stream_.reset();
 }
 
 void Service::fail(const std::string& why) {
@@ -69,29 +76,38 @@ void Service::fail(const std::string& why) {
   on_failure_(why);
 }
 
-void Service::on_block(const fabric::Block& block, std::string_view raw) {
+void Service::on_block(Feed::Source from, const fabric::Block& block, std::string_view raw) {
   Status taken = done;
   {
     const std::lock_guard lock(mutex_);
     if (readiness_.failed()) return;
-    taken = core_.take(block, raw);
+    if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     counts_.blocks = core_.height();
+    if (feed_.joins(core_.height())) {
+      counts_.joined = true;
+      set_connected(true, "");
+      checks_wake_.notify_all();  // ends the own stream
+    }
     ready_wakes_.notify_all();
   }
   if (!taken) fail(taken.error().what);
 }
 
-void Service::on_connection(bool connected, const std::string& why) {
+void Service::on_connection(Feed::Source from, bool connected, const std::string& why) {
   const std::lock_guard lock(mutex_);
-  if (readiness_.connected() != connected) {
-    spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
-  }
+  if (from == Feed::Source::shared) feed_.shared_connected(connected);
+  if (feed_.follows(from)) set_connected(connected, why);
+}
+
+void Service::set_connected(bool connected, const std::string& why) {
+  if (readiness_.connected() == connected) return;
+  spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
   readiness_.on_connection(connected);
   checks_wake_.notify_all();
 }
 
 node::Reply Service::process_proposal(const std::string& signed_proposal) {
-  const std::lock_guard lock(mutex_);
+  std::unique_lock lock(mutex_);
   if (const std::string why = readiness_.why_not(core_.height()); !why.empty()) {
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, why, why, {}};
@@ -101,8 +117,10 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
     ++counts_.sent_to_the_peer;
     return reply;
   }
-  if (reply.code == node::Code::ok) choose_for_check(signed_proposal, reply.bytes);
-  if (!agreed()) {
+  const bool chosen = reply.code == node::Code::ok && choose_for_check(signed_proposal, reply.bytes);
+  // The client would ask the peer the same at the same time, which refuses one of two that have one id.
+  if (chosen && !agreed()) await_check(lock);
+  if (!agreed() || readiness_.failed()) {
     ++counts_.sent_to_the_peer;
     const std::string why = "the endorser has not yet answered as the peer under this definition of the contract";
     return {node::Code::unavailable, why, why, {}};
@@ -111,14 +129,20 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
   return reply;
 }
 
-void Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
-  if (agreed() && random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return;
+bool Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
+  if (agreed() && random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return false;
   if (checks_.size() >= max_checks) {
     ++counts_.not_checked;
-    return;
+    return false;
   }
   checks_.push_back({signed_proposal, answer, core_.defined_at()});
+  ++chosen_;
   checks_wake_.notify_all();
+  return true;
+}
+
+void Service::await_check(std::unique_lock<std::mutex>& lock) {
+  checked_wakes_.wait_for(lock, max_wait_for_check, [&, mine = chosen_] { return checked_ >= mine || stopping_; });
 }
 
 void Service::run_checks() {
@@ -140,12 +164,20 @@ void Service::run_checks() {
         spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
         checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
       }
+    } else if (feed_.joined() && stream_) {
+      auto over = std::move(stream_);
+      lock.unlock();
+      over.reset();
+      client_.reset();
+      lock.lock();
     } else if (!checks_.empty()) {
       Check one = std::move(checks_.front());
       checks_.pop_front();
       lock.unlock();
       check(std::move(one));
       lock.lock();
+      ++checked_;
+      checked_wakes_.notify_all();
     } else {
       checks_wake_.wait(lock);
     }

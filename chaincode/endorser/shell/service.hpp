@@ -11,8 +11,8 @@
 #include <thread>
 
 #include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/feed.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
-#include "chaincode/endorser/shell/settings.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
 
@@ -26,11 +26,16 @@ namespace ledgerline::endorser {
 class Service {
  public:
   /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
-  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Settings& settings,
+  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, int check_one_in,
                                                 std::function<void(const std::string& why)> on_failure);
   ~Service();
 
   node::Reply process_proposal(const std::string& signed_proposal);
+  /// What a stream tells that this process reads anyway: once it has met the own one, that one is ended.
+  void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
+  void shared_connected(bool connected, const std::string& why) { on_connection(Feed::Source::shared, connected, why); }
+  /// It must not go on.
+  void fail(const std::string& why);
   /// Waits until it answers, or has failed, or `seconds` are over.
   bool wait_until_ready(double seconds);
 
@@ -38,20 +43,23 @@ class Service {
     std::uint64_t blocks = 0, answered = 0, sent_to_the_peer = 0;
     std::uint64_t checked = 0, same = 0, other_state = 0, peer_refused = 0, apart = 0, not_checked = 0;
     std::uint64_t differ = 0;
+    bool joined = false;  ///< it lives on a shared stream
   };
   Counts counts() const;
 
  private:
-  Service(fabric::ClientConfig ledger, const Settings& settings, std::function<void(const std::string&)> on_failure);
+  Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure);
   struct Check {
     std::string signed_proposal, answer;
     Readiness::DefinedAt defined_at{};
   };
-  void fail(const std::string& why);
-  void on_block(const fabric::Block& block, std::string_view raw);
-  void on_connection(bool connected, const std::string& why);
+  void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
+  void on_connection(Feed::Source from, bool connected, const std::string& why);
+  void set_connected(bool connected, const std::string& why);
   bool agreed() const { return readiness_.agreed(core_.defined_at()); }
-  void choose_for_check(const std::string& signed_proposal, const std::string& answer);
+  bool choose_for_check(const std::string& signed_proposal, const std::string& answer);
+  /// Of the newest that was chosen: until the peer has answered it, or a while. With mutex_ held, as `lock`.
+  void await_check(std::unique_lock<std::mutex>& lock);
   void run_checks();
   void check(Check one);
 
@@ -62,11 +70,13 @@ class Service {
   std::unique_ptr<fabric::PeerQuestions> peer_;
 
   mutable std::mutex mutex_;  // guards what follows
-  std::condition_variable checks_wake_, ready_wakes_;
+  std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;
   Core core_;
+  Feed feed_;
   Readiness readiness_;
   bool stopping_ = false;
   std::deque<Check> checks_;
+  std::uint64_t chosen_ = 0, checked_ = 0;  ///< checks so far; they end in their order
   std::mt19937_64 random_;
   Counts counts_;
 

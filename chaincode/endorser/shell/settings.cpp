@@ -1,17 +1,46 @@
 #include "chaincode/endorser/shell/settings.hpp"
 
 namespace ledgerline::endorser {
+namespace {
+
+int check_one_in(Config& config, const std::string& table, int otherwise) {
+  return static_cast<int>(config.integer(
+      {table + "check_one_in",
+       "of so many proposals, at random, one is asked of the peer as well: an answer that differs ends the endorser"},
+      otherwise, 1, 1'000'000));
+}
+
+}  // namespace
 
 Settings read_settings(Config& config) {
   Settings out;
-  out.listen = config.text({"serve.listen", "ADDRESS:PORT where it serves; port 0 takes a free one"}, "127.0.0.1:0");
-  out.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
-  out.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
-  out.check_one_in = static_cast<int>(config.integer(
-      {"serve.check_one_in",
-       "of so many proposals, at random, one is asked of the peer as well: an answer that differs ends the endorser"},
-      out.check_one_in, 1, 1'000'000));
+  out.serve.listen =
+      config.text({"serve.listen", "ADDRESS:PORT where it serves; port 0 takes a free one"}, "127.0.0.1:0");
+  out.serve.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
+  out.serve.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
+  out.check_one_in = check_one_in(config, "serve.", out.check_one_in);
   out.summary = config.text({"output.summary", "JSON file that is written at the end", "none"}, "");
+  return out;
+}
+
+WithinSettings read_within_settings(Config& config) {
+  WithinSettings out;
+  out.msp_dir = config.text(
+      {"own_endorser.msp_dir",
+       "folder with an identity of OU=peer, with which this process endorses for its organisation by itself, and asks "
+       "others only where it cannot: whoever breaks into it has that key ([what it costs](endorser.md#in-process)); "
+       "needs config_block and [[orderer]]",
+       "none: others endorse"},
+      "");
+  out.check_one_in = check_one_in(config, "own_endorser.", out.check_one_in);
+  out.serve.listen = config.text({"own_endorser.listen",
+                                  "ADDRESS:PORT where it serves other programs, too, as `ledgerline endorser` does; "
+                                  "with tls_certificate and tls_key",
+                                  "none: this process alone"},
+                                 "");
+  out.serve.tls_certificate = config.text({"own_endorser.tls_certificate", "PEM file, of that server"}, "");
+  out.serve.tls_key = config.text({"own_endorser.tls_key", "PEM file of that certificate's key"}, "");
+  out.summary = config.text({"own_endorser.summary", "JSON file of what it did, written at the end", "none"}, "");
   return out;
 }
 

@@ -5,14 +5,27 @@
 
 namespace ledgerline::endorser {
 
-/// The tables [serve] and [output].
-struct Settings {
+struct ServeSettings {
   std::string listen;           ///< ADDRESS:PORT; port 0: a free one
   std::string tls_certificate;  ///< PEM files of its own server
   std::string tls_key;
+};
+
+/// The tables [serve] and [output].
+struct Settings {
+  ServeSettings serve;
   int check_one_in = 100;  ///< of so many answers one is asked of the peer, too
   std::string summary;     ///< empty: none is written
 };
 Settings read_settings(Config& config);
+
+/// The table [own_endorser]: within agent or ground.
+struct WithinSettings {
+  std::string msp_dir;  ///< empty: there is none
+  int check_one_in = 100;
+  std::string summary;
+  ServeSettings serve;  ///< to others, too; `listen` empty: to none
+};
+WithinSettings read_within_settings(Config& config);
 
 }  // namespace ledgerline::endorser

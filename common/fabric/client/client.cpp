@@ -3,6 +3,7 @@
 #include <future>
 
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
 #include "common/fabric/client/streams/streams.hpp"
 
@@ -55,11 +56,11 @@ class GatewayClient final : public Client {
   }
 
   std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) override {
-    return follow_blocks(connection_, {start, std::nullopt}, std::move(handlers));
+    return follow_blocks(connection_, {start, std::nullopt}, shared(std::move(handlers)));
   }
 
   std::unique_ptr<Stream> blocks_behind(Believed believed, StreamHandlers handlers) override {
-    return follow_blocks(connection_, {std::nullopt, std::move(believed)}, std::move(handlers));
+    return follow_blocks(connection_, {std::nullopt, std::move(believed)}, shared(std::move(handlers)));
   }
 
   std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
@@ -69,6 +70,11 @@ class GatewayClient final : public Client {
   }
 
  private:
+  StreamHandlers shared(StreamHandlers handlers) const {
+    const auto& endorser = connection_->config.own_endorser;
+    return endorser ? endorser->fed_by(std::move(handlers)) : std::move(handlers);
+  }
+
   /// A question to the gateway until it answers, within the deadline.
   template <typename Request, typename Rpc>
   Status ask(const Call& call, const Rpc& rpc) {

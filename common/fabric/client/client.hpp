@@ -18,6 +18,8 @@
 /// it talks to. An example is example.cpp beside this file; for use outside this tree see docs/library.md.
 namespace ledgerline::fabric {
 
+class OwnEndorser;
+
 struct ClientConfig {
   std::string endpoint;     ///< "127.0.0.1:7051"
   std::string tls_ca_file;  ///< PEM of the CAs that signed the server's certificate, root or intermediate
@@ -43,6 +45,9 @@ struct ClientConfig {
     TlsPair tls_pair{};
   };
   std::vector<Endorser> endorsers;
+  /// Of the own organisation and in this process: asked before those of `endorsers`, on the client's own thread. The
+  /// first block stream that a client with it begins feeds it, too. Needs `orderers`. None: there is none.
+  std::shared_ptr<OwnEndorser> own_endorser{};
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
   /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers

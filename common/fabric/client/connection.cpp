@@ -98,6 +98,8 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   if (!config.identity.signer) return Error{"the ledger's client has no identity to sign with"};
   if (config.blocks != BlockSource::peer && config.orderers.empty())
     return Error{"ledger.blocks: without [[orderer]] there are the peer's blocks alone"};
+  if (config.own_endorser && config.orderers.empty())
+    return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
   if (config.blocks == BlockSource::ordered && config.config_block.empty())
     return Error{"ledger.blocks: an orderer's blocks cannot be judged without ledger.config_block"};
   if (!config.config_block.empty()) {

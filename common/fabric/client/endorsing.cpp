@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
 #include "peer/proposal.pb.h"
 
@@ -27,6 +28,10 @@ Gathering::Answer answer_of(const std::string& organisation, const grpc::Status&
   return {organisation, {}, {}, response.payload(), response.SerializeAsString()};
 }
 
+grpc::Status status_of(const OwnEndorser::Answer& answer) {
+  return {answer.elsewhere ? grpc::StatusCode::UNAVAILABLE : grpc::StatusCode::UNKNOWN, answer.problem};
+}
+
 }  // namespace
 
 void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser) {
@@ -39,6 +44,38 @@ void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser)
         std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_patience));
   p->propose->reader = endorser.AsyncProcessProposal(&p->propose->context, proposal, &queue_);
   await(p, p->propose, &Pipeline::on_proposed);
+}
+
+bool Pipeline::propose_within(const PendingPtr& p) {
+  const auto& own = connection_->config.own_endorser;
+  if (!own || std::chrono::system_clock::now() < rest_until_[within_]) return false;
+  p->endorser = within_;
+  p->propose = make_unary<protos::ProposalResponse>(p);
+  const OwnEndorser::Answer answer = own->endorse(p->proposal.signed_proposal);
+  if (!answer.problem.empty()) {
+    p->propose->status = status_of(answer);
+  } else if (!p->propose->response.ParseFromString(answer.response)) {
+    p->propose->status = {grpc::StatusCode::INTERNAL, "the own endorser's answer is no response"};
+  }
+  on_proposed(p);
+  return true;
+}
+
+bool Pipeline::gather_within(const PendingPtr& p, const std::string& organisation) {
+  const auto& own = connection_->config.own_endorser;
+  if (!own || organisation != connection_->config.identity.name.msp_id ||
+      std::chrono::system_clock::now() < rest_until_[within_])
+    return false;
+  const OwnEndorser::Answer answer = own->endorse(p->proposal.signed_proposal);
+  if (answer.elsewhere) {
+    let_rest(within_);
+    return false;
+  }
+  protos::ProposalResponse response;
+  if (answer.problem.empty() && !response.ParseFromString(answer.response)) return false;
+  const grpc::Status status = answer.problem.empty() ? grpc::Status::OK : status_of(answer);
+  p->gathering->take(answer_of(organisation, status, response));
+  return true;
 }
 
 std::vector<std::size_t> Pipeline::endorsers_now() const {
@@ -66,6 +103,7 @@ bool Pipeline::gather(const PendingPtr& p) {
   p->gathering.emplace(std::move(organisations), 2, p->need.count == EndorsementNeed::Count::two_if_there_are);
   p->asked.clear();
   for (const std::size_t i : chosen) {
+    if (gather_within(p, connection_->config.endorsers[i].msp_id)) continue;
     auto unary = make_unary<protos::ProposalResponse>(p);
     p->asked.push_back(unary);
     unary->reader = endorsers_[i]->AsyncProcessProposal(&unary->context, proposal, &queue_);
@@ -117,6 +155,7 @@ void Pipeline::endorse(const PendingPtr& p) {
     const bool own = p->need.organisation.empty();
     const std::string& organisation = own ? connection_->config.identity.name.msp_id : p->need.organisation;
     p->endorser.reset();
+    if (organisation == connection_->config.identity.name.msp_id && propose_within(p)) return;
     for (const std::size_t i : endorsers_now()) {
       const bool there = connection_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE &&
                          std::chrono::system_clock::now() >= rest_until_[i];

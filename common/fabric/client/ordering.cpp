@@ -5,13 +5,17 @@ namespace {
 
 // An orderer that does not answer the connection, or an envelope, is passed over after this: one that has just lost its
 // leader may hold an envelope for seconds.
-constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500};
+constexpr std::chrono::milliseconds connect_limit{500}, answer_limit{500}, probe_limit{100};
 constexpr TimeNs first_pause_ns = 10 * ns_per_ms, max_pause_ns = 200 * ns_per_ms;
 
 }  // namespace
 
 Ordering::Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue)
-    : orderers_(std::move(orderers)), queue_(queue), back_off_(first_pause_ns, max_pause_ns) {}
+    : orderers_(std::move(orderers)),
+      queue_(queue),
+      choice_(orderers_.size()),
+      streams_(orderers_.size()),
+      back_off_(first_pause_ns, max_pause_ns) {}
 
 Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
   // Stream and alarm are kept until gRPC is done with them, also when they belong to a send that has ended.
@@ -20,18 +24,22 @@ Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
   });
 }
 
-void Ordering::send(std::string_view envelope, std::chrono::system_clock::time_point deadline, Done done) {
+void Ordering::send(std::string_view envelope, bool may_probe, std::chrono::system_clock::time_point deadline,
+                    Done done) {
   ++number_;
   envelope_.ParseFromArray(envelope.data(), static_cast<int>(envelope.size()));
   deadline_ = deadline;
   done_ = std::move(done);
   sent_ = false;
+  which_ = choice_.next(monotonic_ns(), may_probe);
+  // No envelope waits for a connection that is made for a probe.
+  if (which_ != choice_.best() && orderers_[which_]->GetState(true) != GRPC_CHANNEL_READY) which_ = choice_.best();
+  stream_ = streams_[which_];
   limit_ = std::make_shared<grpc::Alarm>();
   limit_->Set(&queue_, deadline_, new Tag([this, number = number_, limit = limit_](bool ok) {
     if (!ok || number != number_ || !done_) return;
-    if (stream_) stream_->context.TryCancel();
-    stream_.reset();
-    which_ = (which_ + 1) % orderers_.size();
+    drop_stream();
+    pass_on();
     finish(sent_ ? Ended::open : Ended::not_sent, "no acknowledgement in time");
   }));
   if (stream_) return write();
@@ -42,7 +50,7 @@ void Ordering::connect() {
   grpc::Channel& channel = *orderers_[which_];
   const grpc_connectivity_state state = channel.GetState(true);
   if (state == GRPC_CHANNEL_READY) {
-    stream_ = std::make_shared<Stream>();
+    stream_ = streams_[which_] = std::make_shared<Stream>();
     auto stub = orderer::AtomicBroadcast::NewStub(orderers_[which_]);
     stream_->io = stub->PrepareAsyncBroadcast(&stream_->context, &queue_);
     stream_->io->StartCall(tag([this](bool ok) { ok ? write() : go_on("the orderer's stream does not start"); }));
@@ -57,7 +65,8 @@ void Ordering::connect() {
 void Ordering::write() {
   sent_ = true;
   silence_ = std::make_shared<grpc::Alarm>();
-  silence_->Set(&queue_, std::chrono::system_clock::now() + answer_limit, tag([this, silence = silence_](bool ok) {
+  const auto limit = which_ == choice_.best() ? answer_limit : probe_limit;
+  silence_->Set(&queue_, std::chrono::system_clock::now() + limit, tag([this, silence = silence_](bool ok) {
     if (ok) go_on("no acknowledgement in time");
   }));
   stream_->io->Write(envelope_, tag([this](bool ok) {
@@ -77,22 +86,33 @@ void Ordering::on_acknowledged(bool ok) {
       return go_on(response.info());
     default:
       // Orderers end the stream after a refusal.
-      stream_->context.TryCancel();
-      stream_.reset();
+      drop_stream();
       return finish(Ended::refused, common::Status_Name(response.status()) + ": " + response.info());
   }
 }
 
 /// The next orderer, after a pause; the deadline ends it.
 void Ordering::go_on(const std::string& why) {
-  if (stream_) stream_->context.TryCancel();
-  stream_.reset();
+  drop_stream();
   if (silence_) silence_->Cancel();
   if (ended_) return finish(sent_ ? Ended::open : Ended::not_sent, why);
-  which_ = (which_ + 1) % orderers_.size();
+  pass_on();
   pause_ = std::make_shared<grpc::Alarm>();
   pause_->Set(&queue_, std::chrono::system_clock::now() + std::chrono::nanoseconds(back_off_.next(random_)),
-              tag([this](bool) { connect(); }));
+              tag([this](bool) { stream_ ? write() : connect(); }));
+}
+
+void Ordering::drop_stream() {
+  if (stream_) stream_->context.TryCancel();
+  stream_.reset();
+  streams_[which_].reset();
+}
+
+void Ordering::pass_on() {
+  const std::size_t best = choice_.best(), next = which_ == best ? (which_ + 1) % orderers_.size() : best;
+  choice_.failed(which_, next, monotonic_ns());
+  which_ = next;
+  stream_ = streams_[which_];
 }
 
 void Ordering::finish(Ended ended, const std::string& why) {
@@ -104,7 +124,9 @@ void Ordering::finish(Ended ended, const std::string& why) {
 
 void Ordering::end() {
   ended_ = true;
-  if (stream_) stream_->context.TryCancel();
+  for (const auto& stream : streams_) {
+    if (stream) stream->context.TryCancel();
+  }
   stream_.reset();
   if (pause_) pause_->Cancel();
   if (limit_) limit_->Cancel();

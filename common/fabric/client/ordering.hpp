@@ -7,11 +7,13 @@
 #include <vector>
 
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/sending/orderer_choice.hpp"
 #include "orderer/ab.grpc.pb.h"
 
 namespace ledgerline::fabric {
 
-/// One long-lived Broadcast stream to one of the orderers; when it breaks, to the next. Lives on the completion queue
+/// One long-lived Broadcast stream to the orderer that orders soonest (OrdererChoice), and to those that were probed; when
+/// it breaks, to the next. Lives on the completion queue
 /// and the thread of a Pipeline; its tags are std::function<void(bool)>*, as the pipeline's.
 ///
 ///     send() -> connecting -> writing -> waiting for the acknowledgement -> done
@@ -31,9 +33,14 @@ class Ordering {
 
   Ordering(std::vector<std::shared_ptr<grpc::Channel>> orderers, grpc::CompletionQueue& queue);
 
-  /// One at a time (busy). `done` comes once, by the deadline, never within the call.
-  void send(std::string_view envelope, std::chrono::system_clock::time_point deadline, Done done);
+  /// One at a time (busy). `done` comes once, by the deadline, never within the call. `may_probe`:
+  /// it may be 0.1 s late, and no envelope of ours that was sent before is on its way to a block.
+  void send(std::string_view envelope, bool may_probe, std::chrono::system_clock::time_point deadline, Done done);
   bool busy() const { return done_ != nullptr; }
+  /// Where the newest envelope went last.
+  std::size_t which() const { return which_; }
+  /// An envelope that went to this orderer alone was seen in a block.
+  void seen(std::size_t orderer, TimeNs took_ns) { choice_.seen(orderer, took_ns, monotonic_ns()); }
   /// Cancels the stream; what is under way is not heard of any more. Before the queue's shutdown.
   void end();
 
@@ -49,14 +56,18 @@ class Ordering {
   void write();
   void on_acknowledged(bool ok);
   void go_on(const std::string& why);
+  void drop_stream();
+  void pass_on();
   void finish(Ended ended, const std::string& why);
   /// A tag that counts only while the same send is under way on the same stream.
   Tag* tag(std::function<void(bool ok)> then);
 
   const std::vector<std::shared_ptr<grpc::Channel>> orderers_;
   grpc::CompletionQueue& queue_;
+  OrdererChoice choice_;
   std::size_t which_ = 0;
-  std::shared_ptr<Stream> stream_;
+  std::vector<std::shared_ptr<Stream>> streams_;  ///< of each orderer; none: it has to be opened
+  std::shared_ptr<Stream> stream_;                ///< that of `which_`
   std::shared_ptr<grpc::Alarm> pause_, limit_, silence_;
   BackOff back_off_;
   Random random_{random_seed()};

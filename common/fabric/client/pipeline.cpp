@@ -42,13 +42,14 @@ Outcome in_block(std::uint64_t block, int code) {
 
 }  // namespace
 
-Pipeline::Pipeline(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {
+Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
+    : connection_(std::move(connection)), within_(connection_->endorsers.size()) {
   for (const auto& peer : connection_->peers) {
     gateways_.push_back(gateway::Gateway::NewStub(peer));
     proposals_.push_back(protos::Endorser::NewStub(peer));
   }
   for (const auto& endorser : connection_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
-  rest_until_.resize(endorsers_.size());
+  rest_until_.resize(within_ + 1);
   if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
@@ -117,6 +118,7 @@ void Pipeline::take_commits() {
                                     [&](const auto& one) { return one.second->proposal.tx_id == seen.tx_id; });
     if (found == live_.end()) continue;
     const PendingPtr p = found->second;
+    if (p->orderer) ordering_->seen(*p->orderer, monotonic_ns() - p->sent_ns);
     // Sent twice after a lost acknowledgement: only the peer knows what became of the first one.
     seen.code == protos::DUPLICATE_TXID ? ask_status(p) : finish(p, in_block(seen.block, seen.code));
   }
@@ -203,10 +205,18 @@ void Pipeline::send(const PendingPtr& p) {
   p->back_off.succeeded();
   p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
-    ordering_->send(p->envelope, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
+    // Who goes by counts or stamps does not mind a late one.
+    const bool may_probe =
+        p->call.told_by_block && std::none_of(live_.begin(), live_.end(), [&](const auto& one) {
+          return one.second != p && (one.second->stage == Stage::sent || one.second->stage == Stage::acknowledged);
+        });
+    p->sent_ns = monotonic_ns();
+    ordering_->send(p->envelope, may_probe, p->deadline, [this, p](Ordering::Ended ended, const std::string& why) {
+      if (ordering_->which() != p->orderer) p->orderer.reset();
       // Its status may have come before the acknowledgement; the next one has waited for this all the same.
       p->stage == Stage::finished ? send_next() : on_ordered(p, ended, why);
     });
+    p->orderer = ordering_->which();
   } else {
     submit_through_gateway(p);
   }

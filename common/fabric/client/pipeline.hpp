@@ -68,11 +68,13 @@ class Pipeline {
     BackOff back_off{first_retry_ns, max_retry_ns};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
     std::shared_ptr<Unary<protos::ProposalResponse>> propose;  ///< on the direct path in place of endorse
-    std::optional<std::size_t> endorser{};                     ///< that `propose` asks; none: the own peer
+    std::optional<std::size_t> endorser{};  ///< that `propose` asks (within_: the own one here); none: the own peer
     EndorsementNeed need;
     std::vector<std::shared_ptr<Unary<protos::ProposalResponse>>> asked{};  ///< of several organisations
     std::optional<Gathering> gathering{};
-    std::string unheard{};  ///< Outcome::unheard
+    std::string unheard{};                 ///< Outcome::unheard
+    std::optional<std::size_t> orderer{};  ///< that it was sent to, and no other
+    TimeNs sent_ns = 0;
     std::shared_ptr<Unary<gateway::SubmitResponse>> submit;
     std::shared_ptr<Unary<gateway::CommitStatusResponse>> status;
     std::shared_ptr<grpc::Alarm> alarm;
@@ -93,6 +95,10 @@ class Pipeline {
   void begin(Job job);
   void endorse(const PendingPtr& p);
   void propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser);
+  /// Asks the endorser in this process. False: there is none, or it rests.
+  bool propose_within(const PendingPtr& p);
+  /// The same where several organisations are asked: whether it has answered.
+  bool gather_within(const PendingPtr& p, const std::string& organisation);
   /// False: the config does not name enough endorsers.
   bool gather(const PendingPtr& p);
   void on_gathered(const PendingPtr& p, bool late);
@@ -128,7 +134,8 @@ class Pipeline {
   std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;   ///< of each peer
   std::vector<std::unique_ptr<protos::Endorser::Stub>> proposals_;  ///< likewise
   std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;  ///< of each endorser
-  std::vector<Time> rest_until_;                                    ///< of each endorser
+  std::vector<Time> rest_until_;  ///< of each endorser, then of the one in this process
+  const std::size_t within_;      ///< its index there
   grpc::CompletionQueue queue_;
 
   std::mutex mutex_;  ///< guards the three below, and that nothing is put into the queue after its shutdown

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <set>
 
+#include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
@@ -64,6 +65,7 @@ int run(Config& config) {
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
   fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
+  const endorser::WithinSettings within = endorser::read_within_settings(config);
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
   bridged.checkpoint = bridge::checkpoint_beside(settings.checkpoint);
@@ -85,6 +87,7 @@ int run(Config& config) {
   settings.core.ledger_silent_after_ns += *longer_ns;
   auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
   if (!checkpoint) return fail(checkpoint.error(), exit_usage);
+  if (const Status s = endorser::endorse_within(within, known); !s) return fail(s.error(), exit_usage);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   auto witness = make_witness(known);
@@ -123,6 +126,7 @@ agent.toml: [[drone]] name, number;
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms
   [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, doubt_s, max_absence_blocks, seed,
     start_wait_s
+  [own_endorser] msp_dir, check_one_in, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

@@ -134,6 +134,20 @@ def test_a_stolen_key_of_an_endorser_ends_with_a_revocation_list(network_of, tmp
     assert said["code"] == 10 and said["later"] == [10] * 5, "its endorsements count no more, from that block on"
 
 
+def test_a_flight_is_endorsed_within_agent(tmp_path):
+    needs_fabric()
+    flight = fly(tmp_path, "--drones", "1", "--seconds", "5", "--ledger", "fabric", "--endorser-within", "--blocks", "ordered")
+    flight.wait(120)
+    run = tmp_path / "run"
+    agent, counts = (json.loads((run / f"{name}.summary.json").read_text()) for name in ("agent", "endorser"))
+    print(json.dumps(counts))
+    assert agent["doubts"] == 0 and counts["differ"] == 0 and counts["apart"] == 0
+    assert counts["same"] > 0 and counts["joined"], "it lives on agent's own stream"
+    assert counts["answered"] > 200, "five seconds of thirty states and as many commands"
+    key = next((run / "ledger/crypto/peerOrganizations/org1.ledgerline/peers/endorser0.org1.ledgerline/msp/keystore").iterdir())
+    assert key.stat().st_mode & 0o777 == 0o600
+
+
 @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP] if LONG else [signal.SIGKILL], ids=lambda how: how.name)
 def test_a_flight_goes_on_over_the_peer_without_its_endorser(tmp_path, how):
     needs_fabric()

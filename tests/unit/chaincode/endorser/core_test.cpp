@@ -5,6 +5,7 @@
 #include <random>
 
 #include "chaincode/endorser/core/comparison.hpp"
+#include "chaincode/node/core/tx/block.hpp"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
@@ -153,6 +154,34 @@ TEST_F(OwnEndorserTest, ABlockOfAnotherChainIsRefused) {
   EXPECT_THAT(taken.error().what, HasSubstr("of another chain"));
   EXPECT_FALSE(core.take(*fabric::decode_block(net.chain.back()), net.chain.front()).ok()) << "bytes of another block";
   follow();
+}
+
+TEST_F(OwnEndorserTest, ATransactionOfAnIdThatWasUsedCountsForNobody) {
+  net.submit(net.host, "set", note("tello1/a", "1"));
+  follow();
+  common::Block last;
+  ASSERT_TRUE(last.ParseFromString(net.chain.back()));
+  const auto before = net.propose(net.host, "get", "tello1/a");
+  const std::string read = ask(before).bytes;
+  // As an orderer's stream tells it to who does not have the ids of all blocks.
+  common::Block again = node::make_block({core.height(), node::header_hash(last.header())}, {last.data().data(0)});
+  again.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::string(1, '\0'));
+  const std::string raw = again.SerializeAsString();
+  const auto block = fabric::decode_block(raw);
+  ASSERT_EQ(block->transactions.at(0).code, 0);
+  ASSERT_TRUE(core.take(*block, raw).ok());
+  EXPECT_EQ(compare(read, ask(before).bytes), Comparison::same) << "what it writes was written once";
+}
+
+TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
+  Core client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
+  Core stranger{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
+  for (Core* one : {&client, &stranger}) {
+    for (const std::string& raw : net.chain) ASSERT_TRUE(one->take(*fabric::decode_block(raw), raw).ok());
+    const Reply reply = one->process_proposal(net.propose(net.host, "set", note("tello1/a")).signed_proposal, net.now);
+    EXPECT_EQ(reply.code, Code::unavailable);
+    EXPECT_THAT(reply.message, HasSubstr("no endorsement of this endorser counts"));
+  }
 }
 
 TEST_F(OwnEndorserTest, StrangersWrongSignaturesAndDuplicatesAreRefusedInThePeersWords) {

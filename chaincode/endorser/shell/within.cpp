@@ -1,0 +1,97 @@
+#include "chaincode/endorser/shell/within.hpp"
+
+#include <atomic>
+#include <memory>
+#include <utility>
+
+#include "chaincode/endorser/shell/service.hpp"
+#include "chaincode/endorser/shell/serving.hpp"
+#include "chaincode/endorser/shell/summary.hpp"
+#include "common/base/log.hpp"
+#include "common/fabric/client/own_endorser.hpp"
+
+namespace ledgerline::endorser {
+namespace {
+
+class Within final : public fabric::OwnEndorser, public std::enable_shared_from_this<Within> {
+ public:
+  Within(std::unique_ptr<Service> service, std::string summary)
+      : service_(std::move(service)), summary_(std::move(summary)) {}
+  ~Within() override {
+    served_.reset();
+    if (summary_.empty()) return;
+    if (const Status s = write_summary(summary_, service_->counts()); !s)
+      spdlog::error("own_endorser.summary: {}", s.error().what);
+  }
+  Within(const Within&) = delete;
+  Within& operator=(const Within&) = delete;
+
+  Status serve(const ServeSettings& settings) {
+    auto served = endorser::serve(*service_, settings, "own_endorser.");
+    if (!served) return served.error();
+    served_ = std::move(*served);
+    return done;
+  }
+
+  Answer endorse(const std::string& signed_proposal) override {
+    node::Reply reply = service_->process_proposal(signed_proposal);
+    if (reply.code == node::Code::ok) return {.response = std::move(reply.bytes)};
+    return {.problem = std::move(reply.message), .elsewhere = reply.code == node::Code::unavailable};
+  }
+
+  fabric::Client::StreamHandlers fed_by(fabric::Client::StreamHandlers handlers) override {
+    if (fed_.exchange(true)) return handlers;
+    const auto self = shared_from_this();
+    handlers.on_block = [self, then = std::move(handlers.on_block)](const fabric::Block& block, std::string_view raw) {
+      if (then) then(block, raw);
+      self->take(block, raw);
+    };
+    handlers.on_connection = [self, then = std::move(handlers.on_connection)](bool connected, const std::string& why) {
+      if (then) then(connected, why);
+      self->service_->shared_connected(connected, why);
+    };
+    handlers.on_contradiction = [self, then = std::move(handlers.on_contradiction)](const std::string& what) {
+      if (then) then(what);
+      self->service_->fail(what);
+    };
+    return handlers;
+  }
+
+ private:
+  void take(const fabric::Block& block, std::string_view raw) {
+    for (const fabric::Transaction& transaction : block.transactions) {
+      if (transaction.problem.empty()) continue;
+      service_->fail("a transaction's flag is not believed: " + transaction.problem);
+      return;
+    }
+    service_->take_shared(block, raw);
+  }
+
+  const std::unique_ptr<Service> service_;
+  const std::string summary_;
+  std::atomic<bool> fed_{false};
+  std::unique_ptr<Served> served_;
+};
+
+}  // namespace
+
+Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledger) {
+  if (settings.msp_dir.empty()) return done;
+  if (ledger.orderers.empty())
+    return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
+  fabric::ClientConfig own = ledger;
+  own.blocks = fabric::BlockSource::peer;
+  auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);
+  if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().what};
+  own.identity = std::move(*identity);
+  auto service = Service::start(std::move(own), settings.check_one_in, [](const std::string&) {});
+  if (!service) return Error{"own_endorser: " + service.error().what};
+  auto within = std::make_shared<Within>(std::move(*service), settings.summary);
+  if (!settings.serve.listen.empty()) {
+    if (Status s = within->serve(settings.serve); !s) return s;
+  }
+  ledger.own_endorser = std::move(within);
+  return done;
+}
+
+}  // namespace ledgerline::endorser

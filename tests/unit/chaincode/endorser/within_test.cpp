@@ -1,0 +1,174 @@
+#include "chaincode/endorser/shell/within.hpp"
+
+#include <arpa/inet.h>
+#include <gmock/gmock.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <nlohmann/json.hpp>
+
+#include "common/fabric/client/own_endorser.hpp"
+#include "tests/unit/chaincode/node/server/served_node.hpp"
+
+/// An endorser in the client's process, against the embedded node, which is its peer and orderer.
+namespace ledgerline::endorser {
+namespace {
+
+using ::testing::HasSubstr;
+using Kind = fabric::Outcome::Kind;
+using node::ServedNode;
+
+fabric::Call state(const std::string& id) {
+  return {"set", {R"({"assets":[{"id":")" + id + R"(","msgType":"t"}],"stream":true})"}};
+}
+
+/// That nobody had a moment ago.
+int free_port() {
+  const int fd = ::socket(AF_INET, SOCK_STREAM, 0);
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  at.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof at;
+  EXPECT_EQ(::bind(fd, reinterpret_cast<const sockaddr*>(&at), size), 0);
+  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&at), &size), 0);
+  ::close(fd);
+  return ntohs(at.sin_port);
+}
+
+class FakeEndorser final : public fabric::OwnEndorser {
+ public:
+  explicit FakeEndorser(Answer answer) : answer_(std::move(answer)) {}
+  Answer endorse(const std::string&) override {
+    ++asked;
+    return answer_;
+  }
+  fabric::Client::StreamHandlers fed_by(fabric::Client::StreamHandlers handlers) override { return handlers; }
+  std::atomic<int> asked{0};
+
+ private:
+  const Answer answer_;
+};
+
+class WithinTest : public ::testing::Test {
+ protected:
+  fabric::ClientConfig config() const {
+    fabric::ClientConfig config;
+    config.endpoint = served.endpoint();
+    config.tls_ca_file = served.tls_ca_file();
+    config.orderers.push_back({served.endpoint(), served.tls_ca_file()});
+    config.config_block = node::text_of(organisation().parent_path().parent_path().parent_path() / "teleop.block");
+    config.identity = served.user(1, "User1");
+    return config;
+  }
+  std::filesystem::path organisation() const {
+    return std::filesystem::path(served.tls_ca_file()).parent_path().parent_path();
+  }
+  /// Sends many states through a client with this endorser, with a block stream; what the endorser says it did.
+  nlohmann::json send_states(const std::filesystem::path& msp_dir, fabric::BlockSource blocks) {
+    const std::filesystem::path summary = organisation() / "within.json";
+    fabric::ClientConfig with = config();
+    with.blocks = blocks;
+    const Status begun = endorse_within({msp_dir, 10, summary, {}}, with);
+    EXPECT_TRUE(begun.ok()) << begun.error().what;
+    {
+      const auto client = fabric::Client::create(std::move(with)).value();
+      std::atomic<int> seen{0};
+      const auto stream = client->blocks(std::nullopt, {.on_block = [&](const auto&, auto) { ++seen; },
+                                                        .on_connection = [](bool, const std::string&) {}});
+      for (int i = 0; i < count; ++i) {
+        const auto outcome = client->submit_and_wait(state("tello1/a"));
+        EXPECT_EQ(outcome.kind, Kind::committed) << outcome.message;
+      }
+      EXPECT_GT(seen, count / 2) << "the stream's own reader has its blocks, too";
+    }
+    with = {};
+    return nlohmann::json::parse(node::text_of(summary), nullptr, false);
+  }
+
+  static constexpr int count = 150;
+  ServedNode served;
+};
+
+TEST_F(WithinTest, CallsAreEndorsedInTheProcessOnTheStreamThatItReadsAnyway) {
+  for (const auto blocks : {fabric::BlockSource::peer, fabric::BlockSource::ordered}) {
+    const auto counts = send_states(organisation() / "peers/peer0.org1.ledgerline/msp", blocks);
+    EXPECT_GT(counts["answered"], count / 2) << counts;
+    EXPECT_EQ(counts["differ"], 0) << counts;
+    EXPECT_GT(counts["same"], 0) << counts;
+    EXPECT_EQ(counts["joined"], true) << counts;
+  }
+}
+
+TEST_F(WithinTest, WithAnIdentityThatMayNotEndorseItLeavesAllToThePeer) {
+  const auto counts = send_states(organisation() / "users/User1@org1.ledgerline/msp", fabric::BlockSource::peer);
+  EXPECT_EQ(counts["answered"], 0) << counts;
+  EXPECT_GT(counts["sent_to_the_peer"], 0) << counts;
+}
+
+TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
+  const std::filesystem::path peer = organisation() / "peers/peer0.org1.ledgerline";
+  fabric::ClientConfig with = config();
+  const Status nowhere = endorse_within({peer / "msp", 1, "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
+  EXPECT_THAT(nowhere.error().what, HasSubstr("own_endorser.tls_certificate"));
+  const std::string at = "127.0.0.1:" + std::to_string(free_port());
+  const std::filesystem::path summary = organisation() / "serving.json";
+  ASSERT_TRUE(
+      endorse_within({peer / "msp", 10, summary, {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with).ok());
+  fabric::ClientConfig other = config();
+  other.endorsers = {{"Org1MSP", at, served.tls_ca_file()}, {"Org1MSP", served.endpoint(), served.tls_ca_file()}};
+  const auto client = fabric::Client::create(std::move(other)).value();
+  for (int i = 0; i < count; ++i) EXPECT_EQ(client->submit_and_wait(state("tello1/a")).kind, Kind::committed);
+  with = {};
+  EXPECT_GT(nlohmann::json::parse(node::text_of(summary))["answered"], count / 2);
+}
+
+TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
+  fabric::ClientConfig none = config();
+  EXPECT_TRUE(endorse_within({}, none).ok());
+  EXPECT_EQ(none.own_endorser, nullptr);
+  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", {}}, none).error().what,
+              HasSubstr("own_endorser.msp_dir"));
+  none.orderers.clear();
+  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", {}}, none).error().what,
+              HasSubstr("no [[orderer]]"));
+  none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
+  EXPECT_FALSE(fabric::Client::create(none).ok());
+}
+
+TEST_F(WithinTest, OneThatCannotAnswerRestsAndThePeerIsAsked) {
+  const auto own =
+      std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.problem = "not all blocks yet", .elsewhere = true});
+  fabric::ClientConfig with = config();
+  with.own_endorser = own;
+  const auto client = fabric::Client::create(std::move(with)).value();
+  const auto began = std::chrono::steady_clock::now();
+  int calls = 0;
+  for (; std::chrono::steady_clock::now() - began < std::chrono::milliseconds(600); ++calls) {
+    const auto outcome = client->submit_and_wait(state("tello1/a"));
+    ASSERT_EQ(outcome.kind, Kind::committed) << outcome.message;
+  }
+  EXPECT_GE(own->asked, 1);
+  EXPECT_LE(own->asked, 5) << "of " << calls << " calls: it rests for 0.2 s each time";
+  // Where two organisations are asked it is passed over likewise.
+  fabric::Call both = state("tello1/a");
+  both.need = fabric::EndorsementNeed{.count = fabric::EndorsementNeed::Count::two};
+  EXPECT_EQ(client->submit_and_wait(both).kind, Kind::committed);
+}
+
+TEST_F(WithinTest, ItsRefusalIsTheCallsEnd) {
+  fabric::ClientConfig with = config();
+  with.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.problem = "access denied"});
+  const auto outcome = fabric::Client::create(std::move(with)).value()->submit_and_wait(state("tello1/a"));
+  EXPECT_EQ(outcome.kind, Kind::refused);
+  EXPECT_EQ(outcome.message, "access denied");
+}
+
+TEST_F(WithinTest, AnAnswerThatIsNoResponseIsNotSent) {
+  fabric::ClientConfig with = config();
+  with.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.response = "\xff nothing"});
+  EXPECT_EQ(fabric::Client::create(std::move(with)).value()->submit_and_wait(state("tello1/a")).kind, Kind::refused);
+}
+
+}  // namespace
+}  // namespace ledgerline::endorser
