@@ -34,9 +34,16 @@ void Ordering::send(std::string_view envelope, std::chrono::system_clock::time_p
     which_ = (which_ + 1) % orderers_.size();
     finish(sent_ ? Ended::open : Ended::not_sent, "no acknowledgement in time");
   }));
+  if (!renewed_.empty()) {
+    orderers_ = std::exchange(renewed_, {});
+    if (stream_) stream_->context.TryCancel();
+    stream_.reset();
+  }
   if (stream_) return write();
   connect();
 }
+
+void Ordering::renew(std::vector<std::shared_ptr<grpc::Channel>> orderers) { renewed_ = std::move(orderers); }
 
 void Ordering::connect() {
   grpc::Channel& channel = *orderers_[which_];

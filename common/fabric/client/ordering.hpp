@@ -34,6 +34,8 @@ class Ordering {
   /// One at a time (busy). `done` comes once, by the deadline, never within the call.
   void send(std::string_view envelope, std::chrono::system_clock::time_point deadline, Done done);
   bool busy() const { return done_ != nullptr; }
+  /// The same orderers over new connections, from the next envelope on.
+  void renew(std::vector<std::shared_ptr<grpc::Channel>> orderers);
   /// Cancels the stream; what is under way is not heard of any more. Before the queue's shutdown.
   void end();
 
@@ -53,7 +55,7 @@ class Ordering {
   /// A tag that counts only while the same send is under way on the same stream.
   Tag* tag(std::function<void(bool ok)> then);
 
-  const std::vector<std::shared_ptr<grpc::Channel>> orderers_;
+  std::vector<std::shared_ptr<grpc::Channel>> orderers_, renewed_;  ///< the second: for the next envelope; empty: none
   grpc::CompletionQueue& queue_;
   std::size_t which_ = 0;
   std::shared_ptr<Stream> stream_;
