@@ -116,11 +116,15 @@ Result<std::string> list_of_entry(const std::string& entry);
 /// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
 
+class IdentityInUse;
+
 /// A signer with its name and its serialized form, ready to make transactions.
 struct SigningIdentity {
   IdentityName name;
   std::string serialized;  ///< msp.SerializedIdentity
   std::shared_ptr<const Signer> signer;
+  /// Where it is renewed while clients sign with it (identities/identity_in_use.hpp): what they sign with; none: this one.
+  std::shared_ptr<IdentityInUse> in_use{};
 };
 /// From an MSP's folder: DIR/signcerts/*.pem and DIR/keystore/*_sk (cryptogen, fabric-ca), priv-key.pem (fablo) or the only
 /// file that is there; names with a leading dot are passed over, as Kubernetes' secrets have them. The key by
@@ -131,8 +135,23 @@ struct IdentityFiles {
   std::string certificate{}, private_key{};
 };
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const IdentityFiles& files);
-/// Those that load_identity takes in such a folder.
+/// Those that load_identity takes in such a folder: of several keys *_sk the one that the certificate is of, so that a
+/// renewal with a new key is whole once the certificate is in its place.
 Result<IdentityFiles> identity_files(const std::string& msp_dir);
+/// Where an identity comes from, for who loads it again: a folder, or two files where `msp_dir` is empty.
+struct IdentityPlace {
+  Library library = Library::libcrypto;
+  std::string msp_id{}, msp_dir{};
+  IdentityFiles files{};
+  Result<IdentityFiles> files_now() const { return msp_dir.empty() ? files : identity_files(msp_dir); }
+};
+/// Who an identity is (msp.SerializedIdentity) and what its certificate says; whether an authority has signed it is not
+/// looked at.
+struct NamedCertificate {
+  IdentityName name;
+  Certificate certificate;
+};
+Result<NamedCertificate> read_serialized(std::string_view serialized);
 Result<std::string> certificate_file(const std::string& msp_dir);
 Result<std::string> key_file(const std::string& msp_dir);
 /// The content of a private key's file, PEM or not. Refuses one that others may read: its mode must be 0600 or less, or

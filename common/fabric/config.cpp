@@ -59,6 +59,27 @@ std::vector<ClientConfig::Server> servers(Config& config, const Key& table) {
   return out;
 }
 
+/// Whether it can be one is not looked at.
+crypto::IdentityPlace identity_place(Config& config) {
+  crypto::IdentityPlace place;
+  place.msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
+  place.msp_dir = config.text(
+      {"ledger.msp_dir",
+       "folder with the own signcerts/ and keystore/ (*_sk, priv-key.pem or the only file there); or `certificate` and "
+       "`private_key`"},
+      "");
+  place.files = {
+      config.text({"ledger.certificate", "PEM file of the own certificate, in place of msp_dir"}, ""),
+      config.text(
+          {"ledger.private_key",
+           "PEM file of its key, P-256 or P-384: readable for its owner alone, or root's and readable for a group "
+           "of ours, as Kubernetes mounts secrets (fsGroup)"},
+          "")};
+  place.library = library_of(config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"},
+                             "libcrypto");
+  return place;
+}
+
 }  // namespace
 
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline) {
@@ -111,28 +132,16 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
        "configuration names; none: the peer is believed about blocks"},
       "");
   out.blocks = block_source(config);
-  const std::string msp_id = config.text({"ledger.msp_id", "the own organisation, such as Org1MSP"});
-  const std::string msp_dir = config.text(
-      {"ledger.msp_dir",
-       "folder with the own signcerts/ and keystore/ (*_sk, priv-key.pem or the only file there); or `certificate` and "
-       "`private_key`"},
-      "");
-  const crypto::IdentityFiles files{
-      config.text({"ledger.certificate", "PEM file of the own certificate, in place of msp_dir"}, ""),
-      config.text(
-          {"ledger.private_key",
-           "PEM file of its key, P-256 or P-384: readable for its owner alone, or root's and readable for a group "
-           "of ours, as Kubernetes mounts secrets (fsGroup)"},
-          "")};
-  const crypto::Library signer = library_of(
-      config, {"ledger.signer", "library that signs: libcrypto needs a tenth of mbedTLS's time"}, "libcrypto");
+  out.identity_place = identity_place(config);
   out.verifier = library_of(config, verifier_key(), "libcrypto");
-  if (out.endpoint.empty() || out.tls_ca_file.empty() || msp_id.empty()) return incomplete;
+  if (out.endpoint.empty() || out.tls_ca_file.empty() || out.identity_place.msp_id.empty()) return incomplete;
+  const crypto::IdentityFiles& files = out.identity_place.files;
   const bool any_file = !files.certificate.empty() || !files.private_key.empty();
-  if (msp_dir.empty() != any_file || files.certificate.empty() != files.private_key.empty())
+  if (out.identity_place.msp_dir.empty() != any_file || files.certificate.empty() != files.private_key.empty())
     return Error{"[ledger] needs msp_dir, or certificate and private_key: one or the other"};
-  auto identity =
-      any_file ? crypto::load_identity(signer, msp_id, files) : crypto::load_identity(signer, msp_id, msp_dir);
+  const auto place = out.identity_place.files_now();
+  if (!place) return place.error();
+  auto identity = crypto::load_identity(out.identity_place.library, out.identity_place.msp_id, *place);
   if (!identity) return identity.error();
   out.identity = std::move(*identity);
   if (config_block.empty()) return out;

@@ -5,7 +5,6 @@
 #include <openssl/err.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
-#include <sys/stat.h>
 #include <boost/asio/ssl/error.hpp>
 
 #include "common/base/file.hpp"
@@ -122,7 +121,7 @@ bool is_plain_http(const boost::system::error_code& error) {
 
 Result<RenewedTls> RenewedTls::open(TlsFiles files) {
   RenewedTls tls(std::move(files));
-  tls.tried_ = tls.seen_ = tls.stamps();  // before they are read: what changes meanwhile is seen at the next look
+  tls.changes_.taken(tls.names());  // before they are read: what changes meanwhile is seen at the next look
   auto context = server_tls(tls.files_);
   if (!context) return context.error();
   tls.context_ = std::move(*context);
@@ -130,11 +129,7 @@ Result<RenewedTls> RenewedTls::open(TlsFiles files) {
 }
 
 std::optional<Status> RenewedTls::look() {
-  const Stamps now = stamps();
-  const bool still = now == seen_;
-  seen_ = now;
-  if (!still || now == tried_) return std::nullopt;
-  tried_ = now;
+  if (!changes_.look(names())) return std::nullopt;
   auto context = server_tls(files_);
   if (!context) return context.error();
   context_ = std::move(*context);
@@ -146,13 +141,6 @@ int RenewedTls::days_left() const {
   int days = 0, seconds = 0;
   ASN1_TIME_diff(&days, &seconds, nullptr, X509_get0_notAfter(own));
   return seconds < 0 ? days - 1 : days;
-}
-
-RenewedTls::Stamp RenewedTls::stamp_of(const std::string& file) {
-  struct stat info {};
-  if (file.empty() || ::stat(file.c_str(), &info) != 0) return {};
-  return {info.st_dev, info.st_ino, static_cast<std::uint64_t>(info.st_size),
-          info.st_ctim.tv_sec * std::int64_t{1'000'000'000} + info.st_ctim.tv_nsec};
 }
 
 }  // namespace ledgerline::web

@@ -1,11 +1,11 @@
 #pragma once
-#include <array>
 #include <boost/asio/ssl/context.hpp>
-#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "common/base/changed_files.hpp"
 #include "common/base/result.hpp"
 #include "common/web/tls_files.hpp"
 
@@ -42,20 +42,12 @@ class RenewedTls {
   int days_left() const;
 
  private:
-  struct Stamp {
-    std::uint64_t device = 0, inode = 0, size = 0;
-    std::int64_t changed_ns = 0;
-    bool operator==(const Stamp&) const = default;
-  };
-  using Stamps = std::array<Stamp, 3>;
-
   explicit RenewedTls(TlsFiles files) : files_(std::move(files)) {}
-  static Stamp stamp_of(const std::string& file);
-  Stamps stamps() const { return {stamp_of(files_.certificate), stamp_of(files_.key), stamp_of(files_.authority)}; }
+  std::vector<std::string> names() const { return {files_.certificate, files_.key, files_.authority}; }
 
   TlsFiles files_;
   TlsContext context_;
-  Stamps tried_{}, seen_{};  ///< when they were last read; at the last look
+  ChangedFiles changes_;
 };
 
 }  // namespace ledgerline::web

@@ -66,6 +66,7 @@ std::vector<PilotWish> Ground::take_wishes() {
 Status Ground::start(const std::atomic<bool>& quit) {
   if (auto status = recorder_.open(output_.trace); !status) return status;
   if (auto status = open_topics(); !status) return status;
+  start_certificates();
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
   handlers.on_connection = [this](bool connected, const std::string& why) {
@@ -222,7 +223,7 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   if (!settings.operators.empty()) {
     if (Status opened = open_desk(settings.operators, ledger); !opened) return opened;
   }
-  self_ = ledger.identity.serialized;
+  self_ = ledger.identity.in_use;
   session_idle_ns_ = settings.session_idle_ns;
   service::Server::Behind behind{.take = [this](const PilotWish& one) { return take(one); },
                                  .keys = desk_.get(),
@@ -264,8 +265,10 @@ void Ground::show(TimeNs now_ns) {
 }
 
 void Ground::note(const fabric::Block& block) {
+  certificate_ends_.note(block);
   if (!server_) return;
-  unshown_blocks_.push_back(service::summary_of(block, monotonic_ns(), self_, core_.config().where.contract));
+  unshown_blocks_.push_back(
+      service::summary_of(block, monotonic_ns(), self_->now()->serialized, core_.config().where.contract));
   if (server_->watched() || unshown_blocks_.size() >= service::max_told_blocks)
     server_->publish_blocks(std::exchange(unshown_blocks_, {}));
 }
@@ -366,6 +369,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       break;
     }
     if (!leaving_.empty()) see_off(now_ns);
+    tell_certificates(now_ns);
     show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
@@ -427,7 +431,7 @@ void Ground::count_losses() {
 
 void Ground::write_status(TimeNs now_ns) {
   next_status_ns_ = now_ns + output_.status_period_ns;
-  fmt::print("{}\n", status_line(core_));
+  fmt::print("{}\n", status_line(core_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
   std::fflush(stdout);
 }
 

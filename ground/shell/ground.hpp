@@ -16,11 +16,13 @@
 #include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/rt/mailbox.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
+#include "ground/service/core/certificate_ends.hpp"
 #include "ground/service/shell/server.hpp"
 #include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
@@ -48,6 +50,8 @@ class Ground {
   /// The page and the API, from the start on. Before start(). `ledger`: as of the clients above, for the operators'.
   Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
                const fabric::ClientConfig& ledger);
+  /// Has renewed certificates taken while it runs, and tells their ends on the station, with those of agents. Before serve().
+  void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return server_ ? server_->url() : std::string(); }
 
@@ -94,6 +98,8 @@ class Ground {
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
   void show(TimeNs now_ns);
+  void start_certificates();
+  void tell_certificates(TimeNs now_ns);
   /// For whoever looks at the page: what a block holds.
   void note(const fabric::Block& block);
   void publish(const DroneNews& news);
@@ -117,8 +123,10 @@ class Ground {
   ShellCounters counters_;
   TimeNs next_status_ns_ = 0, next_show_ns_ = 0;
   service::Board board_;
-  std::vector<service::Event> unshown_;  ///< of this board, not handed to the server yet
-  std::string self_;                     ///< of serve()
+  std::vector<service::Event> unshown_;                ///< of this board, not handed to the server yet
+  std::shared_ptr<const crypto::IdentityInUse> self_;  ///< of serve()
+  service::CertificateEnds certificate_ends_;
+  TimeNs next_certificates_ns_ = 0;
   service::Refusals refusals_;
   std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; at most max_told_blocks
   TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
@@ -150,6 +158,7 @@ class Ground {
   fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_;
+  std::unique_ptr<fabric::CertificateWatch> certificates_;
 };
 
 }  // namespace ledgerline::ground

@@ -44,8 +44,10 @@ int fly(Config& config) {
   if (!longer_ns) return fail(longer_ns.error());
   ledger->deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
   if (const Status s = endorser::endorse_within(within, *ledger); !s) return fail(s.error(), exit_usage);
-  const fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
+  fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
   if (careful.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
+  auto certificates = fabric::watch_certificates(config, careful);
+  if (!certificates) return fail(certificates.error(), exit_usage);
   auto client = fabric::Client::create(careful);
   auto urgent = fabric::Client::create(careful);
   if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
@@ -53,6 +55,7 @@ int fly(Config& config) {
   if (!participant) return fail(participant.error());
   ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
                         std::move(*kept));
+  ground.watch_certificates(std::move(*certificates));
   if (!service.listen.empty()) {
     if (auto status = ground.serve(service, std::move(missions), careful); !status)
       return fail(status.error(), exit_usage);

@@ -260,7 +260,7 @@ std::string checkpoint_path(Config& config) {
       "");
 }
 
-std::string status_line(const FlightCore& core) {
+std::string status_line(const FlightCore& core, std::optional<std::int64_t> certificate_days) {
   json drones = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) {
     const FlightStatus& status = core.status(i);
@@ -269,7 +269,9 @@ std::string status_line(const FlightCore& core) {
                       {"lap", status.lap},
                       {"progress", status.progress}});
   }
-  return json{{"ground", {{"drones", drones}, {"why", core.why()}}}}.dump();
+  json line = {{"drones", std::move(drones)}, {"why", core.why()}};
+  if (certificate_days) line["certificate_days"] = *certificate_days;
+  return json{{"ground", std::move(line)}}.dump();
 }
 
 std::string summary(const FlightCore& core, const ShellCounters& shell) {

@@ -40,7 +40,8 @@ struct ShellCounters {
 };
 
 /// The status line and the summary, as JSON text.
-std::string status_line(const FlightCore& core);
+/// `certificate_days`: until the first of its certificates ends.
+std::string status_line(const FlightCore& core, std::optional<std::int64_t> certificate_days = {});
 std::string summary(const FlightCore& core, const ShellCounters& shell);
 
 }  // namespace ledgerline::ground

@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "common/crypto/identities/request.hpp"
 #include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 
@@ -87,6 +88,26 @@ Result<Named> read_named(const fs::path& file) {
   return named;
 }
 
+/// Of the keys beside `first` the one that fits; `first` where that is the only one, or none fits: to load it then says
+/// what is wrong. A locked key fits nobody here, and one who has such has one alone.
+std::string key_of(const std::string& certificate_file, std::string first) {
+  std::string certificate;
+  if (!read_file(certificate_file, false, certificate)) return first;
+  std::vector<fs::path> keys;
+  std::error_code error;
+  for (fs::directory_iterator at(fs::path(first).parent_path(), error), end; !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename().string();
+    if (name.ends_with("_sk") && !name.starts_with('.')) keys.push_back(at->path());
+  }
+  if (keys.size() < 2) return first;
+  std::ranges::sort(keys);
+  for (const fs::path& file : keys) {
+    Secret key;
+    if (read_file(file, true, key.text) && check_fits(key.text, certificate)) return file.string();
+  }
+  return first;
+}
+
 /// `pass_phrase`: null where none locks the key.
 Result<SigningIdentity> load(Library library, const std::string& msp_id, const IdentityFiles& files,
                              const std::string* pass_phrase) {
@@ -135,7 +156,17 @@ Result<IdentityFiles> identity_files(const std::string& msp_dir) {
   if (!certificate) return certificate.error();
   auto key = key_file(msp_dir);
   if (!key) return key.error();
-  return IdentityFiles{std::move(*certificate), std::move(*key)};
+  return IdentityFiles{*certificate, key_of(*certificate, std::move(*key))};
+}
+
+Result<NamedCertificate> read_serialized(std::string_view serialized) {
+  msp::SerializedIdentity identity;
+  if (!identity.ParseFromArray(serialized.data(), static_cast<int>(serialized.size())))
+    return Error{"it is no identity"};
+  auto certificate = parse_certificate(identity.id_bytes());
+  if (!certificate) return certificate.error();
+  IdentityName name{identity.mspid(), certificate->subject};
+  return NamedCertificate{std::move(name), std::move(*certificate)};
 }
 
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir) {

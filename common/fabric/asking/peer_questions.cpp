@@ -21,14 +21,14 @@ PeerQuestions::~PeerQuestions() = default;
 
 Result<std::string> PeerQuestions::propose(std::string_view signed_proposal) {
   const Connection& connection = *state_->connection;
-  const auto answer = ask_peer(connection.peers.front(), signed_proposal, connection.config.deadline);
+  const auto answer = ask_peer(connection.channels()->peers.front(), signed_proposal, connection.config.deadline);
   if (!answer) return answer.error();
   return answer->SerializeAsString();
 }
 
 Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Call& call) {
   const auto proposal =
-      make_proposal(state_->connection->config.identity, where, call, realtime_ns(), crypto::random_bytes(24));
+      make_proposal(*state_->connection->signing(), where, call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   const auto answer = propose(proposal->signed_proposal);
   if (!answer) return answer.error();

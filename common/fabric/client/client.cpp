@@ -40,7 +40,8 @@ class GatewayClient final : public Client {
     const Status asked = keep_asking(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
       protos::SignedProposal request;
       request.ParseFromString(proposal.signed_proposal);
-      return protos::Endorser::NewStub(connection_->peers[0])->ProcessProposal(&context, request, &response);
+      return protos::Endorser::NewStub(connection_->channels()->peers[0])
+          ->ProcessProposal(&context, request, &response);
     });
     if (!asked) return asked.error();
     if (response.response().status() >= 400) return Error{response.response().message()};
@@ -83,7 +84,7 @@ class GatewayClient final : public Client {
       request.set_transaction_id(proposal.tx_id);
       request.set_channel_id(connection_->config.where.channel);
       request.mutable_proposed_transaction()->ParseFromString(proposal.signed_proposal);
-      const auto stub = gateway::Gateway::NewStub(connection_->peers[connection_->peer()]);
+      const auto stub = gateway::Gateway::NewStub(connection_->channels()->peers[connection_->peer()]);
       return rpc(*stub, context, request);
     });
   }
@@ -94,7 +95,7 @@ class GatewayClient final : public Client {
     BackOff back_off(first_retry_ns, max_retry_ns);
     Random random(random_seed());
     for (int attempt = 1;; ++attempt) {
-      auto proposal = make_proposal(connection_->config.identity, connection_->config.where, call, realtime_ns(),
+      auto proposal = make_proposal(*connection_->signing(), connection_->config.where, call, realtime_ns(),
                                     crypto::random_bytes(24));
       if (!proposal) return proposal.error();
       grpc::ClientContext context;

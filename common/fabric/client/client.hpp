@@ -1,4 +1,5 @@
 #pragma once
+#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -29,6 +30,9 @@ struct ClientConfig {
     std::string certificate_file{}, key_file{};
   };
   TlsPair tls_pair;
+  /// Counts how often TLS pairs have been renewed in their files: connections are made anew with what lies there then. None:
+  /// they never are.
+  std::shared_ptr<const std::atomic<std::uint64_t>> tls_renewals{};
   struct Server {
     std::string endpoint;
     std::string tls_ca_file;
@@ -70,6 +74,7 @@ struct ClientConfig {
   /// since only who knows the contract can say. On a stream's thread.
   std::function<bool(const std::string& key)> is_of_hot_path;
   crypto::SigningIdentity identity;
+  crypto::IdentityPlace identity_place{};    ///< that it was loaded from, for who renews it
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
   bool patience_of_channel = false;          ///< limits of time grow by what the channel's blocks take (patience.hpp)
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end

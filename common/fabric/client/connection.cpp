@@ -9,6 +9,8 @@
 #include <cstring>
 
 #include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/crypto/identities/request.hpp"
 #include "common/fabric/judge/block_judge.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -72,6 +74,8 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
     if (!certificate) return certificate.error();
     auto key = crypto::read_key_file(own.key_file);
     if (!key) return key.error();
+    if (Status fits = crypto::check_fits(*key, *certificate); !fits)
+      return Error{fmt::format("{} and {}: {}", own.certificate_file, own.key_file, fits.error().what)};
     tls.pem_cert_chain = std::move(*certificate);
     tls.pem_private_key = std::move(*key);
   }
@@ -90,6 +94,51 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
   return grpc::CreateCustomChannel(server.endpoint, grpc::SslCredentials(tls), arguments);
 }
 
+Result<std::shared_ptr<const Channels>> make_channels(const ClientConfig& config) {
+  auto channels = std::make_shared<Channels>();
+  for (auto* into : {&channels->peers, &channels->stream_peers}) {
+    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair});
+    if (!channel) return channel.error();
+    into->push_back(std::move(*channel));
+  }
+  using Made = std::vector<std::shared_ptr<grpc::Channel>>;
+  const auto connect = [&](const ClientConfig::Server& server) { return make_channel(with_pair(server, config)); };
+  const auto add = [&](const std::vector<ClientConfig::Server>& servers, Made& into) -> Status {
+    for (const ClientConfig::Server& server : servers) {
+      auto channel = connect(server);
+      if (!channel) return channel.error();
+      into.push_back(std::move(*channel));
+    }
+    return done;
+  };
+  if (auto s = add(config.other_peers, channels->peers); !s) return s.error();
+  if (auto s = add(config.other_peers, channels->stream_peers); !s) return s.error();
+  if (auto s = add(config.orderers, channels->orderers); !s) return s.error();
+  if (config.blocks != BlockSource::peer) {
+    if (auto s = add(config.orderers, channels->stream_orderers); !s) return s.error();
+  }
+  for (const ClientConfig::Endorser& endorser : config.endorsers) {
+    if (endorser.endpoint == config.endpoint) {
+      channels->endorsers.push_back(channels->peers[0]);
+      continue;
+    }
+    auto to_endorser = connect({endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair});
+    if (!to_endorser) return to_endorser.error();
+    channels->endorsers.push_back(std::move(*to_endorser));
+  }
+  using Servers = std::vector<ClientConfig::Server>;
+  Servers peers{{config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair}};
+  peers.insert(peers.end(), config.other_peers.begin(), config.other_peers.end());
+  for (const auto& [servers, into] :
+       {std::pair<const Servers*, std::vector<std::string>*>(&peers, &channels->peer_tls_hashes),
+        {&config.orderers, &channels->orderer_tls_hashes}}) {
+    auto hashes = tls_hashes(*servers, config);
+    if (!hashes) return hashes.error();
+    *into = std::move(*hashes);
+  }
+  return std::shared_ptr<const Channels>(std::move(channels));
+}
+
 }  // namespace
 
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
@@ -106,50 +155,33 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     const auto judge = BlockJudge::from(config.config_block, config.where.channel, config.verifier);
     if (!judge) return Error{"ledger.config_block: " + judge.error().what};
   }
-  auto connection = std::make_shared<Connection>();
-  for (auto* into : {&connection->peers, &connection->stream_peers}) {
-    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair});
-    if (!channel) return channel.error();
-    into->push_back(std::move(*channel));
-  }
-  using Channels = std::vector<std::shared_ptr<grpc::Channel>>;
-  const auto connect = [&](const ClientConfig::Server& server) { return make_channel(with_pair(server, config)); };
-  const auto add = [&](const std::vector<ClientConfig::Server>& servers, Channels& into) -> Status {
-    for (const ClientConfig::Server& server : servers) {
-      auto channel = connect(server);
-      if (!channel) return channel.error();
-      into.push_back(std::move(*channel));
+  if (!config.identity.in_use) config.identity.in_use = std::make_shared<crypto::IdentityInUse>(config.identity);
+  auto channels = make_channels(config);
+  if (!channels) return channels.error();
+  return std::make_shared<const Connection>(std::move(config), std::move(*channels));
+}
+
+Connection::Connection(ClientConfig settings, std::shared_ptr<const Channels> channels)
+    : config(std::move(settings)),
+      channels_(std::move(channels)),
+      renewals_(config.tls_renewals ? config.tls_renewals->load() : 0) {}
+
+std::shared_ptr<const Channels> Connection::channels() const {
+  const std::lock_guard lock(mutex_);
+  if (config.tls_renewals && *config.tls_renewals != renewals_) {
+    renewals_ = *config.tls_renewals;
+    if (auto next = make_channels(config)) {
+      channels_ = std::move(*next);
+    } else {
+      spdlog::error("the ledger's connections keep their old TLS certificates: {}", next.error().what);
     }
-    return done;
-  };
-  if (auto s = add(config.other_peers, connection->peers); !s) return s.error();
-  if (auto s = add(config.other_peers, connection->stream_peers); !s) return s.error();
-  if (auto s = add(config.orderers, connection->orderers); !s) return s.error();
-  if (config.blocks != BlockSource::peer) {
-    if (auto s = add(config.orderers, connection->stream_orderers); !s) return s.error();
   }
-  for (const ClientConfig::Endorser& endorser : config.endorsers) {
-    if (endorser.endpoint == config.endpoint) {
-      connection->endorsers.push_back(connection->peers[0]);
-      continue;
-    }
-    auto to_endorser = connect({endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair});
-    if (!to_endorser) return to_endorser.error();
-    connection->endorsers.push_back(std::move(*to_endorser));
-  }
-  std::vector<ClientConfig::Server> peers{{config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair}};
-  peers.insert(peers.end(), config.other_peers.begin(), config.other_peers.end());
-  for (const auto& [servers, into] : {std::pair{&peers, &connection->peer_tls_hashes},
-                                      std::pair{&config.orderers, &connection->orderer_tls_hashes}}) {
-    auto hashes = tls_hashes(*servers, config);
-    if (!hashes) return hashes.error();
-    *into = std::move(*hashes);
-  }
-  connection->config = std::move(config);
-  return std::shared_ptr<const Connection>(std::move(connection));
+  return channels_;
 }
 
 std::size_t Connection::peer() const {
+  const auto now = channels();
+  const auto& peers = now->peers;
   if (peers.size() == 1 || peers[0]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE) return 0;
   for (std::size_t i = 1; i < peers.size(); ++i) {
     if (peers[i]->GetState(true) == GRPC_CHANNEL_READY) return i;
@@ -158,6 +190,8 @@ std::size_t Connection::peer() const {
 }
 
 std::vector<std::size_t> Connection::endorsers_now(const std::function<bool(std::size_t)>& rests) const {
+  const auto now = channels();
+  const auto& endorsers = now->endorsers;
   std::vector<std::size_t> chosen;
   for (std::size_t i = 0; i < endorsers.size(); ++i) {
     const auto known = std::find_if(chosen.begin(), chosen.end(), [&](std::size_t one) {

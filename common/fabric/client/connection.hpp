@@ -4,9 +4,11 @@
 #include <chrono>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <string>
 
 #include "common/base/random.hpp"
+#include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
 #include "common/rt/retry/back_off.hpp"
@@ -15,8 +17,8 @@
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.
 namespace ledgerline::fabric {
 
-struct Connection {
-  ClientConfig config;
+/// Connections with one set of TLS pairs: certificates and what is said of them to Deliver belong together.
+struct Channels {
   std::vector<std::shared_ptr<grpc::Channel>> peers;  ///< the own one first, then those that stand in
   /// The same peers, for streams alone: where a stream and calls share a connection, whichever thread wakes for its
   /// bytes reads them, and must wake the other.
@@ -26,12 +28,30 @@ struct Connection {
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::vector<std::shared_ptr<grpc::Channel>> stream_orderers;  ///< likewise; none where their blocks are not read
   std::vector<std::shared_ptr<grpc::Channel>> endorsers;        ///< as in the config; the own peer's is its own
+};
+
+class Connection {
+ public:
+  Connection(ClientConfig settings, std::shared_ptr<const Channels> channels);
+
+  const ClientConfig config;  ///< its identity has `in_use`
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
+
+  /// As they are now: whoever needs two things of them takes them once. After ClientConfig::tls_renewals has counted they
+  /// are made anew, and who still holds the old ones goes on over them. Any thread.
+  std::shared_ptr<const Channels> channels() const;
+  /// Whom to sign as now; what has begun as one goes on as that one. Any thread.
+  std::shared_ptr<const crypto::SigningIdentity> signing() const { return config.identity.in_use->now(); }
 
   /// Index of the peer to ask now: our own, or, while it is not reached, the first stand-in that is.
   std::size_t peer() const;
   /// Indices of the endorsers to ask now, one of each organisation: the first that is reached and does not rest.
   std::vector<std::size_t> endorsers_now(const std::function<bool(std::size_t)>& rests = {}) const;
+
+ private:
+  mutable std::mutex mutex_;
+  mutable std::shared_ptr<const Channels> channels_;
+  mutable std::uint64_t renewals_ = 0;  ///< of the config's, when channels_ was made
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

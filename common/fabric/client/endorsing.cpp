@@ -157,7 +157,7 @@ void Pipeline::endorse(const PendingPtr& p) {
     p->endorser.reset();
     if (organisation == connection_->config.identity.name.msp_id && propose_within(p)) return;
     for (const std::size_t i : endorsers_now()) {
-      const bool there = connection_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE &&
+      const bool there = channels_->endorsers[i]->GetState(true) != GRPC_CHANNEL_TRANSIENT_FAILURE &&
                          std::chrono::system_clock::now() >= rest_until_[i];
       if (connection_->config.endorsers[i].msp_id != organisation || (!there && own)) continue;
       p->endorser = i;

@@ -26,6 +26,10 @@ Ordering::Tag* Ordering::tag(std::function<void(bool ok)> then) {
 
 void Ordering::send(std::string_view envelope, bool may_probe, std::chrono::system_clock::time_point deadline,
                     Done done) {
+  if (!renewed_.empty()) {
+    cancel_streams();
+    orderers_ = std::exchange(renewed_, {});
+  }
   ++number_;
   envelope_.ParseFromArray(envelope.data(), static_cast<int>(envelope.size()));
   deadline_ = deadline;
@@ -45,6 +49,8 @@ void Ordering::send(std::string_view envelope, bool may_probe, std::chrono::syst
   if (stream_) return write();
   connect();
 }
+
+void Ordering::renew(std::vector<std::shared_ptr<grpc::Channel>> orderers) { renewed_ = std::move(orderers); }
 
 void Ordering::connect() {
   grpc::Channel& channel = *orderers_[which_];
@@ -122,12 +128,17 @@ void Ordering::finish(Ended ended, const std::string& why) {
   done(ended, why);
 }
 
-void Ordering::end() {
-  ended_ = true;
-  for (const auto& stream : streams_) {
+void Ordering::cancel_streams() {
+  for (auto& stream : streams_) {
     if (stream) stream->context.TryCancel();
+    stream.reset();
   }
   stream_.reset();
+}
+
+void Ordering::end() {
+  ended_ = true;
+  cancel_streams();
   if (pause_) pause_->Cancel();
   if (limit_) limit_->Cancel();
   if (silence_) silence_->Cancel();

@@ -41,6 +41,8 @@ class Ordering {
   std::size_t which() const { return which_; }
   /// An envelope that went to this orderer alone was seen in a block.
   void seen(std::size_t orderer, TimeNs took_ns) { choice_.seen(orderer, took_ns, monotonic_ns()); }
+  /// The same orderers over new connections, from the next envelope on.
+  void renew(std::vector<std::shared_ptr<grpc::Channel>> orderers);
   /// Cancels the stream; what is under way is not heard of any more. Before the queue's shutdown.
   void end();
 
@@ -57,12 +59,13 @@ class Ordering {
   void on_acknowledged(bool ok);
   void go_on(const std::string& why);
   void drop_stream();
+  void cancel_streams();
   void pass_on();
   void finish(Ended ended, const std::string& why);
   /// A tag that counts only while the same send is under way on the same stream.
   Tag* tag(std::function<void(bool ok)> then);
 
-  const std::vector<std::shared_ptr<grpc::Channel>> orderers_;
+  std::vector<std::shared_ptr<grpc::Channel>> orderers_, renewed_;  ///< the second: for the next envelope; empty: none
   grpc::CompletionQueue& queue_;
   OrdererChoice choice_;
   std::size_t which_ = 0;

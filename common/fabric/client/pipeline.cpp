@@ -43,14 +43,9 @@ Outcome in_block(std::uint64_t block, int code) {
 }  // namespace
 
 Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
-    : connection_(std::move(connection)), within_(connection_->endorsers.size()) {
-  for (const auto& peer : connection_->peers) {
-    gateways_.push_back(gateway::Gateway::NewStub(peer));
-    proposals_.push_back(protos::Endorser::NewStub(peer));
-  }
-  for (const auto& endorser : connection_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
+    : connection_(std::move(connection)), within_(connection_->channels()->endorsers.size()) {
+  take_channels();
   rest_until_.resize(within_ + 1);
-  if (!connection_->orderers.empty()) ordering_.emplace(connection_->orderers, queue_);
   connection_->commits->on_news([this] {
     const std::lock_guard lock(mutex_);
     wake();
@@ -66,6 +61,25 @@ Pipeline::~Pipeline() {
     stopping_ = true;
   }
   thread_.join();
+}
+
+void Pipeline::take_channels() {
+  auto now = connection_->channels();
+  if (now == channels_) return;
+  channels_ = std::move(now);
+  gateways_.clear();
+  proposals_.clear();
+  endorsers_.clear();
+  for (const auto& peer : channels_->peers) {
+    gateways_.push_back(gateway::Gateway::NewStub(peer));
+    proposals_.push_back(protos::Endorser::NewStub(peer));
+  }
+  for (const auto& endorser : channels_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
+  if (channels_->orderers.empty()) return;
+  if (ordering_)
+    ordering_->renew(channels_->orderers);
+  else
+    ordering_.emplace(channels_->orderers, queue_);
 }
 
 void Pipeline::wake() {
@@ -142,8 +156,9 @@ void Pipeline::begin(Job job) {
     return;
   }
   live_.emplace(p->number, p);
-  auto proposal = make_proposal(connection_->config.identity, connection_->config.where, p->call, realtime_ns(),
-                                crypto::random_bytes(24));
+  take_channels();
+  p->self = connection_->signing();
+  auto proposal = make_proposal(*p->self, connection_->config.where, p->call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) {
     finish(p, Outcome::Kind::refused, proposal.error().what);
     return;
@@ -171,7 +186,7 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
     finish(p, Outcome::Kind::refused, prepared.error().what);
     return;
   }
-  auto envelope = sign_envelope(connection_->config.identity, *unsigned_envelope);
+  auto envelope = sign_envelope(*p->self, *unsigned_envelope);
   if (!envelope) {
     finish(p, Outcome::Kind::refused, envelope.error().what);
     return;
@@ -281,7 +296,7 @@ void Pipeline::await_commit(const PendingPtr& p) {
 void Pipeline::ask_status(const PendingPtr& p) {
   if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
   p->awaited = false;
-  const crypto::SigningIdentity& who = connection_->config.identity;
+  const crypto::SigningIdentity& who = *p->self;
   gateway::CommitStatusRequest question;
   question.set_transaction_id(p->proposal.tx_id);
   question.set_channel_id(connection_->config.where.channel);

@@ -58,6 +58,7 @@ class Pipeline {
     std::function<void(Outcome)> done;
     Time deadline;
     Stage stage = Stage::endorsing;
+    std::shared_ptr<const crypto::SigningIdentity> self;  ///< whom it is signed as, all of it
     Proposal proposal;
     std::string envelope;  ///< signed
     std::string answer;
@@ -92,6 +93,8 @@ class Pipeline {
   void wake();
   void take_inbox();
   void take_commits();
+  /// Speaks over the connections that there are now; calls under way end over the old ones.
+  void take_channels();
   void begin(Job job);
   void endorse(const PendingPtr& p);
   void propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser);
@@ -131,6 +134,7 @@ class Pipeline {
              void (Pipeline::*then)(const PendingPtr&));
 
   const std::shared_ptr<const Connection> connection_;
+  std::shared_ptr<const Channels> channels_;                        ///< that those below are of
   std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;   ///< of each peer
   std::vector<std::unique_ptr<protos::Endorser::Stub>> proposals_;  ///< likewise
   std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;  ///< of each endorser

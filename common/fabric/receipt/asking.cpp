@@ -20,9 +20,9 @@ std::vector<Peer> peers_to_ask(const Connection& connection) {
   for (const std::size_t i : connection.endorsers_now()) {
     const ClientConfig::Endorser& endorser = config.endorsers[i];
     own_known = own_known || endorser.msp_id == own;
-    peers.push_back({fmt::format("{} ({})", endorser.endpoint, endorser.msp_id), connection.endorsers[i]});
+    peers.push_back({fmt::format("{} ({})", endorser.endpoint, endorser.msp_id), connection.channels()->endorsers[i]});
   }
-  if (!own_known) peers.push_back({config.endpoint, connection.peers[connection.peer()]});
+  if (!own_known) peers.push_back({config.endpoint, connection.channels()->peers[connection.peer()]});
   return peers;
 }
 

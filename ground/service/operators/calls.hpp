@@ -6,6 +6,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/tx/transaction.hpp"
 
 namespace ledgerline::ground::service {
 

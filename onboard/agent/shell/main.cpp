@@ -88,6 +88,8 @@ int run(Config& config) {
   auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
   if (!checkpoint) return fail(checkpoint.error(), exit_usage);
   if (const Status s = endorser::endorse_within(within, known); !s) return fail(s.error(), exit_usage);
+  auto certificates = fabric::watch_certificates(config, known);
+  if (!certificates) return fail(certificates.error(), exit_usage);
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   auto witness = make_witness(known);
@@ -102,6 +104,7 @@ int run(Config& config) {
   agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
                           std::move(urgent).value(), std::move(witness).value(), participant, std::move(*checkpoint),
                           stop_requested);
+  shell.watch_certificates(std::move(*certificates));
   if (auto status = shell.start(); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
   if (!bridges) return fail(bridges.error());

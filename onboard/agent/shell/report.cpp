@@ -45,7 +45,7 @@ json doubts(const AgentCore& core) {
 
 }  // namespace
 
-std::string status_line(const AgentCore& core, TimeNs now) {
+std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::int64_t> certificate_days) {
   json drones = json::array();
   for (const DroneName& drone : core.drones()) {
     const DroneReport report = core.report(drone.number);
@@ -60,13 +60,13 @@ std::string status_line(const AgentCore& core, TimeNs now) {
     }
     drones.push_back(std::move(line));
   }
-  return json{{"agent",
-               {{"height", core.height()},
-                {"ledger_alive", core.ledger_alive(now)},
-                {"ledger_doubted", core.doubt().stands(now)},
-                {"doubts", core.doubt().count()},
-                {"drones", drones}}}}
-      .dump();
+  json line = {{"height", core.height()},
+               {"ledger_alive", core.ledger_alive(now)},
+               {"ledger_doubted", core.doubt().stands(now)},
+               {"doubts", core.doubt().count()},
+               {"drones", std::move(drones)}};
+  if (certificate_days) line["certificate_days"] = *certificate_days;
+  return json{{"agent", std::move(line)}}.dump();
 }
 
 std::string summary(const AgentCore& core, const ShellCounters& shell) {

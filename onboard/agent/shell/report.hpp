@@ -1,12 +1,14 @@
 #pragma once
+#include <cstdint>
+#include <optional>
 #include <string>
 
 #include "onboard/agent/core/agent_core.hpp"
 
 namespace ledgerline::agent {
 
-/// One status line, a JSON object without the newline.
-std::string status_line(const AgentCore& core, TimeNs now);
+/// One status line, a JSON object without the newline. `certificate_days`: until the first of its certificates ends.
+std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::int64_t> certificate_days = {});
 
 /// What the shell counts itself.
 struct ShellCounters {

@@ -280,7 +280,8 @@ void AgentShell::chores(TimeNs now) {
   }
   if (due(now, next_checkpoint_ns_, fabric::CheckpointKeeper::usual_period_ns)) keep_checkpoint();
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
-    fmt::print("{}\n", status_line(core_, now));
+    fmt::print("{}\n",
+               status_line(core_, now, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
     std::fflush(stdout);
   }
   if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);

@@ -12,6 +12,7 @@
 #include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/program/service_manager.hpp"
@@ -50,6 +51,8 @@ class AgentShell {
   /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
   /// and writes the summary.
   Status run();
+  /// Has renewed certificates taken while it runs. Before start().
+  void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
 
  private:
   struct Mocap {
@@ -137,6 +140,7 @@ class AgentShell {
   fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
   std::jthread control_reader_, roudi_watch_, witness_reader_;
+  std::unique_ptr<fabric::CertificateWatch> certificates_;
 };
 
 }  // namespace ledgerline::agent

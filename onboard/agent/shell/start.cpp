@@ -34,6 +34,7 @@ Status AgentShell::start() {
   manager_.emplace(std::move(manager).value());
   core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (auto status = recorder_.open(settings_.trace); !status) return status;
+  if (certificates_) certificates_->start(fabric::CertificateWatch::log);
   if (auto status = keep_waiting("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
     return status;
   }

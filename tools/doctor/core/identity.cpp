@@ -7,12 +7,11 @@
 #include <string_view>
 
 #include "common/crypto/identities/request.hpp"
+#include "common/crypto/identities/validity.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::doctor {
 namespace {
-
-constexpr std::int64_t day_s = 86'400, warning_days = 30;
 
 std::string serialized(const std::string& msp_id, const std::string& pem) {
   msp::SerializedIdentity identity;
@@ -76,13 +75,13 @@ Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& au
     if (const Status fits = crypto::check_fits(facts.key_pem, facts.certificate_pem); !fits)
       out.push_back(found(Problem::key_misfit, check, who + ": " + fits.error().what));
   }
-  const std::int64_t left_days = (certificate->not_after_s - now_s) / day_s;
+  const std::int64_t left_days = crypto::days_left(certificate->not_after_s, now_s);
   const bool in_date = certificate->not_before_s <= now_s && now_s <= certificate->not_after_s;
   if (now_s > certificate->not_after_s) {
     out.push_back(found(Problem::identity_expired, check, fmt::format("{}, {} days ago", who, -left_days)));
   } else if (now_s < certificate->not_before_s) {
     out.push_back(found(Problem::identity_not_yet, check, who));
-  } else if (left_days < warning_days) {
+  } else if (left_days < crypto::renew_within_days) {
     out.push_back(found(Problem::identity_ends, check, fmt::format("{}, in {} days", who, left_days)));
   }
   if (!authorities.empty() && in_date) {

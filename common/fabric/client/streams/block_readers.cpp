@@ -38,10 +38,11 @@ std::string BlockReader::follow(Follower& follower) {
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
   const std::size_t peer = connection_->peer();
-  const auto stub = protos::Deliver::NewStub(connection_->stream_peers[peer]);
+  const auto channels = connection_->channels();
+  const auto stub = protos::Deliver::NewStub(channels->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
   const auto start = blocks_->begin();
-  if (std::string problem = seek(*connection_, *stream, connection_->peer_tls_hashes[peer], start); !problem.empty())
+  if (std::string problem = seek(*connection_, *stream, channels->peer_tls_hashes[peer], start); !problem.empty())
     return problem;
   std::optional<Seeing> seeing;
   if (start) {
@@ -89,7 +90,7 @@ void BlockReader::ask_definition(Follower& follower) {
   if (!blocks_->misses_definition()) return;
   lifecycle::QueryChaincodeDefinitionArgs question;
   question.set_name(connection_->config.where.contract);
-  const auto proposal = make_proposal(connection_->config.identity, {connection_->config.where.channel, "_lifecycle"},
+  const auto proposal = make_proposal(*connection_->signing(), {connection_->config.where.channel, "_lifecycle"},
                                       {"QueryChaincodeDefinition", {question.SerializeAsString()}}, realtime_ns(),
                                       crypto::random_bytes(24));
   protos::SignedProposal message;
@@ -97,7 +98,7 @@ void BlockReader::ask_definition(Follower& follower) {
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
   context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
-  const auto stub = protos::Endorser::NewStub(connection_->stream_peers[connection_->peer()]);
+  const auto stub = protos::Endorser::NewStub(connection_->channels()->stream_peers[connection_->peer()]);
   protos::ProposalResponse answer;
   const grpc::Status status = stub->ProcessProposal(&context, message, &answer);
   lifecycle::QueryChaincodeDefinitionResult definition;
@@ -133,10 +134,11 @@ std::string OrderedReader::follow(Follower& follower) {
   if (!start) return {};  // the peer's stream comes first
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
-  const std::size_t at = which_++ % connection_->stream_orderers.size();
-  const auto stub = orderer::AtomicBroadcast::NewStub(connection_->stream_orderers[at]);
+  const auto channels = connection_->channels();
+  const std::size_t at = which_++ % channels->stream_orderers.size();
+  const auto stub = orderer::AtomicBroadcast::NewStub(channels->stream_orderers[at]);
   const auto stream = stub->Deliver(&context);
-  if (std::string problem = seek(*connection_, *stream, connection_->orderer_tls_hashes[at], start); !problem.empty())
+  if (std::string problem = seek(*connection_, *stream, channels->orderer_tls_hashes[at], start); !problem.empty())
     return problem;
   orderer::DeliverResponse response;
   while (stream->Read(&response)) {

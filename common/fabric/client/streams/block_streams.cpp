@@ -31,7 +31,7 @@ class BlockStreams final : public Client::Stream {
                                                         std::move(handlers));
     const auto reader =
         std::make_shared<BlockReader>(connection, std::move(from.believed), blocks, std::move(on_continued));
-    if (!connection->stream_orderers.empty()) {
+    if (!connection->channels()->stream_orderers.empty()) {
       ordered_ = run_follower(std::make_shared<OrderedReader>(connection, blocks), std::move(on_orderers));
       reader->interrupt_ordered_by([this] { ordered_->interrupt(); });
     }

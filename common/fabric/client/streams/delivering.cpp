@@ -19,9 +19,10 @@ Result<common::Block> fetch_block(const Connection& connection, Follower& follow
   const Follower::Cancellable cancellable(follower, context);
   context.set_deadline(std::chrono::system_clock::now() + connection.config.deadline);
   const std::size_t peer = connection.peer();
-  const auto stub = protos::Deliver::NewStub(connection.stream_peers[peer]);
+  const auto channels = connection.channels();
+  const auto stub = protos::Deliver::NewStub(channels->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
-  if (std::string problem = seek(connection, *stream, connection.peer_tls_hashes[peer], number, SeekStop::at_start);
+  if (std::string problem = seek(connection, *stream, channels->peer_tls_hashes[peer], number, SeekStop::at_start);
       !problem.empty())
     return Error{problem};
   protos::DeliverResponse response;

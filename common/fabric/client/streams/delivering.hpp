@@ -19,7 +19,7 @@ std::string text_of(const grpc::Status& status);
 template <typename DeliverStream>
 std::string seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
                  std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
-  auto envelope = make_seek(connection.config.identity, connection.config.where.channel, start, realtime_ns(),
+  auto envelope = make_seek(*connection.signing(), connection.config.where.channel, start, realtime_ns(),
                             crypto::random_bytes(24), stop, tls_hash);
   if (!envelope) return envelope.error().what;
   common::Envelope message;

@@ -25,7 +25,7 @@ class EventReader {
     if (std::string problem = make_request(request); !problem.empty()) return problem;
     grpc::ClientContext context;
     const Follower::Cancellable cancellable(follower, context);
-    const std::shared_ptr<grpc::Channel>& peer = connection_->stream_peers[connection_->peer()];
+    const std::shared_ptr<grpc::Channel> peer = connection_->channels()->stream_peers[connection_->peer()];
     const auto stub = gateway::Gateway::NewStub(peer);
     const auto stream = stub->ChaincodeEvents(&context, request);
     // The first answer may be far off; the question is out when the channel stands.
@@ -54,14 +54,15 @@ class EventReader {
   }
 
   std::string make_request(gateway::SignedChaincodeEventsRequest& request) const {
+    const auto self = connection_->signing();
     gateway::ChaincodeEventsRequest question;
     question.set_channel_id(connection_->config.where.channel);
     question.set_chaincode_id(connection_->config.where.contract);
-    question.set_identity(connection_->config.identity.serialized);
+    question.set_identity(self->serialized);
     question.mutable_start_position()->mutable_specified()->set_number(*block_);
     if (!handed_over_.empty()) question.set_after_transaction_id(handed_over_.back());
     request.set_request(question.SerializeAsString());
-    auto signature = connection_->config.identity.signer->sign(request.request());
+    auto signature = self->signer->sign(request.request());
     if (!signature) return signature.error().what;
     request.set_signature(std::move(*signature));
     return {};

@@ -379,6 +379,14 @@ ClientConfig FakeGateway::client_config(crypto::Library signer) const {
   return config;
 }
 
+crypto::SigningIdentity FakeGateway::renewed_identity() const {
+  state_->write_msp(
+      "renewed",
+      crypto::issue(state_->ca, {.common_name = "User1@org1", .organization = "", .unit = "client", .sans = {}})
+          .value());
+  return crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", (state_->dir / "renewed").string()).value();
+}
+
 void FakeGateway::add_block(const std::string& function, const std::string& event) { add_block({{function, {event}}}); }
 
 void FakeGateway::add_block(const std::vector<Call>& calls) {

@@ -8,6 +8,7 @@
 #include <mutex>
 #include <thread>
 
+#include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
@@ -216,6 +217,32 @@ TEST(Pipeline, ThePeerIsAskedWhereTheBlockStreamIsLost) {
   watched.gateway.await_status_calls(1);
   lost.open();
   EXPECT_EQ(outcome.get_future().get().kind, Kind::committed);
+}
+
+// Certificate and signatures of one transaction are of one pair: the gateway refuses any other.
+TEST(Pipeline, ACallThatBeganBeforeARenewalIsSignedAsItBegan) {
+  std::shared_ptr<crypto::IdentityInUse> in_use;
+  std::optional<crypto::SigningIdentity> next;
+  FakeGateway::Behaviour behaviour;
+  behaviour.endorse = [&](const Call& call, int) -> FakeStatus {
+    if (call.function == "first") in_use->replace(*next);
+    return {};
+  };
+  FakeGateway gateway(behaviour);
+  next = gateway.renewed_identity();
+  ClientConfig config = gateway.client_config();
+  in_use = config.identity.in_use = std::make_shared<crypto::IdentityInUse>(config.identity);
+  const std::string old = config.identity.serialized;
+  const auto client = Client::create(std::move(config)).value();
+  for (const char* function : {"first", "second"}) {
+    const Outcome outcome = client->submit_and_wait({function, {"payload"}});
+    ASSERT_EQ(outcome.kind, Kind::committed) << function << ": " << outcome.message;
+  }
+  EXPECT_TRUE(client->evaluate({"get", {}}));
+  const auto chain = gateway.chain();
+  ASSERT_GE(chain.size(), 2U);
+  EXPECT_EQ(chain[chain.size() - 2].transactions.at(0).creator, old);
+  EXPECT_EQ(chain.back().transactions.at(0).creator, next->serialized);
 }
 
 TEST(Pipeline, TheStatusIsAskedAgainAfterALostConnection) {

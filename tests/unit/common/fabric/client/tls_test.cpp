@@ -56,7 +56,7 @@ class ClientTls : public testing::Test {
     config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
     const auto made = make_connection(std::move(config));
     if (!made) return made.error().what;
-    return is_ready((*made)->peers.at(0)) ? "reached" : "not reached";
+    return is_ready((*made)->channels()->peers.at(0)) ? "reached" : "not reached";
   }
   /// Connected for good: a server refuses a certificate only after the client's side is done.
   static bool is_ready(const std::shared_ptr<grpc::Channel>& channel) {
@@ -110,11 +110,40 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
   config.endorsers = {{"Org2MSP", here().endpoint, here().tls_ca_file, here().server_name}};
   config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
   const auto made = make_connection(config).value();
-  EXPECT_TRUE(is_ready(made->orderers.at(0)));
-  EXPECT_TRUE(is_ready(made->peers.at(1)));
-  EXPECT_TRUE(is_ready(made->endorsers.at(0)));
+  EXPECT_TRUE(is_ready(made->channels()->orderers.at(0)));
+  EXPECT_TRUE(is_ready(made->channels()->peers.at(1)));
+  EXPECT_TRUE(is_ready(made->channels()->endorsers.at(0)));
   config.orderers[0].tls_pair = {dir_ + "/none.crt", dir_ + "/none.key"};
   EXPECT_NE(make_connection(config).error().what.find("none.crt"), std::string::npos) << "its own counts";
+}
+
+TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
+  const auto renewals = std::make_shared<std::atomic<std::uint64_t>>(0);
+  ClientConfig config;
+  config.endpoint = here().endpoint;
+  config.tls_ca_file = here().tls_ca_file;
+  config.server_name = here().server_name;
+  config.tls_pair = pair();
+  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  config.tls_renewals = renewals;
+  const auto made = make_connection(config).value();
+  const auto before = made->channels();
+  EXPECT_EQ(made->channels(), before);
+  ASSERT_TRUE(write_file(pair().key_file, "no key", 0600));
+  ++*renewals;
+  EXPECT_EQ(made->channels(), before) << "what cannot be read is not taken";
+  const auto next = issue("drone1", {});
+  ASSERT_TRUE(write_file(pair().certificate_file, next.certificate_pem));
+  ASSERT_TRUE(write_file(pair().key_file, next.key_pem, 0600));
+  EXPECT_EQ(made->channels(), before) << "nobody has said so yet";
+  ++*renewals;
+  const auto after = made->channels();
+  ASSERT_NE(after, before);
+  const auto hash = crypto::certificate_hash(next.certificate_pem).value();
+  EXPECT_EQ(after->peer_tls_hashes.at(0), std::string(hash.begin(), hash.end()));
+  EXPECT_NE(before->peer_tls_hashes.at(0), after->peer_tls_hashes.at(0));
+  EXPECT_TRUE(is_ready(after->peers.at(0)));
+  EXPECT_TRUE(is_ready(before->peers.at(0))) << "who holds the old ones goes on over them";
 }
 
 TEST_F(ClientTls, APairIsWholeAndItsKeyPrivate) {

@@ -1,0 +1,39 @@
+#include "common/crypto/identities/renewal.hpp"
+
+#include <fmt/format.h>
+
+#include "common/base/printable.hpp"
+#include "common/crypto/identities/request.hpp"
+
+namespace ledgerline::crypto {
+
+Status Renewal::judge(const Result<Pair>& found, std::int64_t now_s) {
+  if (!found) return found.error();
+  const Certificate& next = found->certificate;
+  if (!found->key_pem.empty()) {
+    if (Status fits = check_fits(found->key_pem, found->certificate_pem); !fits) return fits;
+  }
+  if (!subject_.empty() && next.subject != subject_)
+    return Error{
+        fmt::format("it is of another subject, {}: grants and leases are of {}, and a program changes its "
+                    "subject at a start alone",
+                    printable(next.subject), printable(subject_))};
+  if (now_s < next.not_before_s)
+    return Error{
+        fmt::format("it is not valid yet, for another {} s: do the clocks differ?", next.not_before_s - now_s)};
+  if (now_s > next.not_after_s) return Error{"it has ended already"};
+  not_after_s_ = next.not_after_s;
+  told_days_.reset();
+  return done;
+}
+
+std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {
+  const Ends end = ends(not_after_s_, now_s);
+  if (end == Ends::later) return std::nullopt;
+  const std::int64_t left = days_left(now_s);
+  if (told_days_ == left) return std::nullopt;
+  told_days_ = left;
+  return Word{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
+}
+
+}  // namespace ledgerline::crypto

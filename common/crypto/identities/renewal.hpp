@@ -1,0 +1,49 @@
+#pragma once
+#include <optional>
+#include <string>
+
+#include "common/crypto/crypto.hpp"
+#include "common/crypto/identities/validity.hpp"
+
+namespace ledgerline::crypto {
+
+/// What becomes of the files of a program's certificate when they change: whether what lies there now is taken in place
+/// of what is in use, and when its end is to be told. The ledger knows grants, leases and commands by MSP and subject, so
+/// a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure; one thread.
+///
+///                 a pair that fits, of the same subject, in date, of the MSP's authority
+///     in use ─────────────────────────────────────────────────────────────────────────▶ the new one is in use
+///        └─── anything else: refused with words, once; the old one stays in use
+class Renewal {
+ public:
+  /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it); `not_after_s`:
+  /// the end of the one in use.
+  Renewal(std::string whose, std::string subject, std::int64_t not_after_s)
+      : whose_(std::move(whose)), subject_(std::move(subject)), not_after_s_(not_after_s) {}
+
+  /// A pair as it was read from the files.
+  struct Pair {
+    Certificate certificate;
+    std::string key_pem, certificate_pem;  ///< empty key: whoever read it has proved already that the two fit
+  };
+  /// done: to be taken, and what is told from here on is of the new one. An error: why not.
+  Status judge(const Result<Pair>& found, std::int64_t now_s);
+
+  enum class Weight { warning, alarm };
+  struct Word {
+    Weight weight{};
+    std::string words;
+  };
+  /// What is to be told of the end now: once a day from a month before, as an alarm from three days before.
+  std::optional<Word> look(std::int64_t now_s);
+
+  std::int64_t days_left(std::int64_t now_s) const { return crypto::days_left(not_after_s_, now_s); }
+  const std::string& whose() const { return whose_; }
+
+ private:
+  std::string whose_, subject_;
+  std::int64_t not_after_s_;
+  std::optional<std::int64_t> told_days_;
+};
+
+}  // namespace ledgerline::crypto

@@ -1,0 +1,177 @@
+#include "common/fabric/renewal/certificate_watch.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <limits>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/fabric/config.hpp"
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::fabric {
+namespace {
+
+using crypto::Renewal;
+
+std::int64_t unix_now_s() { return realtime_ns() / ns_per_s; }
+
+Result<Renewal::Pair> read_pair(const ClientConfig::TlsPair& files) {
+  auto certificate_pem = read_file(files.certificate_file);
+  if (!certificate_pem) return certificate_pem.error();
+  auto certificate = crypto::parse_certificate(*certificate_pem);
+  if (!certificate) return Error{fmt::format("{}: {}", files.certificate_file, certificate.error().what)};
+  auto key_pem = crypto::read_key_file(files.key_file);
+  if (!key_pem) return key_pem.error();
+  return Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};
+}
+
+/// Each pair of files once.
+std::vector<ClientConfig::TlsPair> pairs_of(const ClientConfig& ledger) {
+  std::vector<ClientConfig::TlsPair> all{ledger.tls_pair};
+  for (const auto* servers : {&ledger.orderers, &ledger.other_peers}) {
+    for (const ClientConfig::Server& server : *servers) all.push_back(server.tls_pair);
+  }
+  for (const ClientConfig::Endorser& endorser : ledger.endorsers) all.push_back(endorser.tls_pair);
+  std::vector<ClientConfig::TlsPair> out;
+  for (const ClientConfig::TlsPair& one : all) {
+    const bool known =
+        std::ranges::any_of(out, [&](const auto& other) { return other.certificate_file == one.certificate_file; });
+    if (!one.certificate_file.empty() && !known) out.push_back(one);
+  }
+  return out;
+}
+
+std::int64_t end_of(const crypto::SigningIdentity& identity) {
+  const auto read = crypto::read_serialized(identity.serialized);
+  return read ? read->certificate.not_after_s : std::numeric_limits<std::int64_t>::max();
+}
+
+}  // namespace
+
+Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig& ledger,
+                                                                   std::unique_ptr<crypto::MspRegistry> believed) {
+  ledger.identity.in_use = std::make_shared<crypto::IdentityInUse>(ledger.identity);
+  if (believed && !believed->member(ledger.identity.serialized, std::nullopt)) believed.reset();
+  std::unique_ptr<CertificateWatch> watch(new CertificateWatch(ledger, std::move(believed)));
+  for (ClientConfig::TlsPair& files : pairs_of(ledger)) {
+    auto pair = read_pair(files);
+    if (!pair) return pair.error();
+    const std::string whose = fmt::format("TLS, {}", files.certificate_file);
+    watch->pairs_.push_back({.files = std::move(files),
+                             .in_use_pem = std::move(pair->certificate_pem),
+                             .renewal = {whose, "", pair->certificate.not_after_s}});
+  }
+  ledger.tls_renewals = watch->renewals_;
+  return watch;
+}
+
+Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger) {
+  auto believed = msp_registry(config);
+  if (!believed) return believed.error();
+  return CertificateWatch::create(ledger, std::move(*believed));
+}
+
+void CertificateWatch::log(Weight weight, const std::string& words) {
+  spdlog::log(weight == Weight::info      ? spdlog::level::info
+              : weight == Weight::warning ? spdlog::level::warn
+                                          : spdlog::level::err,
+              "{}", words);
+}
+
+CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> believed)
+    : place_(ledger.identity_place),
+      identity_(ledger.identity.in_use),
+      believed_(std::move(believed)),
+      renewals_(std::make_shared<std::atomic<std::uint64_t>>(0)),
+      identity_renewal_(fmt::format("{} {}", ledger.identity.name.msp_id, ledger.identity.name.subject),
+                        ledger.identity.name.subject, end_of(ledger.identity)) {}
+
+CertificateWatch::~CertificateWatch() = default;
+
+void CertificateWatch::start(Tell tell, std::chrono::milliseconds period) {
+  tell_ = std::move(tell);
+  thread_ = std::jthread([this, period](const std::stop_token& stop) {
+    while (!stop.stop_requested()) {
+      look();
+      std::unique_lock lock(mutex_);
+      woken_.wait_for(lock, stop, period, [] { return false; });
+    }
+  });
+}
+
+std::int64_t CertificateWatch::days_left() const {
+  const std::int64_t now_s = unix_now_s();
+  const std::lock_guard lock(mutex_);
+  std::int64_t left = identity_renewal_.days_left(now_s);
+  for (const Pair& pair : pairs_) left = std::min(left, pair.renewal.days_left(now_s));
+  return left;
+}
+
+void CertificateWatch::look() {
+  const std::int64_t now_s = unix_now_s();
+  look_at_identity(now_s);
+  for (Pair& pair : pairs_) look_at(pair, now_s);
+}
+
+/// Proved to be a pair by who loaded it, and of a believed authority.
+Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const {
+  if (!found) return found.error();
+  if (believed_) {
+    if (const auto member = believed_->member(found->serialized, now_s); !member)
+      return Error{fmt::format("it is no member of {}: {}", found->name.msp_id, member.error().what)};
+  }
+  auto read = crypto::read_serialized(found->serialized);
+  if (!read) return read.error();
+  return Renewal::Pair{std::move(read->certificate), {}, {}};
+}
+
+/// True: what was found is to be used from now on.
+bool CertificateWatch::judge(Renewal& renewal, const Result<Renewal::Pair>& found, bool same, std::int64_t now_s) {
+  std::unique_lock lock(mutex_);
+  const Status judged = renewal.judge(found, now_s);
+  const std::int64_t left = renewal.days_left(now_s);
+  lock.unlock();
+  if (!judged) {
+    tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
+                                     judged.error().what));
+    return false;
+  }
+  if (same) return false;
+  tell_(Weight::info,
+        fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(), left));
+  return true;
+}
+
+void CertificateWatch::look_at_identity(std::int64_t now_s) {
+  const auto files = place_.files_now();
+  const std::vector<std::string> names =
+      files ? std::vector{files->certificate, files->private_key} : std::vector<std::string>();
+  if (identity_changes_.look(names)) {
+    auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
+                       : Result<crypto::SigningIdentity>(files.error());
+    const bool same = found && found->serialized == identity_->now()->serialized;
+    if (judge(identity_renewal_, take(found, now_s), same, now_s)) identity_->replace(std::move(*found));
+  }
+  tell_end(identity_renewal_, now_s);
+}
+
+void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
+  if (pair.changes.look({pair.files.certificate_file, pair.files.key_file})) {
+    auto found = read_pair(pair.files);
+    const bool same = found && found->certificate_pem == pair.in_use_pem;
+    if (judge(pair.renewal, found, same, now_s)) {
+      pair.in_use_pem = std::move(found->certificate_pem);
+      ++*renewals_;
+    }
+  }
+  tell_end(pair.renewal, now_s);
+}
+
+void CertificateWatch::tell_end(Renewal& renewal, std::int64_t now_s) {
+  if (const auto word = renewal.look(now_s))
+    tell_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
+}
+
+}  // namespace ledgerline::fabric

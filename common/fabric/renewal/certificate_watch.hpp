@@ -1,0 +1,84 @@
+#pragma once
+#include <atomic>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/base/changed_files.hpp"
+#include "common/config/config.hpp"
+#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/identities/renewal.hpp"
+#include "common/fabric/client/client.hpp"
+
+namespace ledgerline::fabric {
+
+class CertificateWatch;
+/// Of a program's config: judges new identities by its [[msp]], read again, since a registry is of one thread. `ledger` as
+/// for CertificateWatch::create.
+Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger);
+
+/// Takes renewed certificates of a program's clients from their files while it runs: the identity of [ledger], and each
+/// TLS pair of its tables. What it refuses stays as it was (crypto::Renewal). One thread of its own, which sleeps but for a
+/// few calls of stat each `period`.
+///
+/// Calls that begin behind a change are signed with the new certificate, and connections are made anew with the new TLS
+/// pair; calls and streams that are under way end over the old ones.
+class CertificateWatch {
+ public:
+  /// So long after the second file of a pair is in place two looks at most pass until it counts.
+  static constexpr std::chrono::milliseconds usual_period{1000};
+
+  enum class Weight { info, warning, alarm };
+  /// On the watch's own thread.
+  using Tell = std::function<void(Weight weight, const std::string& words)>;
+
+  /// Makes `ledger` one whose clients are renewed: before they are created. `believed`: a registry of the watch's own, so
+  /// that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the identity
+  /// that is there now: who signed a new one is the ledger's matter. An error: a TLS pair cannot be read.
+  static Result<std::unique_ptr<CertificateWatch>> create(ClientConfig& ledger,
+                                                          std::unique_ptr<crypto::MspRegistry> believed);
+  ~CertificateWatch();
+
+  /// For who has no other place to tell.
+  static void log(Weight weight, const std::string& words);
+  /// Begins to look. `tell` must outlive the watch.
+  void start(Tell tell, std::chrono::milliseconds period = usual_period);
+  /// Of the certificate that ends first: whole days, below 0 after its end. Any thread.
+  std::int64_t days_left() const;
+
+ private:
+  struct Pair {
+    ClientConfig::TlsPair files;
+    std::string in_use_pem{};
+    ChangedFiles changes{};
+    crypto::Renewal renewal;
+  };
+
+  CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> believed);
+  void look();
+  void look_at_identity(std::int64_t now_s);
+  void look_at(Pair& pair, std::int64_t now_s);
+  bool judge(crypto::Renewal& renewal, const Result<crypto::Renewal::Pair>& found, bool same, std::int64_t now_s);
+  void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
+  Result<crypto::Renewal::Pair> take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
+
+  const crypto::IdentityPlace place_;
+  const std::shared_ptr<crypto::IdentityInUse> identity_;
+  std::unique_ptr<crypto::MspRegistry> believed_;
+  const std::shared_ptr<std::atomic<std::uint64_t>> renewals_;
+  ChangedFiles identity_changes_;
+  std::vector<Pair> pairs_;
+  Tell tell_;
+
+  mutable std::mutex mutex_;  ///< guards the ends of the renewals, which other threads ask for, and the wait
+  crypto::Renewal identity_renewal_;
+  std::condition_variable_any woken_;
+  std::jthread thread_;
+};
+
+}  // namespace ledgerline::fabric

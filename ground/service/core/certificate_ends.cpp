@@ -1,0 +1,35 @@
+#include "ground/service/core/certificate_ends.hpp"
+
+#include <algorithm>
+
+#include "common/msg/contract.hpp"
+
+namespace ledgerline::ground::service {
+
+void CertificateEnds::note(const fabric::Block& block) {
+  for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.code != 0 || tx.function != contract::set) continue;
+    const bool known = std::any_of(writers_.begin(), writers_.end(),
+                                   [&](const auto& one) { return one.second.serialized == tx.creator; });
+    if (known) continue;
+    const auto read = crypto::read_serialized(tx.creator);
+    if (!read) continue;  // peers take none such
+    const std::int64_t not_after_s = read->certificate.not_after_s;
+    const auto found = writers_.find(read->name);
+    if (found == writers_.end() ? writers_.size() >= max_writers : not_after_s <= found->second.not_after_s) continue;
+    writers_.insert_or_assign(
+        read->name, Writer{tx.creator,
+                           not_after_s,
+                           {"agent " + read->name.msp_id + " " + read->name.subject, read->name.subject, not_after_s}});
+  }
+}
+
+std::vector<crypto::Renewal::Word> CertificateEnds::look(std::int64_t now_s) {
+  std::vector<crypto::Renewal::Word> words;
+  for (auto& [name, writer] : writers_) {
+    if (auto word = writer.renewal.look(now_s)) words.push_back(std::move(*word));
+  }
+  return words;
+}
+
+}  // namespace ledgerline::ground::service
