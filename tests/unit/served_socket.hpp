@@ -11,11 +11,11 @@
 namespace ledgerline {
 
 /// Serves a socket until it goes.
-class Served {
+class ServedSocket {
  public:
-  Served(CommandSocket socket, CommandSocket::Do act)
+  ServedSocket(CommandSocket socket, CommandSocket::Do act)
       : socket_(std::move(socket)), act_(std::move(act)), thread_([this] { serve(); }) {}
-  ~Served() {
+  ~ServedSocket() {
     end_ = true;
     thread_.join();
   }

@@ -75,7 +75,7 @@ TEST_F(CommandSocketTest, CarriesACommandAndItsAnswerOrError) {
   EXPECT_EQ(mode.st_mode & 0777, 0600u);
   EXPECT_THAT(CommandSocket::open(path).error().what, HasSubstr("another program's"));
   {
-    const Served served(std::move(*socket), [](const std::string& command) -> Result<std::string> {
+    const ServedSocket served(std::move(*socket), [](const std::string& command) -> Result<std::string> {
       if (command == "bad") return Error{"no such thing"};
       return command == "list" ? std::string("one\ntwo\n") : std::string();
     });
