@@ -45,6 +45,7 @@ Ground::~Ground() {
   mailbox_.close();
   if (missions_) missions_->close();
   if (desk_) desk_->close();
+  if (faults_) faults_->close();
 }
 
 std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
@@ -140,6 +141,10 @@ void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& 
   mailbox_.wake();
 }
 
+void Ground::say(Level level, const std::string& drone, std::string words) {
+  mailbox_.put(Told{level, drone, std::move(words)});
+}
+
 void Ground::wish(const PilotWish& one) {
   wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
 }
@@ -148,14 +153,10 @@ Status Ground::open_desk(const std::string& folder, const fabric::ClientConfig& 
   auto desk = OperatorDesk::create({.folder = folder,
                                     .ledger = ledger,
                                     .drones = names_,
-                                    .tell =
-                                        [this](service::Level level, const std::string& drone, std::string words) {
-                                          mailbox_.put(Told{level, drone, std::move(words)});
-                                        },
-                                    .on_session =
-                                        [this](std::size_t who, bool in) {
-                                          mailbox_.put(SessionChange{who, in});
-                                        }});
+                                    .tell = std::bind_front(&Ground::say, this),
+                                    .on_session = [this](std::size_t who, bool in) {
+                                      mailbox_.put(SessionChange{who, in});
+                                    }});
   if (!desk) return Error{"[service] operators: " + desk.error().what};
   desk_ = std::move(*desk);
   return done;
@@ -230,13 +231,15 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
                                      [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
                                        ask(std::move(asked), std::move(answer));
                                      },
-                                 .tell =
-                                     [this](Level level, std::string words) {
-                                       mailbox_.put(Told{level, "", std::move(words)});
-                                     }};
+                                 .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
+  if (!settings.faults.empty()) {
+    faults_ = std::make_unique<service::FaultDesk>(settings.faults, std::bind_front(&Ground::say, this));
+    behind.ask_faults = std::bind_front(&service::FaultDesk::ask, faults_.get());
+  }
   auto server = service::Server::start(settings, names_, greeting, std::move(behind));
   if (!server) return server.error();
   server_ = std::move(server).value();
+  if (faults_) faults_->start([this](service::FaultList list) { server_->publish_faults(std::move(list)); });
   show(monotonic_ns());
   return done;
 }

@@ -12,6 +12,7 @@
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
 #include "ground/json/strict.hpp"
+#include "ground/service/faults/answer.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -299,10 +300,11 @@ ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
     if (behind.empty() || behind[0] == '/') return answer_missions(request, behind, query, known);
   }
   if (path == "operators") return answer_operators(request, known);
+  if (path == "faults") return answer_faults(request, known);
   if (path == "session") return answer_session(request, known);
   if (path == "stop") return answer_stop(request, known);
   if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
-  return refusal(404, "there are drones, events, missions, operators, paths, session, stop, stream");
+  return refusal(404, "there are drones, events, faults, missions, operators, paths, session, stop, stream");
 }
 
 /// Three numbers, or an error.

@@ -8,6 +8,7 @@
 
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
+#include "ground/service/faults/fault_list.hpp"
 #include "ground/service/missions/asked.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
@@ -52,6 +53,7 @@ struct ApiAnswer {
   std::optional<SignIn> sign_in{};
   bool sign_out = false;
   std::optional<MissionAsk> mission{};
+  std::optional<FaultAsk> fault{};
 };
 std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
@@ -70,6 +72,7 @@ struct Known {
   std::string_view drones, paths;          ///< as in Telling
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
+  const FaultList* faults = nullptr;       ///< null: none are switched here
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);

@@ -41,6 +41,12 @@ void Hub::publish_missions(std::string_view list) {
   tell();
 }
 
+void Hub::publish_faults(FaultList list) {
+  faults_message_ = std::make_shared<const std::string>(faults_message(list));
+  faults_ = std::move(list);
+  tell();
+}
+
 void Hub::end() {
   ended_ = true;
   tell();

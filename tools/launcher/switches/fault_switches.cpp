@@ -14,7 +14,7 @@ FaultSwitches::FaultSwitches(const std::vector<std::string>& drones) {
   all_.push_back({.name = "ledger-delayed",
                   .drone = "",
                   .label = "Ledger delayed",
-                  .words = "What the drones' host says to the ledger, and hears of it, is 0.3 s later each way.",
+                  .words = "What the drones' host says to its node or peer, and hears of it, is 0.3 s later each way.",
                   .line = "server agent both delay 300ms"});
   all_.push_back({.name = "ledger-stalled",
                   .drone = "",
@@ -76,7 +76,7 @@ std::string FaultSwitches::list() const {
     list.push_back(
         {{"name", one.name}, {"drone", one.drone}, {"label", one.label}, {"words", one.words}, {"on", one.on}});
   }
-  return list.dump() + "\n";
+  return nlohmann::json{{"faults", std::move(list)}}.dump() + "\n";
 }
 
 }  // namespace ledgerline::fly

@@ -34,8 +34,8 @@ class FaultSwitches {
   std::vector<Step> steps_off() const;
   /// From here on nothing is switched on.
   void end() { ended_ = true; }
-  /// One line of JSON: [{"name":"silent-tello1","drone":"tello1","label":"Drone silent","words":"...","on":false}]; `drone`
-  /// is empty for what is of all.
+  /// One line of JSON: {"faults":[{"name":"silent-tello1","drone":"tello1","label":"Drone silent","words":"...","on":false}]};
+  /// `drone` is empty for what is of all.
   std::string list() const;
 
  private:

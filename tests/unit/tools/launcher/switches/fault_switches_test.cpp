@@ -27,14 +27,14 @@ hil::proxy::Switches proxy() {
 
 std::vector<std::string> names_on(const FaultSwitches& switches) {
   std::vector<std::string> names;
-  for (const json& one : json::parse(switches.list())) {
+  for (const json& one : json::parse(switches.list()).at("faults")) {
     if (one.at("on") == true) names.push_back(one.at("name"));
   }
   return names;
 }
 
 TEST(FaultSwitches, AreTwoOfTheLedgerAndTwoOfEachDroneInWords) {
-  const json list = json::parse(two_drones().list());
+  const json list = json::parse(two_drones().list()).at("faults");
   ASSERT_EQ(list.size(), 6u);
   for (const json& one : list) {
     EXPECT_FALSE(one.at("label").get<std::string>().empty());
@@ -50,7 +50,7 @@ TEST(FaultSwitches, AreTwoOfTheLedgerAndTwoOfEachDroneInWords) {
 TEST(FaultSwitches, EachIsACommandThatTheProxyTakesAndItsEndLeavesNothing) {
   FaultSwitches switches = two_drones();
   hil::proxy::Switches proxied = proxy();
-  for (const json& one : json::parse(switches.list())) {
+  for (const json& one : json::parse(switches.list()).at("faults")) {
     const std::string name = one.at("name");
     const auto on = switches.step_of("on " + name);
     ASSERT_TRUE(on && *on) << name;
