@@ -11,11 +11,12 @@
 namespace ledgerline::fly {
 
 FaultSwitches::FaultSwitches(const std::vector<std::string>& drones) {
+  // Less than would make commands too old to be flown ([check] max_age_ms).
   all_.push_back({.name = "ledger-delayed",
                   .drone = "",
                   .label = "Ledger delayed",
-                  .words = "What the drones' host says to its node or peer, and hears of it, is 0.3 s later each way.",
-                  .line = "server agent both delay 300ms"});
+                  .words = "The drones' host reaches its ledger, and hears of it, 0.1 s later each way.",
+                  .line = "server agent both delay 100ms"});
   all_.push_back({.name = "ledger-stalled",
                   .drone = "",
                   .label = "Ledger stalled",
@@ -32,8 +33,7 @@ FaultSwitches::FaultSwitches(const std::vector<std::string>& drones) {
         {.name = "commands-lost-" + drone,
          .drone = drone,
          .label = "Commands lost",
-         .words = "Nothing that it is told arrives, a stop neither: it flies on as it was told last, and lands by "
-                  "itself after 15 s.",
+         .words = "It hears nothing, a stop neither: it flies on as it was told last, and lands by itself after 15 s.",
          .line = fmt::format("drone {} to partition", drone)});
   }
 }
