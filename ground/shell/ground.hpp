@@ -21,6 +21,7 @@
 #include "common/rt/mailbox.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
+#include "ground/service/operators/leaving.hpp"
 #include "ground/service/shell/fault_desk.hpp"
 #include "ground/service/shell/server.hpp"
 #include "ground/shell/mission_desk.hpp"
@@ -135,13 +136,7 @@ class Ground {
   belief::ControlStart control_start_;
   fabric::KeptCheckpoint kept_;  ///< until start()
 
-  struct Leaving {
-    std::size_t who;
-    TimeNs from_ns;   ///< not before: he may come back
-    TimeNs until_ns;  ///< then his key is forgotten, whatever he holds
-    TimeNs next_ns;   ///< then they are asked again to land
-  };
-  std::vector<Leaving> leaving_;  ///< operators
+  service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;
 
   // Last, so that they end first: their callbacks use all of the above.
