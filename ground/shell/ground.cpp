@@ -241,6 +241,7 @@ void Ground::show(TimeNs now_ns) {
   service::Telling telling{.drones = service::Board::drones(now_ns, core_)};
   telling.paths = board_.changed_paths(core_);
   telling.state = service::Board::state_message(now_ns, core_, telling.drones);
+  telling.aloft = service::aloft_of(core_);
   telling.events = std::exchange(unshown_, {});
   server_->publish(std::move(telling));
 }

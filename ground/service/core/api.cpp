@@ -129,6 +129,15 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known&
     if (!priority.is_number_unsigned() || priority.get<std::uint64_t>() > contract::max_priority)
       return refusal(400, fmt::format("priority must be a number up to {}", contract::max_priority));
     call.priority = priority.get<std::uint32_t>();
+  } else if (call.kind == Kind::release) {
+    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
+    const json confirmed = body->value("confirmed", json(false));
+    if (!confirmed.is_boolean()) return refusal(400, "confirmed must be true or false");
+    const bool aloft = std::find(known.aloft.begin(), known.aloft.end(), *call.drone) != known.aloft.end();
+    if (aloft && !confirmed.get<bool>())
+      return refusal(409, fmt::format("{} is in the air: nobody commands it then, and it lands by its failsafe; say "
+                                      "\"confirmed\":true if that is meant",
+                                      known.names[*call.drone]));
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -64,6 +65,7 @@ struct Telling {
   std::string state{};                 ///< the stream's message around it
   std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
   std::vector<Event> events{};
+  std::vector<std::size_t> aloft{};  ///< indexes of the drones that are off the ground, as far as is known
 };
 
 /// What there is to know, as Board last told it.
@@ -73,6 +75,7 @@ struct Known {
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
+  std::span<const std::size_t> aloft{};    ///< as in Telling
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);

@@ -20,6 +20,7 @@ void Hub::expire(TimeNs now) {
 
 void Hub::publish(Telling telling) {
   drones_ = std::move(telling.drones);
+  aloft_ = std::move(telling.aloft);
   state_ = std::make_shared<const std::string>(std::move(telling.state));
   if (telling.paths) {
     paths_ = std::move(*telling.paths);

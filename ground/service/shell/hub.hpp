@@ -42,7 +42,7 @@ class Hub {
 
   const std::vector<std::string>& names() const { return names_; }
   Known known() const {
-    return {names_, drones_, paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr};
+    return {names_, drones_, paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr, aloft_};
   }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
@@ -105,6 +105,7 @@ class Hub {
   std::string drones_ = "[]", paths_ = "{}";
   std::shared_ptr<const std::string> state_, paths_message_, missions_message_, faults_message_;
   FaultList faults_{.switches = {}, .why = "the faults' switches were not reached yet"};
+  std::vector<std::size_t> aloft_;
   std::deque<Event> events_;
   std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;
