@@ -2,7 +2,7 @@
 # (ground/page/lib/package.json, installed where LEDGERLINE_PAGE_NPM says); ledgerline_plain_station_page is the page without them.
 set(LEDGERLINE_PAGE_NPM ${CMAKE_SOURCE_DIR}/build/npm-station CACHE PATH "Where what ground/page/lib/package.json names is installed")
 set(page ${CMAKE_SOURCE_DIR}/ground/page)
-file(GLOB page_files CONFIGURE_DEPENDS RELATIVE ${page} ${page}/*.html ${page}/*.js ${page}/*.css ${page}/look/*.js ${page}/missions/*.js ${page}/operators/*.js)
+file(GLOB page_files CONFIGURE_DEPENDS RELATIVE ${page} ${page}/*.html ${page}/*.js ${page}/*.css ${page}/faults/*.js ${page}/look/*.js ${page}/missions/*.js ${page}/operators/*.js)
 list(TRANSFORM page_files REPLACE "^.+$" "\\0=${page}/\\0" OUTPUT_VARIABLE plain_page)
 
 set(page_libraries ${plain_page})

@@ -4,16 +4,38 @@ as they are in no time.
 
 Usage: embed_files.py OUT.cpp NAME=FILE...
 What is named lib/... is kept as gzip has it. Beside the files there is lib/built.js, which says whether any of those is there, and
-page_scripts: the hashes of what a page holds of scripts itself, for its Content-Security-Policy.
+page_scripts: the hashes of what a page holds of scripts itself, for its Content-Security-Policy. Before its module script a page names all
+modules that this one imports, and those import in turn, so that a browser asks for them at once and not for one after the other.
 """
 import base64
 import gzip
 import hashlib
 import pathlib
+import posixpath
 import re
 import sys
 
 SCRIPT = re.compile(r"<script(?![^>]*\ssrc=)[^>]*>(.*?)</script>", re.S)
+
+MODULE = re.compile(r'<script type="module" src="/page/([^"]+)"')
+IMPORT = re.compile(r"^import [^;]*?from '(\.{1,2}/[^']+)';", re.M)  # what is imported later, when it is needed, is not meant
+
+
+def imported_by(name, files, seen):
+    """Adds to `seen` what that module needs, itself too."""
+    if name in seen:
+        return
+    seen.append(name)
+    for other in IMPORT.findall(files[name].read_text()):
+        imported_by(posixpath.normpath(posixpath.join(posixpath.dirname(name), other)), files, seen)
+
+
+def with_preloads(page, files):
+    modules = []
+    for name in MODULE.findall(page):
+        imported_by(name, files, modules)
+    links = "".join(f'<link rel="modulepreload" href="/page/{name}">\n' for name in modules)
+    return MODULE.sub(lambda found: links + found[0], page, count=1)
 
 
 def main():
@@ -30,6 +52,9 @@ def main():
     for number, (name, file) in enumerate(sorted(files.items())):
         data = file.read_bytes()
         if name.endswith(".html"):
+            data = with_preloads(data.decode(), files).encode()
+            file = kept / f"{number}.html"
+            file.write_bytes(data)
             for script in SCRIPT.findall(data.decode()):
                 hashes.add(f"'sha256-{base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()}'")
         zipped = name.startswith("lib/")

@@ -4,11 +4,11 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "common/program/socket/command_socket.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "ground/shell/course_file.hpp"
 #include "hil/lines/recording/read_day.hpp"
-#include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/proxy.hpp"
 #include "hil/shim/shim_verb.hpp"
 #include "hil/virtual/virtual_flight.hpp"
@@ -141,7 +141,7 @@ int run_proxy(const std::string& config, const std::string& script) {
 }
 
 int tell_faults(const std::string& socket, const std::string& command) {
-  const auto answer = hil::proxy::tell(socket, command);
+  const auto answer = tell_command(socket, command);
   if (!answer) return fail(answer.error());
   fmt::print("{}", *answer);
   return 0;

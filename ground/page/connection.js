@@ -29,7 +29,7 @@ function keptSession() {
   }
 }
 
-/// Events: `hello`, `state`, `events`, `blocks`, `missions` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is
+/// Events: `hello`, `state`, `events`, `blocks`, `missions`, `faults` (detail: the message), `link` (detail: {up, words}), `token` (detail: why one is
 /// needed), `session` (detail: what happened to it, in words).
 export class Connection extends EventTarget {
   #token = null; // the page's own
@@ -173,7 +173,7 @@ export class Connection extends EventTarget {
       this.stateMs = message.t_ms;
       message.drones = this.withPaths(message.drones);
     }
-    if (['hello', 'state', 'events', 'blocks', 'missions'].includes(message.op)) this.#say(message.op, message);
+    if (['hello', 'state', 'events', 'blocks', 'missions', 'faults'].includes(message.op)) this.#say(message.op, message);
   }
 
   /// `hello.back`: how long the link was lost, in words; null: it was not.

@@ -55,9 +55,9 @@ export const fixed = (value, digits) => (Number(value.toFixed(digits)) + 0).toFi
 export function freshness(age_ms, connected) {
   if (age_ms === null) return { words: 'none yet', level: 'none' };
   const words = age_ms < 1000 ? `${Math.round(age_ms)} ms` : age_ms < 100000 ? `${(age_ms / 1000).toFixed(1)} s` : 'over 100 s';
-  if (!connected) return { words: `${words}, lost`, level: 'stale' };
-  if (age_ms > STALE_MS) return { words: `${words}, stale`, level: 'stale' };
-  return age_ms > LATE_MS ? { words: `${words}, late`, level: 'late' } : { words, level: 'fresh' };
+  if (!connected) return { words, level: 'stale' };
+  if (age_ms > STALE_MS) return { words, level: 'stale' };
+  return { words, level: age_ms > LATE_MS ? 'late' : 'fresh' };
 }
 
 class Card {

@@ -4,6 +4,7 @@ import { DelayPlot } from './delay.js';
 import { Draft } from './draft.js';
 import { cleaned, Fleet, FLYING, put, STALE_MS } from './drones.js';
 import { Events } from './events.js';
+import { Faults } from './faults/panel.js';
 import { libraries } from './lib/built.js';
 import { Blocks } from './look/blocks.js';
 import { SpaceSwitch } from './look/space.js';
@@ -65,6 +66,7 @@ const blocks = new Blocks();
 const stopAll = new StopAll(connection, (identity) => nameOf(identity, operators));
 const draft = new Draft(map, at('map'), connection, () => fleet.drone);
 const missions = new Missions(connection, operators, map);
+const faults = new Faults(connection, operators);
 draft.onkeep = (path) => missions.keep(path);
 missions.onmade = () => draft.on && draft.toggle(false);
 const space = new SpaceSwitch(map, draft, ink, libraries);
@@ -106,6 +108,7 @@ bindKeys({
   Enter: (event) => !event.target.closest?.('button, a, summary') && draft.fly(),
   v: () => (space.toggle(), true),
   m: () => (missions.toggle(), true),
+  f: () => faults.toggle(),
   digit: (event) => keysOn && fleet.drones[Number(event.key) - 1] && (fleet.select(fleet.drones[Number(event.key) - 1].name), true),
 });
 at('keys-on').addEventListener('click', () => {
@@ -157,6 +160,7 @@ connection.addEventListener('events', ({ detail }) => {
   fleet.hear(detail.events.filter((event) => connection.stateMs - event.t_ms < NEWS_MS));
 });
 connection.addEventListener('missions', ({ detail }) => missions.update(detail.missions));
+connection.addEventListener('faults', ({ detail }) => faults.update(detail.faults, detail.why));
 connection.addEventListener('session', () => {
   hand.release();
   missions.refresh();

@@ -101,8 +101,8 @@ export class PlanView {
       ctx.stroke();
       ctx.fillStyle = this.#ink('muted');
       const said = `${Number(value.toFixed(2))}`;
-      if (along === 'x' && px > 30) ctx.fillText(said, px + 3, height - 5);
-      if (along === 'y' && py < height - 18) ctx.fillText(said, 4, py - 3);
+      if (along === 'x' && px > 30 && px + 3 + ctx.measureText(said).width < width) ctx.fillText(said, px + 3, height - 5);
+      if (along === 'y' && py > 14 && py < height - 18) ctx.fillText(said, 4, py - 3);
     };
     for (let x = Math.ceil(from.x / step) * step; x < to.x; x += step) line(x, 'x');
     for (let y = Math.ceil(from.y / step) * step; y < to.y; y += step) line(y, 'y');

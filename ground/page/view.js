@@ -1,6 +1,7 @@
 // Which part of the world a canvas shows: pixels to metres and back; x to the right, y up.
 
-const ROOM_PX = 46; // around what is there, for names and heights
+const ROOM_PX = 46; // around what is there, for names
+const RIGHT_PX = 78; // there heights are written, too
 const EDGE_PX = 24;
 const MIN_SPAN_M = 3;
 const calm = matchMedia('(prefers-reduced-motion: reduce)');
@@ -74,10 +75,11 @@ export class View {
     const [xs, ys] = [points.map((point) => point[0]), points.map((point) => point[1])];
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     const short = Math.min(width, height);
-    const needed = (metres, pixels) => (metres * short) / Math.max(40, pixels - 2 * ROOM_PX);
-    const span = Math.max(MIN_SPAN_M, needed(right - left, width), needed(high - low, height));
+    const needed = (metres, pixels) => (metres * short) / Math.max(40, pixels);
+    const span = Math.max(MIN_SPAN_M, needed(right - left, width - ROOM_PX - RIGHT_PX), needed(high - low, height - 2 * ROOM_PX));
+    const aside = ((RIGHT_PX - ROOM_PX) / 2) * (span / short);
     const ease = this.placed && !calm.matches ? 0.08 : 1;
-    this.#x += ((left + right) / 2 - this.#x) * ease;
+    this.#x += ((left + right) / 2 + aside - this.#x) * ease;
     this.#y += ((low + high) / 2 - this.#y) * ease;
     this.#span += (span - this.#span) * ease;
     this.placed = true;

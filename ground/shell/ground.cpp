@@ -16,7 +16,6 @@ namespace {
 constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
-constexpr TimeNs leaving_limit_ns = 60 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
 constexpr TimeNs show_gap_ns = ns_per_s / 30;      // for whoever looks at the page
 constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
@@ -45,6 +44,7 @@ Ground::~Ground() {
   mailbox_.close();
   if (missions_) missions_->close();
   if (desk_) desk_->close();
+  if (faults_) faults_->close();
 }
 
 std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
@@ -141,6 +141,10 @@ void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& 
   mailbox_.wake();
 }
 
+void Ground::say(Level level, const std::string& drone, std::string words) {
+  mailbox_.put(Told{level, drone, std::move(words)});
+}
+
 void Ground::wish(const PilotWish& one) {
   wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
 }
@@ -149,44 +153,23 @@ Status Ground::open_desk(const std::string& folder, const fabric::ClientConfig& 
   auto desk = OperatorDesk::create({.folder = folder,
                                     .ledger = ledger,
                                     .drones = names_,
-                                    .tell =
-                                        [this](service::Level level, const std::string& drone, std::string words) {
-                                          mailbox_.put(Told{level, drone, std::move(words)});
-                                        },
-                                    .on_session =
-                                        [this](std::size_t who, bool in) {
-                                          mailbox_.put(SessionChange{who, in});
-                                        }});
+                                    .tell = std::bind_front(&Ground::say, this),
+                                    .on_session = [this](std::size_t who, bool in) {
+                                      mailbox_.put(SessionChange{who, in});
+                                    }});
   if (!desk) return Error{"[service] operators: " + desk.error().what};
   desk_ = std::move(*desk);
   return done;
 }
 
 void Ground::see_off(TimeNs now_ns) {
-  for (auto one = leaving_.begin(); one != leaving_.end();) {
-    const crypto::IdentityName& who = desk_->operators()[one->who].identity;
-    std::vector<std::size_t> held, aloft;
-    for (std::size_t drone = 0; drone < names_.size(); ++drone) {
-      if (core_.lease(drone).holder != who || core_.lease(drone).commander != core_.config().self) continue;
-      held.push_back(drone);
-      const DronePhase phase = core_.status(drone).phase;
-      const Seen& seen = core_.seen(drone);
-      if (is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase)))
-        aloft.push_back(drone);
-    }
-    if (now_ns < one->from_ns || (!aloft.empty() && now_ns < one->until_ns)) {
-      if (now_ns >= std::max(one->from_ns, one->next_ns)) {
-        one->next_ns = now_ns + ns_per_s;
-        for (const std::size_t drone : aloft) wish({.drone = drone, .by = who, .land = true});
-      }
-      ++one;
-      continue;
-    }
-    if (!desk_->see_off(one->who, held) && now_ns < one->until_ns) {  // too much waits to be signed
-      ++one;
-      continue;
-    }
-    one = leaving_.erase(one);
+  for (const std::size_t who : leaving_.all()) {
+    const crypto::IdentityName& identity = desk_->operators()[who].identity;
+    const service::Held held = service::held_by(core_, identity);
+    const service::Leaving::Step step = leaving_.step(now_ns, who, held);
+    for (const std::size_t drone : step.land) wish({.drone = drone, .by = identity, .land = true});
+    // False: too much waits to be signed.
+    if (step.give_back && (desk_->see_off(who, held.drones) || step.last)) leaving_.remove(who);
   }
 }
 
@@ -197,10 +180,7 @@ void Ground::open_missions(service::MissionSettings settings) {
       .core = core_,
       .client = *urgent_,
       .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
-      .signed_in =
-          [this](std::size_t who) {
-            return std::none_of(leaving_.begin(), leaving_.end(), [&](const Leaving& one) { return one.who == who; });
-          },
+      .signed_in = [this](std::size_t who) { return !leaving_.has(who); },
       .wish = [this](const PilotWish& one) { wish(one); },
       .tell =
           [this](Level level, const std::string& drone, const std::string& words) {
@@ -231,13 +211,15 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
                                      [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
                                        ask(std::move(asked), std::move(answer));
                                      },
-                                 .tell =
-                                     [this](Level level, std::string words) {
-                                       mailbox_.put(Told{level, "", std::move(words)});
-                                     }};
+                                 .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
+  if (!settings.faults.empty()) {
+    faults_ = std::make_unique<service::FaultDesk>(settings.faults, std::bind_front(&Ground::say, this));
+    behind.ask_faults = std::bind_front(&service::FaultDesk::ask, faults_.get());
+  }
   auto server = service::Server::start(settings, names_, greeting, std::move(behind));
   if (!server) return server.error();
   server_ = std::move(server).value();
+  if (faults_) faults_->start([this](service::FaultList list) { server_->publish_faults(std::move(list)); });
   show(monotonic_ns());
   return done;
 }
@@ -260,6 +242,7 @@ void Ground::show(TimeNs now_ns) {
   service::Telling telling{.drones = service::Board::drones(now_ns, core_)};
   telling.paths = board_.changed_paths(core_);
   telling.state = service::Board::state_message(now_ns, core_, telling.drones);
+  telling.aloft = service::aloft_of(core_);
   telling.events = std::exchange(unshown_, {});
   server_->publish(std::move(telling));
 }
@@ -326,8 +309,7 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
   } else if (const auto* told = std::get_if<Told>(&letter)) {
     unshown_.push_back(board_.tell(monotonic_ns(), told->level, told->drone, told->words));
   } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
-    std::erase_if(leaving_, [&](const Leaving& one) { return one.who == change->who; });
-    if (!change->in) leaving_.push_back({change->who, 0, monotonic_ns() + leaving_limit_ns, 0});
+    change->in ? leaving_.remove(change->who) : leaving_.add(change->who, monotonic_ns());
   } else if (const auto* read = std::get_if<ControlsRead>(&letter)) {
     if (!read->controls) return read->controls.error();
     // The blocks that waited come next, before any that came behind them.
@@ -341,10 +323,8 @@ Status Ground::open(const Letter& letter, FlightInputs& inputs) {
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
   // Whose drones an earlier ground left to us may come back for them.
-  for (std::size_t who = 0; desk_ && who < desk_->operators().size(); ++who) {
-    const TimeNs from_ns = monotonic_ns() + session_idle_ns_;
-    leaving_.push_back({who, from_ns, from_ns + leaving_limit_ns, 0});
-  }
+  for (std::size_t who = 0; desk_ && who < desk_->operators().size(); ++who)
+    leaving_.add(who, monotonic_ns() + session_idle_ns_);
   TimeNs leave_ns = 0;
   while (!core_.done()) {
     const auto letter = next_letter(tick_ns);

@@ -23,6 +23,8 @@
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
 #include "ground/service/core/certificate_ends.hpp"
+#include "ground/service/operators/leaving.hpp"
+#include "ground/service/shell/fault_desk.hpp"
 #include "ground/service/shell/server.hpp"
 #include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
@@ -93,6 +95,8 @@ class Ground {
   void wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
             const std::function<void(PilotWish&)>& change);
   void wish(const PilotWish& one);
+  /// As an event; `drone`: its name, empty: of none. Any thread.
+  void say(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
   Status open_desk(const std::string& folder, const fabric::ClientConfig& ledger);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
@@ -140,18 +144,13 @@ class Ground {
   belief::ControlStart control_start_;
   fabric::KeptCheckpoint kept_;  ///< until start()
 
-  struct Leaving {
-    std::size_t who;
-    TimeNs from_ns;   ///< not before: he may come back
-    TimeNs until_ns;  ///< then his key is forgotten, whatever he holds
-    TimeNs next_ns;   ///< then they are asked again to land
-  };
-  std::vector<Leaving> leaving_;  ///< operators
+  service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;
 
   // Last, so that they end first: their callbacks use all of the above.
-  std::unique_ptr<OperatorDesk> desk_;     ///< null: nobody signs in
-  std::unique_ptr<MissionDesk> missions_;  ///< null: there is no service
+  std::unique_ptr<OperatorDesk> desk_;          ///< null: nobody signs in
+  std::unique_ptr<MissionDesk> missions_;       ///< null: there is no service
+  std::unique_ptr<service::FaultDesk> faults_;  ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
   std::unique_ptr<fabric::Client> client_, urgent_;

@@ -7,10 +7,8 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/belief/identity.hpp"
 #include "common/belief/roles.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ground/mission/parse.hpp"
 #include "ledgerline.pb.h"
@@ -24,7 +22,6 @@ using service::MissionAsk;
 using service::refusal;
 
 constexpr int max_tasks = 4;
-constexpr TimeNs again_ns = 2 * ns_per_s;  // until the ledger is asked again
 constexpr const char* accepted = R"({"accepted":true})";
 
 ApiAnswer busy() { return refusal(503, "too many missions wait to be looked at: try again"); }
@@ -43,12 +40,7 @@ Result<std::vector<crypto::IdentityName>> approvers_of(fabric::Client& client, c
   if (const Status read = parse_message(*answer, anchors); !read) return read.error();
   const auto roles = belief::read_roles([&](const fabric::Call& c) { return client.evaluate(c); });
   if (!roles) return roles.error();
-  std::vector<crypto::IdentityName> signers;
-  for (const Anchor& anchor : anchors.anchors()) {
-    const crypto::IdentityName signer = belief::to_name(anchor.signer());
-    if (anchor.what() == words && is_operator(roles->of(signer))) signers.push_back(signer);
-  }
-  return signers;
+  return service::approvers_in(anchors, *roles, words);
 }
 
 std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
@@ -130,9 +122,7 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
     later([then, checked = std::move(checked)]() mutable { then(std::move(checked)); });
   });
   if (taken) return;
-  mission::Finding waits;
-  waits.words = "it was not checked: too many missions wait to be looked at";
-  checked.findings = {std::move(waits)};
+  checked.findings = {service::not_checked()};
   then(std::move(checked));
 }
 
@@ -143,33 +133,14 @@ void MissionDesk::read_signers(const std::string& id) {
     later([this, id, signers = std::move(signers)] {
       if (signers) return book_.set_signers(id, *signers);
       spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);
-      unread_[id] = monotonic_ns() + again_ns;
+      unread_.add(id, monotonic_ns());
     });
   });
-  if (!taken) unread_[id] = monotonic_ns() + again_ns;
-}
-
-void MissionDesk::ask_again(TimeNs now) {
-  for (auto one = unread_.begin(); one != unread_.end();) {
-    if (now < one->second) {
-      ++one;
-      continue;
-    }
-    const std::string id = one->first;
-    one = unread_.erase(one);
-    if (book_.has(id)) read_signers(id);
-  }
+  if (!taken) unread_.add(id, monotonic_ns());
 }
 
 void MissionDesk::look(const fabric::Block& block) {
-  for (const fabric::Transaction& tx : block.transactions) {
-    if (tx.code != 0 || tx.config || tx.event_name != contract::anchor) continue;
-    AnchorCall anchored;
-    if (!parse_message(tx.event_payload, anchored)) continue;  // an event of whoever; only what verify says counts
-    for (const std::string& id : book_.ids()) {
-      if (bytes_of(book_.digest(id)) == anchored.digest()) read_signers(id);
-    }
-  }
+  for (const std::string& id : service::anchored_in(block, book_)) read_signers(id);
 }
 
 void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer) {
@@ -235,7 +206,9 @@ void MissionDesk::step(TimeNs now) {
     task();
   }
   if (!waiting_.empty()) parts_.wake();
-  if (!unread_.empty()) ask_again(now);
+  for (const std::string& id : unread_.take(now)) {
+    if (book_.has(id)) read_signers(id);
+  }
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);
     for (const PilotWish& wish : out.wishes) parts_.wish(wish);

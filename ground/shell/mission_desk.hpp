@@ -1,7 +1,6 @@
 #pragma once
 #include <deque>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -9,6 +8,7 @@
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/rt/workers.hpp"
+#include "ground/service/missions/approvals.hpp"
 #include "ground/service/missions/asked.hpp"
 #include "ground/service/missions/book.hpp"
 
@@ -64,12 +64,11 @@ class MissionDesk {
   void keep(const std::string& id);
   void forget(const std::string& id);
   void write_record(const std::string& id);
-  void ask_again(TimeNs now);
   std::string file_of(const std::string& id) const { return parts_.settings.folder + "/" + id + ".json"; }
 
   Parts parts_;
   service::MissionBook book_;
-  std::map<std::string, TimeNs> unread_;  ///< whose signers could not be read, and when to ask again
+  service::Unread unread_;    ///< whose signers could not be read
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
   Workers worker_{1, max_waiting};

@@ -8,6 +8,7 @@
 
 #include "common/base/log.hpp"
 #include "common/fabric/client/repeated.hpp"
+#include "ground/service/operators/signing.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -111,14 +112,14 @@ void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
   if (closed_) return;
   const Clients clients = clients_of(who);
   const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
-  const std::string what = fmt::format("{}: {}", operators_[who].name, service::words_of(call));
-  if (!clients.leases || (clients.left && call.kind != OperatorCall::Kind::release))
-    return parts_.tell(service::Level::warning, drone, what + ": not signed: the session is over");
-  const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
-  const fabric::Outcome outcome = fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr);
-  if (outcome.kind == fabric::Outcome::Kind::committed) return parts_.tell(service::Level::info, drone, what);
-  parts_.tell(service::Level::warning, drone,
-              fmt::format("{}: refused: {}", what, outcome.refusal ? outcome.refusal->words : outcome.message));
+  const std::string& name = operators_[who].name;
+  const std::string why = service::not_signed({.unlocked = clients.leases != nullptr, .left = clients.left}, call.kind);
+  service::CallNews news = service::news_of(name, call, why);
+  if (why.empty()) {
+    const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
+    news = service::news_of(name, call, fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr));
+  }
+  parts_.tell(news.level, drone, std::move(news.words));
 }
 
 OperatorDesk::Clients OperatorDesk::clients_of(std::size_t who) const {

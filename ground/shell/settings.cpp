@@ -204,6 +204,10 @@ service::ServiceSettings service_settings(Config& config) {
   settings.session_idle_ns = from_seconds(config.number(
       {"service.session_idle_s", "an operator of whom nothing is heard for so long is signed out, and his drones land"},
       900, 10, 86'400));
+  settings.faults = config.text({"service.faults",
+                                 "Unix socket of who switches faults of a simulated flight, which the page then "
+                                 "does, too: ./fly sets it (docs/station.md); none: there are none"},
+                                "");
   if (settings.listen.empty()) return settings;
   for (const service::Fault& fault : service::faults_of(settings)) config.wrong("service." + fault.key, fault.what);
   return settings;

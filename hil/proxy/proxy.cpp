@@ -14,9 +14,9 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/program/socket/command_socket.hpp"
 #include "common/program/stop_signals.hpp"
 #include "hil/proxy/drone_side.hpp"
-#include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/server_side.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -47,7 +47,7 @@ class Proxy {
   std::optional<SharedPorts> shared_;
   std::vector<DroneSide> drones_;
   std::vector<ServerSide> servers_;
-  std::optional<FaultSocket> socket_;
+  std::optional<CommandSocket> socket_;
   TimeNs start_ = 0;
   std::vector<pollfd> polled_;
   std::uint64_t strangers_ = 0, unnamed_ = 0;
@@ -77,7 +77,7 @@ Result<Proxy> Proxy::open(const Settings& settings) {
     proxy.servers_.push_back(std::move(*side));
   }
   if (!settings.faults_socket.empty()) {
-    auto socket = FaultSocket::open(settings.faults_socket);
+    auto socket = CommandSocket::open(settings.faults_socket);
     if (!socket) return socket.error();
     proxy.socket_.emplace(std::move(*socket));
   }

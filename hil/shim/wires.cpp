@@ -39,7 +39,7 @@ Result<std::unique_ptr<BentWire>> BentWire::open(std::unique_ptr<sim::DroneWire>
   if (!script) return script.error();
   std::unique_ptr<BentWire> bent(new BentWire(std::move(wire), drones, seed, switches, std::move(*script)));
   if (faults.socket.empty()) return bent;
-  auto socket = proxy::FaultSocket::open(faults.socket);
+  auto socket = CommandSocket::open(faults.socket);
   if (!socket) return socket.error();
   bent->socket_.emplace(std::move(*socket));
   return bent;

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "hil/proxy/fault_socket.hpp"
+#include "common/program/socket/command_socket.hpp"
 #include "hil/shim/drone_ways.hpp"
 #include "onboard/shim/drones_end.hpp"
 #include "sim/shell/drone_wire.hpp"
@@ -63,7 +63,7 @@ class BentWire final : public sim::DroneWire {
   DroneWays ways_;
   proxy::Switches switches_;
   proxy::Script script_;
-  std::optional<proxy::FaultSocket> socket_;
+  std::optional<CommandSocket> socket_;
   TimeNs start_ns_ = 0;  ///< 0: it has not begun
   DroneWays::ToDrone handed_;
 };

@@ -60,12 +60,13 @@ std::string service_table(const RunFiles& files, const Options& options) {
   if (!options.watch) return "";
   const std::string operators =
       options.operators.empty() ? "" : fmt::format("operators = \"{}\"\n", files.in("operators"));
+  const std::string faults = options.fault_switches ? fmt::format("faults = \"{}\"\n", files.fault_switches()) : "";
   const link::FenceSettings fence = options.own ? options.own->link.fence : link::FenceSettings{};  // as link has it
   const auto corner = [](const auto& at_m) { return fmt::format("[{:g}, {:g}, {:g}]", at_m[0], at_m[1], at_m[2]); };
   return fmt::format(
-      "\n[service]\nlisten = \"127.0.0.1:{}\"\ntoken_file = \"{}\"\n{}\n"
+      "\n[service]\nlisten = \"127.0.0.1:{}\"\ntoken_file = \"{}\"\n{}{}\n"
       "[mission]\nfolder = \"{}\"\napprovals = {}\nafter_restart = \"go_on\"\nfence_min_m = {}\nfence_max_m = {}\n\n",
-      free_port(), files.page_token(), operators, files.in("missions"), options.approvals, corner(fence.min_m),
+      free_port(), files.page_token(), operators, faults, files.in("missions"), options.approvals, corner(fence.min_m),
       corner(fence.max_m));
 }
 
@@ -272,7 +273,7 @@ Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) 
 
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
   std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
-                                 options.seed, files.in("faults.sock"), files.summary(proxy_name), proxy_address);
+                                 options.seed, files.proxy_faults(), files.summary(proxy_name), proxy_address);
   for (int k = 1; k <= options.drones && !options.shim; ++k) {
     text += fmt::format("\n[[drone]]\nname = \"tello{}\"\nlisten = \"{}\"\naddress = \"{}\"\n", k,
                         proxied_address_of(k), address_of(k));

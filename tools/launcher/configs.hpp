@@ -13,6 +13,8 @@ struct RunFiles {
   std::string directory;
   std::string in(const std::string& name) const { return directory + "/" + name; }
   std::string page_token() const { return in("page.token"); }
+  std::string proxy_faults() const { return in("faults.sock"); }      ///< told to the proxy
+  std::string fault_switches() const { return in("switches.sock"); }  ///< the page's, which the launcher serves
   std::string log(const std::string& program) const { return in(program + ".log"); }
   std::string config(const std::string& program) const { return in(program + ".toml"); }
   std::string trace(const std::string& program) const { return in(program + ".trace"); }

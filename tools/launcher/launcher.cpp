@@ -299,6 +299,7 @@ Status Launcher::fly() {
     flying = flying && result;
     if (interrupts_ > interrupts_seen && flying) {
       interrupts_seen = interrupts_;
+      if (switches_) switches_->end();  // a drone must hear that it shall land
       children_.signal(controller_, SIGTERM);
       flying = !hurry();
       if (flying) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
@@ -324,6 +325,7 @@ Status Launcher::supervise_onboard(TimeNs now_ns) {
     if (children_.running(one.name)) continue;
     if (one.start_at_ns == 0) {
       if (one.name != "link" || !std::exchange(link_given_up_, false)) ended_early(one.name);
+      if (one.name == controller_ && switches_) switches_->all_off();  // nobody can switch them now
       const auto at = one.restarts.ended(now_ns);
       if (!at) {
         const Restarts::Limits& limits = one.restarts.limits();
@@ -375,6 +377,7 @@ void Launcher::recycle_shared_memory() {
 
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
+  switches_.reset();
   std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
   if (!landed && !hurry() && children_.running("link") && (options_.own || children_.running("sim")) &&
       live_.anything_in_air()) {

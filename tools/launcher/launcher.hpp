@@ -1,6 +1,7 @@
 #pragma once
 #include <atomic>
 #include <map>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"
 #include "tools/launcher/preflight/preflight.hpp"
+#include "tools/launcher/switches/switch_desk.hpp"
 
 namespace ledgerline::timing {
 struct UsageRecord;
@@ -96,6 +98,7 @@ class Launcher {
   Live live_;
   Preflight preflight_;
   Children children_;
+  std::unique_ptr<SwitchDesk> switches_;      ///< null: the page has none
   std::string records_;                       ///< as control-show printed them
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;

@@ -35,6 +35,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --side 4 --ramp 0.5:0.1 --laps 6 --ledger none        each lap faster, with no ledger between
   fly --shape manual                  until Ctrl-C, by any ROS 2 teleop on /tello1/cmd_vel
   fly --drones 3 --shape manual --watch    the same by a page: keyboard, gamepad, touch, and a button that stops all
+  fly --shape manual --watch --fault-switches    and with switches that make ledger or drones bad
   fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
   fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
@@ -157,6 +158,10 @@ void add_run_options(CommandLine& line, Options& o) {
   const Option watch = line.flag(
       "--watch", o.watch,
       "Ground serves a page to look on, to fly by hand and to stop all; its address is printed (docs/station.md)");
+  line.flag(
+          "--fault-switches", o.fault_switches,
+          "The page has switches that delay or stall the ledger, silence a drone, lose its commands (docs/station.md)")
+      .needs(watch);
   line.flag("--open", o.open, "Open the page in the browser, where there is xdg-open").needs(watch);
   const Option operators =
       line.option("--operators", o.operators,
@@ -221,6 +226,8 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--believe-peer", o.blocks != "ordered", "goes with the peer's blocks: an orderer's have to be judged"},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
+      {"--fault-switches", !o.own, "are of the proxy before simulated drones: a deployment's own have none"},
+      {"--fault-switches", !o.shim, "are of the proxy on the drones' UDP: behind --shim there is none"},
       {"--watch", ledger, "shows what ground sees: with --ledger none there is no ground"},
       {"--watch", !others, "stands as [service] in the ground.toml of the deployment"},
       {"--operators", o.manual, "goes with --shape manual: a path is flown by ground's own lease"},
@@ -365,6 +372,7 @@ std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
 void take(const Words& words, Options& o) {
   o.manual = words.shape == "manual";
   o.predict = words.predict == "on";
+  o.proxy = o.proxy || o.fault_switches;
   if (!words.pads.empty()) {
     o.pads = *sim::parse_pads(words.pads);
     o.pose = "pads";

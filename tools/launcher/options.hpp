@@ -55,10 +55,11 @@ struct Options {
   bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
-  bool shim = false;   ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
-  bool proxy = false;  ///< drones and ledger are reached through ledgerline-hil proxy
-  bool watch = false;  ///< ground serves its page (docs/station.md)
-  bool open = false;   ///< in the browser
+  bool shim = false;            ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)
+  bool proxy = false;           ///< drones and ledger are reached through ledgerline-hil proxy
+  bool watch = false;           ///< ground serves its page (docs/station.md)
+  bool fault_switches = false;  ///< of the proxy, at that page
+  bool open = false;            ///< in the browser
   std::vector<std::string>
       operators{};           ///< who sign in there with keys of their own; none: ground's identity signs all
   int approvals = 1;         ///< of different operators, before a mission starts: 1 or 2

@@ -25,7 +25,7 @@ constexpr TimeNs watch_every_ns = 500 * ns_per_ms;
 
 struct Wish {
   station::Options options;
-  bool watch = false, all = false, land = false;
+  bool watch = false, all = false, land = false, yes = false;
   std::vector<std::string> names;
   std::string drone, path_file, msp, subject, name, pass_phrase_file;
   unsigned priority = 0;
@@ -89,6 +89,7 @@ Status sign(Station& station, const Wish& wish, const std::string& verb) {
   if (verb == "hand_over" || verb == "deny") body = to_body(wish.msp, wish.subject);
   if ((verb == "acquire" || verb == "request") && wish.priority > 0)
     body = fmt::format(R"({{"priority":{}}})", wish.priority);
+  if (verb == "release" && wish.yes) body = R"({"confirmed":true})";
   return each(wish.names, [&](const std::string& name) {
     auto signed_call = call_and_wait(station, name, verb, body);
     if (signed_call) print_line(wish.options.json ? R"({"accepted":true})" : fmt::format("{}: {}: done", name, verb));
@@ -159,7 +160,6 @@ struct Verbs {
                                                                     {"pause", "Hover, and keep the rest of the path"},
                                                                     {"resume", "Fly the rest of the path"},
                                                                     {"return", "Fly to where it took off"},
-                                                                    {"release", "Give the lease back"},
                                                                     {"lift", "Lift the stop"}})
       with_names(line, wish, name, help).required();
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
@@ -167,6 +167,8 @@ struct Verbs {
       with_names(line, wish, name, help).required();
       all.back().option("--priority", wish.priority, "of the lease or the request");
     }
+    with_names(line, wish, "release", "Give the lease back").required();
+    all.back().flag("--yes", wish.yes, "of a drone in the air, too: it lands by its failsafe");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"stop", "Stop: land, and stay there until somebody lifts it"},
              {"cut", "Stop with motors off, at once"}}) {

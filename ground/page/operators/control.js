@@ -109,7 +109,7 @@ export class Control {
     if (why) return this.#reply(why);
     const lands = what === 'release' && this.#flying;
     if (lands && !(await confirmed(`Give back ${this.#name}?`, `${this.#name} is in the air. Nobody commands it then: it lands by its failsafe.`, 'Give back'))) return undefined;
-    return this.#send(what, label, what === 'acquire' || what === 'request' ? { priority: 0 } : {});
+    return this.#send(what, label, what === 'acquire' || what === 'request' ? { priority: 0 } : lands ? { confirmed: true } : {});
   }
 
   async #send(what, label, body) {

@@ -12,6 +12,7 @@
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
 #include "ground/json/strict.hpp"
+#include "ground/service/faults/answer.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -128,6 +129,15 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known&
     if (!priority.is_number_unsigned() || priority.get<std::uint64_t>() > contract::max_priority)
       return refusal(400, fmt::format("priority must be a number up to {}", contract::max_priority));
     call.priority = priority.get<std::uint32_t>();
+  } else if (call.kind == Kind::release) {
+    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
+    const json confirmed = body->value("confirmed", json(false));
+    if (!confirmed.is_boolean()) return refusal(400, "confirmed must be true or false");
+    const bool aloft = std::find(known.aloft.begin(), known.aloft.end(), *call.drone) != known.aloft.end();
+    if (aloft && !confirmed.get<bool>())
+      return refusal(409, fmt::format("{} is in the air: nobody commands it then, and it lands by its failsafe; say "
+                                      "\"confirmed\":true if that is meant",
+                                      known.names[*call.drone]));
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }
@@ -299,10 +309,11 @@ ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
     if (behind.empty() || behind[0] == '/') return answer_missions(request, behind, query, known);
   }
   if (path == "operators") return answer_operators(request, known);
+  if (path == "faults") return answer_faults(request, known);
   if (path == "session") return answer_session(request, known);
   if (path == "stop") return answer_stop(request, known);
   if (path.substr(0, of_drone.size()) == of_drone) return answer_drone(request, path.substr(of_drone.size()), known);
-  return refusal(404, "there are drones, events, missions, operators, paths, session, stop, stream");
+  return refusal(404, "there are drones, events, faults, missions, operators, paths, session, stop, stream");
 }
 
 /// Three numbers, or an error.

@@ -2,12 +2,14 @@
 #include <cstdint>
 #include <deque>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
+#include "ground/service/faults/fault_list.hpp"
 #include "ground/service/missions/asked.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
@@ -52,6 +54,7 @@ struct ApiAnswer {
   std::optional<SignIn> sign_in{};
   bool sign_out = false;
   std::optional<MissionAsk> mission{};
+  std::optional<FaultAsk> fault{};
 };
 std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
@@ -62,6 +65,7 @@ struct Telling {
   std::string state{};                 ///< the stream's message around it
   std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
   std::vector<Event> events{};
+  std::vector<std::size_t> aloft{};  ///< indexes of the drones that are off the ground, as far as is known
 };
 
 /// What there is to know, as Board last told it.
@@ -70,6 +74,8 @@ struct Known {
   std::string_view drones, paths;          ///< as in Telling
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
+  const FaultList* faults = nullptr;       ///< null: none are switched here
+  std::span<const std::size_t> aloft{};    ///< as in Telling
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);

@@ -40,6 +40,9 @@ std::vector<Fault> faults_of(const ServiceSettings& settings) {
   add("listen", fault_of_listen(settings));
   add("names", fault_of_names(settings));
   if (settings.token_file.empty()) add("token_file", "must name a file, since [service] listen is set");
+  constexpr std::size_t max_socket_path = 107;  // the kernel's
+  if (settings.faults.size() > max_socket_path)
+    add("faults", fmt::format("must be a path of at most {} bytes", max_socket_path));
   if (settings.has_tls() && settings.tls.key.empty()) add("tls_key", "must be there with tls_certificate");
   if (settings.has_tls()) return faults;
   if (!settings.tls.key.empty()) add("tls_certificate", "must be there with tls_key");

@@ -20,6 +20,7 @@ struct ServiceSettings {
   std::vector<std::string> names{};  ///< hosts of the page's URL, beside what is listened on and localhost
   std::string operators{};           ///< folder of the operators' identities; empty: ground's own signs all
   TimeNs session_idle_ns = 0;
+  std::string faults{};  ///< Unix socket of who switches a simulated flight's faults; empty: none are
 
   bool has_tls() const { return !tls.certificate.empty(); }
 };

@@ -20,6 +20,7 @@ void Hub::expire(TimeNs now) {
 
 void Hub::publish(Telling telling) {
   drones_ = std::move(telling.drones);
+  aloft_ = std::move(telling.aloft);
   state_ = std::make_shared<const std::string>(std::move(telling.state));
   if (telling.paths) {
     paths_ = std::move(*telling.paths);
@@ -38,6 +39,12 @@ void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
 
 void Hub::publish_missions(std::string_view list) {
   missions_message_ = std::make_shared<const std::string>(missions_message(list));
+  tell();
+}
+
+void Hub::publish_faults(FaultList list) {
+  faults_message_ = std::make_shared<const std::string>(faults_message(list));
+  faults_ = std::move(list);
   tell();
 }
 

@@ -31,6 +31,7 @@ class Hub {
 
   void publish(Telling telling);
   void publish_missions(std::string_view list);
+  void publish_faults(FaultList list);
   /// Nothing more is published.
   void end();
   bool ended() const { return ended_; }
@@ -40,7 +41,9 @@ class Hub {
   }
 
   const std::vector<std::string>& names() const { return names_; }
-  Known known() const { return {names_, drones_, paths_, events_, operators_}; }
+  Known known() const {
+    return {names_, drones_, paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr, aloft_};
+  }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
   /// The newest event that can not be told any more; 0: all can.
@@ -48,6 +51,7 @@ class Hub {
   const std::shared_ptr<const std::string>& state() const { return state_; }
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
   const std::shared_ptr<const std::string>& missions() const { return missions_message_; }
+  const std::shared_ptr<const std::string>& faults() const { return faults_message_; }
   std::string greeting() const;
   Status take(const PilotWish& wish) const { return behind_.take(wish); }
 
@@ -55,6 +59,7 @@ class Hub {
   const std::vector<Operator>& operators() const { return operators_; }
   OperatorKeys& keys() { return *behind_.keys; }
   const auto& ask_missions() const { return behind_.ask_missions; }
+  const auto& ask_faults() const { return behind_.ask_faults; }
   /// Ends the sessions that were idle for too long.
   void expire(TimeNs now);
 
@@ -98,7 +103,9 @@ class Hub {
   const std::vector<Operator> operators_;
   SignIns sign_ins_;
   std::string drones_ = "[]", paths_ = "{}";
-  std::shared_ptr<const std::string> state_, paths_message_, missions_message_;
+  std::shared_ptr<const std::string> state_, paths_message_, missions_message_, faults_message_;
+  FaultList faults_{.switches = {}, .why = "the faults' switches were not reached yet"};
+  std::vector<std::size_t> aloft_;
   std::deque<Event> events_;
   std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;

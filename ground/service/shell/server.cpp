@@ -67,6 +67,9 @@ class BeastServer final : public Server {
   void publish_missions(std::string list) override {
     asio::post(io_, [this, list = std::move(list)] { hub_.publish_missions(list); });
   }
+  void publish_faults(FaultList list) override {
+    asio::post(io_, [this, list = std::move(list)]() mutable { hub_.publish_faults(std::move(list)); });
+  }
   void end() override {
     asio::post(io_, [this] {
       boost::system::error_code ignored;  // it is no matter whether it was open

@@ -54,6 +54,8 @@ class Server {
     OperatorKeys* keys = nullptr;  ///< null: nobody signs in
     /// A question about missions; `answer` comes once, on any thread. Null: there are none.
     std::function<void(MissionAsk asked, std::function<void(ApiAnswer)> answer)> ask_missions{};
+    /// A fault is to be switched; `answer` comes once, on any thread. Null: there are none.
+    std::function<void(FaultAsk asked, std::function<void(ApiAnswer)> answer)> ask_faults{};
     /// Something that people should know of the service itself. Null: the log alone has it.
     std::function<void(Level level, std::string words)> tell{};
   };
@@ -67,6 +69,8 @@ class Server {
   virtual void publish(Telling telling) = 0;
   /// [MISSION...], when one has changed. Any thread.
   virtual void publish_missions(std::string list) = 0;
+  /// When they have changed. Any thread.
+  virtual void publish_faults(FaultList list) = 0;
   /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.

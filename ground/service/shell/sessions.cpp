@@ -145,6 +145,9 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     } else if (hub_.missions() && hub_.missions() != missions_) {
       missions_ = hub_.missions();
       send(missions_);
+    } else if (hub_.faults() && hub_.faults() != faults_) {
+      faults_ = hub_.faults();
+      send(faults_);
     } else if (hub_.state() && hub_.state() != shown_) {
       shown_ = hub_.state();
       send(shown_);
@@ -211,7 +214,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   const std::optional<SignIns::Session> session_;
   Budget budget_;
   beast::flat_buffer buffer_;
-  std::shared_ptr<const std::string> shown_, paths_, missions_;
+  std::shared_ptr<const std::string> shown_, paths_, missions_, faults_;
   std::uint64_t told_ = 0;  ///< the newest event that it has
   std::uint64_t told_block_ = 0;
   bool blocks_were_last_ = false;
@@ -321,6 +324,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     }
     if (made.sign_in) return sign_in(now, std::move(*made.sign_in));
     if (made.mission) return ask(std::move(*made.mission));
+    if (made.fault) return ask(hub_.ask_faults(), std::move(*made.fault));
     return respond(request, std::move(made));
   }
 
@@ -339,8 +343,14 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   std::optional<Response> ask(MissionAsk asked) {
     if (!hub_.ask_missions()) return respond(parser_->get(), refusal(404, "no missions are flown here"));
+    return ask(hub_.ask_missions(), std::move(asked));
+  }
+
+  /// Who answers later.
+  template <typename Asked>
+  std::optional<Response> ask(const std::function<void(Asked, std::function<void(ApiAnswer)>)>& whom, Asked asked) {
     wire_.tcp().expires_never();
-    hub_.ask_missions()(std::move(asked), [self = shared_from_this()](ApiAnswer made) {
+    whom(std::move(asked), [self = shared_from_this()](ApiAnswer made) {
       boost::asio::post(self->wire_.get_executor(), [self, made = std::move(made)]() mutable {
         self->write(respond(self->parser_->get(), std::move(made)));
       });

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <nlohmann/json.hpp>
 
-#include "hil/proxy/fault_socket.hpp"
+#include "common/program/socket/command_socket.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -96,7 +96,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
   for (const std::string& command : acts.proxy) {
     const bool of_shim = where_.stack.shim && !command.starts_with("server ");
     const std::string socket = where_.run + (of_shim ? "/shim.sock" : "/faults.sock");
-    if (auto told = proxy::tell(socket, command); !told) return told.error();
+    if (auto told = tell_command(socket, command); !told) return told.error();
   }
   for (const auto& [program, signal] : acts.programs) {
     const auto pids = descendants(children_.pid(where_.parent), program);

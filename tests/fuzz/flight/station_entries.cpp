@@ -24,6 +24,7 @@ class RequestEntry final : public Entry {
         "POST /api/v1/drones/tello2/land\n",
         "POST /api/v1/session\n{\"operator\":\"alice\",\"passphrase\":\"open\"}",
         "POST /api/v1/drones/tello1/hand_over\n{\"to\":{\"msp\":\"Org2MSP\",\"subject\":\"CN=bob\"}}",
+        "POST /api/v1/faults\n{\"name\":\"silent-tello1\",\"on\":true}",
         "POST /api/v1/drones/tello1/acquire\n{\"priority\":3}"};
   }
   Outcome feed(std::string_view bytes) override {
@@ -31,12 +32,13 @@ class RequestEntry final : public Entry {
     const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
     const auto blank = std::min(line.find(' '), line.size());
     ApiRequest request{line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body};
-    const Known known{names, "[]", "{}", events_, operators_};
+    const Known known{names, "[]", "{}", events_, operators_, &faults_};
     const ApiAnswer strangers = answer(request, known);
     // Nobody is signed in: nothing is signed, and nothing flies.
     const bool flies = std::any_of(strangers.wishes.begin(), strangers.wishes.end(),
                                    [](const ground::PilotWish& wish) { return !wish.stop && !wish.land; });
-    if (strangers.call || strangers.sign_out || flies) return refused("");
+    const bool spoils = strangers.fault && strangers.fault->on;
+    if (strangers.call || strangers.sign_out || flies || spoils) return refused("");
     request.who = 0;
     const ApiAnswer made = answer(request, known);
     if (made.status < 300) return accepted();
@@ -47,6 +49,7 @@ class RequestEntry final : public Entry {
  private:
   const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
   const std::deque<Event> events_{{1, 1, Level::info, "tello1", "takeoff"}};
+  const FaultList faults_{.switches = {{.name = "silent-tello1", .drone = "tello1", .label = "Silent", .words = "w"}}};
 };
 
 class StreamEntry final : public Entry {
@@ -84,8 +87,19 @@ class HeadEntry final : public Entry {
   const Guard guard_{token_, {"127.0.0.1:8800", "localhost:8800"}, false};
 };
 
+/// What the launcher says of its faults' switches.
+class FaultsEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    return {R"({"faults":[{"name":"silent-tello1","drone":"tello1","label":"Drone silent","words":"w","on":true}]})",
+            R"({"faults":[]})"};
+  }
+  Outcome feed(std::string_view bytes) override { return outcome_of(faults_from(bytes)); }
+};
+
 const Registration request({"station.request", Kind::text, [] { return std::make_unique<RequestEntry>(); }});
 const Registration stream({"station.stream", Kind::json, [] { return std::make_unique<StreamEntry>(); }});
+const Registration faults({"station.faults", Kind::json, [] { return std::make_unique<FaultsEntry>(); }});
 const Registration head({"station.head", Kind::text, [] { return std::make_unique<HeadEntry>(); }});
 
 }  // namespace

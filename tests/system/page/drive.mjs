@@ -8,7 +8,7 @@
 import { writeFileSync } from 'node:fs';
 import { join } from 'node:path';
 import { cardOf, launch, SIZES, Watcher } from './watcher.mjs';
-import { openSpace, pictureDelays, readBlocks, turnSpace, withoutLibraries } from './look.mjs';
+import { openSpace, pictureDelays, readBlocks, switchFaults, turnSpace, withoutLibraries } from './look.mjs';
 
 const TAKEOFF_MS = 45000;
 const PATH_MS = 60000;
@@ -25,7 +25,7 @@ const watcher = new Watcher(outdir, { requests: 0, bytes: 0, phases: [], velocit
 const { saw, velocities } = watcher;
 const check = (good, words) => watcher.check(good, words);
 const watch = (page) => watcher.watch(page, { meant: /ERR_CONNECTION_(REFUSED|RESET)/ }); // while ground is away
-const pictures = (page, size, moment) => watcher.pictures(page, size, moment, ['flight', 'space'].includes(moment));
+const pictures = (page, size, moment) => watcher.pictures(page, size, moment, ['flight', 'space', 'faults'].includes(moment));
 
 async function countLoad(page) {
   const loads = [];
@@ -183,8 +183,9 @@ async function main() {
       setInterval(() => phases.add(document.querySelector('.card.selected .phase').textContent), 50);
     });
     await openSpace(page, saw, check);
-    await takeOff(page, drone);
     await page.keyboard.press('v');
+    await switchFaults(page, saw, check, () => pictures(page, 'desktop', 'faults'));
+    await takeOff(page, drone);
     await flyByKeys(page, drone);
     await flyPath(page, drone);
     await look(page);

@@ -83,6 +83,31 @@ export async function readBlocks(page, saw, check) {
   await page.locator('#blocks-on').click();
 }
 
+/// By the keyboard alone, and on the ground.
+export async function switchFaults(page, saw, check, picture) {
+  await page.locator('#map').focus();
+  await page.keyboard.press('f');
+  const delayed = page.locator('[data-fault=ledger-delayed]');
+  await delayed.waitFor();
+  saw.faults = await page.locator('#faults-list [role=switch]').evaluateAll((all) => all.map((each) => each.dataset.fault));
+  await page.locator('#faults-open').focus();
+  await page.keyboard.press('Tab');
+  check((await page.evaluate(() => document.activeElement.dataset.fault)) === 'ledger-delayed', 'the keyboard does not reach the switches');
+  await page.keyboard.press('Space');
+  await page.locator('#faults-words', { hasText: 'On: Ledger delayed' }).waitFor({ timeout: 10000 });
+  check(await page.locator('#faults.on').isVisible(), 'a fault that is on has no colour');
+  await page.locator('#events-list .event', { hasText: 'Ledger delayed: switched on' }).waitFor({ timeout: 10000 });
+  await picture();
+  await page.locator('#faults-off').focus();
+  await page.keyboard.press('Enter');
+  await page.locator('#faults-words', { hasText: 'None is on.' }).waitFor({ timeout: 10000 });
+  check((await page.evaluate(() => document.activeElement.id)) === 'faults-open', 'a button that goes takes the keyboard with it');
+  check((await delayed.getAttribute('aria-checked')) === 'false', 'a fault that is off looks on');
+  await page.locator('#map').focus();
+  await page.keyboard.press('f');
+  check(await page.locator('#faults-list').isHidden(), 'F does not close the switches');
+}
+
 /// As it is built where npm or the network was missing.
 export async function withoutLibraries(browser, url, watch, check) {
   const context = await browser.newContext({ viewport: { width: 1280, height: 800 } });

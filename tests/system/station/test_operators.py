@@ -72,6 +72,10 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     time.sleep(0.5)
     assert station.drone("tello1")["phase"] == "manual", "alice does not any more"
 
+    # In the air it is given back only where that is confirmed.
+    status, refused = bob.ask("POST", "drones/tello1/release")
+    assert status == 409 and "tello1 is in the air" in refused["error"], refused
+
     # A stop is its stopper's own, and so is lifting it.
     alice.say("drones/tello1/stop")
     stopped = station.wait("tello1", lambda drone: drone["phase"] == "landed" and drone["stopped_by"])
@@ -80,6 +84,14 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     bob.told("bob: lift the stop: refused")
     alice.say("drones/tello1/lift")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
+
+    # What is confirmed is done: nobody commands it, and its failsafe lands it.
+    bob.say("drones/tello1/takeoff")
+    station.wait("tello1", lambda drone: drone["phase"] == "manual")
+    bob.say("drones/tello1/release", {"confirmed": True})
+    station.wait("tello1", lambda drone: not drone["lease"]["holder"] and drone["link_phase"] == "landed")
+    bob.say("drones/tello1/acquire")
+    station.wait("tello1", holder("bob"))
 
     # Whoever leaves in the air is landed, and what he held is free.
     bob.say("drones/tello1/takeoff")

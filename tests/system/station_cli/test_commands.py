@@ -79,6 +79,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     following = anybody.start("alarms", "--watch")
     take_off_by_commands(alice, station, "tello1", "tello2")
     status_of(tmp_path)
+    assert "tello2 is in the air" in alice.refused("drones", "release", "tello2")
     flown = anybody.json("flights")["flights"]
     assert [(one["what"], one["drones"], "alice" in one["by"]) for one in flown] == [("hand", ["tello1"], True), ("hand", ["tello2"], True)]
     assert all(0 < one["since_s"] < PATIENCE_S for one in flown), flown

@@ -14,8 +14,10 @@ class Api : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view target, std::string_view body = "",
                 std::optional<std::size_t> who = {}) {
-    return answer({method, target, body, who}, {names, drones, R"({"tello1":[[1,2,3]]})", events, operators});
+    return answer({method, target, body, who},
+                  {names, drones, R"({"tello1":[[1,2,3]]})", events, operators, nullptr, aloft});
   }
+  std::vector<std::size_t> aloft;   ///< on the ground: all
   std::vector<Operator> operators;  ///< none: ground's own identity signs all
   const std::vector<std::string> names{"tello1", "tello2"};
   const std::string drones = R"([{"name":"tello1"}])";
@@ -193,6 +195,22 @@ TEST_F(SignedIn, WhatAnOperatorSignsIsACall) {
     EXPECT_EQ(refused.status, 400U) << verb << body;
     EXPECT_FALSE(refused.call) << verb << body;
   }
+}
+
+TEST_F(SignedIn, ADroneInTheAirIsGivenBackOnlyWhereThatIsConfirmed) {
+  const char* const release = "/api/v1/drones/tello1/release";
+  EXPECT_TRUE(ask("POST", release, "", 0).call);
+  aloft = {1};
+  EXPECT_TRUE(ask("POST", release, "", 0).call) << "another one is";
+  aloft = {0, 1};
+  const ApiAnswer refused = ask("POST", release, "{}", 0);
+  EXPECT_EQ(refused.status, 409U);
+  EXPECT_FALSE(refused.call);
+  EXPECT_THAT(refused.body, HasSubstr("tello1 is in the air"));
+  EXPECT_EQ(ask("POST", release, R"({"confirmed":false})", 0).status, 409U);
+  EXPECT_TRUE(ask("POST", release, R"({"confirmed":true})", 0).call);
+  EXPECT_EQ(ask("POST", release, R"({"confirmed":1})", 0).status, 400U);
+  EXPECT_EQ(ask("POST", release, R"({"confirmed":true})").status, 403U);
 }
 
 TEST_F(SignedIn, SignsInByNameAndPassPhraseAndOut) {

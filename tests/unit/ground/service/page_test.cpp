@@ -53,6 +53,19 @@ TEST(Page, WithALibraryItHasThemAllAndTheirLicences) {
   for (const std::string& library : libraries) EXPECT_EQ(all.count(library), LEDGERLINE_PAGE_LIBRARIES) << library;
 }
 
+TEST(Page, NamesTheModulesThatItNeedsSoThatTheyAreAskedForAtOnce) {
+  const std::string page = bytes_of("index.html");
+  const auto at = [&](const std::string& module) {
+    return page.find("<link rel=\"modulepreload\" href=\"/page/" + module + "\">");
+  };
+  // One that main.js imports, one that is imported by such a one, one that is made by the build.
+  for (const char* module : {"main.js", "connection.js", "operators/rules.js", "missions/words.js", "lib/built.js"}) {
+    EXPECT_NE(at(module), std::string::npos) << module;
+    EXPECT_GT(at(module), page.find("type=\"importmap\"")) << "browsers want the map first";
+  }
+  for (const char* later : {"look/scene.js", "look/histogram.js"}) EXPECT_EQ(at(later), std::string::npos) << later;
+}
+
 TEST(Page, NamesItsImportMapForThePolicy) {
   EXPECT_THAT(std::string(page_scripts), testing::MatchesRegex("'sha256-[A-Za-z0-9+/]+='"));
 }

@@ -68,8 +68,11 @@ class StationServer : public testing::Test {
         answer({asked.kind == MissionAsk::Kind::add ? 201U : 202U, std::to_string(asked.text.size())});
       });
     };
+    const auto ask_faults = [this](const FaultAsk& asked, std::function<void(ApiAnswer)> answer) {
+      threads.emplace_back([asked, answer = std::move(answer)] { answer({200, command_of(asked)}); });
+    };
     auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
-                                 {.take = take, .keys = keys, .ask_missions = ask_missions});
+                                 {.take = take, .keys = keys, .ask_missions = ask_missions, .ask_faults = ask_faults});
     if (!started) throw std::runtime_error(started.error().what);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());
@@ -358,6 +361,18 @@ TEST_F(StationServer, MissionsAreToldWhenTheyChange) {
   const json told = read(*client);
   EXPECT_EQ(told["op"], "missions");
   EXPECT_EQ(told["missions"][0]["id"], "1");
+}
+
+TEST_F(StationServer, FaultsAreToldWhenTheyChangeAndSwitchedBesideTheFlight) {
+  EXPECT_EQ(ask(http::verb::get, "/api/v1/faults", token).result_int(), 503U) << "nothing is known yet";
+  const auto client = stream();
+  server->publish_faults({.switches = {{.name = "silent", .drone = "tello1", .label = "Silent", .words = "w"}}});
+  json told = json::object();
+  while (told.value("op", "") != "faults") told = read(*client);
+  EXPECT_EQ(told["faults"][0]["name"], "silent");
+  const std::string on = R"({"name":"silent","on":true})";
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", "", on).result_int(), 401U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", token, on).body(), "on silent");
 }
 
 TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {

@@ -51,6 +51,9 @@ TEST(ServiceSettings, OfTlsGoTogether) {
   half.tls = {.authority = "ca.pem"};
   EXPECT_EQ(fault(half), "tls_client_ca must not be there without tls_certificate");
   half = plain("127.0.0.1:8800");
+  half.faults = std::string(108, 'x');
+  EXPECT_EQ(fault(half), "faults must be a path of at most 107 bytes");
+  half = plain("127.0.0.1:8800");
   half.token_file = "";
   EXPECT_THAT(fault(half), HasSubstr("token_file must name a file"));
 }

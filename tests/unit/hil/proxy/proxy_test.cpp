@@ -1,21 +1,16 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <netinet/in.h>
-#include <sys/resource.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/un.h>
 #include <unistd.h>
 
-#include <atomic>
 #include <fstream>
 #include <nlohmann/json.hpp>
-#include <thread>
 
-#include "hil/proxy/fault_socket.hpp"
 #include "hil/proxy/server_side.hpp"
 #include "hil/proxy/settings.hpp"
 #include "hil/proxy/switches.hpp"
+#include "tests/unit/no_files.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {
@@ -321,47 +316,6 @@ TEST_F(ProxySettings, NameFileAndKeyOfWhatIsWrong) {
   EXPECT_THAT(empty.error().what, HasSubstr("what to stand before"));
 }
 
-/// Serves a socket until it goes.
-class Served {
- public:
-  Served(FaultSocket socket, FaultSocket::Do act)
-      : socket_(std::move(socket)), act_(std::move(act)), thread_([this] { serve(); }) {}
-  ~Served() {
-    end_ = true;
-    thread_.join();
-  }
-
- private:
-  void serve() {
-    while (!end_) {
-      std::vector<pollfd> polled;
-      socket_.add_to(monotonic_ns(), polled);
-      ::poll(polled.data(), polled.size(), 5);
-      socket_.serve(monotonic_ns(), polled, act_);
-    }
-  }
-  FaultSocket socket_;
-  FaultSocket::Do act_;
-  std::atomic<bool> end_{false};
-  std::thread thread_;
-};
-
-/// Takes this process every file that it may still open.
-class NoFiles {
- public:
-  NoFiles() {
-    ::getrlimit(RLIMIT_NOFILE, &before_);
-    const int next = ::dup(0);
-    ::close(next);
-    const rlimit none{static_cast<rlim_t>(next), before_.rlim_max};
-    ::setrlimit(RLIMIT_NOFILE, &none);
-  }
-  ~NoFiles() { ::setrlimit(RLIMIT_NOFILE, &before_); }
-
- private:
-  rlimit before_{};
-};
-
 bool readable(const pollfd& one) {
   pollfd asked = one;
   return ::poll(&asked, 1, 0) > 0;
@@ -405,66 +359,6 @@ TEST(ServerSide, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
   side->serve(now + ServerSide::accept_pause, polled);
   EXPECT_EQ(side->summary()["connections"], 1);
   ::close(client);
-}
-
-using Socket = Folder;
-
-TEST_F(Socket, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "ubsan looks at an object through a pipe, for which there is no file left";
-#endif
-  auto socket = FaultSocket::open(in("f.sock"));
-  ASSERT_TRUE(socket) << socket.error().what;
-  sockaddr_un address{};
-  address.sun_family = AF_UNIX;
-  in("f.sock").copy(address.sun_path, sizeof address.sun_path - 1);
-  const int client = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  ASSERT_EQ(::connect(client, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
-  const TimeNs now = 5 * ns_per_s;
-  std::vector<pollfd> polled;
-  socket->add_to(now, polled);
-  ASSERT_TRUE(readable(polled[0]));
-  polled[0].revents = POLLIN;
-  {
-    const NoFiles none;
-    socket->serve(now, polled, {});
-  }
-  polled.clear();
-  socket->add_to(now + ns_per_ms, polled);
-  EXPECT_EQ(polled[0].fd, -1);
-  polled.clear();
-  socket->add_to(now + ns_per_s, polled);
-  EXPECT_TRUE(readable(polled[0]));
-  ::close(client);
-}
-
-TEST_F(Socket, CarriesACommandAndItsAnswerOrError) {
-  const std::string path = in("f.sock");
-  auto socket = FaultSocket::open(path);
-  ASSERT_TRUE(socket) << socket.error().what;
-  struct stat mode {};
-  ASSERT_EQ(::stat(path.c_str(), &mode), 0);
-  EXPECT_EQ(mode.st_mode & 0777, 0600u);
-  EXPECT_THAT(FaultSocket::open(path).error().what, HasSubstr("another program's"));
-  {
-    const Served served(std::move(*socket), [](const std::string& command) -> Result<std::string> {
-      if (command == "bad") return Error{"no such thing"};
-      return command == "list" ? std::string("one\ntwo\n") : std::string();
-    });
-    for (int i = 0; i < 20; ++i) EXPECT_EQ(*tell(path, "list"), "one\ntwo\n");
-    EXPECT_EQ(*tell(path, "do"), "");
-    EXPECT_EQ(tell(path, "bad").error().what, "no such thing");
-    EXPECT_THAT(tell(path, std::string(1'000, 'x')).error().what, HasSubstr("less than 1000 bytes"));
-    EXPECT_THAT(tell(path, "two\nlines").error().what, HasSubstr("one line"));
-  }
-  EXPECT_THAT(tell(path, "list").error().what, HasSubstr("does not answer"));
-  EXPECT_NE(::access(path.c_str(), F_OK), 0) << "it removes its socket";
-}
-
-TEST_F(Socket, SaysWhatIsInTheWay) {
-  EXPECT_THAT(FaultSocket::open(in(std::string(120, 'x'))).error().what, HasSubstr("at most 107 bytes"));
-  EXPECT_THAT(FaultSocket::open(write("file", "x")).error().what, HasSubstr("is no socket"));
-  EXPECT_THAT(FaultSocket::open(in("no/such/folder")).error().what, HasSubstr("cannot make the socket"));
 }
 
 }  // namespace

@@ -240,6 +240,20 @@ TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTh
   EXPECT_THAT(fly().why, HasSubstr("no such fault"));
 }
 
+TEST_F(FakePrograms, SwitchesOfFaultsAreServedWhileItFliesAndGroundIsToldWhere) {
+  write("hil", "echo '{\"ready\":true,\"servers\":{\"agent\":\"127.0.0.1:11\",\"ground\":\"127.0.0.1:12\"}}'\n" + stays,
+        false);
+  write("ground", "test -S " + files.fault_switches() + " || exit 1; sleep 0.2; exit 0");
+  Options options;
+  options.watch = options.proxy = options.fault_switches = true;
+  const RunRecord record = Launcher(options, files, files.directory, false, interrupts).run();
+  EXPECT_TRUE(record.ok) << record.why;
+  std::ifstream in(files.config("ground"));
+  EXPECT_THAT(std::string(std::istreambuf_iterator<char>(in), {}),
+              HasSubstr("faults = \"" + files.fault_switches() + "\"\n"));
+  EXPECT_FALSE(fs::exists(files.fault_switches()));
+}
+
 TEST_F(FakePrograms, OrderersAreBehindTheProxyTooForEachHostByItself) {
   Options options;
   options.proxy = true;

@@ -100,6 +100,8 @@ TEST(FlyOptions, ADeploymentWithoutHostsIsOfItsOwnDrones) {
   EXPECT_EQ(line.options.laps, 2);
   EXPECT_EQ(line.options.ledger, Ledger::embedded);
   expect_refused({"--deployment", file, "--proxy"}, "--proxy stands between simulated drones");
+  expect_refused({"--deployment", file, "--watch", "--fault-switches"},
+                 "--fault-switches are of the proxy before simulated");
   expect_refused({"--deployment", file, "--seed", "3"}, "--seed is the simulator's");
   ASSERT_TRUE(write_file(file, good + "[flight]\nshape = \"manual\"\n"));
   EXPECT_TRUE(parse_command_line({"--deployment", file}).options.manual);
@@ -193,6 +195,16 @@ TEST(FlyOptions, RosReleaseIsOneThatThereIsAndNotBesideAFileOfCyclones) {
   EXPECT_EQ(parse_command_line({"--ros-release", "jazzy"}).options.ros_release, "jazzy");
   expect_refused({"--ros-release", "noetic"}, "jazzy");
   expect_refused({"--ros-release", "jazzy", "--dds", "/dev/null"}, "--dds");
+}
+
+TEST(FlyOptions, SwitchesOfFaultsAreOfThePageAndBringTheProxy) {
+  const auto line = parse_command_line({"--shape", "manual", "--watch", "--fault-switches"});
+  ASSERT_TRUE(line.fly) << line.text;
+  EXPECT_TRUE(line.options.proxy);
+  EXPECT_FALSE(parse_command_line({"--shape", "manual", "--watch"}).options.proxy);
+  expect_refused({"--fault-switches"}, "--watch");
+  expect_refused({"--watch", "--fault-switches", "--shim"}, "behind --shim there is none");
+  expect_refused({"--watch", "--fault-switches", "--ledger", "none"}, "--ledger none");
 }
 
 TEST(FlyOptions, TwoApprovalsNeedTwoOperators) {

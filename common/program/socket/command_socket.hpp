@@ -9,21 +9,21 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::hil::proxy {
+namespace ledgerline {
 
 /// A Unix socket (stream, mode 0600: its user's alone) on which a running program is told commands: one line each, and
 /// an answer of lines that ends with one empty line. The first word of an answer is `ok` or `error:`. Bounded: a few
 /// askers at a time, each with a line of at most 1,000 bytes, and gone after some seconds of silence. One thread.
-class FaultSocket {
+class CommandSocket {
  public:
   /// What a command does; its text is the answer behind `ok`.
   using Do = std::function<Result<std::string>(const std::string& command)>;
 
   /// Takes over a socket that nobody serves any more; the error says who is in the way, or that the path is too long.
-  static Result<FaultSocket> open(const std::string& path);
-  FaultSocket(FaultSocket&& other) noexcept;
-  FaultSocket& operator=(FaultSocket&&) = delete;
-  ~FaultSocket();
+  static Result<CommandSocket> open(const std::string& path);
+  CommandSocket(CommandSocket&& other) noexcept;
+  CommandSocket& operator=(CommandSocket&&) = delete;
+  ~CommandSocket();
 
   void add_to(TimeNs now, std::vector<pollfd>& polled) const;
   /// `polled`: what add_to() added, after poll().
@@ -35,7 +35,7 @@ class FaultSocket {
     std::string line = {};
     TimeNs until = 0;
   };
-  FaultSocket() = default;
+  CommandSocket() = default;
   bool serve(Asker& asker, const Do& act);
 
   std::string path_;  // its own, to be removed
@@ -44,7 +44,8 @@ class FaultSocket {
   TimeNs accept_from_ = 0;  // when this process may open no more files it waits a while
 };
 
-/// Tells one command to the program behind the socket: its answer, or what went wrong. Waits for it at most 5 s.
-Result<std::string> tell(const std::string& socket_path, const std::string& command);
+/// Tells one command to the program behind the socket: its answer, or what went wrong. `patience_ns`: of all of it.
+Result<std::string> tell_command(const std::string& socket_path, const std::string& command,
+                                 TimeNs patience_ns = 5 * ns_per_s);
 
-}  // namespace ledgerline::hil::proxy
+}  // namespace ledgerline

@@ -1,4 +1,4 @@
-#include "hil/proxy/fault_socket.hpp"
+#include "common/program/socket/command_socket.hpp"
 
 #include <fmt/format.h>
 #include <sys/socket.h>
@@ -13,7 +13,7 @@
 #include <cstring>
 #include <utility>
 
-namespace ledgerline::hil::proxy {
+namespace ledgerline {
 namespace {
 
 constexpr std::size_t max_askers = 8, max_line = 1'000, max_answer = 1'000'000;
@@ -45,9 +45,16 @@ bool send_all(int fd, std::string_view bytes) {
   return true;
 }
 
+/// Nothing would mean for ever.
+bool set_patience(int fd, int option, TimeNs patience_ns) {
+  const TimeNs us = std::max<TimeNs>(1, patience_ns / ns_per_us);
+  const timeval wait{us / 1'000'000, us % 1'000'000};
+  return ::setsockopt(fd, SOL_SOCKET, option, &wait, sizeof wait) == 0;
+}
+
 }  // namespace
 
-Result<FaultSocket> FaultSocket::open(const std::string& path) {
+Result<CommandSocket> CommandSocket::open(const std::string& path) {
   const auto address = place(path);
   if (!address) return address.error();
   struct stat there {};
@@ -61,7 +68,7 @@ Result<FaultSocket> FaultSocket::open(const std::string& path) {
   const bool bound = fd >= 0 && ::bind(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0;
   const int why = errno;
   ::umask(before);
-  FaultSocket out;
+  CommandSocket out;
   out.listener_ = fd;
   if (!bound) return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
   out.path_ = path;
@@ -69,23 +76,23 @@ Result<FaultSocket> FaultSocket::open(const std::string& path) {
   return out;
 }
 
-FaultSocket::FaultSocket(FaultSocket&& other) noexcept
+CommandSocket::CommandSocket(CommandSocket&& other) noexcept
     : path_(std::exchange(other.path_, {})),
       listener_(std::exchange(other.listener_, -1)),
       askers_(std::exchange(other.askers_, {})) {}
 
-FaultSocket::~FaultSocket() {
+CommandSocket::~CommandSocket() {
   for (const Asker& asker : askers_) ::close(asker.fd);
   if (listener_ >= 0) ::close(listener_);
   if (!path_.empty()) ::unlink(path_.c_str());
 }
 
-void FaultSocket::add_to(TimeNs now, std::vector<pollfd>& polled) const {
+void CommandSocket::add_to(TimeNs now, std::vector<pollfd>& polled) const {
   polled.push_back({askers_.size() < max_askers && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
   for (const Asker& asker : askers_) polled.push_back({asker.fd, POLLIN, 0});
 }
 
-void FaultSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& act) {
+void CommandSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& act) {
   for (std::size_t i = 0; i < askers_.size(); ++i) {
     Asker& asker = askers_[i];
     const bool spoke = polled[i + 1].revents != 0;
@@ -104,7 +111,7 @@ void FaultSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& ac
     accept_from_ = now + accept_pause;
 }
 
-bool FaultSocket::serve(Asker& asker, const Do& act) {
+bool CommandSocket::serve(Asker& asker, const Do& act) {
   std::array<char, max_line> buffer;
   const ssize_t got = ::recv(asker.fd, buffer.data(), buffer.size(), 0);
   if (got <= 0) return got < 0 && (errno == EAGAIN || errno == EINTR);
@@ -119,32 +126,35 @@ bool FaultSocket::serve(Asker& asker, const Do& act) {
   return asker.line.size() <= max_line;
 }
 
-Result<std::string> tell(const std::string& socket_path, const std::string& command) {
+Result<std::string> tell_command(const std::string& socket_path, const std::string& command, TimeNs patience_ns) {
   const auto address = place(socket_path);
   if (!address) return address.error();
   if (command.find('\n') != std::string::npos || command.size() >= max_line)
     return Error{fmt::format("a command is one line of less than {} bytes", max_line)};
   const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const timeval wait{patience / ns_per_s, 0};
-  std::string answer;
-  int why = 0;
-  bool good = fd >= 0 && ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &wait, sizeof wait) == 0 &&
+  const TimeNs until = monotonic_ns() + patience_ns;
+  // A connection, too, waits as long as sending may: where nobody accepts.
+  bool good = fd >= 0 && set_patience(fd, SO_SNDTIMEO, patience_ns) &&
               ::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0 &&
               send_all(fd, command + "\n");
+  std::string answer;
+  int why = good ? 0 : errno;
   while (good && !answer.ends_with("\n\n") && answer.size() < max_answer) {
     std::array<char, 4'096> buffer;
-    const ssize_t got = ::recv(fd, buffer.data(), buffer.size(), 0);
+    const TimeNs left = until - monotonic_ns();
+    errno = ETIMEDOUT;
+    const ssize_t got =
+        left > 0 && set_patience(fd, SO_RCVTIMEO, left) ? ::recv(fd, buffer.data(), buffer.size(), 0) : -1;
     good = got > 0;
     why = got == 0 ? ECONNRESET : errno;
     if (good) answer.append(buffer.data(), static_cast<std::size_t>(got));
   }
-  if (!good && why == 0) why = errno;
   if (fd >= 0) ::close(fd);
   if (!good) return Error{fmt::format("{} does not answer: {}", socket_path, std::strerror(why))};
   while (answer.ends_with("\n")) answer.pop_back();
   if (answer.starts_with("error: ")) return Error{answer.substr(7)};
   if (answer.starts_with("ok")) return answer.size() > 3 ? answer.substr(3) + "\n" : "";
-  return Error{fmt::format("{} is not a proxy's socket: it answered \"{}\"", socket_path, answer.substr(0, 100))};
+  return Error{fmt::format("{} is no socket for commands: it answered \"{}\"", socket_path, answer.substr(0, 100))};
 }
 
-}  // namespace ledgerline::hil::proxy
+}  // namespace ledgerline

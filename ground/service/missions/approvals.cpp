@@ -1,0 +1,53 @@
+#include "ground/service/missions/approvals.hpp"
+
+#include "common/belief/identity.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
+#include "common/msg/proto_json.hpp"
+
+namespace ledgerline::ground::service {
+
+std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const belief::Roles& roles,
+                                               const std::string& words) {
+  std::vector<crypto::IdentityName> signers;
+  for (const Anchor& anchor : anchors.anchors()) {
+    const crypto::IdentityName signer = belief::to_name(anchor.signer());
+    if (anchor.what() == words && is_operator(roles.of(signer))) signers.push_back(signer);
+  }
+  return signers;
+}
+
+std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book) {
+  std::vector<std::string> ids;
+  for (const fabric::Transaction& tx : block.transactions) {
+    if (tx.code != 0 || tx.config || tx.event_name != contract::anchor) continue;
+    AnchorCall anchored;
+    if (!parse_message(tx.event_payload, anchored)) continue;
+    for (const std::string& id : book.ids()) {
+      const crypto::Digest& digest = book.digest(id);
+      if (anchored.digest() == std::string(digest.begin(), digest.end())) ids.push_back(id);
+    }
+  }
+  return ids;
+}
+
+mission::Finding not_checked() {
+  mission::Finding finding;
+  finding.words = "it was not checked: too many missions wait to be looked at";
+  return finding;
+}
+
+std::vector<std::string> Unread::take(TimeNs now) {
+  std::vector<std::string> due;
+  for (auto one = when_.begin(); one != when_.end();) {
+    if (now < one->second) {
+      ++one;
+      continue;
+    }
+    due.push_back(one->first);
+    one = when_.erase(one);
+  }
+  return due;
+}
+
+}  // namespace ledgerline::ground::service

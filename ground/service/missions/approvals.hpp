@@ -1,0 +1,39 @@
+#pragma once
+#include <map>
+#include <string>
+#include <vector>
+
+#include "common/belief/roles.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/rt/clock.hpp"
+#include "ground/service/missions/book.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::ground::service {
+
+/// Who of those that anchored a digest approves with it: whoever said these words, and is an operator or a supervisor now.
+std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const belief::Roles& roles,
+                                               const std::string& words);
+
+/// Ids of the missions whose digest a block anchors, valid: their approvals are to be read anew. An event is anybody's word,
+/// so what counts is read from the ledger.
+std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book);
+
+/// What speaks against a mission that could not be checked now.
+mission::Finding not_checked();
+
+/// Missions whose approvals could not be read: when they are asked for again. Deterministic; one thread.
+class Unread {
+ public:
+  static constexpr TimeNs again_ns = 2 * ns_per_s;
+
+  void add(const std::string& id, TimeNs now) { when_[id] = now + again_ns; }
+  bool empty() const { return when_.empty(); }
+  /// Those that are due, which are forgotten with that.
+  std::vector<std::string> take(TimeNs now);
+
+ private:
+  std::map<std::string, TimeNs> when_;
+};
+
+}  // namespace ledgerline::ground::service

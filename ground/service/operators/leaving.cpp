@@ -1,0 +1,62 @@
+#include "ground/service/operators/leaving.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::ground::service {
+
+bool is_aloft(const FlightCore& core, std::size_t drone) {
+  const DronePhase phase = core.status(drone).phase;
+  const Seen& seen = core.seen(drone);
+  return is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase));
+}
+
+std::vector<std::size_t> aloft_of(const FlightCore& core) {
+  std::vector<std::size_t> aloft;
+  for (std::size_t drone = 0; drone < core.drones().size(); ++drone) {
+    if (is_aloft(core, drone)) aloft.push_back(drone);
+  }
+  return aloft;
+}
+
+Held held_by(const FlightCore& core, const crypto::IdentityName& who) {
+  Held held;
+  for (std::size_t drone = 0; drone < core.drones().size(); ++drone) {
+    if (core.lease(drone).holder != who || core.lease(drone).commander != core.config().self) continue;
+    held.drones.push_back(drone);
+    if (is_aloft(core, drone)) held.aloft.push_back(drone);
+  }
+  return held;
+}
+
+void Leaving::add(std::size_t who, TimeNs from_ns) {
+  remove(who);
+  all_.push_back({who, from_ns, from_ns + limit_ns, from_ns});
+}
+
+void Leaving::remove(std::size_t who) {
+  std::erase_if(all_, [&](const Gone& one) { return one.who == who; });
+}
+
+bool Leaving::has(std::size_t who) const {
+  return std::any_of(all_.begin(), all_.end(), [&](const Gone& one) { return one.who == who; });
+}
+
+std::vector<std::size_t> Leaving::all() const {
+  std::vector<std::size_t> who;
+  for (const Gone& one : all_) who.push_back(one.who);
+  return who;
+}
+
+Leaving::Step Leaving::step(TimeNs now_ns, std::size_t who, const Held& held) {
+  const auto gone = std::find_if(all_.begin(), all_.end(), [&](const Gone& one) { return one.who == who; });
+  Step step;
+  if (gone == all_.end() || now_ns < gone->from_ns) return step;
+  step.last = now_ns >= gone->until_ns;
+  step.give_back = held.aloft.empty() || step.last;
+  if (step.give_back || now_ns < gone->next_ns) return step;
+  gone->next_ns = now_ns + again_ns;
+  step.land = held.aloft;
+  return step;
+}
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,53 @@
+#pragma once
+#include <cstddef>
+#include <vector>
+
+#include "ground/core/flight.hpp"
+
+namespace ledgerline::ground::service {
+
+/// Whether a drone is off the ground, as far as is known: by what it flies for us, or as its newest state says.
+bool is_aloft(const FlightCore& core, std::size_t drone);
+/// Indexes of those.
+std::vector<std::size_t> aloft_of(const FlightCore& core);
+
+/// What somebody holds that we command for him.
+struct Held {
+  std::vector<std::size_t> drones{};
+  std::vector<std::size_t> aloft{};  ///< of these
+};
+Held held_by(const FlightCore& core, const crypto::IdentityName& who);
+
+/// Operators whose session is over. What one holds is asked to land, again and again, and once it is down given back; after
+/// a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone. Deterministic, no I/O;
+/// one thread.
+class Leaving {
+ public:
+  static constexpr TimeNs limit_ns = 60 * ns_per_s, again_ns = ns_per_s;
+
+  /// He is gone; until `from_ns` he may come back for what he holds.
+  void add(std::size_t who, TimeNs from_ns);
+  /// He has come back, or has nothing left.
+  void remove(std::size_t who);
+  bool has(std::size_t who) const;
+  bool empty() const { return all_.empty(); }
+  std::vector<std::size_t> all() const;
+
+  struct Step {
+    std::vector<std::size_t> land{};
+    bool give_back = false;  ///< all that he holds; then remove() him
+    bool last = false;       ///< whatever comes of that
+  };
+  /// Of one that is here, who holds that.
+  Step step(TimeNs now_ns, std::size_t who, const Held& held);
+
+ private:
+  struct Gone {
+    std::size_t who;
+    TimeNs from_ns, until_ns;
+    TimeNs next_ns;  ///< then they are asked again to land
+  };
+  std::vector<Gone> all_;
+};
+
+}  // namespace ledgerline::ground::service

@@ -1,0 +1,77 @@
+#include "ground/service/missions/approvals.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "common/belief/identity.hpp"
+#include "common/msg/contract.hpp"
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+const crypto::IdentityName first{"Org2MSP", "CN=first"}, second{"Org2MSP", "CN=second"};
+
+Anchor anchor_of(const crypto::IdentityName& signer, const std::string& what) {
+  Anchor anchor;
+  *anchor.mutable_signer() = belief::to_message(signer);
+  anchor.set_what(what);
+  return anchor;
+}
+
+TEST(MissionApprovals, AreOfOperatorsAndSupervisorsAndSayWhichMission) {
+  belief::Roles roles;
+  roles.take({belief::to_message(first), OPERATOR});
+  roles.take({belief::to_message(second), SUPERVISOR});
+  roles.take({belief::to_message(stranger_name), AUDITOR});
+  Anchors anchors;
+  *anchors.add_anchors() = anchor_of(first, "mission survey may be flown");
+  *anchors.add_anchors() = anchor_of(second, "mission survey may be flown");
+  *anchors.add_anchors() = anchor_of(stranger_name, "mission survey may be flown");
+  *anchors.add_anchors() = anchor_of(first, "mission other may be flown");
+  *anchors.add_anchors() = anchor_of(host_name, "mission survey may be flown");
+  EXPECT_THAT(approvers_in(anchors, roles, approval_words("survey")), ElementsAre(first, second));
+  roles.take({belief::to_message(first), ROLE_NONE});
+  EXPECT_THAT(approvers_in(anchors, roles, approval_words("survey")), ElementsAre(second)) << "a role that was taken";
+}
+
+TEST(MissionApprovals, AreReadAnewForABlockThatAnchorsTheirDigest) {
+  MissionBook book({}, operator_name);
+  auto run = mission::MissionRun::make(
+      {"survey", {{.drone = "tello1", .start_m = {}, .waypoints = {{{1, 2}, 1.0}, {{1, 3}, 1.0}}}}}, {});
+  ASSERT_TRUE(run) << run.error().what;
+  const auto id = book.add(std::move(*run));
+  ASSERT_TRUE(id) << id.error().what;
+  AnchorCall call;
+  const crypto::Digest digest = book.digest(*id);
+  call.set_digest(std::string(digest.begin(), digest.end()));
+  fabric::Block block;
+  block.transactions = {event(contract::anchor, call.SerializeAsString())};
+  EXPECT_THAT(anchored_in(block, book), ElementsAre(*id));
+  block.transactions[0].code = 11;
+  EXPECT_THAT(anchored_in(block, book), IsEmpty()) << "it is not valid";
+  call.set_digest(std::string(32, 'x'));
+  block.transactions = {event(contract::anchor, call.SerializeAsString()), event(contract::anchor, "no call"),
+                        event("set", "")};
+  EXPECT_THAT(anchored_in(block, book), IsEmpty());
+}
+
+TEST(MissionApprovals, ThatCouldNotBeReadAreAskedForAgainAfterAWhile) {
+  Unread unread;
+  EXPECT_TRUE(unread.empty());
+  unread.add("a", 0);
+  unread.add("b", ns_per_s);
+  EXPECT_THAT(unread.take(Unread::again_ns - 1), IsEmpty());
+  EXPECT_THAT(unread.take(Unread::again_ns), ElementsAre("a"));
+  EXPECT_THAT(unread.take(Unread::again_ns), IsEmpty()) << "once";
+  EXPECT_THAT(unread.take(Unread::again_ns + ns_per_s), ElementsAre("b"));
+  EXPECT_TRUE(unread.empty());
+}
+
+TEST(MissionApprovals, WhatWasNotCheckedIsNotStarted) { EXPECT_TRUE(not_checked().forbids); }
+
+}  // namespace
+}  // namespace ledgerline::ground::service

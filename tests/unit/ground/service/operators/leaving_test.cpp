@@ -1,0 +1,80 @@
+#include "ground/service/operators/leaving.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "tests/unit/ground/core/flight_world.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using testing::ElementsAre;
+using testing::IsEmpty;
+
+const Held flown{{0, 2}, {2}}, landed{{0, 2}, {}};
+
+TEST(LeavingOperators, WhatIsInTheAirIsAskedToLandEachSecondAndThenAllIsGivenBack) {
+  Leaving leaving;
+  leaving.add(1, 0);
+  EXPECT_TRUE(leaving.has(1));
+  EXPECT_FALSE(leaving.has(0));
+  const auto first = leaving.step(0, 1, flown);
+  EXPECT_THAT(first.land, ElementsAre(2));
+  EXPECT_FALSE(first.give_back);
+  EXPECT_THAT(leaving.step(ns_per_s / 2, 1, flown).land, IsEmpty()) << "it was asked just now";
+  EXPECT_THAT(leaving.step(ns_per_s, 1, flown).land, ElementsAre(2));
+  const auto down = leaving.step(2 * ns_per_s, 1, landed);
+  EXPECT_TRUE(down.give_back);
+  EXPECT_FALSE(down.last) << "if too much waits to be signed, it is tried again";
+  EXPECT_THAT(down.land, IsEmpty());
+  leaving.remove(1);
+  EXPECT_TRUE(leaving.empty());
+}
+
+TEST(LeavingOperators, BehindTheLimitItIsGivenBackInTheAirToo) {
+  Leaving leaving;
+  leaving.add(0, 0);
+  EXPECT_FALSE(leaving.step(Leaving::limit_ns - 1, 0, flown).give_back);
+  const auto last = leaving.step(Leaving::limit_ns, 0, flown);
+  EXPECT_TRUE(last.give_back && last.last);
+}
+
+TEST(LeavingOperators, BehindARestartOneMayComeBackForWhatHeHolds) {
+  Leaving leaving;
+  leaving.add(0, 900 * ns_per_s);
+  const auto early = leaving.step(899 * ns_per_s, 0, flown);
+  EXPECT_FALSE(early.give_back);
+  EXPECT_THAT(early.land, IsEmpty());
+  EXPECT_FALSE(leaving.step(899 * ns_per_s, 0, landed).give_back);
+  EXPECT_THAT(leaving.step(900 * ns_per_s, 0, flown).land, ElementsAre(2));
+  leaving.remove(0);
+  EXPECT_FALSE(leaving.step(2'000 * ns_per_s, 0, landed).give_back) << "he has come back";
+}
+
+TEST(LeavingOperators, WhoSignsOutAgainLeavesFromThatMomentOn) {
+  Leaving leaving;
+  leaving.add(0, 0);
+  leaving.add(0, 50 * ns_per_s);
+  EXPECT_THAT(leaving.all(), ElementsAre(0));
+  EXPECT_FALSE(leaving.step(Leaving::limit_ns, 0, flown).last);
+}
+
+TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
+  FlightConfig config = config_for(3);
+  config.manual = true;
+  FlightWorld world(config);
+  const crypto::IdentityName alice{operator_name.msp_id, "CN=alice"};
+  ASSERT_TRUE(world.core.set_control(delegated_record("tello1", alice.subject, 2).SerializeAsString()));
+  ASSERT_TRUE(world.core.set_control(control_record("tello2", alice, 2).SerializeAsString()));
+  world.run(1);
+  EXPECT_THAT(held_by(world.core, alice).drones, ElementsAre(0)) << "tello2 is hers, and commanded from elsewhere";
+  EXPECT_THAT(held_by(world.core, alice).aloft, IsEmpty());
+  EXPECT_THAT(held_by(world.core, stranger_name).drones, IsEmpty());
+  world.drones[0].phase = FlightPhase::flying;
+  world.run(1);
+  EXPECT_THAT(held_by(world.core, alice).aloft, ElementsAre(0));
+  EXPECT_THAT(aloft_of(world.core), ElementsAre(0));
+}
+
+}  // namespace
+}  // namespace ledgerline::ground::service

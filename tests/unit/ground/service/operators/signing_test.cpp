@@ -1,0 +1,39 @@
+#include "ground/service/operators/signing.hpp"
+
+#include <gtest/gtest.h>
+
+#include "common/base/enum_count.hpp"
+
+namespace ledgerline::ground::service {
+namespace {
+
+using Kind = OperatorCall::Kind;
+
+TEST(OperatorSigning, OfOneWhoHasLeftOnlyThatHeGivesBackIsSigned) {
+  for (int i = 0; i < static_cast<int>(enum_count<Kind>); ++i) {
+    const Kind kind{i};
+    EXPECT_EQ(not_signed({.unlocked = true}, kind), "");
+    EXPECT_EQ(not_signed({.unlocked = true, .left = true}, kind).empty(), kind == Kind::release) << i;
+    EXPECT_NE(not_signed({}, kind), "") << "his key is locked: " << i;
+    EXPECT_NE(not_signed({.left = true}, kind), "") << i;
+  }
+}
+
+TEST(OperatorSigning, WhatComesOfACallIsSaidInTheContractsWords) {
+  const OperatorCall call{.kind = Kind::acquire, .drone = 0};
+  fabric::Outcome outcome;
+  outcome.kind = fabric::Outcome::Kind::committed;
+  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control");
+  EXPECT_EQ(news_of("alice", call, outcome).level, Level::info);
+  outcome = fabric::Outcome::failed(fabric::Outcome::Kind::unavailable, "nobody answers");
+  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: nobody answers");
+  EXPECT_EQ(news_of("alice", call, outcome).level, Level::warning);
+  outcome.refusal = fabric::Refusal{};
+  outcome.refusal->words = "its lease is held by bob";
+  EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: its lease is held by bob");
+  EXPECT_EQ(news_of("alice", call, std::string("the session is over")).words,
+            "alice: take control: not signed: the session is over");
+}
+
+}  // namespace
+}  // namespace ledgerline::ground::service
