@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "common/base/changed_files.hpp"
+#include "common/base/files/changed_files.hpp"
 #include "common/base/result.hpp"
 #include "common/web/tls_files.hpp"
 

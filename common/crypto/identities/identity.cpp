@@ -97,7 +97,7 @@ std::string key_of(const std::string& certificate_file, std::string first) {
   std::error_code error;
   for (fs::directory_iterator at(fs::path(first).parent_path(), error), end; !error && at != end; at.increment(error)) {
     const std::string name = at->path().filename().string();
-    if (name.ends_with("_sk") && !name.starts_with('.')) keys.push_back(at->path());
+    if (!name.starts_with('.') && (name.ends_with("_sk") || at->path() == first)) keys.push_back(at->path());
   }
   if (keys.size() < 2) return first;
   std::ranges::sort(keys);

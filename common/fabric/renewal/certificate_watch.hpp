@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/changed_files.hpp"
+#include "common/base/files/changed_files.hpp"
 #include "common/config/config.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/crypto/identities/renewal.hpp"

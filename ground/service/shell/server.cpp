@@ -11,6 +11,7 @@
 
 #include "common/base/log.hpp"
 #include "common/rt/clock.hpp"
+#include "common/crypto/identities/validity.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/hub.hpp"
 #include "ground/service/shell/sessions.hpp"
@@ -21,7 +22,6 @@ namespace {
 namespace asio = boost::asio;
 using asio::ip::tcp;
 
-constexpr int few_days = 14;  // of the certificate: time to renew it between two days of flight
 
 class BeastServer final : public Server {
  public:
@@ -114,7 +114,7 @@ class BeastServer final : public Server {
         say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().what);
     }
     // Whoever cannot open the page cannot press its stop.
-    if (near_end_said_ || tls_->days_left() >= few_days) return;
+    if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
     near_end_said_ = true;
     say(Level::warning,
         tls_->days_left() < 0

@@ -12,7 +12,7 @@ BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 ROOT = pathlib.Path(__file__).parents[3]
 UNITS = {"onboard": ["roudi", "link", "agent"], "ground": ["ground", "bridge"], "ledger": ["node", "chaincode", "endorser"]}
 USERS = {"roudi": "ledgerline", "link": "ledgerline", "agent": "ledgerline"}
-PROGRAMS = {"common": {"", "init", "doctor", "status"}, "onboard": {"roudi", "link", "agent"}, "ledger": {"node", "chaincode", "endorser", "fabric", "contract"},
+PROGRAMS = {"common": {"", "init", "doctor", "identity", "status"}, "onboard": {"roudi", "link", "agent"}, "ledger": {"node", "chaincode", "endorser", "fabric", "contract"},
             "ground": {"ground", "bridge", "control", "drones", "missions", "flights", "alarms", "topics"}}
 EXAMPLES = {"onboard": {"link.toml", "agent.toml"}, "ground": {"ground.toml", "bridge.toml"},
             "ledger": {"endorser.toml", "node.env", "chaincode.env"}}

@@ -1,4 +1,4 @@
-#include "common/base/changed_files.hpp"
+#include "common/base/files/changed_files.hpp"
 
 #include <sys/stat.h>
 

@@ -1,0 +1,100 @@
+"""A certificate renewed and one revoked while a drone flies, on Fabric with identities of fabric-ca."""
+import contextlib
+import mmap
+import pathlib
+import re
+import subprocess
+import time
+import tomllib
+
+from fabric import BIN, FABRIC, fabric
+from flights import fly, no_flight_outlives_its_test, printed, wait_for_flight  # noqa: F401: a fixture
+from test_authority import needs_ca
+from trace_file import TraceKind, records
+
+PATIENCE_S = 120
+HOLD, LAND = 1, 3  # FailsafeMode
+
+
+class Host:
+    """A program of the flight, and where its identity is."""
+
+    def __init__(self, run: pathlib.Path, program: str):
+        self.run, self.program = run, program
+        ledger = tomllib.loads((run / f"{program}.toml").read_text())["ledger"]
+        self.msp = run / ledger["msp_dir"]
+        self.organisation = int(ledger["msp_id"].removeprefix("Org").removesuffix("MSP"))
+        self.user = self.msp.parent.name.split("@")[0]
+        self.authority = run / "ledger" / "ca" / f"org{self.organisation}.ledgerline"
+
+    def certificate(self) -> bytes:
+        return next((self.msp / "signcerts").iterdir()).read_bytes()
+
+    def renew(self) -> None:
+        server = (self.authority / "fabric-ca-server-config.yaml").read_text()
+        host, port = re.search(r"address: (\S+)\nport: (\d+)", server).groups()
+        before = self.certificate(), self.keys()
+        renewed = subprocess.run([BIN / "ledgerline-identity", "renew", "--ca", f"https://{host}:{port}", "--ca-tls",
+                                  self.authority / "ca-cert.pem", "--msp-dir", self.msp, "--program",
+                                  FABRIC / "fabric-ca-client"], capture_output=True, text=True, timeout=PATIENCE_S)
+        assert renewed.returncode == 0, renewed.stderr
+        assert self.certificate() != before[0] and self.keys() != before[1] and len(self.keys()) == 1
+
+    def keys(self) -> list[bytes]:
+        return [key.read_bytes() for key in (self.msp / "keystore").iterdir()]
+
+    def log(self) -> str:
+        return (self.run / f"{self.program}.log").read_text(errors="replace")
+
+    def says(self, words: str) -> bool:
+        return words in self.log()
+
+    def writes_as(self, certificate: bytes) -> bool:
+        """In a block of the chain, as a peer has it."""
+        for file in (self.run / "ledger").rglob("chains/chains/teleop/blockfile_*"):
+            with open(file, "rb") as opened, contextlib.closing(mmap.mmap(opened.fileno(), 0, prot=mmap.PROT_READ)) as blocks:
+                if blocks.find(certificate) >= 0:
+                    return True
+        return False
+
+
+def wait_until(what: str, true, flight: subprocess.Popen, out: pathlib.Path) -> None:
+    deadline = time.monotonic() + PATIENCE_S
+    while not true():
+        assert flight.poll() is None, printed(out)
+        assert time.monotonic() < deadline, f"{what}: not so\n{printed(out)}"
+        time.sleep(0.2)
+
+
+def modes(run: pathlib.Path, since_ns: int) -> list[int]:
+    return [r.extra for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.t_ns > since_ns]
+
+
+def applied(run: pathlib.Path, since_ns: int) -> int:
+    return sum(1 for r in records(run / "link.trace") if r.kind == TraceKind.COMMAND_APPLIED and r.t_ns > since_ns)
+
+
+def test_a_renewed_certificate_is_not_noticed_by_the_drone_and_a_revoked_one_lands_it(tmp_path):
+    needs_ca()
+    flight = fly(tmp_path, "--ledger", "fabric", "--ca", "--seconds", "600")
+    wait_for_flight(tmp_path, flight)
+    run = tmp_path / "run"
+    hosts = [Host(run, "agent"), Host(run, "ground")]
+    for host in hosts:
+        host.renew()
+    for host in hosts:
+        wait_until(f"{host.program} has taken it", lambda: host.says("has a renewed certificate"), flight, tmp_path)
+        wait_until(f"{host.program} writes as it", lambda: host.writes_as(host.certificate()), flight, tmp_path)
+    seen_ns = time.monotonic_ns()
+    wait_until("new commands are flown", lambda: applied(run, seen_ns) >= 3, flight, tmp_path)
+    assert LAND not in modes(run, 0)
+    revoked_ns = time.monotonic_ns()
+    ground = hosts[1]
+    taken = fabric("revoke", "--dir", run / "ledger", "--tools", FABRIC, "--org", str(ground.organisation), "--user",
+                   ground.user)
+    assert taken.returncode == 0, taken.stdout + taken.stderr
+    # Behind the plan that it has; ground itself sees no state any more, and cannot say how it went.
+    wait_until("the drone lands", lambda: LAND in modes(run, revoked_ns), flight, tmp_path)
+    assert HOLD in modes(run, revoked_ns), modes(run, revoked_ns)
+    wait_until("ground says why", lambda: ground.says("access denied") or ground.says("FORBIDDEN"), flight, tmp_path)
+    assert applied(run, time.monotonic_ns() - 2 * 10**9) == 0, "commands of who is revoked are flown"

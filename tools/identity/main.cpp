@@ -1,0 +1,299 @@
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <filesystem>
+#include <nlohmann/json.hpp>
+
+#include "chaincode/network/files/revocation.hpp"
+#include "common/base/file.hpp"
+#include "common/base/printable.hpp"
+#include "common/config/config.hpp"
+#include "common/crypto/identities/request.hpp"
+#include "common/process/find_program.hpp"
+#include "common/program/command_line.hpp"
+#include "common/program/program.hpp"
+#include "common/program/secrets.hpp"
+#include "common/rt/clock.hpp"
+#include "tools/identity/core/asking.hpp"
+#include "tools/identity/shell/place.hpp"
+
+namespace {
+
+using namespace ledgerline;
+using identity::Place;
+using Pair = crypto::Renewal::Pair;
+
+constexpr const char* about = "A host's key and certificate: from fabric-ca, renewed, revoked, and how long they hold.";
+constexpr const char* notes = R"(
+Examples:
+  ledgerline identity enroll raven --ca https://ca.org1:7054 --ca-tls ca-tls.pem --secret-file raven.secret --subject O=org1 --msp-dir /etc/ledgerline/msp
+  ledgerline identity renew --ca https://ca.org1:7054 --ca-tls ca-tls.pem --msp-dir /etc/ledgerline/msp
+  ledgerline identity enroll raven --profile tls --hosts raven.local ... --certificate tls.pem --key tls.key
+  ledgerline identity revoke raven --ca ... --msp-dir registrar/msp --list org1.crl
+  ledgerline identity status --config /etc/ledgerline/agent.toml
+
+Keys are made on this host, 0600, and stay on it. Agent and ground that run take what is renewed within seconds. Needs
+fabric-ca-client (--program). docs/identities.md goes through it.
+Exit codes: 0 done, of status: all hold for 30 days; 1 not; 2 wrong usage.)";
+
+struct Wish {
+  std::string name, secret_file, program = "fabric-ca-client";
+  identity::Authority authority;
+  identity::Wanted wanted;
+  Place place;
+  std::string config, list, config_block, msp_id, update;
+  identity::Revoked revoked;
+  bool same_key = false, json = false;
+};
+
+std::int64_t unix_now_s() { return realtime_ns() / ns_per_s; }
+
+Status ask(const identity::Command& command, const identity::Home& home) {
+  const auto ran = fabric_network::run_command(command, home.text() + "/log");
+  return ran ? done : Status(ran.error());
+}
+
+Result<Pair> made_in(const identity::Home& home) {
+  const auto files = crypto::identity_files(home.msp());
+  if (!files) return files.error();
+  auto pair = identity::read_pair(*files);
+  if (!pair) return pair.error();
+  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
+    return Error{"the authority's answer: " + fits.error().what};
+  return pair;
+}
+
+Status tell(const Pair& pair) {
+  print_line(fmt::format("{}, for {} days", printable(pair.certificate.subject),
+                         crypto::days_left(pair.certificate.not_after_s, unix_now_s())));
+  return done;
+}
+
+Status enroll(Wish& wish) {
+  if (!wish.place.is_free())
+    return Error{fmt::format("{} has a key or a certificate already: `ledgerline identity renew`, or move it away",
+                             wish.place.text())};
+  const auto secret =
+      wish.secret_file.empty() ? ask_secret("Enrolment secret of " + wish.name) : read_secret(wish.secret_file);
+  if (!secret) return secret.error();
+  const auto home = identity::Home::make(wish.place.text());
+  if (!home) return home.error();
+  const auto command = identity::enroll(wish.authority, home->text(), wish.name, *secret, wish.wanted);
+  if (!command) return command.error();
+  if (Status ran = ask(*command, *home); !ran) return ran;
+  const auto pair = made_in(*home);
+  if (!pair) return pair.error();
+  if (Status placed = identity::put(wish.place, *pair); !placed) return placed;
+  return tell(*pair);
+}
+
+/// Judged as the programs that take it will.
+Status renew(Wish& wish) {
+  const auto files = wish.place.now();
+  if (!files) return files.error();
+  const auto old = identity::read_pair(*files);
+  if (!old) return old.error();
+  if (wish.wanted.subject_parts.empty()) {
+    auto parts = identity::subject_parts(old->certificate.subject);
+    if (!parts) return parts.error();
+    wish.wanted.subject_parts = std::move(*parts);
+  }
+  const auto home = identity::Home::make(wish.place.text());
+  if (!home) return home.error();
+  if (Status lent = home->lend(*old); !lent) return lent;
+  const auto command =
+      identity::renew(wish.authority, home->text(), old->certificate.common_name, wish.wanted, wish.same_key);
+  if (!command) return command.error();
+  if (Status ran = ask(*command, *home); !ran) return ran;
+  const auto pair = made_in(*home);
+  if (!pair) return pair.error();
+  crypto::Renewal renewal(wish.place.text(), old->certificate.subject, old->certificate.not_after_s);
+  if (Status judged = renewal.judge(pair, unix_now_s()); !judged)
+    return Error{"the new certificate is not put in place: " + judged.error().what};
+  if (Status placed = identity::put(wish.place, *pair); !placed) return placed;
+  return tell(*pair);
+}
+
+Status revoke(Wish& wish) {
+  const auto files = wish.place.now();
+  if (!files) return files.error();
+  const auto registrar = identity::read_pair(*files);
+  if (!registrar) return registrar.error();
+  const auto home = identity::Home::make(wish.list);
+  if (!home) return home.error();
+  if (Status lent = home->lend(*registrar); !lent) return lent;
+  wish.revoked.name = wish.name;
+  const auto commands = identity::revoke(wish.authority, home->text(), wish.revoked);
+  if (!commands) return commands.error();
+  for (const identity::Command& command : *commands) {
+    if (Status ran = ask(command, *home); !ran) return ran;
+  }
+  const auto list = read_file(home->msp() + "/crls/crl.pem");
+  if (!list) return list.error();
+  if (Status written = replace_file(wish.list, *list); !written) return written;
+  print_line(wish.list + ": what the authority has revoked");
+  if (wish.config_block.empty()) {
+    print_line(
+        "The authority gives no new certificate to who is revoked; the channel takes the old one until its "
+        "configuration "
+        "has the list: docs/identities.md says how.");
+    return done;
+  }
+  const auto block = read_file(wish.config_block);
+  if (!block) return block.error();
+  const auto update = fabric_network::revocation_update(*block, wish.msp_id, *list);
+  if (!update) return Error{wish.config_block + ": " + update.error().what};
+  if (Status written = replace_file(wish.update, *update); !written) return written;
+  print_line(fmt::format("{}: for an administrator of {}: peer channel update -f {} -c CHANNEL -o ORDERER --tls ...",
+                         wish.update, wish.msp_id, wish.update));
+  return done;
+}
+
+struct Shown {
+  std::string what, subject, problem;
+  std::int64_t days = 0;
+};
+
+Shown look(const std::string& what, const Place& place) {
+  const auto files = place.now();
+  const auto pair = files ? identity::read_pair(*files) : Result<Pair>(files.error());
+  Shown shown{.what = what, .subject = {}, .problem = {}};
+  if (!pair) {
+    shown.problem = pair.error().what;
+    return shown;
+  }
+  shown.subject = printable(pair->certificate.subject);
+  shown.days = crypto::days_left(pair->certificate.not_after_s, unix_now_s());
+  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits) shown.problem = fits.error().what;
+  return shown;
+}
+
+/// Of a program's config: [ledger]'s, and the TLS pairs that it names.
+Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& file) {
+  auto config = Config::load(file);
+  if (!config) return config.error();
+  std::vector<std::pair<std::string, Place>> places;
+  places.emplace_back("identity",
+                      Place{config->text("ledger.msp_dir", ""),
+                            {config->text("ledger.certificate", ""), config->text("ledger.private_key", "")}});
+  for (const std::string table : {"ledger", "service"}) {
+    const crypto::IdentityFiles files{config->text(table + ".tls_certificate", ""),
+                                      config->text(table + ".tls_key", "")};
+    if (!files.certificate.empty()) places.emplace_back("TLS of [" + table + "]", Place{{}, files});
+  }
+  return places;
+}
+
+Result<bool> status(const Wish& wish) {
+  std::vector<std::pair<std::string, Place>> places{{"identity", wish.place}};
+  if (!wish.config.empty()) {
+    auto found = places_of(wish.config);
+    if (!found) return found.error();
+    places = std::move(*found);
+  }
+  bool good = true;
+  nlohmann::json all = nlohmann::json::array();
+  for (const auto& [what, place] : places) {
+    const Shown one = look(what, place);
+    good = good && one.problem.empty() && one.days >= crypto::renew_within_days;
+    if (wish.json) {
+      all.push_back({{"what", what},
+                     {"place", place.text()},
+                     {"subject", one.subject},
+                     {"days", one.days},
+                     {"problem", one.problem}});
+    } else if (!one.problem.empty()) {
+      print_line(fmt::format("{}: {}", what, one.problem));
+    } else {
+      print_line(fmt::format("{}: {}, {}", what, one.subject,
+                             one.days < 0 ? "has ended" : fmt::format("{} days left", one.days)));
+    }
+  }
+  if (wish.json) print_line(nlohmann::json{{"certificates", all}}.dump());
+  return good;
+}
+
+void add_place(Verb& verb, Wish& wish, const char* what) {
+  verb.option("--msp-dir", wish.place.msp_dir, what);
+  verb.option("--certificate", wish.place.files.certificate, "PEM file, with --key, in place of --msp-dir");
+  verb.option("--key", wish.place.files.private_key, "PEM file of its key");
+}
+
+void add_authority(Verb& verb, Wish& wish) {
+  verb.option("--ca", wish.authority.url, "https://HOST:PORT of the authority's server").required();
+  verb.option("--ca-tls", wish.authority.tls_ca, "PEM file of the authority of its TLS certificate")
+      .required()
+      .existing_file();
+  verb.option("--ca-name", wish.authority.name, "where one server has several authorities");
+  verb.option("--program", wish.program, "fabric-ca-client, or where it is").shows_default();
+}
+
+void add_wanted(Verb& verb, Wish& wish, const char* subject) {
+  verb.option("--subject", wish.wanted.subject_parts, subject);
+  verb.option("--hosts", wish.wanted.hosts, "names and addresses in it, with commas; without: its name alone");
+  verb.option("--profile", wish.wanted.profile, "of the authority: tls, for a TLS certificate");
+}
+
+int run(Wish& wish, const std::string& verb) {
+  const bool both = !wish.place.files.certificate.empty() && !wish.place.files.private_key.empty();
+  const bool either = both || !wish.place.files.certificate.empty() || !wish.place.files.private_key.empty();
+  const bool placed = wish.place.msp_dir.empty() ? both : !either;
+  if (verb == "status" ? placed == !wish.config.empty() : !placed)
+    return fail({verb == "status" ? "give one of --config, --msp-dir, and --certificate with --key"
+                                  : "give one of --msp-dir, and --certificate with --key"},
+                exit_usage);
+  if (verb == "status") {
+    const auto good = status(wish);
+    if (!good) return fail(good.error());
+    return *good ? 0 : 1;
+  }
+  const bool is_path = wish.program.find('/') != std::string::npos;
+  wish.authority.program = is_path ? wish.program : find_program(wish.program);
+  if (wish.authority.program.empty() || ::access(wish.authority.program.c_str(), X_OK) != 0)
+    return fail({wish.program + " is not there: it is fabric-ca's client; --program says where"}, exit_usage);
+  wish.authority.tls_ca = std::filesystem::absolute(wish.authority.tls_ca).string();
+  if (verb == "enroll") return exit_code(enroll(wish));
+  if (verb == "renew") return exit_code(renew(wish));
+  if (wish.config_block.empty() != wish.update.empty() || wish.config_block.empty() != wish.msp_id.empty())
+    return fail({"--config-block, --msp-id and --update belong together"}, exit_usage);
+  return exit_code(revoke(wish));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("identity", about, notes);
+  Wish wish;
+  Verb enroll = line.verb("enroll", "make a key here, and have its certificate made");
+  enroll.option("NAME", wish.name, "who was registered at the authority").required();
+  enroll.option("--secret-file", wish.secret_file, "the secret of the registration, 0600; without: it is asked for");
+  add_authority(enroll, wish);
+  add_wanted(enroll, wish, "what stands beside the name: O=org1.example.com,C=DE");
+  add_place(enroll, wish, "where key and certificate are put");
+  Verb renew = line.verb("renew", "a new certificate, with a new key, in place of one that still holds");
+  renew.flag("--same-key", wish.same_key, "for the key that is there");
+  add_authority(renew, wish);
+  add_wanted(renew, wish, "as it was enrolled with; without: as the certificate says");
+  add_place(renew, wish, "where they are");
+  Verb revoke =
+      line.verb("revoke", "at the authority: all certificates of a name, or one; and the list of all revoked");
+  revoke.option("NAME", wish.name, "whose");
+  revoke.option("--serial", wish.revoked.serial, "in place of NAME: of one certificate, hexadecimal, with --aki");
+  revoke.option("--aki", wish.revoked.authority_key, "its authority key identifier, hexadecimal");
+  add_authority(revoke, wish);
+  add_place(revoke, wish, "of the registrar, who may revoke");
+  revoke.option("--list", wish.list, "where the list is written, PEM").required();
+  revoke.option("--config-block", wish.config_block, "newest configuration block of the channel").existing_file();
+  revoke.option("--msp-id", wish.msp_id, "with it: whose list it is");
+  revoke.option("--update", wish.update,
+                "with it: the update of the channel that an administrator has to sign and send");
+  Verb status = line.verb("status", "whose certificates these are, and for how many days");
+  status.option("--config", wish.config, "of agent, ground or endorser: all that it names").existing_file();
+  add_place(status, wish, "where they are");
+  status.flag("--json", wish.json, "as JSON");
+  if (const auto end = line.parse(argc, argv)) return *end;
+  for (const Verb& verb : {enroll, renew, revoke, status}) {
+    if (verb.given()) return run(wish, verb.name());
+  }
+  return exit_usage;
+}

@@ -1,0 +1,96 @@
+#include "tools/identity/shell/place.hpp"
+
+#include <fmt/format.h>
+#include <stdlib.h>
+
+#include <cerrno>
+#include <cstring>
+#include <system_error>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+
+namespace ledgerline::identity {
+namespace {
+
+namespace fs = std::filesystem;
+
+Status make_folder(const fs::path& folder, fs::perms permissions) {
+  std::error_code error;
+  if (fs::exists(folder, error)) return done;
+  fs::create_directories(folder, error);
+  if (!error) fs::permissions(folder, permissions, error);
+  if (error) return Error{fmt::format("making {}: {}", folder.string(), error.message())};
+  return done;
+}
+
+}  // namespace
+
+Result<crypto::IdentityFiles> Place::now() const {
+  return msp_dir.empty() ? Result<crypto::IdentityFiles>(files) : crypto::identity_files(msp_dir);
+}
+
+bool Place::is_free() const {
+  if (msp_dir.empty()) return !fs::exists(files.certificate) && !fs::exists(files.private_key);
+  return !crypto::certificate_file(msp_dir) && !crypto::key_file(msp_dir);
+}
+
+Result<crypto::Renewal::Pair> read_pair(const crypto::IdentityFiles& files) {
+  auto certificate_pem = read_file(files.certificate);
+  if (!certificate_pem) return certificate_pem.error();
+  auto certificate = crypto::parse_certificate(*certificate_pem);
+  if (!certificate) return Error{files.certificate + ": " + certificate.error().what};
+  auto key_pem = crypto::read_key_file(files.private_key);
+  if (!key_pem) return key_pem.error();
+  return crypto::Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};
+}
+
+Status put(const Place& place, const crypto::Renewal::Pair& pair) {
+  if (place.msp_dir.empty()) {
+    if (Status s = replace_file(place.files.private_key, pair.key_pem, 0600); !s) return s;
+    return replace_file(place.files.certificate, pair.certificate_pem);
+  }
+  const fs::path folder = place.msp_dir;
+  const auto before = place.now();
+  if (Status s = make_folder(folder / "keystore", fs::perms::owner_all); !s) return s;
+  if (Status s = make_folder(folder / "signcerts", fs::perms(0755)); !s) return s;
+  const auto hash = crypto::certificate_hash(pair.certificate_pem);
+  if (!hash) return hash.error();
+  // A new name, so that the old pair is whole until the certificate is in its place.
+  const fs::path key = folder / "keystore" / (crypto::hex(*hash).substr(0, 16) + "_sk");
+  if (Status s = replace_file(key.string(), pair.key_pem, 0600); !s) return s;
+  const auto old = crypto::certificate_file(place.msp_dir);
+  if (Status s = replace_file(old ? *old : (folder / "signcerts" / "cert.pem").string(), pair.certificate_pem); !s)
+    return s;
+  if (!before || before->private_key == key) return done;
+  std::error_code error;
+  fs::remove(before->private_key, error);
+  if (error) return Error{fmt::format("the old key stays, {}: {}", before->private_key, error.message())};
+  return done;
+}
+
+Result<Home> Home::make(const std::string& beside) {
+  const fs::path parent = fs::absolute(beside).lexically_normal().parent_path();
+  if (Status s = make_folder(parent, fs::perms(0755)); !s) return s.error();
+  std::string name = (parent / ".identity-XXXXXX").string();
+  if (::mkdtemp(name.data()) == nullptr)
+    return Error{fmt::format("making a folder in {}: {}", parent.string(), std::strerror(errno))};
+  return Home(name);
+}
+
+Status Home::lend(const crypto::Renewal::Pair& pair) const {
+  for (const char* folder : {"keystore", "signcerts"}) {
+    if (Status s = make_folder(folder_ / "msp" / folder, fs::perms::owner_all); !s) return s;
+  }
+  if (Status s = write_file((folder_ / "msp/keystore/lent_sk").string(), pair.key_pem, 0600); !s) return s;
+  return write_file((folder_ / "msp/signcerts/cert.pem").string(), pair.certificate_pem);
+}
+
+Home::~Home() {
+  if (folder_.empty()) return;
+  std::error_code error;
+  fs::remove_all(folder_, error);
+  if (error) spdlog::warn("{} stays, with a key in it: {}", folder_.string(), error.message());
+}
+
+}  // namespace ledgerline::identity

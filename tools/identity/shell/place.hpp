@@ -1,0 +1,48 @@
+#pragma once
+#include <filesystem>
+#include <string>
+
+#include "common/crypto/crypto.hpp"
+#include "common/crypto/identities/renewal.hpp"
+
+/// Where a host's key and certificate lie, and how new ones come there.
+namespace ledgerline::identity {
+
+/// A folder of an MSP, or two files where `msp_dir` is empty.
+struct Place {
+  std::string msp_dir{};
+  crypto::IdentityFiles files{};
+
+  std::string text() const { return msp_dir.empty() ? files.certificate : msp_dir; }
+  /// Where they are now. An error: there are none, or not both.
+  Result<crypto::IdentityFiles> now() const;
+  bool is_free() const;
+};
+
+/// What is there: read, and the key as crypto::read_key_file() takes it.
+Result<crypto::Renewal::Pair> read_pair(const crypto::IdentityFiles& files);
+
+/// Puts a pair there that fits together: first the key (0600), then the certificate by one rename, then the old key goes.
+/// In a folder the pair is whole at each moment, whatever dies meanwhile, since of two keys the one that fits counts
+/// (crypto::identity_files); of two files the key is new a moment before the certificate, which running programs wait out.
+Status put(const Place& place, const crypto::Renewal::Pair& pair);
+
+/// A folder of fabric-ca-client's, 0700, beside the place, that goes with this object and with all that is in it.
+class Home {
+ public:
+  static Result<Home> make(const std::string& beside);
+  /// With the pair in its msp/, to ask in its name.
+  Status lend(const crypto::Renewal::Pair& pair) const;
+  ~Home();
+  Home(Home&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
+  Home& operator=(Home&&) = delete;
+
+  std::string text() const { return folder_.string(); }
+  std::string msp() const { return (folder_ / "msp").string(); }
+
+ private:
+  explicit Home(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  std::filesystem::path folder_;
+};
+
+}  // namespace ledgerline::identity
