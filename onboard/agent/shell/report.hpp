@@ -6,7 +6,7 @@
 namespace ledgerline::agent {
 
 /// One status line, a JSON object without the newline.
-std::string status_line(const AgentCore& core, TimeNs now);
+std::string status_line(const AgentCore& core, const std::string& channel, TimeNs now);
 
 /// What the shell counts itself.
 struct ShellCounters {
@@ -20,7 +20,9 @@ struct ShellCounters {
   std::uint64_t blocks_not_read = 0;        ///< between the checkpoint and the start, after a long absence
   Quantiles confirmed_after_ms{};           ///< of blocks taken as they were ordered
 };
-/// The summary file's JSON.
-std::string summary(const AgentCore& core, const ShellCounters& shell);
+/// The summary file's JSON, of one channel.
+std::string summary(const AgentCore& core, const std::string& channel, const ShellCounters& shell);
+/// Of several: {"channels": [...]}, each as its own says it.
+std::string summary_of_all(const std::vector<std::string>& channels);
 
 }  // namespace ledgerline::agent
