@@ -99,14 +99,17 @@ std::vector<Server> chosen(const std::vector<Server>& servers, const std::vector
                            const Channels::Table& channel) {
   std::vector<Server> out;
   for (std::size_t i = 0; i < servers.size(); ++i) {
-    const Channels::For none, &named = i < whose.size() ? whose[i] : none;
-    if (named.empty() ? channel.endpoint.empty() : std::find(named.begin(), named.end(), channel.name) != named.end())
-      out.push_back(servers[i]);
+    if (is_for(i < whose.size() ? whose[i] : Channels::For{}, channel)) out.push_back(servers[i]);
   }
   return out;
 }
 
 }  // namespace
+
+bool is_for(const Channels::For& named, const Channels::Table& channel) {
+  if (named.empty()) return channel.endpoint.empty();
+  return std::find(named.begin(), named.end(), channel.name) != named.end();
+}
 
 std::vector<std::string> Channels::names() const {
   std::vector<std::string> out;

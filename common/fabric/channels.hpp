@@ -33,6 +33,9 @@ struct Channels {
 /// [[endorser]] and [[peer]]. What is wrong is in config.finish(): names that are there twice, a channel without a drone.
 Channels read_channels(Config& config);
 
+/// Whether an [[orderer]], [[endorser]] or [[peer]] is used for that channel.
+bool is_for(const Channels::For& named, const Channels::Table& channel);
+
 /// A client's config for each channel: `ledger`, which is that of [ledger], with what its [[channel]] says otherwise. With
 /// one channel it is `ledger` itself. An error names the channel whose config block cannot be read.
 Result<std::vector<ClientConfig>> each_channel(const ClientConfig& ledger, const Channels& channels);

@@ -153,6 +153,16 @@ FlightConfig flight_config(Config& config) {
   return flight;
 }
 
+FlightConfig flight_of_channel(const FlightConfig& flight, const std::vector<std::size_t>& channel_of,
+                               std::size_t channel) {
+  FlightConfig own = flight;
+  own.drones.clear();
+  for (std::size_t i = 0; i < flight.drones.size(); ++i) {
+    if (channel_of[i] == channel) own.drones.push_back(flight.drones[i]);
+  }
+  return own;
+}
+
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones) {
   bridge::Host host;
   for (const FlightDrone& drone : drones) {
@@ -260,16 +270,17 @@ std::string checkpoint_path(Config& config) {
       "");
 }
 
-std::string status_line(const FlightCore& core) {
+std::string status_line(const FlightView& flights) {
   json drones = json::array();
-  for (std::size_t i = 0; i < core.drones().size(); ++i) {
-    const FlightStatus& status = core.status(i);
-    drones.push_back({{"name", core.drones()[i].name},
+  for (std::size_t i = 0; i < flights.drones().size(); ++i) {
+    const FlightStatus& status = flights.status(i);
+    drones.push_back({{"name", flights.drones()[i].name},
                       {"phase", name_of(status.phase)},
                       {"lap", status.lap},
                       {"progress", status.progress}});
+    if (flights.channels() > 1) drones.back()["channel"] = flights.channel_of(i);
   }
-  return json{{"ground", {{"drones", drones}, {"why", core.why()}}}}.dump();
+  return json{{"ground", {{"drones", drones}, {"why", flights.why()}}}}.dump();
 }
 
 std::string summary(const FlightCore& core, const ShellCounters& shell) {
@@ -310,7 +321,8 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"why", status.why}});
   }
   const FlightTransactions& t = core.transactions();
-  return json{{"drones", drones},
+  return json{{"channel", core.config().where.channel},
+              {"drones", drones},
               {"transactions",
                {{"submitted", t.submitted},
                 {"committed", t.committed},
@@ -327,6 +339,12 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
               {"delay_ms", to_ms(core.delay_ns())},
               {"why", core.why()}}
       .dump(2);
+}
+
+std::string summary_of_all(const std::vector<std::string>& channels) {
+  json all = json::array();
+  for (const std::string& one : channels) all.push_back(json::parse(one));
+  return json{{"channels", all}}.dump(2);
 }
 
 }  // namespace ledgerline::ground
