@@ -75,7 +75,7 @@ class Host:
         agent = "".join(text + (f'channel = "{drone.channel}"\n' if drone.channel else "")
                         for text, drone in zip(named, drones))
         for name, text in (("sim", "[dds]\nlocal_only = true\n"),
-                           ("link", f'{output("link")}[playout]\nmax_margin_ms = 0\n{link}'),
+                           ("link", f'{output("link")}status_period_ms = 200\n[playout]\nmax_margin_ms = 0\n{link}'),
                            ("agent", f'{tables}{output("agent")}[mocap]\n'
                                      f'topic = "/vrpn_mocap/{pose}/pose"\n[dds]\nlocal_only = true\n{agent}')):
             (self.directory / f"{name}.toml").write_text(text)

@@ -4,6 +4,7 @@ import os
 import pathlib
 import shutil
 import subprocess
+import time
 
 import pytest
 from drone_host import Drone, Host
@@ -52,53 +53,78 @@ def ledgers(request, tmp_path):
     made.stop()
 
 
-def test_each_organisation_flies_its_own_drones_on_two_channels(tmp_path, ledgers):
-    def control(channel: str, organisation: int, user: str, *words) -> subprocess.CompletedProcess:
-        file = tmp_path / f"control-{channel}-{organisation}-{user}.toml"
-        text = ledgers.yard_tables(organisation, user) if channel == "yard" else tables(ledgers.teleop, organisation, user, endorsers=True)
+class People:
+    """Operators and administrators of both organisations, on either channel."""
+
+    def __init__(self, directory: pathlib.Path, ledgers: Ledgers):
+        self.directory, self.ledgers = directory, ledgers
+
+    def control(self, channel: str, organisation: int, user: str, *words) -> subprocess.CompletedProcess:
+        file = self.directory / f"control-{channel}-{organisation}-{user}.toml"
+        text = (self.ledgers.yard_tables(organisation, user) if channel == "yard"
+                else tables(self.ledgers.teleop, organisation, user, endorsers=True))
         file.write_text(text.split("[[msp]]")[0])
         return subprocess.run([BIN / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=60)
 
-    def done(*words) -> str:
-        ended = control(*words)
+    def done(self, *words) -> str:
+        ended = self.control(*words)
         assert ended.returncode == 0, ended.stderr
         return ended.stdout
 
-    def refused(*words) -> str:
-        ended = control(*words)
-        assert ended.returncode != 0, ended.stdout
+    def refused(self, *words) -> str:
+        ended = self.control(*words)
+        assert ended.returncode == 1, ended.stdout
         return ended.stderr
 
-    def cert(organisation: int, user: str) -> pathlib.Path:
-        return next((ledgers.teleop.msp_dir(organisation, user) / "signcerts").iterdir())
+    def enroll_operator(self, channel: str, organisation: int) -> None:
+        self.done(channel, organisation, "Admin", "enroll", "--msp", f"Org{organisation}MSP", "--cert",
+                  self.cert(organisation, "User2"), "--role", "operator")
 
+    def cert(self, organisation: int, user: str) -> pathlib.Path:
+        return next((self.ledgers.teleop.msp_dir(organisation, user) / "signcerts").iterdir())
+
+
+def host_on_both(directory: pathlib.Path, ledgers: Ledgers) -> Host:
+    return Host(directory / "host1", ledgers.all, ledgers.tables(1), [Drone("tello1", 1), Drone("tello2", 2, "yard")])
+
+
+def ground(directory: pathlib.Path, name: str, tables: str, drones: str, laps: int = 1) -> subprocess.Popen:
+    file = directory / f"{name}.toml"
+    file.write_text(f'{tables}[output]\nsummary = "{directory}/{name}.json"\nstatus_period_ms = 100\n[flight]\nlaps = {laps}\n'
+                    f"side_m = 1\n[dds]\nlocal_only = true\n{drones}")
+    return subprocess.Popen([BIN / "ledgerline-ground", "--config", file], text=True,
+                            stdout=open(directory / f"{name}.out", "w"), stderr=open(directory / f"{name}.log", "w"))
+
+
+ON_BOTH = '[[drone]]\nname = "tello1"\n[[drone]]\nname = "tello2"\nchannel = "yard"\n'
+
+
+def test_each_organisation_flies_its_own_drones_on_two_channels(tmp_path, ledgers):
+    people = People(tmp_path, ledgers)
     # tello1 and tello2 are Org1's on either channel; south is Org2's, on yard alone.
-    for channel in ("teleop", "yard"):
-        done(channel, 1, "Admin", "enroll", "--msp", "Org1MSP", "--cert", cert(1, "User2"), "--role", "operator")
-    done("yard", 2, "Admin", "enroll", "--msp", "Org2MSP", "--cert", cert(2, "User1"), "south")
-    done("yard", 2, "Admin", "enroll", "--msp", "Org2MSP", "--cert", cert(2, "User2"), "--role", "operator")
-    done("teleop", 1, "User2", "acquire", "tello1")
-    done("yard", 1, "User2", "acquire", "tello2")
-    done("yard", 2, "User2", "acquire", "south")
-    assert "grant" in refused("yard", 1, "User2", "acquire", "south")
-    assert "enrolled" in refused("teleop", 1, "User2", "acquire", "south"), "a channel knows its own drones alone"
+    people.enroll_operator("teleop", 1)
+    people.enroll_operator("yard", 1)
+    people.enroll_operator("yard", 2)
+    people.done("yard", 2, "Admin", "enroll", "--msp", "Org2MSP", "--cert", people.cert(2, "User1"), "south")
+    people.done("teleop", 1, "User2", "acquire", "tello1")
+    people.done("yard", 1, "User2", "acquire", "tello2")
+    people.done("yard", 2, "User2", "acquire", "south")
+    assert "south" in people.done("yard", 1, "User2", "show"), "a member sees all drones of the channel"
+    assert "south" not in people.done("teleop", 2, "User2", "show")
+    assert "grant" in people.refused("yard", 1, "User2", "acquire", "south")
+    assert "grant" in people.refused("yard", 1, "User2", "stop", "south")
+    assert "enrolled" in people.refused("teleop", 1, "User2", "acquire", "south"), "a channel knows its own drones alone"
 
-    hosts = [Host(tmp_path / "host1", ledgers.all, ledgers.tables(1), [Drone("tello1", 1), Drone("tello2", 2, "yard")]),
+    hosts = [host_on_both(tmp_path, ledgers),
              Host(tmp_path / "host2", [ledgers.yard], ledgers.yard_tables(2), [Drone("south", 1)], pose="tello1")]
-    one_lap = lambda name: (f'[output]\nsummary = "{tmp_path}/{name}.json"\nstatus_period_ms = 0\n[flight]\nlaps = 1\nside_m = 1\n'
-                            "[dds]\nlocal_only = true\n")
-    (tmp_path / "ground1.toml").write_text(ledgers.tables(1, "User2") + one_lap("ground1") +
-                                           '[[drone]]\nname = "tello1"\n[[drone]]\nname = "tello2"\nchannel = "yard"\n')
-    (tmp_path / "ground2.toml").write_text(ledgers.yard_tables(2, "User2") + one_lap("ground2") + '[[drone]]\nname = "south"\n')
+    grounds = [ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH),
+               ground(tmp_path, "ground2", ledgers.yard_tables(2, "User2"), '[[drone]]\nname = "south"\n')]
     try:
-        grounds = [subprocess.Popen([BIN / "ledgerline-ground", "--config", tmp_path / f"ground{k}.toml"], text=True,
-                                    stdout=subprocess.DEVNULL, stderr=subprocess.PIPE) for k in (1, 2)]
-        for ground in grounds:
-            said = ground.communicate(timeout=PATIENCE_S)[1]
-            assert ground.returncode == 0, said[-3000:] + "".join(host.log() for host in hosts)
+        for k, one in enumerate(grounds, 1):
+            assert one.wait(PATIENCE_S) == 0, (tmp_path / f"ground{k}.log").read_text()[-3000:] + "".join(host.log() for host in hosts)
     finally:
-        for ground in grounds:
-            ground.kill()
+        for one in grounds:
+            one.kill()
         for host in hosts:
             host.stop()
     on_both = json.loads((tmp_path / "host1" / "agent.json").read_text())["channels"]
@@ -109,3 +135,33 @@ def test_each_organisation_flies_its_own_drones_on_two_channels(tmp_path, ledger
         commands = one["drones"][0]["commands"]
         assert commands["on_ledger"] > 50 and commands["verified"] > 0.9 * commands["on_ledger"], commands
         assert one["doubts"] == 0 and one["drones"][0]["states"]["on_ledger"] > 50, one
+
+
+@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    people = People(tmp_path, ledgers)
+    for channel, drone in (("teleop", "tello1"), ("yard", "tello2")):
+        people.enroll_operator(channel, 1)
+        people.done(channel, 1, "User2", "acquire", drone)
+    host = host_on_both(tmp_path, ledgers)
+    flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, laps=4)
+    try:
+        deadline = time.monotonic() + PATIENCE_S
+        while (tmp_path / "ground1.out").read_text().count('"phase":"path"') < 40:  # of both, for two seconds
+            assert flight.poll() is None and time.monotonic() < deadline, (tmp_path / "ground1.log").read_text()[-3000:] + host.log()
+            time.sleep(0.1)
+        ledgers.yard.kill()
+        assert flight.wait(PATIENCE_S) == 1, "tello2 does not finish"
+    finally:
+        flight.kill()
+        host.stop()
+        ledgers.teleop.stop()
+    teleop, yard = json.loads((tmp_path / "ground1.json").read_text())["channels"]
+    assert teleop["drones"][0]["finished"] and teleop["drones"][0]["landed"], teleop
+    assert not yard["drones"][0]["finished"]
+    said = [json.loads(line) for line in (host.directory / "link.log").read_text().splitlines() if line.startswith('{"link"')]
+    modes = lambda name: {drone["mode"] for line in said for drone in line["link"]["drones"]
+                          if drone["name"] == name and drone["phase"] == "flying"}
+    assert modes("tello1") == {"none"}, "the other channel's silence is nothing to it"
+    assert "hold" in modes("tello2")
