@@ -2,6 +2,7 @@
 import json
 import os
 import pathlib
+import re
 import shutil
 import subprocess
 import time
@@ -10,6 +11,8 @@ import pytest
 from drone_host import Drone, Host
 from fabric import BIN, needs_fabric
 from ledgers import Embedded, Fabric, tables
+from station import Station, take_off
+from test_operators import Signed
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 PATIENCE_S = 120
@@ -88,10 +91,10 @@ def host_on_both(directory: pathlib.Path, ledgers: Ledgers) -> Host:
     return Host(directory / "host1", ledgers.all, ledgers.tables(1), [Drone("tello1", 1), Drone("tello2", 2, "yard")])
 
 
-def ground(directory: pathlib.Path, name: str, tables: str, drones: str, laps: int = 1) -> subprocess.Popen:
+def ground(directory: pathlib.Path, name: str, tables: str, drones: str, flight: str = "laps = 1\nside_m = 1\n") -> subprocess.Popen:
     file = directory / f"{name}.toml"
-    file.write_text(f'{tables}[output]\nsummary = "{directory}/{name}.json"\nstatus_period_ms = 100\n[flight]\nlaps = {laps}\n'
-                    f"side_m = 1\n[dds]\nlocal_only = true\n{drones}")
+    file.write_text(f'{tables}[output]\nsummary = "{directory}/{name}.json"\nstatus_period_ms = 100\n[flight]\n{flight}'
+                    f"[dds]\nlocal_only = true\n{drones}")
     return subprocess.Popen([BIN / "ledgerline-ground", "--config", file], text=True,
                             stdout=open(directory / f"{name}.out", "w"), stderr=open(directory / f"{name}.log", "w"))
 
@@ -145,7 +148,7 @@ def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
         people.enroll_operator(channel, 1)
         people.done(channel, 1, "User2", "acquire", drone)
     host = host_on_both(tmp_path, ledgers)
-    flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, laps=4)
+    flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, "laps = 4\nside_m = 1\n")
     try:
         deadline = time.monotonic() + PATIENCE_S
         while (tmp_path / "ground1.out").read_text().count('"phase":"path"') < 40:  # of both, for two seconds
@@ -165,3 +168,84 @@ def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
                           if drone["name"] == name and drone["phase"] == "flying"}
     assert modes("tello1") == {"none"}, "the other channel's silence is nothing to it"
     assert "hold" in modes("tello2")
+
+
+class OfGround(Station):
+    """The station of a ground that no launcher started."""
+
+    def __init__(self, directory: pathlib.Path, name: str, token_file: pathlib.Path, ground: subprocess.Popen):
+        deadline = time.monotonic() + PATIENCE_S
+        while not (found := re.search(r"(http://([\d.:]+))", (directory / f"{name}.out").read_text())):
+            assert ground.poll() is None and time.monotonic() < deadline, (directory / f"{name}.log").read_text()
+            time.sleep(0.05)
+        self.url, self.place = found.groups()
+        self.token = token_file.read_text().strip()
+
+
+def lock_key(ledgers: Ledgers, organisation: int, user: str, folder: pathlib.Path, pass_phrase: str) -> None:
+    """An operator's folder, as the station wants it."""
+    msp = ledgers.teleop.msp_dir(organisation, user)
+    shutil.copytree(msp / "signcerts", folder / "signcerts")
+    (folder / "keystore").mkdir()
+    key = folder / "keystore" / "key.pem"
+    subprocess.run(["openssl", "pkcs8", "-topk8", "-in", next((msp / "keystore").iterdir()), "-out", key,
+                    "-passout", f"pass:{pass_phrase}"], check=True)
+    key.chmod(0o600)
+
+
+def test_an_operator_at_one_page_flies_and_stops_drones_of_both_channels(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    people = People(tmp_path, ledgers)
+    for channel in ("teleop", "yard"):
+        people.enroll_operator(channel, 1)
+    lock_key(ledgers, 1, "User2", tmp_path / "operators" / "alice", "phrase")
+    host = host_on_both(tmp_path, ledgers)
+    service = f'[service]\nlisten = "127.0.0.1:0"\ntoken_file = "{tmp_path}/token"\noperators = "{tmp_path}/operators"\n'
+    flight = ground(tmp_path, "ground1", ledgers.tables(1, "Admin"), service + ON_BOTH, 'shape = "manual"\n')
+    try:
+        alice = Signed(OfGround(tmp_path, "ground1", tmp_path / "token", flight), "alice", "phrase")
+        for name in ("tello1", "tello2"):  # each call on its drone's channel
+            alice.wait(name, lambda drone: drone["link_phase"] == "on_ground")
+            alice.say(f"drones/{name}/acquire")
+            alice.wait(name, lambda drone: "CN=User2@" in drone["lease"]["holder"])
+        for name in ("tello1", "tello2"):
+            take_off(alice, name)
+        alice.say("stop", {})
+        for name in ("tello1", "tello2"):
+            alice.wait(name, lambda drone: drone["link_phase"] in ("landed", "on_ground"))
+            assert any("CN=User2@" in event["text"] for event in alice.ask("GET", "events")[1]["events"]
+                       if event["drone"] == name and event["text"].startswith("stopped by Org1MSP"))
+        flight.terminate()
+        flight.wait(PATIENCE_S)
+    except Exception:
+        print((tmp_path / "ground1.log").read_text()[-3000:], host.log())
+        raise
+    finally:
+        flight.kill()
+        host.stop()
+        ledgers.stop()
+    for channel in json.loads((tmp_path / "ground1.json").read_text())["channels"]:
+        assert channel["transactions"]["committed"] > 5 and channel["transactions_altered"] == 0, channel
+
+
+def test_doctor_looks_at_each_channel(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    drones = '[[drone]]\nname = "tello1"\n[[drone]]\nname = "moon"\nchannel = "yard"\n'
+
+    def findings(text: str) -> list[dict]:
+        (tmp_path / "agent.toml").write_text(text + drones)
+        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", tmp_path, "--json"], capture_output=True, text=True, timeout=60)
+        return json.loads(done.stdout)["checks"]
+
+    try:
+        seen = findings(ledgers.tables(1))
+        wrong = findings(ledgers.tables(1).replace("yard.block", "../ledger/teleop.block"))
+    finally:
+        ledgers.stop()
+    words = [one["what"] for one in seen if one["check"] == "contract"]
+    assert [word.split(":")[0] for word in words] == ["channel teleop", "channel yard"], words
+    assert any("peer of agent.toml, channel yard" in one["what"] and one["verdict"] == "ok" for one in seen), seen
+    unknown = [one["what"] for one in seen if one["verdict"] == "broken" and "moon" in one["what"]]
+    assert unknown and unknown[0].startswith("channel yard: "), seen
+    anchors = [one for one in wrong if one["problem"] == "anchor_wrong"]
+    assert len(anchors) == 1 and "agent.toml, channel yard: it is of channel teleop" in anchors[0]["what"], anchors
