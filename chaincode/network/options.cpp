@@ -7,16 +7,12 @@
 #include <charconv>
 
 #include "chaincode/identities/identities.hpp"
+#include "common/fabric/channels.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
 
 constexpr const char* loopback = "127.0.0.1";
-
-bool is_channel_name(const std::string& name) {  // as Fabric has it
-  return !name.empty() && name.size() < 250 && name[0] >= 'a' && name[0] <= 'z' &&
-         name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789.-") == std::string::npos;
-}
 
 }  // namespace
 
@@ -122,7 +118,7 @@ Status check(const Options& options) {
   }
   if (options.channels.empty()) return Error{"a network needs a channel"};
   for (auto name = options.channels.begin(); name != options.channels.end(); ++name) {
-    if (!is_channel_name(*name)) {
+    if (!fabric::is_channel_name(*name)) {
       return Error{fmt::format("\"{}\" is no channel's name: a-z first, then a-z, 0-9, . and -", *name)};
     }
     if (std::find(options.channels.begin(), name, *name) != name) return Error{"channel " + *name + " is named twice"};

@@ -126,17 +126,23 @@ struct Pose {
   PoseVariance variance{};
 };
 
-/// agent -> link, at least ten times a second.
+/// agent -> link, at least ten times a second. An agent on several channels sends one for each, with the drones of it.
 struct AgentBeat {
   TimeNs stamp_ns = 0;
-  bool ledger_alive = false;    ///< blocks or commits came lately
-  bool ledger_doubted = false;  ///< what agent is shown of it contradicts itself, others or agent's own judgement
+  std::uint32_t drones = all_drones;  ///< whom it is for: bit N of drone N
+  bool ledger_alive = false;          ///< blocks or commits came lately
+  bool ledger_doubted = false;        ///< what agent is shown of it contradicts itself, others or agent's own judgement
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.
   std::uint64_t boot_id = 0;
   std::array<std::uint64_t, max_drones + 1> transitions_taken{};
   std::array<std::uint64_t, max_drones + 1> transitions_on_ledger{};
+
+  static constexpr std::uint32_t all_drones = 0xFFFF'FFFF;
+  static constexpr std::uint32_t bit_of(DroneNumber drone) { return 1U << drone; }
+  bool is_for(DroneNumber drone) const { return drone <= max_drones && (drones & bit_of(drone)) != 0; }
 };
+static_assert(max_drones < 32);
 
 /// link -> agent: the failsafe changed its mode or cause, or the flight its phase. On the ground the cause, which only
 /// says what a take-off waits for, is none. Unlike states none may be lost: link keeps each until it is on the ledger.

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "ground/core/flight.hpp"
+#include "ground/core/flight_view.hpp"
 
 namespace ledgerline::ground::mission {
 
@@ -24,7 +24,7 @@ struct DroneNow {
   std::vector<Eigen::Vector3d> way{};     ///< way_of(), of those that check() looks at
 };
 
-inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
+inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
   const FlightStatus& status = core.status(drone);
   const Seen& seen = core.seen(drone);
   const StateSample& state = seen.state;
@@ -45,14 +45,14 @@ inline DroneNow drone_now(const FlightCore& core, std::size_t drone) {
 }
 
 /// Of all drones of the flight, in its order.
-inline std::vector<DroneNow> drones_now(const FlightCore& core) {
+inline std::vector<DroneNow> drones_now(const FlightView& core) {
   std::vector<DroneNow> all;
   for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_now(core, i));
   return all;
 }
 
 /// Corners of the path that a drone flies or has paused. It may be long, and a flight's step has no use for it.
-inline std::vector<Eigen::Vector3d> way_of(const FlightCore& core, std::size_t drone) {
+inline std::vector<Eigen::Vector3d> way_of(const FlightView& core, std::size_t drone) {
   std::vector<Eigen::Vector3d> way;
   for (const auto& corner : core.status(drone).planned) way.push_back(Eigen::Vector3d::Map(corner.data()));
   return way;

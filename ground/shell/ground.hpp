@@ -10,16 +10,15 @@
 #include <variant>
 #include <vector>
 
-#include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
-#include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/renewal/certificate_watch.hpp"
-#include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/rt/mailbox.hpp"
+#include "ground/channel/channel.hpp"
+#include "ground/core/flight_view.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/service/core/board.hpp"
 #include "ground/service/core/certificate_ends.hpp"
@@ -32,15 +31,14 @@
 
 namespace ledgerline::ground {
 
-/// The shell around FlightCore: blocks and outcomes come on the client's threads, a pilot's messages on DDS's; they are
-/// handed over and wake the one thread that runs the core, submits its calls, publishes the drones' topics, and writes
-/// trace and status lines.
+/// The shell around the FlightCore of each channel: blocks and outcomes come on the clients' threads, a pilot's messages
+/// on DDS's; they are handed over and wake the one thread that runs the cores, submits their calls, publishes the drones'
+/// topics, and writes trace and status lines.
 class Ground {
  public:
-  /// `client` is for commands and blocks, `urgent` for what must not wait behind commands. `kept`: as the last ground
-  /// left it.
-  Ground(FlightConfig flight, OutputSettings output, dds::ParticipantPtr participant,
-         std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> urgent, fabric::KeptCheckpoint kept);
+  /// `channels`: at least one, that of [ledger] first. `channel_of`: for each drone, in the config's order.
+  Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
+         dds::ParticipantPtr participant);
   ~Ground();
 
   /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
@@ -49,27 +47,19 @@ class Ground {
   /// Flies until every drone has landed or failed. Once `quit` is set, all drones land, and it returns at the latest
   /// `landing_limit` later. True when every drone finished its path and landed.
   Result<bool> run(const std::atomic<bool>& quit);
-  /// The page and the API, from the start on. Before start(). `ledger`: as of the clients above, for the operators'.
+  /// The page and the API, from the start on. Before start(). `ledgers`: of each channel, as of the clients above, for
+  /// the operators'.
   Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
-               const fabric::ClientConfig& ledger);
+               const std::vector<fabric::ClientConfig>& ledgers);
   /// Has renewed certificates taken while it runs, and tells their ends on the station, with those of agents. Before serve().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return server_ ? server_->url() : std::string(); }
 
  private:
-  struct Ended {
-    std::uint64_t id;
-    std::string function;  ///< that was called
-    fabric::Outcome outcome;
-  };
-  struct StreamState {
-    bool connected = false;
-    std::string why;
-  };
-  /// The control records, as read after the first block had come, or why they cannot be.
-  struct ControlsRead {
-    Result<std::vector<Control>> controls;
+  struct OfChannel {
+    std::size_t channel;
+    Channel::News news;
   };
   /// What an operator's call came to.
   struct Told {
@@ -82,8 +72,9 @@ class Ground {
     std::size_t who;
     bool in;
   };
-  using Letter = std::variant<fabric::Block, Ended, StreamState, ControlsRead, Told, SessionChange>;
+  using Letter = std::variant<OfChannel, Told, SessionChange>;
 
+  std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   Status open_topics();
   Status hear_pilots();
   void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
@@ -98,7 +89,7 @@ class Ground {
   /// As an event; `drone`: its name, empty: of none. Any thread.
   void say(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
-  Status open_desk(const std::string& folder, const fabric::ClientConfig& ledger);
+  Status open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
   void show(TimeNs now_ns);
@@ -107,24 +98,29 @@ class Ground {
   /// For whoever looks at the page: what a block holds.
   void note(const fabric::Block& block);
   void publish(const DroneNews& news);
-  Status wait_for_block_stream(const std::atomic<bool>& quit);
-  Status set_controls(const std::vector<Control>& controls);
+  Status wait_for_block_streams(const std::atomic<bool>& quit);
   std::optional<Letter> next_letter(TimeNs timeout_ns);
-  /// What of a letter is for the core; an error ends the flight.
-  Status open(const Letter& letter, FlightInputs& inputs);
+  /// What of a letter is for the cores, whose inputs these are; an error ends the flight.
+  Status open(const Letter& letter, std::vector<FlightInputs>& inputs);
+  Status open(std::size_t channel, const Channel::News& news, FlightInputs& inputs);
+  /// Of each channel, its drones as its core has them.
+  std::vector<std::vector<PilotWish>> split(const std::vector<PilotWish>& wishes) const;
+  bool more_waits_for(std::size_t channel) const;
   std::vector<PilotWish> take_wishes();
-  void step(FlightInputs inputs);
-  void count_losses();
+  void step(std::vector<FlightInputs> inputs);
+  void act(std::size_t channel, FlightOutputs& out);
+  ShellCounters losses_of(std::size_t channel) const;
   void write_status(TimeNs now_ns);
   Status write_summary();
 
   OutputSettings output_;
-  FlightCore core_;
-  const std::vector<std::string> names_;  ///< of the drones
+  std::vector<std::unique_ptr<Channel>> channels_;  ///< closed before anything that they put into ends
+  const FlightView view_;                           ///< of their cores
+  const std::vector<std::string> names_;            ///< of the drones
   Recorder recorder_;
   dds::ParticipantPtr participant_;
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
-  ShellCounters counters_;
+  std::uint64_t news_unpublished_ = 0;
   TimeNs next_status_ns_ = 0, next_show_ns_ = 0;
   service::Board board_;
   std::vector<service::Event> unshown_;                ///< of this board, not handed to the server yet
@@ -138,11 +134,9 @@ class Ground {
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
   std::mutex wishes_mutex_;
-  std::vector<PilotWish> wishes_;    ///< at most one for each drone and operator
-  std::atomic<bool> flying_{false};  ///< run() is
-  StreamState stream_;
-  belief::ControlStart control_start_;
-  fabric::KeptCheckpoint kept_;  ///< until start()
+  std::vector<PilotWish> wishes_;              ///< at most one for each drone and operator
+  std::atomic<bool> flying_{false};            ///< run() is
+  std::vector<Channel::StreamState> streams_;  ///< of each channel
 
   service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;
@@ -153,10 +147,6 @@ class Ground {
   std::unique_ptr<service::FaultDesk> faults_;  ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
   std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
-  std::unique_ptr<fabric::Client> client_, urgent_;
-  fabric::Confirmations confirmations_;
-  std::unique_ptr<fabric::Client::Stream> blocks_;
-  std::jthread control_reader_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;
 };
 

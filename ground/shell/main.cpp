@@ -5,6 +5,7 @@
 #include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/patience.hpp"
@@ -17,8 +18,41 @@ namespace {
 
 using namespace ledgerline;
 
+Error of_channel(const fabric::ClientConfig& ledger, const Error& why) {
+  return Error{fmt::format("channel {}: {}", ledger.where.channel, why.what)};
+}
+
+/// Topics, trace and page know a drone by its name, and shared memory by its number.
+Status check_drones(const std::vector<ground::FlightDrone>& drones) {
+  if (drones.empty()) return Error{"no [[drone]] to fly"};
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      if (drones[i].name == drones[k].name || drones[i].number == drones[k].number)
+        return Error{fmt::format("[[drone]] {}: its name or number is there twice", drones[i].name)};
+    }
+  }
+  return done;
+}
+
+/// A channel's part of the flight.
+Result<ground::Channel::Parts> make_channel(Config& config, ground::FlightConfig flight,
+                                            const fabric::ClientConfig& careful, const std::string& checkpoint) {
+  auto believed = fabric::msp_registry(config);
+  if (!believed) return believed.error();
+  flight.self = careful.identity.name;
+  flight.believed = std::move(believed).value();
+  flight.where = careful.where;
+  auto kept = fabric::KeptCheckpoint::read(checkpoint, careful.where.channel);
+  if (!kept) return kept.error();
+  auto client = fabric::Client::create(careful);
+  auto urgent = fabric::Client::create(careful);
+  if (!client || !urgent) return of_channel(careful, (client ? urgent : client).error());
+  return ground::Channel::Parts{std::move(flight), std::move(client).value(), std::move(urgent).value(),
+                                std::move(*kept)};
+}
+
 int fly(Config& config) {
-  ground::FlightConfig flight = ground::flight_config(config);
+  const ground::FlightConfig flight = ground::flight_config(config);
   const ground::OutputSettings output = ground::output_settings(config);
   const ground::service::ServiceSettings service = ground::service_settings(config);
   ground::service::MissionSettings missions = ground::mission_settings(config);
@@ -30,34 +64,38 @@ int fly(Config& config) {
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto believed = fabric::msp_registry(config);
   const endorser::WithinSettings within = endorser::read_within_settings(config);
+  const fabric::Channels channels = fabric::read_channels(config);
   Status checked = config.finish();
-  if (checked && flight.drones.empty()) checked = Error{"no [[drone]] to fly"};
+  if (checked) checked = check_drones(flight.drones);
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
+  if (checked && channels.several() && !within.msp_dir.empty())
+    checked = Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
   if (!checked) return fail(checked.error(), exit_usage);
-  auto kept = fabric::KeptCheckpoint::read(checkpoint, ledger->where.channel);
-  if (!kept) return fail(kept.error(), exit_usage);
-  flight.self = ledger->identity.name;
-  flight.believed = std::move(believed).value();
-  flight.where = ledger->where;
-  const auto longer_ns = fabric::added_patience(*ledger);
-  if (!longer_ns) return fail(longer_ns.error());
-  ledger->deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
-  if (const Status s = endorser::endorse_within(within, *ledger); !s) return fail(s.error(), exit_usage);
+  if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
-  if (careful.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto certificates = fabric::watch_certificates(config, careful);
   if (!certificates) return fail(certificates.error(), exit_usage);
-  auto client = fabric::Client::create(careful);
-  auto urgent = fabric::Client::create(careful);
-  if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
+  auto ledgers = fabric::each_channel(careful, channels);
+  if (!ledgers) return fail(ledgers.error(), exit_usage);
+  std::vector<ground::Channel::Parts> parts;
+  for (std::size_t i = 0; i < ledgers->size(); ++i) {
+    fabric::ClientConfig& own = (*ledgers)[i];
+    const auto longer_ns = fabric::added_patience(own);
+    if (!longer_ns) return fail(of_channel(own, longer_ns.error()));
+    own.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+    if (const Status s = endorser::endorse_within(within, own); !s) return fail(s.error(), exit_usage);
+    auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
+                             fabric::file_of_channel(checkpoint, channels, i));
+    if (!made) return fail(made.error(), exit_usage);
+    parts.push_back(std::move(*made));
+  }
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  ground::Ground ground(std::move(flight), output, *participant, std::move(client).value(), std::move(urgent).value(),
-                        std::move(*kept));
+  ground::Ground ground(std::move(parts), channels.of_drone, output, *participant);
   ground.watch_certificates(std::move(*certificates));
   if (!service.listen.empty()) {
-    if (auto status = ground.serve(service, std::move(missions), careful); !status)
+    if (auto status = ground.serve(service, std::move(missions), *ledgers); !status)
       return fail(status.error(), exit_usage);
   }
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
@@ -78,6 +116,7 @@ const std::string notes =
 
 ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints, side_m, speed_mps, laps;
 )" + ledger_table_help +
+    channel_tables_help +
     R"(  [flight] shape (square|triangle|x|eight|waypoints|manual), waypoints (CSV: x,y[,z[,speed]]), predict,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)

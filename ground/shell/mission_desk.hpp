@@ -21,7 +21,7 @@ class MissionDesk {
   using Answer = std::function<void(service::ApiAnswer)>;
   struct Parts {
     service::MissionSettings settings;
-    const FlightCore& core;
+    const FlightView& core;
     fabric::Client& client;  ///< to ask, and for what ground's own identity anchors
     /// Has an operator sign his approval; the error says why he cannot now.
     std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
@@ -55,7 +55,7 @@ class MissionDesk {
   void take(mission::MissionRun run, const Answer& answer);
   void check(const mission::Mission& mission, std::function<void(Checked)> then);
   using Begin = Status (service::MissionBook::*)(const std::string&, const std::optional<crypto::IdentityName>&,
-                                                 const Checked&, const FlightCore&);
+                                                 const Checked&, const FlightView&);
   /// Checks that part of the mission, and begins it.
   void fly(const mission::Mission& part, Begin begin, const service::MissionAsk& asked, const Answer& answer);
   void read_signers(const std::string& id);

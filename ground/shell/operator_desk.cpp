@@ -33,9 +33,9 @@ Result<std::unique_ptr<OperatorDesk>> OperatorDesk::create(Parts parts) {
     return Error{fmt::format("{} has {} operators; 1 to {} may be there", own.folder, found.size(), max_operators)};
   std::sort(found.begin(), found.end());
   for (const fs::path& folder : found) {
-    const auto name = crypto::read_identity_name(own.ledger.identity.name.msp_id, folder.string());
+    const auto name = crypto::read_identity_name(own.ledgers.front().identity.name.msp_id, folder.string());
     if (!name) return Error{name.error().what};
-    if (*name == own.ledger.identity.name)
+    if (*name == own.ledgers.front().identity.name)
       return Error{fmt::format("{}: is ground's own identity, which no operator may sign with", folder.string())};
     desk->operators_.push_back({folder.filename().string(), *name});
     desk->folders_.push_back(folder.string());
@@ -57,19 +57,19 @@ void OperatorDesk::unlock(std::size_t who, std::string pass_phrase, std::functio
 }
 
 Status OperatorDesk::submit(std::size_t who, const OperatorCall& call) {
-  if (!clients_of(who).leases) return Error{"the key is locked: sign in anew"};
+  if (clients_of(who).of_channel.empty()) return Error{"the key is locked: sign in anew"};
   if (!worker_.post([this, who, call] { sign(who, call); })) return Error{"too much waits to be signed: try again"};
   return done;
 }
 
-bool OperatorDesk::stop(const crypto::IdentityName& who, const fabric::Call& call,
+bool OperatorDesk::stop(const crypto::IdentityName& who, std::size_t channel, const fabric::Call& call,
                         std::function<void(fabric::Outcome)> ended) {
   const auto known =
       std::find_if(operators_.begin(), operators_.end(), [&](const auto& one) { return one.identity == who; });
   if (known == operators_.end()) return false;
   const Clients clients = clients_of(static_cast<std::size_t>(known - operators_.begin()));
-  if (!clients.stops) return false;
-  clients.stops->submit(call, std::move(ended));
+  if (clients.of_channel.empty()) return false;
+  clients.of_channel[channel].stops->submit(call, std::move(ended));
   return true;
 }
 
@@ -90,7 +90,7 @@ bool OperatorDesk::see_off(std::size_t who, const std::vector<std::size_t>& dron
 }
 
 Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
-  const auto& own = parts_.ledger;
+  const auto& own = parts_.ledgers.front();
   auto identity = crypto::load_locked_identity(own.verifier, own.identity.name.msp_id, folders_[who], pass_phrase);
   ::explicit_bzero(pass_phrase.data(), pass_phrase.size());
   const service::Operator& one = operators_[who];
@@ -98,11 +98,14 @@ Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
     spdlog::warn("operator {} does not sign in: {}", one.name, identity.error().what);
     return Error{"the key is not unlocked: a wrong pass phrase, or else ground's log says why"};
   }
-  fabric::ClientConfig config = own;
-  config.identity = std::move(*identity);
-  auto leases = fabric::Client::create(config), stops = fabric::Client::create(config);
-  if (!leases || !stops) return (leases ? stops : leases).error();
-  set_clients(who, {std::move(*leases), std::move(*stops)});
+  Clients clients;
+  for (fabric::ClientConfig config : parts_.ledgers) {
+    config.identity = *identity;
+    auto leases = fabric::Client::create(config), stops = fabric::Client::create(config);
+    if (!leases || !stops) return (leases ? stops : leases).error();
+    clients.of_channel.push_back({std::move(*leases), std::move(*stops)});
+  }
+  set_clients(who, std::move(clients));
   spdlog::info("operator {} signed in as {}", one.name, service::text_of(one.identity));
   parts_.on_session(who, true);
   return done;
@@ -113,11 +116,15 @@ void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
   const Clients clients = clients_of(who);
   const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
   const std::string& name = operators_[who].name;
-  const std::string why = service::not_signed({.unlocked = clients.leases != nullptr, .left = clients.left}, call.kind);
+  const std::string why =
+      service::not_signed({.unlocked = !clients.of_channel.empty(), .left = clients.left}, call.kind);
   service::CallNews news = service::news_of(name, call, why);
   if (why.empty()) {
-    const fabric::Call contract = service::contract_call(call, drone, parts_.ledger.identity.name);
-    news = service::news_of(name, call, fabric::submit_repeatedly(*clients.leases, contract, limits, nullptr));
+    const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
+    // A mission is approved on the channel of [ledger], whatever those of its drones.
+    const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
+    news = service::news_of(name, call,
+                            fabric::submit_repeatedly(*clients.of_channel[channel].leases, contract, limits, nullptr));
   }
   parts_.tell(news.level, drone, std::move(news.words));
 }

@@ -14,14 +14,16 @@
 namespace ledgerline::ground {
 
 /// The operators' keys: each is unlocked by its pass phrase for as long as its session lasts, and signs what its operator
-/// asks for through two clients of its own: one for leases, one for stops, which must not wait behind them. Keys stay in
+/// asks for through two clients of its own on each channel: one for leases, one for stops, which must not wait behind them. Keys stay in
 /// this process. Any thread.
 class OperatorDesk final : public service::OperatorKeys {
  public:
   struct Parts {
-    std::string folder;               ///< of the operators, an MSP folder each, whose key is locked
-    fabric::ClientConfig ledger;      ///< as ground's own, whose identity commands under the operators' leases
-    std::vector<std::string> drones;  ///< names, as FlightConfig has them
+    std::string folder;  ///< of the operators, an MSP folder each, whose key is locked
+    /// Of each channel, as ground's own, whose identity commands under the operators' leases; that of [ledger] first.
+    std::vector<fabric::ClientConfig> ledgers;
+    std::vector<std::string> drones;  ///< names, in the config's order
+    std::function<std::size_t(std::size_t drone)> channel_of;
     /// What became of a call; `drone`: its name, empty: of none. On a thread of the desk.
     std::function<void(service::Level level, const std::string& drone, std::string words)> tell;
     /// A session began (true), or is over. On the thread that says so.
@@ -37,7 +39,8 @@ class OperatorDesk final : public service::OperatorKeys {
   void leave(std::size_t who) override;
   Status submit(std::size_t who, const service::OperatorCall& call) override;
   /// A stop, at once; `ended` comes exactly once. False: his key is locked, and nothing comes.
-  bool stop(const crypto::IdentityName& who, const fabric::Call& call, std::function<void(fabric::Outcome)> ended);
+  bool stop(const crypto::IdentityName& who, std::size_t channel, const fabric::Call& call,
+            std::function<void(fabric::Outcome)> ended);
   /// Behind the calls that wait: gives these drones back, and what he has taken by then, and forgets his key. False: too
   /// much waits.
   bool see_off(std::size_t who, const std::vector<std::size_t>& drones);
@@ -45,9 +48,12 @@ class OperatorDesk final : public service::OperatorKeys {
   void close();
 
  private:
-  struct Clients {
+  struct Pair {
     std::shared_ptr<fabric::Client> leases, stops;
-    bool left = false;  ///< the session is over: of what still waits releases alone are signed
+  };
+  struct Clients {
+    std::vector<Pair> of_channel;  ///< empty: the key is locked
+    bool left = false;             ///< the session is over: of what still waits releases alone are signed
   };
 
   explicit OperatorDesk(Parts parts) : parts_(std::move(parts)) {}
@@ -61,7 +67,7 @@ class OperatorDesk final : public service::OperatorKeys {
   std::vector<service::Operator> operators_;
   std::vector<std::string> folders_;  ///< of each
   mutable std::mutex clients_mutex_;
-  std::vector<Clients> clients_;  ///< of each; null: locked
+  std::vector<Clients> clients_;  ///< of each
   std::atomic<bool> closed_{false};
   Workers worker_{1, max_waiting};
 };

@@ -153,6 +153,16 @@ FlightConfig flight_config(Config& config) {
   return flight;
 }
 
+FlightConfig flight_of_channel(const FlightConfig& flight, const std::vector<std::size_t>& channel_of,
+                               std::size_t channel) {
+  FlightConfig own = flight;
+  own.drones.clear();
+  for (std::size_t i = 0; i < flight.drones.size(); ++i) {
+    if (channel_of[i] == channel) own.drones.push_back(flight.drones[i]);
+  }
+  return own;
+}
+
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones) {
   bridge::Host host;
   for (const FlightDrone& drone : drones) {
@@ -264,16 +274,17 @@ std::string checkpoint_path(Config& config) {
       "");
 }
 
-std::string status_line(const FlightCore& core, std::optional<std::int64_t> certificate_days) {
+std::string status_line(const FlightView& flights, std::optional<std::int64_t> certificate_days) {
   json drones = json::array();
-  for (std::size_t i = 0; i < core.drones().size(); ++i) {
-    const FlightStatus& status = core.status(i);
-    drones.push_back({{"name", core.drones()[i].name},
+  for (std::size_t i = 0; i < flights.drones().size(); ++i) {
+    const FlightStatus& status = flights.status(i);
+    drones.push_back({{"name", flights.drones()[i].name},
                       {"phase", name_of(status.phase)},
                       {"lap", status.lap},
                       {"progress", status.progress}});
+    if (flights.channels() > 1) drones.back()["channel"] = flights.channel_of(i);
   }
-  json line = {{"drones", std::move(drones)}, {"why", core.why()}};
+  json line = {{"drones", std::move(drones)}, {"why", flights.why()}};
   if (certificate_days) line["certificate_days"] = *certificate_days;
   return json{{"ground", std::move(line)}}.dump();
 }
@@ -316,7 +327,8 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"why", status.why}});
   }
   const FlightTransactions& t = core.transactions();
-  return json{{"drones", drones},
+  return json{{"channel", core.config().where.channel},
+              {"drones", drones},
               {"transactions",
                {{"submitted", t.submitted},
                 {"committed", t.committed},
@@ -333,6 +345,12 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
               {"delay_ms", to_ms(core.delay_ns())},
               {"why", core.why()}}
       .dump(2);
+}
+
+std::string summary_of_all(const std::vector<std::string>& channels) {
+  json all = json::array();
+  for (const std::string& one : channels) all.push_back(json::parse(one));
+  return json{{"channels", all}}.dump(2);
 }
 
 }  // namespace ledgerline::ground

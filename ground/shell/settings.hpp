@@ -4,7 +4,7 @@
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
 #include "common/rt/histogram.hpp"
-#include "ground/core/flight.hpp"
+#include "ground/core/flight_view.hpp"
 #include "ground/service/core/settings.hpp"
 #include "ground/service/missions/book.hpp"
 
@@ -18,6 +18,9 @@ struct OutputSettings {
 
 /// Reads [flight] and [[drone]]; what is wrong comes with config.finish().
 FlightConfig flight_config(Config& config);
+/// That flight with those of its drones that are on one channel. `channel_of`: of each drone.
+FlightConfig flight_of_channel(const FlightConfig& flight, const std::vector<std::size_t>& channel_of,
+                               std::size_t channel);
 /// Reads what else ground bridges: not the drones' topics and pilots'.
 bridge::BridgeConfig read_bridge(Config& config, const std::vector<FlightDrone>& drones);
 /// Reads [output], but for its checkpoint.
@@ -41,7 +44,9 @@ struct ShellCounters {
 
 /// The status line and the summary, as JSON text.
 /// `certificate_days`: until the first of its certificates ends.
-std::string status_line(const FlightCore& core, std::optional<std::int64_t> certificate_days = {});
+std::string status_line(const FlightView& flights, std::optional<std::int64_t> certificate_days = {});
 std::string summary(const FlightCore& core, const ShellCounters& shell);
+/// Of several channels: {"channels": [...]}, each as its own says it.
+std::string summary_of_all(const std::vector<std::string>& channels);
 
 }  // namespace ledgerline::ground

@@ -26,7 +26,7 @@ std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 // transitions come again.
 constexpr std::uint64_t plan_queue = 128;
 constexpr std::uint64_t pose_queue = 256;
-constexpr std::uint64_t beat_queue = 8;
+constexpr std::uint64_t beat_queue = 32;  // two of each channel that an agent may be on
 constexpr std::uint64_t state_queue = 256;
 constexpr std::uint64_t transition_queue = 256;
 

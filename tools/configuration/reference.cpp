@@ -9,6 +9,7 @@
 #include "chaincode/network/options.hpp"
 #include "common/bridge/core/rules.hpp"
 #include "common/dds/settings/config.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/fabric/config.hpp"
 #include "ground/shell/settings.hpp"
 #include "hil/proxy/settings.hpp"
@@ -21,6 +22,7 @@ namespace ledgerline::configuration {
 namespace {
 
 constexpr const char* ledger = "The ledger";
+constexpr const char* channels = "Several channels";
 constexpr const char* topics = "Topics";
 constexpr const char* dds = "DDS";
 
@@ -82,7 +84,7 @@ const std::vector<Source>& sources() {
        [](Config& config) { return status_of(link::read_settings(config, "link.toml")); }},
       {"agent",
        "`ledgerline-agent --config agent.toml`, on the drone's host.",
-       {ledger, topics, dds},
+       {ledger, channels, topics, dds},
        [](Config& config) {
          (void)endorser::read_within_settings(config);
          (void)agent::read_bridge(config, agent::read_settings(config, "", {}).core.drones);
@@ -92,7 +94,7 @@ const std::vector<Source>& sources() {
        "`ledgerline-ground --config ground.toml`, and `ledgerline-local`, which reads `[flight]`, `[[drone]]`, "
        "`[output]` and "
        "`[dds]` alone.",
-       {ledger, topics, dds},
+       {ledger, channels, topics, dds},
        read_ground},
       {"bridge",
        "`ledgerline bridge bridge.toml`: [any ROS 2 topic](bridge.md) through the ledger.",
@@ -135,6 +137,13 @@ const std::vector<Source>& sources() {
        "block, has none.",
        {},
        read_ledger},
+      {channels,
+       "Agent and ground may have their drones on [several channels](channels.md) of the ledger at once.",
+       {ledger},
+       [](Config& config) {
+         (void)fabric::read_channels(config);
+         return done;
+       }},
       {topics,
        "[Any ROS 2 topic](bridge.md) that the program carries: in bridge's own file, and in agent's and ground's "
        "beside their "

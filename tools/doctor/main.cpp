@@ -6,6 +6,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
+#include "tools/doctor/shell/channels.hpp"
 #include "tools/doctor/shell/configs.hpp"
 #include "tools/doctor/shell/drone_probe.hpp"
 #include "tools/doctor/shell/host_probe.hpp"
@@ -86,7 +87,11 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patienc
 
 void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, Findings& all) {
   std::set<std::string> servers, identities;
+  std::vector<ProgramConfig> programs;
   for (const ProgramConfig& one : configs.programs) {
+    for (ProgramConfig& each : of_each_channel(one)) programs.push_back(std::move(each));
+  }
+  for (const ProgramConfig& one : programs) {
     if (!one.ledger || one.ledger->peer.endpoint.empty()) continue;
     Findings trust;
     const AnchorFacts anchor = read_anchor(*one.ledger, one.file, trust);
@@ -105,7 +110,10 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     std::vector<std::string> drones;
     for (const DroneKeys& drone : one.drones) drones.push_back(drone.name);
     // What is broken before this would only be told once more, in other words.
-    if (known && reached && flies) add(all, ask_ledger(one, anchor.block, anchor.embedded, drones, patience));
+    if (!known || !reached || !flies) continue;
+    Findings answers = ask_ledger(one, anchor.block, anchor.embedded, drones, patience);
+    for (Finding& each : answers) each.what = one.label + each.what;
+    add(all, std::move(answers));
   }
 }
 

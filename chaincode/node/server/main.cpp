@@ -4,6 +4,7 @@
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/file.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
@@ -17,8 +18,9 @@ constexpr const char* notes = R"(
 Examples:
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:7051
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:0 --batch-timeout 10 --batch-count 10
+  cp -r /tmp/ledger/crypto /tmp/yard && ledgerline-node --dir /tmp/yard --channel yard --listen 127.0.0.1:7061
 
-Serves Fabric's gateway, endorser, deliver and ordering over TLS, for channel teleop and contract ledgerline. The first start
+Serves Fabric's gateway, endorser, deliver and ordering over TLS, for one channel and contract ledgerline. The first start
 makes three organisations under DIR/crypto (cryptogen's layout), enrolls tello1 to tello16 to Org1's User1 and makes Org2's
 User1 an operator. Prints {"ready":true,"endpoint":...,"peers":[...]} when it serves: `peers` are the endpoints of the
 three organisations' peers, the first of which is `endpoint` and serves everybody. SIGINT or SIGTERM ends it.
@@ -43,6 +45,8 @@ int main(int argc, char** argv) {
   double batch_timeout_ms = 10;
   line.option("--dir", options.dir, "Where identities and the ledger live").required();
   line.option("--listen", listen, "ADDRESS:PORT; port 0 takes a free one").required();
+  line.option("--channel", options.core.channel, "The channel's name; of a ledger that is there, as it was")
+      .shows_default();
   line.option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
       .within(0.0, 60000.0)
       .shows_default();
@@ -52,6 +56,8 @@ int main(int argc, char** argv) {
   line.option("--batch-bytes", options.core.batch_bytes, "or this many bytes").within(1, 100'000'000).shows_default();
   line.option("--summary", summary, "Write a JSON summary here at the end");
   if (const auto end = line.parse(argc, argv)) return *end;
+  if (!fabric::is_channel_name(options.core.channel))
+    return fail(Error{"--channel: a channel's name is a-z first, then a-z, 0-9, . and -"}, exit_usage);
   options.core.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
 
   // Before any thread is made, so that all inherit it and the signal waits for us below.

@@ -35,7 +35,7 @@ json requests_of(const Lease& lease) {
   return all;
 }
 
-json drone_json(TimeNs now, const FlightCore& core, std::size_t i) {
+json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const FlightStatus& status = core.status(i);
   const Seen& seen = core.seen(i);
   const Lease& lease = core.lease(i);
@@ -99,7 +99,7 @@ constexpr Level level_of(FailsafeMode mode) {
 
 }  // namespace
 
-std::optional<std::string> Board::changed_paths(const FlightCore& core) {
+std::optional<std::string> Board::changed_paths(const FlightView& core) {
   const std::size_t count = core.drones().size();
   bool changed = paths_.size() != count;
   paths_.resize(count);
@@ -114,14 +114,14 @@ std::optional<std::string> Board::changed_paths(const FlightCore& core) {
   return all.dump();
 }
 
-std::string Board::drones(TimeNs now, const FlightCore& core) {
+std::string Board::drones(TimeNs now, const FlightView& core) {
   json all = json::array();
   for (std::size_t i = 0; i < core.drones().size(); ++i) all.push_back(drone_json(now, core, i));
   // A subject of somebody's certificate may be no UTF-8.
   return ground::json::dump(all);
 }
 
-std::string Board::state_message(TimeNs now, const FlightCore& core, const std::string& drones) {
+std::string Board::state_message(TimeNs now, const FlightView& core, const std::string& drones) {
   return fmt::format(R"({{"op":"state","t_ms":{:.1f},"delay_ms":{:.1f},"drones":{}}})", to_ms(now),
                      to_ms(core.delay_ns()), drones);
 }
@@ -134,7 +134,7 @@ void Board::add(TimeNs now, Level level, const std::string& drone, std::string t
   events.push_back(tell(now, level, drone, std::move(text)));
 }
 
-void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<Event>& events) {
+void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
   const std::string& name = core.drones()[i].name;
   const FlightStatus& status = core.status(i);
   const StateSample& state = core.seen(i).state;
@@ -172,7 +172,7 @@ void Board::look(TimeNs now, const FlightCore& core, std::size_t i, std::vector<
   }
 }
 
-std::vector<Event> Board::look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes) {
+std::vector<Event> Board::look(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
   std::vector<Event> events;
   before_.resize(core.drones().size());
   for (std::size_t i = 0; i < before_.size(); ++i) look(now, core, i, events);

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "ground/core/flight.hpp"
+#include "ground/core/flight_view.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/refusals.hpp"
 
@@ -15,17 +15,17 @@ namespace ledgerline::ground::service {
 class Board {
  public:
   /// Events since the look before: phases, failsafe, lease, stops, and the core's notes.
-  std::vector<Event> look(TimeNs now, const FlightCore& core, const std::vector<std::string>& notes);
+  std::vector<Event> look(TimeNs now, const FlightView& core, const std::vector<std::string>& notes);
   /// An event of the station itself.
   Event tell(TimeNs now, Level level, const std::string& drone, std::string text);
   /// Events of calls that did not get through.
   std::vector<Event> refusals(TimeNs now, Refusals& refusals);
   /// [DRONE...] of docs/station.md.
-  static std::string drones(TimeNs now, const FlightCore& core);
+  static std::string drones(TimeNs now, const FlightView& core);
   /// {"tello1":[[x,y,z]...]}: what each drone flies or will; nothing where no path has changed since the last one.
-  std::optional<std::string> changed_paths(const FlightCore& core);
+  std::optional<std::string> changed_paths(const FlightView& core);
   /// {"op":"state", ...} around drones().
-  static std::string state_message(TimeNs now, const FlightCore& core, const std::string& drones);
+  static std::string state_message(TimeNs now, const FlightView& core, const std::string& drones);
 
  private:
   struct Before {
@@ -36,7 +36,7 @@ class Board {
     std::optional<crypto::IdentityName> holder, commander;
     std::string stoppers;
   };
-  void look(TimeNs now, const FlightCore& core, std::size_t drone, std::vector<Event>& events);
+  void look(TimeNs now, const FlightView& core, std::size_t drone, std::vector<Event>& events);
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;

@@ -121,7 +121,7 @@ void MissionBook::set_findings(const std::string& id, std::vector<mission::Findi
 
 Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
                             const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                            const FlightCore& core) const {
+                            const FlightView& core) const {
   for (const mission::MissionDrone& one : part.drones) {
     const auto drone = index_of(core.drones(), one.drone);
     if (!drone) continue;  // a finding
@@ -161,7 +161,7 @@ Status MissionBook::stir(const std::string& id, const Say& say) {
 }
 
 Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                          const FlightCore& core) {
+                          const FlightView& core) {
   return stir(id, [&](Entry& entry) -> Status {
     if (!core.config().manual) return Error{"this flight flies a path of its own"};
     set_findings(id, checked.findings);
@@ -180,7 +180,7 @@ Status MissionBook::pause(const std::string& id) {
 }
 
 Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                           const FlightCore& core) {
+                           const FlightView& core) {
   return stir(id, [&](Entry& entry) -> Status {
     if (whose(by) != whose(entry.by))
       return Error{fmt::format("{} started it, who alone has it go on", text_of(whose(entry.by)))};
@@ -200,7 +200,7 @@ bool MissionBook::busy() const {
 
 // A drone that its starter holds no more, or that we do not command, is lost for its mission, whatever it does.
 std::vector<mission::DroneNow> MissionBook::seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                                    const FlightCore& core) const {
+                                                    const FlightView& core) const {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     const Lease& lease = core.lease(i);
     // Without a record nothing is known yet: after a restart it is waited for.
@@ -212,7 +212,7 @@ std::vector<mission::DroneNow> MissionBook::seen_by(const Entry& entry, std::vec
   return drones;
 }
 
-MissionBook::Outputs MissionBook::step(TimeNs now, const FlightCore& core) {
+MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& core) {
   const std::vector<mission::DroneNow> drones = mission::drones_now(core);
   Outputs out;
   for (auto& [id, entry] : missions_) {

@@ -48,11 +48,11 @@ class MissionBook {
   /// `by`: who wants it, none: ourselves. Whoever starts it has to hold all of its drones, no other mission may fly one of
   /// them, and each must still be where it was checked.
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-               const FlightCore& core);
+               const FlightView& core);
   Status pause(const std::string& id);
   /// By who started it alone, who must still hold the drones that are left. `checked`: rest().
   Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
-                const FlightCore& core);
+                const FlightView& core);
   Status land(const std::string& id, const std::string& why);
 
   struct Outputs {
@@ -62,7 +62,7 @@ class MissionBook {
     std::vector<std::string> ended;  ///< ids of those that are done or aborted by now
   };
   /// Behind FlightCore's step.
-  Outputs step(TimeNs now, const FlightCore& core);
+  Outputs step(TimeNs now, const FlightView& core);
   /// Whether step() has anything to do.
   bool busy() const;
 
@@ -101,9 +101,9 @@ class MissionBook {
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }
   /// What speaks against flying these drones of it now.
   Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,
-                 const Checked& checked, const FlightCore& core) const;
+                 const Checked& checked, const FlightView& core) const;
   std::vector<mission::DroneNow> seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                         const FlightCore& core) const;
+                                         const FlightView& core) const;
   nlohmann::json json_of(const std::string& id, const Entry& entry) const;
 
   MissionSettings settings_;

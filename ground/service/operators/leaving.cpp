@@ -4,26 +4,26 @@
 
 namespace ledgerline::ground::service {
 
-bool is_aloft(const FlightCore& core, std::size_t drone) {
-  const DronePhase phase = core.status(drone).phase;
-  const Seen& seen = core.seen(drone);
+bool is_aloft(const FlightView& flights, std::size_t drone) {
+  const DronePhase phase = flights.status(drone).phase;
+  const Seen& seen = flights.seen(drone);
   return is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase));
 }
 
-std::vector<std::size_t> aloft_of(const FlightCore& core) {
+std::vector<std::size_t> aloft_of(const FlightView& flights) {
   std::vector<std::size_t> aloft;
-  for (std::size_t drone = 0; drone < core.drones().size(); ++drone) {
-    if (is_aloft(core, drone)) aloft.push_back(drone);
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (is_aloft(flights, drone)) aloft.push_back(drone);
   }
   return aloft;
 }
 
-Held held_by(const FlightCore& core, const crypto::IdentityName& who) {
+Held held_by(const FlightView& flights, const crypto::IdentityName& who) {
   Held held;
-  for (std::size_t drone = 0; drone < core.drones().size(); ++drone) {
-    if (core.lease(drone).holder != who || core.lease(drone).commander != core.config().self) continue;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    if (flights.lease(drone).holder != who || flights.lease(drone).commander != flights.config().self) continue;
     held.drones.push_back(drone);
-    if (is_aloft(core, drone)) held.aloft.push_back(drone);
+    if (is_aloft(flights, drone)) held.aloft.push_back(drone);
   }
   return held;
 }

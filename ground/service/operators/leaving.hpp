@@ -2,21 +2,21 @@
 #include <cstddef>
 #include <vector>
 
-#include "ground/core/flight.hpp"
+#include "ground/core/flight_view.hpp"
 
 namespace ledgerline::ground::service {
 
 /// Whether a drone is off the ground, as far as is known: by what it flies for us, or as its newest state says.
-bool is_aloft(const FlightCore& core, std::size_t drone);
+bool is_aloft(const FlightView& flights, std::size_t drone);
 /// Indexes of those.
-std::vector<std::size_t> aloft_of(const FlightCore& core);
+std::vector<std::size_t> aloft_of(const FlightView& flights);
 
 /// What somebody holds that we command for him.
 struct Held {
   std::vector<std::size_t> drones{};
   std::vector<std::size_t> aloft{};  ///< of these
 };
-Held held_by(const FlightCore& core, const crypto::IdentityName& who);
+Held held_by(const FlightView& flights, const crypto::IdentityName& who);
 
 /// Operators whose session is over. What one holds is asked to land, again and again, and once it is down given back; after
 /// a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone. Deterministic, no I/O;

@@ -13,7 +13,8 @@
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
-#include "onboard/agent/shell/shell.hpp"
+#include "onboard/agent/shell/agent.hpp"
+#include "onboard/agent/shell/channels.hpp"
 
 namespace {
 
@@ -60,12 +61,46 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   return fabric::Client::create(std::move(config));
 }
 
+Error of_channel(const fabric::ClientConfig& ledger, const Error& why) {
+  return Error{fmt::format("channel {}: {}", ledger.where.channel, why.what)};
+}
+
+/// What `patience` of [ledger] adds for this channel.
+Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
+  const auto longer_ns = fabric::added_patience(ledger);
+  if (!longer_ns) return of_channel(ledger, longer_ns.error());
+  ledger.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+  settings.core.check.max_age_ns += *longer_ns;
+  settings.core.ledger_silent_after_ns += *longer_ns;
+  return done;
+}
+
+/// One channel's part of the agent.
+Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::Settings settings,
+                                                        const fabric::ClientConfig& known,
+                                                        const dds::ParticipantPtr& participant) {
+  settings.blocks_are_judged = !known.config_block.empty();
+  auto registry = fabric::msp_registry(config);
+  if (!registry) return registry.error();
+  auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
+  if (!checkpoint) return checkpoint.error();
+  auto client = fabric::Client::create(known);
+  auto urgent = fabric::Client::create(known);
+  auto witness = make_witness(known);
+  if (!client || !urgent) return of_channel(known, (client ? urgent : client).error());
+  if (!witness) return of_channel(known, witness.error());
+  return std::make_unique<agent::AgentShell>(
+      std::move(settings), std::move(registry).value(), std::move(client).value(), std::move(urgent).value(),
+      std::move(witness).value(), participant, std::move(*checkpoint), stop_requested);
+}
+
 int run(Config& config) {
   // What a leader that died took with it is given up soon: newer states say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
-  fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
+  const fabric::Channels channels = fabric::read_channels(config);
   const endorser::WithinSettings within = endorser::read_within_settings(config);
+  fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
   bridged.checkpoint = bridge::checkpoint_beside(settings.checkpoint);
@@ -77,39 +112,36 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !registry) checked = registry.error();
   if (checked) checked = own_msp;
+  if (checked && channels.several() && !within.msp_dir.empty())
+    checked = Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
-  settings.blocks_are_judged = !known.config_block.empty();
-  const auto longer_ns = fabric::added_patience(known);
-  if (!longer_ns) return fail(longer_ns.error());
-  known.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
-  settings.core.check.max_age_ns += *longer_ns;
-  settings.core.ledger_silent_after_ns += *longer_ns;
-  auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
-  if (!checkpoint) return fail(checkpoint.error(), exit_usage);
-  if (const Status s = endorser::endorse_within(within, known); !s) return fail(s.error(), exit_usage);
   auto certificates = fabric::watch_certificates(config, known);
   if (!certificates) return fail(certificates.error(), exit_usage);
-  auto client = fabric::Client::create(known);
-  auto urgent = fabric::Client::create(known);
-  auto witness = make_witness(known);
-  if (!client || !urgent) return fail((client ? urgent : client).error(), exit_usage);
-  if (!witness) return fail(witness.error(), exit_usage);
+  auto ledgers = fabric::each_channel(known, channels);
+  if (!ledgers) return fail(ledgers.error(), exit_usage);
   dds::ParticipantPtr participant;
   if (!settings.mocap_topic.empty() || bridged.carries_something()) {
     auto made = dds::Participant::create(dds);
     if (!made) return fail(made.error());
     participant = std::move(made).value();
   }
-  agent::AgentShell shell(std::move(settings), std::move(registry).value(), std::move(client).value(),
-                          std::move(urgent).value(), std::move(witness).value(), participant, std::move(*checkpoint),
-                          stop_requested);
-  shell.watch_certificates(std::move(*certificates));
-  if (auto status = shell.start(); !status) return fail(status.error());
+  std::vector<agent::Settings> of_each = agent::settings_of_channels(settings, channels);
+  std::vector<std::unique_ptr<agent::AgentShell>> shells;
+  for (std::size_t i = 0; i < ledgers->size(); ++i) {
+    if (auto status = wait_longer((*ledgers)[i], of_each[i]); !status) return fail(status.error());
+    if (const Status s = endorser::endorse_within(within, (*ledgers)[i]); !s) return fail(s.error(), exit_usage);
+    auto made = make_channel(config, std::move(of_each[i]), (*ledgers)[i], participant);
+    if (!made) return fail(made.error(), exit_usage);
+    shells.push_back(std::move(*made));
+  }
+  agent::Agent all(std::move(settings), std::move(shells), stop_requested);
+  all.watch_certificates(std::move(*certificates));
+  if (auto status = all.start(); !status) return fail(status.error());
   const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
   if (!bridges) return fail(bridges.error());
   print_line(R"({"ready":true,"program":"ledgerline-agent"})");
-  return exit_code(shell.run());
+  return exit_code(all.run());
 }
 
 const char* const about =
@@ -122,6 +154,7 @@ const std::string notes =
 
 agent.toml: [[drone]] name, number;
 )" + ledger_table_help +
+    channel_tables_help +
     R"(  [output] trace, summary, status_period_ms, checkpoint; and with defaults
   [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,
     outliers_before_reset, longest_gap_ms, frozen_after_ms

@@ -45,7 +45,8 @@ json doubts(const AgentCore& core) {
 
 }  // namespace
 
-std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::int64_t> certificate_days) {
+std::string status_line(const AgentCore& core, const std::string& channel, TimeNs now,
+                        std::optional<std::int64_t> certificate_days) {
   json drones = json::array();
   for (const DroneName& drone : core.drones()) {
     const DroneReport report = core.report(drone.number);
@@ -60,7 +61,8 @@ std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::in
     }
     drones.push_back(std::move(line));
   }
-  json line = {{"height", core.height()},
+  json line = {{"channel", channel},
+               {"height", core.height()},
                {"ledger_alive", core.ledger_alive(now)},
                {"ledger_doubted", core.doubt().stands(now)},
                {"doubts", core.doubt().count()},
@@ -69,7 +71,7 @@ std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::in
   return json{{"agent", std::move(line)}}.dump();
 }
 
-std::string summary(const AgentCore& core, const ShellCounters& shell) {
+std::string summary(const AgentCore& core, const std::string& channel, const ShellCounters& shell) {
   json drones = json::array();
   for (const DroneName& drone : core.drones()) {
     const DroneReport report = core.report(drone.number);
@@ -81,7 +83,8 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
                       {"two_way_ms", report.two_way.quantiles_ms()}});
   }
   const Batcher::Transactions& t = core.transactions();
-  return json{{"drones", drones},
+  return json{{"channel", channel},
+              {"drones", drones},
               {"transactions",
                {{"committed", t.committed},
                 {"invalidated", t.invalidated},
@@ -114,6 +117,12 @@ std::string summary(const AgentCore& core, const ShellCounters& shell) {
               {"mocap_lost", shell.mocap_lost},
               {"mocap_implausible", shell.mocap_implausible}}
       .dump(2);
+}
+
+std::string summary_of_all(const std::vector<std::string>& channels) {
+  json all = json::array();
+  for (const std::string& one : channels) all.push_back(json::parse(one));
+  return json{{"channels", all}}.dump(2);
 }
 
 }  // namespace ledgerline::agent

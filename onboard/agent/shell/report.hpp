@@ -8,7 +8,8 @@
 namespace ledgerline::agent {
 
 /// One status line, a JSON object without the newline. `certificate_days`: until the first of its certificates ends.
-std::string status_line(const AgentCore& core, TimeNs now, std::optional<std::int64_t> certificate_days = {});
+std::string status_line(const AgentCore& core, const std::string& channel, TimeNs now,
+                        std::optional<std::int64_t> certificate_days = {});
 
 /// What the shell counts itself.
 struct ShellCounters {
@@ -22,7 +23,9 @@ struct ShellCounters {
   std::uint64_t blocks_not_read = 0;        ///< between the checkpoint and the start, after a long absence
   Quantiles confirmed_after_ms{};           ///< of blocks taken as they were ordered
 };
-/// The summary file's JSON.
-std::string summary(const AgentCore& core, const ShellCounters& shell);
+/// The summary file's JSON, of one channel.
+std::string summary(const AgentCore& core, const std::string& channel, const ShellCounters& shell);
+/// Of several: {"channels": [...]}, each as its own says it.
+std::string summary_of_all(const std::vector<std::string>& channels);
 
 }  // namespace ledgerline::agent

@@ -1,12 +1,9 @@
 #include "onboard/agent/shell/shell.hpp"
 
 #include <fmt/format.h>
-#include <poll.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
-#include <fstream>
 #include <limits>
 #include <utility>
 
@@ -17,23 +14,17 @@
 namespace ledgerline::agent {
 namespace {
 
-// All that hurries wakes the loop. This is for what does not: calls that go again after a back-off, the end of the
-// program, a link of an older build, which does not ring. Halved it costs CPU, doubled a call that failed waits longer.
-constexpr TimeNs max_wait_ns = 5 * ns_per_ms;
-constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
 constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
 constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // real time may be slewed
-constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
 
-/// Whether `now` is at or beyond `next`, which then moves on.
+}  // namespace
+
 bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
   if (now < next) return false;
   next = now + period_ns;
   return true;
 }
-
-}  // namespace
 
 // The narrowest of three readings: this thread may be put aside between two clocks, and mocap stamps would all move.
 TimeNs real_offset() {
@@ -65,12 +56,17 @@ AgentShell::AgentShell(Settings settings, std::unique_ptr<crypto::MspRegistry> r
 
 AgentShell::~AgentShell() { mailbox_.close(); }
 
-// The bell is cleared before the states are taken: one that comes behind the take rings for the next turn.
-void AgentShell::wait() {
-  const TimeNs now = monotonic_ns();
-  mailbox_.wait(std::clamp<TimeNs>(core_.due_ns(), now, now + max_wait_ns) - now, end_->wake_fd());
-  link_woke_ = end_->woken();
-  if (link_woke_) ++counters_.link_wakes;
+bool AgentShell::flies(DroneNumber drone) const {
+  return std::any_of(core_.drones().begin(), core_.drones().end(),
+                     [&](const DroneName& ours) { return ours.number == drone; });
+}
+
+Status AgentShell::take_inputs(bool link_woke) {
+  link_woke_ = link_woke;
+  if (link_woke) ++counters_.link_wakes;
+  if (auto status = take_letters(); !status) return status;
+  take_mocap();
+  return done;
 }
 
 Status AgentShell::take_letters() {
@@ -126,7 +122,7 @@ Status AgentShell::take_records(const RecordsRead& read) {
 void AgentShell::take_second_reading(const SecondReading& reading) {
   const std::string problem = reading.records ? "" : reading.records.error().what;
   if (problem != witness_problem_ && !problem.empty())
-    spdlog::warn("the control records of another organisation's peer cannot be read: {}", problem);
+    spdlog::warn("{}the control records of another organisation's peer cannot be read: {}", label_, problem);
   witness_problem_ = problem;
   ask_again_ = reading.records && !control_start_.known();  // our own are still being read
   if (!reading.records || ask_again_) return;
@@ -146,15 +142,14 @@ void AgentShell::take_second_reading(const SecondReading& reading) {
   counters_.records_differ = second_opinion_.alarms();
 }
 
-void AgentShell::take_states() {
-  StateSample sample;
-  while (end_->take_state(sample)) {
-    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
-    core_.on_state(monotonic_ns(), sample, out_);
-    if (!link_woke_) ++counters_.states_without_wake;
-  }
-  Transition transition;
-  while (end_->take_transition(transition)) core_.on_transition(transition);
+void AgentShell::take_state(const StateSample& sample) {
+  core_.on_state(monotonic_ns(), sample, out_);
+  if (!link_woke_) ++counters_.states_without_wake;
+}
+
+void AgentShell::finish_turn() {
+  step_and_act();
+  chores(monotonic_ns());
 }
 
 void AgentShell::take_mocap() {
@@ -190,7 +185,10 @@ void AgentShell::step_and_act() {
   }
   // A lost pose or beat is made good by the next one; link watches their age.
   for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
-  if (out_.beat) (void)end_->send_beat(*out_.beat);
+  if (out_.beat) {
+    out_.beat->drones = beat_for_;
+    (void)end_->send_beat(*out_.beat);
+  }
   for (AgentOutputs::Submit& submit : out_.submits) {
     (submit.urgent ? urgent_ : client_)
         ->submit(std::move(submit.call), [this, frame = submit.frame](fabric::Outcome outcome) {
@@ -201,7 +199,7 @@ void AgentShell::step_and_act() {
   tell_evictions();
   tell_unconfirmed_stops();
   tell_doubts();
-  recorder_.add(out_.traces);
+  recorder_->add(out_.traces);
   out_.clear();
 }
 
@@ -226,7 +224,7 @@ void AgentShell::tell_unconfirmed_stops() {
 
 void AgentShell::tell_doubts() {
   for (const Doubt::Word& word : out_.doubts)
-    spdlog::error("the ledger is doubted, {} ({} of {} since the last word): {}", name(word.kind), word.since,
+    spdlog::error("{}the ledger is doubted, {} ({} of {} since the last word): {}", label_, name(word.kind), word.since,
                   word.count, word.words);
 }
 
@@ -250,17 +248,18 @@ void AgentShell::tell_evictions() {
 
 void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
   if (!outcome.unheard.empty() && due(monotonic_ns(), next_unheard_log_ns_, unheard_gap_ns))
-    spdlog::warn("a call was endorsed by less than all peers that were asked: {}", outcome.unheard);
+    spdlog::warn("{}a call was endorsed by less than all peers that were asked: {}", label_, outcome.unheard);
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
   if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
-  spdlog::warn("a call did not get through (block {}, code {}): {}", outcome.block, outcome.code, outcome.message);
+  spdlog::warn("{}a call did not get through (block {}, code {}): {}", label_, outcome.block, outcome.code,
+               outcome.message);
 }
 
 void AgentShell::tell_connection(const StreamState& state) {
   if (state.connected) {
-    spdlog::info("block stream connected");
+    spdlog::info("{}block stream connected", label_);
   } else {
-    spdlog::warn("block stream: {}", state.why);
+    spdlog::warn("{}block stream: {}", label_, state.why);
   }
 }
 
@@ -268,7 +267,7 @@ void AgentShell::tell_lost_transitions() {
   std::uint64_t lost = 0;
   for (const DroneName& drone : core_.drones()) lost += core_.report(drone.number).transitions.lost;
   if (lost > transitions_lost_)
-    spdlog::error("{} transitions of the failsafe are lost: link had to keep more than it can", lost);
+    spdlog::error("{}{} transitions of the failsafe are lost: link had to keep more than it can", label_, lost);
   transitions_lost_ = lost;
 }
 
@@ -279,40 +278,6 @@ void AgentShell::chores(TimeNs now) {
     tell_lost_transitions();
   }
   if (due(now, next_checkpoint_ns_, fabric::CheckpointKeeper::usual_period_ns)) keep_checkpoint();
-  if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
-    fmt::print("{}\n",
-               status_line(core_, now, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
-    std::fflush(stdout);
-  }
-  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
-}
-
-// What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
-bool AgentShell::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
-
-Status AgentShell::run() {
-  hurry("the main loop");
-  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
-  while (!quit_ && !cut_off(monotonic_ns())) {
-    wait();
-    if (auto status = take_letters(); !status) return status;
-    take_mocap();
-    take_states();
-    step_and_act();
-    chores(monotonic_ns());
-  }
-  drain();
-  return write_summary();
-}
-
-void AgentShell::drain() {
-  core_.stop_submitting();
-  const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
-  while (core_.anything_under_way() && monotonic_ns() < until_ns) {
-    wait();
-    if (!take_letters()) return;  // too many blocks: the summary is still worth writing
-    step_and_act();
-  }
 }
 
 // Records and block belong together: while the records are being read, the core has taken no block. Blocks that are not
@@ -323,7 +288,12 @@ void AgentShell::keep_checkpoint() {
   kept_ = confirmed_->number;
 }
 
-Status AgentShell::write_summary() {
+void AgentShell::write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const {
+  fmt::print("{}\n", status_line(core_, channel(), now, certificate_days));
+  std::fflush(stdout);
+}
+
+std::string AgentShell::end() {
   keep_checkpoint();
   counters_.mocap_lost = mocap_lost_;
   counters_.confirmed_after_ms = confirmations_.quantiles_ms();
@@ -331,7 +301,7 @@ Status AgentShell::write_summary() {
     const dds::Refused refused = mocap.subscriber->refused();
     counters_.mocap_lost += refused.total();
   }
-  return recorder_.end(settings_.summary, [this] { return summary(core_, counters_); });
+  return summary(core_, channel(), counters_);
 }
 
 }  // namespace ledgerline::agent

@@ -12,10 +12,8 @@
 #include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
-#include "common/program/service_manager.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/mocap_intake.hpp"
@@ -30,10 +28,15 @@ namespace ledgerline::agent {
 /// Real time minus CLOCK_MONOTONIC, now.
 TimeNs real_offset();
 
-/// The agent's I/O around AgentCore. One main loop owns the core and the iceoryx end; the ledger client's threads hand
-/// over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one wait-free ring per
-/// drone, and wakes it, too; so does link, behind each state. The loop waits for those and for the moment at which a
-/// frame or beat is due; it has no period.
+/// Whether `now` is at or beyond `next`, which then moves on.
+bool due(TimeNs now, TimeNs& next, TimeNs period_ns);
+
+/// For the calling thread: a block's way to link is the stream's thread, then the main loop. Priority 0: as it is.
+void hurry(int priority, const char* thread);
+
+/// The I/O around the AgentCore of one channel. Agent's main loop owns all of them and the iceoryx end; the ledger
+/// client's threads hand over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one
+/// wait-free ring per drone, and wakes it, too. All methods but the constructor's and start() are the loop's.
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
@@ -46,13 +49,28 @@ class AgentShell {
              const std::atomic<bool>& quit);
   ~AgentShell();
 
-  /// RouDi, mocap, the block stream, the control records: each with a bounded wait and a message that names the cure.
-  Status start();
-  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
-  /// and writes the summary.
-  Status run();
-  /// Has renewed certificates taken while it runs. Before start().
-  void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
+  /// Mocap, the block stream, the control records: each with a bounded wait and a message that names the cure. `end` and
+  /// `recorder` must outlive this; `several`: there are further channels, so what is said names this one.
+  Status start(ipc::AgentEnd& end, Recorder& recorder, bool several);
+
+  const std::string& channel() const { return settings_.core.check.where.channel; }
+  bool flies(DroneNumber drone) const;
+  /// Readable when turn() has something to take.
+  int wake_fd() const { return mailbox_.wake_fd(); }
+  TimeNs due_ns() const { return core_.due_ns(); }
+  /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent.
+  Status take_inputs(bool link_woke);
+  /// Of a drone that flies() here.
+  void take_state(const StateSample& sample);
+  void take_transition(const Transition& transition) { core_.on_transition(transition); }
+  /// Behind all that was taken.
+  void finish_turn();
+  void write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const;
+  /// For an orderly end: until nothing is under way, take_inputs() and finish_turn() go on.
+  void stop_submitting() { core_.stop_submitting(); }
+  bool anything_under_way() const { return core_.anything_under_way(); }
+  /// JSON; the checkpoint is kept, too.
+  std::string end();
 
  private:
   struct Mocap {
@@ -63,7 +81,6 @@ class AgentShell {
 
   Status keep_waiting(const std::string& what, const std::function<Status()>& attempt) const;
   Status subscribe_to_mocap();
-  void hurry(const char* thread) const;
   void open_checkpoint();
   void open_block_stream();
   Status wait_for_block_stream();
@@ -77,14 +94,10 @@ class AgentShell {
   void take_second_reading(const SecondReading& reading);
   Status confirm(const FirstRecords& records) const;
   void set_records(const FirstRecords& records);
-  void watch_roudi(const std::stop_token& stop);
-  bool cut_off(TimeNs now) const;
 
-  void wait();
   Status take_letters();
   Status take_block(fabric::Block block);
   Status take_records(const RecordsRead& read);
-  void take_states();
   void take_mocap();
   void tell_implausible(DroneNumber drone, const MocapMessage& message);
   void step_and_act();
@@ -96,25 +109,21 @@ class AgentShell {
   void tell_connection(const StreamState& state);
   void tell_lost_transitions();
   void chores(TimeNs now);
-  void drain();
-  Status write_summary();
 
   Settings settings_;
   const std::atomic<bool>& quit_;
   std::unique_ptr<crypto::MspRegistry> registry_;
   AgentCore core_;
   AgentOutputs out_;
-  std::unique_ptr<ipc::AgentEnd> end_;
-  Recorder recorder_;
+  ipc::AgentEnd* end_ = nullptr;  ///< from start() on, as the next
+  Recorder* recorder_ = nullptr;
+  std::string label_;  ///< begins what is said; empty: there is one channel
+  std::uint32_t beat_for_ = AgentBeat::all_drones;
   ShellCounters counters_;
-  std::optional<ServiceManager> manager_;
-  std::uint64_t turns_ = 0;  ///< of run()
   std::atomic<std::uint64_t> mocap_lost_{0};
-  std::atomic<bool> roudi_gone_{false};
-  TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};
-  TimeNs next_clock_ns_ = 0, next_status_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0,
-         next_unheard_log_ns_ = 0, next_checkpoint_ns_ = 0;
+  TimeNs next_clock_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0, next_unheard_log_ns_ = 0,
+         next_checkpoint_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;  ///< as told last
   bool connected_ = false, mocap_warned_ = false;
   bool link_woke_ = false;  ///< in this turn
@@ -139,8 +148,7 @@ class AgentShell {
   std::unique_ptr<fabric::Client> client_, urgent_, witness_;
   fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
-  std::jthread control_reader_, roudi_watch_, witness_reader_;
-  std::unique_ptr<fabric::CertificateWatch> certificates_;
+  std::jthread control_reader_, witness_reader_;
 };
 
 }  // namespace ledgerline::agent

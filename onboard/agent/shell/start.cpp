@@ -13,9 +13,6 @@
 namespace ledgerline::agent {
 namespace {
 
-using std::chrono::milliseconds;
-constexpr milliseconds roudi_watch_turn{100};
-constexpr milliseconds roudi_watch_period{1000};
 constexpr TimeNs witness_turn_ns = 100 * ns_per_ms;
 // Two peers of one channel are a block apart, rarely more: long beside that, short beside what a lie could do.
 constexpr TimeNs witness_again_ns = 500 * ns_per_ms;
@@ -25,23 +22,18 @@ constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is told
 
 Status AgentShell::keep_waiting(const std::string& what, const std::function<Status()>& attempt) const {
   return keep_trying(
-      what, {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); }, attempt);
+      label_ + what, {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); }, attempt);
 }
 
-Status AgentShell::start() {
-  auto manager = ServiceManager::from_environment();
-  if (!manager) return manager.error();
-  manager_.emplace(std::move(manager).value());
-  core_.set_real_offset(mocap_intake_.clock().offset_ns());
-  if (auto status = recorder_.open(settings_.trace); !status) return status;
-  if (certificates_) certificates_->start(fabric::CertificateWatch::log);
-  if (auto status = keep_waiting("RouDi answers", [] { return ipc::connect("ledgerline-agent"); }); !status) {
-    return status;
+Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
+  end_ = &end;
+  recorder_ = &recorder;
+  if (several) {
+    label_ = fmt::format("channel {}: ", channel());
+    beat_for_ = 0;
+    for (const DroneName& drone : core_.drones()) beat_for_ |= AgentBeat::bit_of(drone.number);
   }
-  auto end = ipc::AgentEnd::create();
-  if (!end) return end.error();
-  end_ = std::move(end).value();
-  roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
+  core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (auto status = subscribe_to_mocap(); !status) return status;
 
   if (witness_ && settings_.recheck_ns > 0)
@@ -74,7 +66,7 @@ Status AgentShell::confirm(const FirstRecords& records) const {
         "after a long absence two organisations' peers must tell the same control records, and "
         "do not: {}{}",
         differences[0].text(), differences.size() > 1 ? fmt::format(", and {} more", differences.size() - 1) : "")};
-  spdlog::info("another organisation's peer tells the same control records");
+  spdlog::info("{}another organisation's peer tells the same control records", label_);
   return done;
 }
 
@@ -115,24 +107,22 @@ Status AgentShell::subscribe_to_mocap() {
   return done;
 }
 
-// For the calling thread: a block's way to link is the stream's thread, then the main loop.
-void AgentShell::hurry(const char* thread) const {
-  if (settings_.priority == 0) return;
-  if (const Status status = schedule_fifo(settings_.priority); !status)
-    spdlog::warn("{}: {}", thread, status.error().what);
+void hurry(int priority, const char* thread) {
+  if (priority == 0) return;
+  if (const Status status = schedule_fifo(priority); !status) spdlog::warn("{}: {}", thread, status.error().what);
 }
 
 void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) {
     thread_local bool first = true;  // two threads bring blocks where an orderer's are read
-    if (std::exchange(first, false)) hurry("the block stream");
+    if (std::exchange(first, false)) hurry(settings_.priority, "the block stream");
     mailbox_.put_in_turn(block);
   };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };
-  handlers.on_unbelievable = [](const std::string& what) { spdlog::warn("{}", what); };
+  handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
   handlers.on_confirmed = [this](const auto& confirmed) {
     confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
@@ -151,15 +141,16 @@ void AgentShell::open_block_stream() {
 
 void AgentShell::open_checkpoint() {
   if (settings_.checkpoint.empty()) return;
-  keeper_ = std::make_unique<fabric::CheckpointKeeper>(
-      settings_.checkpoint, [](const std::string& why) { spdlog::error("the checkpoint is not kept: {}", why); });
+  keeper_ = std::make_unique<fabric::CheckpointKeeper>(settings_.checkpoint, [this](const std::string& why) {
+    spdlog::error("{}the checkpoint is not kept: {}", label_, why);
+  });
   if (!checkpoint_) {
-    spdlog::warn("there is no checkpoint yet: this start believes the chain that the peer serves");
+    spdlog::warn("{}there is no checkpoint yet: this start believes the chain that the peer serves", label_);
     return;
   }
   auto records = records_from(checkpoint_->records, names_);
   if (!records) {
-    spdlog::warn("the checkpoint at block {}: {}: the control records are read anew", checkpoint_->number,
+    spdlog::warn("{}the checkpoint at block {}: {}: the control records are read anew", label_, checkpoint_->number,
                  records.error().what);
     return;
   }
@@ -170,19 +161,20 @@ void AgentShell::take_continued(const fabric::Continuation& how) {
   if (how.gap) {
     counters_.blocks_not_read = how.newest - how.believed;
     spdlog::warn(
-        "blocks {} to {} came while this agent was away, and are not read (more than {} behind the checkpoint): "
+        "{}blocks {} to {} came while this agent was away, and are not read (more than {} behind the checkpoint): "
         "block {} counts {}, and the control records are read anew",
-        how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
+        label_, how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
         settings_.blocks_are_judged ? "by its orderers' signatures"
                                     : "by the peer's word, for config_block is not set");
     gap_ = true;
     if (!witness_)
       spdlog::warn(
-          "no [[endorser]] of another organisation is named: those records are this organisation's peer's word alone");
+          "{}no [[endorser]] of another organisation is named: those records are this organisation's peer's word alone",
+          label_);
     return;
   }
   if (!kept_records_) return;
-  spdlog::info("goes on behind block {}, which was believed; the chain is at {}", how.believed, how.newest);
+  spdlog::info("{}goes on behind block {}, which was believed; the chain is at {}", label_, how.believed, how.newest);
   set_records(*kept_records_);
   (void)control_start_.on_read();  // it comes before the first block
   catch_up_to_ = how.newest > how.believed ? how.newest + 1 : 0;
@@ -247,20 +239,6 @@ void AgentShell::ask_witness(const std::stop_token& stop) {
          waited_ns += witness_turn_ns) {
       if (ask_again_ && waited_ns >= witness_again_ns) break;
       std::this_thread::sleep_for(std::chrono::nanoseconds(witness_turn_ns));
-    }
-  }
-}
-
-void AgentShell::watch_roudi(const std::stop_token& stop) {
-  while (!stop.stop_requested()) {
-    if (!roudi_gone_ && !ipc::roudi_lives()) {
-      roudi_gone_ = true;
-      spdlog::error(
-          "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
-          "nothing flies, agent ends, to be started again behind a new RouDi");
-    }
-    for (milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested(); waited += roudi_watch_turn) {
-      std::this_thread::sleep_for(roudi_watch_turn);
     }
   }
 }

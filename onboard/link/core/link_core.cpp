@@ -75,7 +75,9 @@ void LinkCore::take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexc
   for (const AgentBeat& beat : inputs.beats) {
     if (beat.stamp_ns < beat_ns_ || beat.stamp_ns > at.now) continue;
     beat_ns_ = beat.stamp_ns;
-    for (DroneLink& drone : drones_) drone.take_beat(beat);
+    for (DroneLink& drone : drones_) {
+      if (beat.is_for(drone.number())) drone.take_beat(beat);
+    }
   }
   for (const Pose& pose : inputs.poses) {
     if (DroneLink* drone = find(pose.drone)) drone->take_pose(at.now, pose);

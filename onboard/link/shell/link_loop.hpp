@@ -63,7 +63,7 @@ class LinkLoop {
  private:
   static constexpr std::size_t max_plans = 64;
   static constexpr std::size_t max_poses = 128;
-  static constexpr std::size_t max_beats = 8;
+  static constexpr std::size_t max_beats = 32;  // as ipc's queue holds
 
   static std::uint32_t bits(const DroneSet& drones) noexcept {
     static_assert(max_drones < 32);

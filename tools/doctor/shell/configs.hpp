@@ -30,6 +30,7 @@ struct ProgramConfig {
   std::string program;  ///< a part of the reference: "agent", "control"
   std::string file;     ///< "agent.toml"
   std::string path;
+  std::string label{};  ///< begins what the ledger answers; empty: the program is on one channel
   std::optional<LedgerKeys> ledger{};
   std::vector<DroneKeys> drones{};
   std::vector<std::string> written{};     ///< files that it writes

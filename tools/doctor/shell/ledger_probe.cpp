@@ -19,6 +19,7 @@
 #include "common/msg/grants.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
+#include "tools/doctor/shell/channels.hpp"
 
 namespace ledgerline::doctor {
 namespace {
@@ -143,7 +144,7 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
   Findings out;
   auto config = Config::load(one.path);
   if (!config) return {found(Problem::config_wrong, check, config.error().what)};
-  auto ledger = fabric::ledger_config(*config);
+  auto ledger = client_of_channel(*config, one);
   if (!ledger) return {found(Problem::ledger_refuses, check, ledger.error().what)};
   ledger->deadline = patience;
   auto peer = Peer::create(*ledger);

@@ -131,5 +131,18 @@ TEST(LinkCore, ATransitionIsSentUntilABeatSaysThatItIsTaken) {
   EXPECT_EQ(w.core.reports()[0].transitions.kept, 0U);
 }
 
+TEST(LinkCore, ABeatCountsForTheDronesOfItsChannelAlone) {
+  LinkWorld w(2);
+  w.take_off();
+  w.beat.drones = AgentBeat::bit_of(1);  // drone 2 is on another channel, whose beats end
+  w.pass(2 * ns_per_s);                  // without plans both hold, each for its reason
+  ASSERT_GE(w.states.size(), 2U);
+  for (std::size_t i = w.states.size() - 2; i < w.states.size(); ++i) {
+    const StateSample& state = w.states[i];
+    ASSERT_EQ(state.phase, FlightPhase::flying) << state.drone;
+    EXPECT_EQ(state.cause, state.drone == 1 ? FailsafeCause::plan_ran_out : FailsafeCause::agent_silent) << state.drone;
+  }
+}
+
 }  // namespace
 }  // namespace ledgerline::link

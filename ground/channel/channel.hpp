@@ -1,0 +1,85 @@
+#pragma once
+#include <functional>
+#include <memory>
+#include <string>
+#include <thread>
+#include <variant>
+#include <vector>
+
+#include "common/belief/control_records.hpp"
+#include "common/fabric/checkpoint/kept_blocks.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/stream/confirmations.hpp"
+#include "ground/core/flight.hpp"
+
+namespace ledgerline::ground {
+
+/// One channel of a ground: the flight of its drones, and its way to the ledger. What comes of the ledger is put on the
+/// client's threads; all methods are the core's thread's.
+class Channel {
+ public:
+  struct Parts {
+    FlightConfig flight;
+    std::unique_ptr<fabric::Client> client;  ///< for commands and blocks
+    std::unique_ptr<fabric::Client> urgent;  ///< for what must not wait behind commands
+    fabric::KeptCheckpoint kept;             ///< as the last ground left it
+  };
+
+  struct Ended {
+    std::uint64_t id;
+    std::string function;  ///< that was called
+    fabric::Outcome outcome;
+  };
+  struct StreamState {
+    bool connected = false;
+    std::string why;
+  };
+  /// The control records, as read after the first block had come, or why they cannot be.
+  struct ControlsRead {
+    Result<std::vector<Control>> controls;
+  };
+  using News = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
+  /// Any thread, but one that may wait where a block comes.
+  using Put = std::function<void(News)>;
+
+  /// `label` begins what is said; empty: there is one channel.
+  Channel(Parts parts, std::string label, Put put);
+
+  FlightCore& core() { return core_; }
+  const FlightCore& core() const { return core_; }
+  const std::string& label() const { return label_; }
+  fabric::Client& urgent() { return *urgent_; }
+  Quantiles confirmed_after_ms() const { return confirmations_.quantiles_ms(); }
+
+  /// Subscribes to the blocks that come from now on.
+  void open_stream();
+  /// Reads the drones' control records; behind the stream's start.
+  Status read_controls();
+  /// Whether the core is to have the block; else it waits here, or comes again with take().
+  Result<bool> take(const fabric::Block& block);
+  /// The blocks that waited for the records: they come next.
+  Result<std::vector<fabric::Block>> take(const ControlsRead& read);
+  /// The outcome is put.
+  void submit(Submission submission);
+  /// Ends all that puts; what is under way is put as unavailable. Before what `put` needs is gone.
+  void close();
+  /// What becomes of a submission that somebody else signs.
+  std::function<void(fabric::Outcome)> on_end(const Submission& submission) const;
+
+ private:
+  Status set_controls(const std::vector<Control>& controls);
+
+  FlightCore core_;
+  const std::vector<std::string> names_;  ///< of the drones
+  const std::string label_;
+  const Put put_;
+  belief::ControlStart control_start_;
+  fabric::KeptCheckpoint kept_;  ///< until open_stream()
+
+  std::unique_ptr<fabric::Client> client_, urgent_;
+  fabric::Confirmations confirmations_;
+  std::unique_ptr<fabric::Client::Stream> blocks_;
+  std::jthread control_reader_;
+};
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,165 @@
+// Ground's beginning: topics, the service and the channels of the ledger.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <deque>
+#include <functional>
+#include <iterator>
+#include <utility>
+
+#include "common/base/log.hpp"
+#include "common/rt/retry/keep_trying.hpp"
+#include "ground/shell/ground.hpp"
+
+namespace ledgerline::ground {
+
+std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel::Parts> parts) {
+  std::vector<std::unique_ptr<Channel>> channels;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::string label = parts.size() > 1 ? fmt::format("channel {}: ", parts[i].flight.where.channel) : "";
+    channels.push_back(std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::News news) {
+      const bool is_block = std::holds_alternative<fabric::Block>(news);
+      OfChannel letter{i, std::move(news)};
+      is_block ? mailbox_.put_in_turn(std::move(letter)) : mailbox_.put(std::move(letter));
+    }));
+  }
+  return channels;
+}
+
+Status Ground::start(const std::atomic<bool>& quit) {
+  if (auto status = recorder_.open(output_.trace); !status) return status;
+  if (auto status = open_topics(); !status) return status;
+  start_certificates();
+  for (const auto& channel : channels_) channel->open_stream();
+  if (auto status = wait_for_block_streams(quit); !status) return status;
+  for (const auto& channel : channels_) {
+    if (auto status = channel->read_controls(); !status) return status;
+  }
+  if (missions_) {
+    if (auto status = missions_->restore(); !status) return status;
+  }
+  return hear_pilots();
+}
+
+Status Ground::open_topics() {
+  for (const DroneTopic& topic : drone_topics) {
+    writers_.emplace_back();
+    for (const FlightDrone& drone : view_.drones()) {
+      if (topic.of_all && !writers_.back().empty()) continue;
+      auto writer = dds::RawWriter::create(participant_, topic_of(topic, drone.name), std::string(topic.type),
+                                           {.transient_local = topic.latched});
+      if (!writer) return writer.error();
+      writers_.back().push_back(std::move(writer).value());
+    }
+  }
+  return done;
+}
+
+Status Ground::hear_pilots() {
+  for (std::size_t i = 0; i < names_.size(); ++i) {
+    for (const PilotTopic& topic : pilot_topics) {
+      auto reader = dds::RawReader::create(participant_, topic_of(topic, names_[i]), std::string(topic.type),
+                                           {.reliable = topic.reliable},
+                                           [this, i, &topic](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+                                             hear(i, topic, dds::text_of(cdr));
+                                           });
+      if (!reader) return reader.error();
+      readers_.push_back(std::move(reader).value());
+    }
+  }
+  return done;
+}
+
+Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
+  std::deque<Letter> later;  // of channels that are read already
+  const auto are_open = [&]() -> Status {
+    for (std::size_t i = 0; i < channels_.size();) {
+      if (streams_[i].connected) {
+        ++i;
+        continue;
+      }
+      auto letter = next_letter(0);
+      if (!letter) return Error{channels_[i]->label() + (streams_[i].why.empty() ? "no answer yet" : streams_[i].why)};
+      const auto* of = std::get_if<OfChannel>(&*letter);
+      const auto* state = of ? std::get_if<Channel::StreamState>(&of->news) : nullptr;
+      if (state) {
+        streams_[of->channel] = *state;
+      } else {
+        later.push_back(std::move(*letter));
+      }
+    }
+    return done;
+  };
+  const Status open = keep_trying(
+      "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
+  letters_.insert(letters_.begin(), std::make_move_iterator(later.begin()), std::make_move_iterator(later.end()));
+  return open;
+}
+
+Status Ground::open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers) {
+  auto desk = OperatorDesk::create({.folder = folder,
+                                    .ledgers = ledgers,
+                                    .drones = names_,
+                                    .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
+                                    .tell = std::bind_front(&Ground::say, this),
+                                    .on_session =
+                                        [this](std::size_t who, bool in) {
+                                          mailbox_.put(SessionChange{who, in});
+                                        }});
+  if (!desk) return Error{"[service] operators: " + desk.error().what};
+  desk_ = std::move(*desk);
+  return done;
+}
+
+void Ground::open_missions(service::MissionSettings settings) {
+  settings.check.flight = view_.config().controller;
+  missions_ = std::make_unique<MissionDesk>(MissionDesk::Parts{
+      .settings = std::move(settings),
+      .core = view_,
+      .client = channels_.front()->urgent(),
+      .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
+      .signed_in = [this](std::size_t who) { return !leaving_.has(who); },
+      .wish = [this](const PilotWish& one) { wish(one); },
+      .tell =
+          [this](Level level, const std::string& drone, const std::string& words) {
+            spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
+                        drone.empty() ? "" : ": ", words);
+            unshown_.push_back(board_.tell(monotonic_ns(), level, drone, words));
+          },
+      .publish = [this](std::string list) { server_->publish_missions(std::move(list)); },
+      .wake = [this] { mailbox_.wake(); }});
+}
+
+Status Ground::serve(const service::ServiceSettings& settings, service::MissionSettings missions,
+                     const std::vector<fabric::ClientConfig>& ledgers) {
+  const FlightConfig& flight = view_.config();
+  const service::Greeting greeting{.manual = flight.manual,
+                                   .speed_mps = flight.controller.speed_mps,
+                                   .cmd_timeout_ns = flight.cmd_timeout_ns,
+                                   .fence = missions.check.fence};
+  open_missions(std::move(missions));
+  if (!settings.operators.empty()) {
+    if (Status opened = open_desk(settings.operators, ledgers); !opened) return opened;
+  }
+  self_ = ledgers.front().identity.in_use;
+  session_idle_ns_ = settings.session_idle_ns;
+  service::Server::Behind behind{.take = [this](const PilotWish& one) { return take(one); },
+                                 .keys = desk_.get(),
+                                 .ask_missions =
+                                     [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+                                       ask(std::move(asked), std::move(answer));
+                                     },
+                                 .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
+  if (!settings.faults.empty()) {
+    faults_ = std::make_unique<service::FaultDesk>(settings.faults, std::bind_front(&Ground::say, this));
+    behind.ask_faults = std::bind_front(&service::FaultDesk::ask, faults_.get());
+  }
+  auto server = service::Server::start(settings, names_, greeting, std::move(behind));
+  if (!server) return server.error();
+  server_ = std::move(server).value();
+  if (faults_) faults_->start([this](service::FaultList list) { server_->publish_faults(std::move(list)); });
+  show(monotonic_ns());
+  return done;
+}
+
+}  // namespace ledgerline::ground

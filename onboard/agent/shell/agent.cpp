@@ -1,0 +1,151 @@
+#include "onboard/agent/shell/agent.hpp"
+
+#include <poll.h>
+
+#include <algorithm>
+#include <chrono>
+#include <limits>
+#include <utility>
+
+#include "common/base/log.hpp"
+#include "common/rt/retry/keep_trying.hpp"
+
+namespace ledgerline::agent {
+namespace {
+
+// All that hurries wakes the loop. This is for what does not: calls that go again after a back-off, the end of the
+// program, a link of an older build, which does not ring. Halved it costs CPU, doubled a call that failed waits longer.
+constexpr TimeNs max_wait_ns = 5 * ns_per_ms;
+constexpr TimeNs drain_limit_ns = 500 * ns_per_ms;
+constexpr TimeNs flight_silent_ns = 1 * ns_per_s;
+constexpr std::chrono::milliseconds roudi_watch_turn{100};
+constexpr std::chrono::milliseconds roudi_watch_period{1000};
+
+}  // namespace
+
+Agent::Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit)
+    : settings_(std::move(settings)), quit_(quit), channels_(std::move(channels)) {
+  for (DroneNumber drone = 1; drone <= max_drones; ++drone) {
+    const auto owner =
+        std::find_if(channels_.begin(), channels_.end(), [&](const auto& channel) { return channel->flies(drone); });
+    if (owner != channels_.end()) of_drone_[drone] = owner->get();
+  }
+}
+
+Status Agent::start() {
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return manager.error();
+  manager_.emplace(std::move(manager).value());
+  if (auto status = recorder_.open(settings_.trace); !status) return status;
+  if (certificates_) certificates_->start(fabric::CertificateWatch::log);
+  const Status connected = keep_trying(
+      "RouDi answers", {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); },
+      [] { return ipc::connect("ledgerline-agent"); });
+  if (!connected) return connected;
+  auto end = ipc::AgentEnd::create();
+  if (!end) return end.error();
+  end_ = std::move(end).value();
+  roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
+  for (const auto& channel : channels_) {
+    if (auto status = channel->start(*end_, recorder_, channels_.size() > 1); !status) return status;
+  }
+  return done;
+}
+
+// The bell is cleared before the states are taken: one that comes behind the take rings for the next turn.
+void Agent::wait() {
+  const TimeNs now = monotonic_ns();
+  TimeNs until_ns = now + max_wait_ns;
+  std::array<pollfd, max_drones + 1> fds{};  // each channel has a drone of its own
+  std::size_t count = 0;
+  fds[count++] = {.fd = end_->wake_fd(), .events = POLLIN, .revents = 0};
+  for (const auto& channel : channels_) {
+    until_ns = std::min(until_ns, channel->due_ns());
+    fds[count++] = {.fd = channel->wake_fd(), .events = POLLIN, .revents = 0};
+  }
+  const TimeNs timeout_ns = std::max<TimeNs>(until_ns - now, 0);
+  const timespec timeout{.tv_sec = timeout_ns / ns_per_s, .tv_nsec = timeout_ns % ns_per_s};
+  (void)::ppoll(fds.data(), count, &timeout, nullptr);  // interrupted or not: the loop looks at everything
+  link_woke_ = end_->woken();
+}
+
+void Agent::take_link() {
+  StateSample sample;
+  while (end_->take_state(sample)) {
+    if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
+    if (sample.drone <= max_drones && of_drone_[sample.drone] != nullptr) of_drone_[sample.drone]->take_state(sample);
+  }
+  Transition transition;
+  while (end_->take_transition(transition)) {
+    if (transition.drone <= max_drones && of_drone_[transition.drone] != nullptr)
+      of_drone_[transition.drone]->take_transition(transition);
+  }
+}
+
+Status Agent::turn() {
+  for (const auto& channel : channels_) {
+    if (auto status = channel->take_inputs(link_woke_); !status) return status;
+  }
+  take_link();
+  for (const auto& channel : channels_) channel->finish_turn();
+  return done;
+}
+
+// What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
+bool Agent::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
+
+void Agent::chores(TimeNs now) {
+  if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
+    const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
+    for (const auto& channel : channels_) channel->write_status(now, days);
+  }
+  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
+}
+
+Status Agent::run() {
+  hurry(settings_.priority, "the main loop");
+  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
+  while (!quit_ && !cut_off(monotonic_ns())) {
+    wait();
+    if (auto status = turn(); !status) return status;
+    chores(monotonic_ns());
+  }
+  drain();
+  return write_summary();
+}
+
+void Agent::drain() {
+  for (const auto& channel : channels_) channel->stop_submitting();
+  const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
+  const auto busy = [](const auto& channel) { return channel->anything_under_way(); };
+  while (std::any_of(channels_.begin(), channels_.end(), busy) && monotonic_ns() < until_ns) {
+    wait();
+    for (const auto& channel : channels_) {
+      if (!channel->take_inputs(link_woke_)) return;  // too many blocks: the summary is still worth writing
+      channel->finish_turn();
+    }
+  }
+}
+
+Status Agent::write_summary() {
+  std::vector<std::string> told;
+  for (const auto& channel : channels_) told.push_back(channel->end());
+  return recorder_.end(settings_.summary, [&] { return told.size() == 1 ? told.front() : summary_of_all(told); });
+}
+
+void Agent::watch_roudi(const std::stop_token& stop) {
+  while (!stop.stop_requested()) {
+    if (!roudi_gone_ && !ipc::roudi_lives()) {
+      roudi_gone_ = true;
+      spdlog::error(
+          "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
+          "nothing flies, agent ends, to be started again behind a new RouDi");
+    }
+    for (std::chrono::milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested();
+         waited += roudi_watch_turn) {
+      std::this_thread::sleep_for(roudi_watch_turn);
+    }
+  }
+}
+
+}  // namespace ledgerline::agent

@@ -1,0 +1,62 @@
+#pragma once
+#include <array>
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/program/recorder.hpp"
+#include "common/program/service_manager.hpp"
+#include "onboard/agent/shell/shell.hpp"
+
+namespace ledgerline::agent {
+
+/// The agent as a process: an AgentShell for each channel, and what they share, which is the iceoryx end, RouDi's watch,
+/// trace, status and summary. One main loop: it waits for the mailboxes, for link, which wakes it behind each state, and
+/// for the moment at which a frame or beat is due; it has no period.
+class Agent {
+ public:
+  /// `settings`: of the process. `quit` is watched everywhere and must outlive the agent. At least one channel, whose
+  /// drones differ in number.
+  Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit);
+
+  /// RouDi, then each channel in turn, with a bounded wait and a message that names the cure.
+  Status start();
+  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
+  /// and writes the summary.
+  Status run();
+  /// Has renewed certificates taken while it runs. Before start().
+  void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
+
+ private:
+  void watch_roudi(const std::stop_token& stop);
+  bool cut_off(TimeNs now) const;
+  void wait();
+  Status turn();
+  void take_link();
+  void chores(TimeNs now);
+  void drain();
+  Status write_summary();
+
+  Settings settings_;
+  const std::atomic<bool>& quit_;
+  std::unique_ptr<ipc::AgentEnd> end_;
+  Recorder recorder_;
+  std::optional<ServiceManager> manager_;
+  std::uint64_t turns_ = 0;
+  TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
+  TimeNs next_status_ns_ = 0;
+  bool link_woke_ = false;  ///< in this turn
+  std::atomic<bool> roudi_gone_{false};
+  std::array<AgentShell*, max_drones + 1> of_drone_{};  ///< null: nobody's
+
+  // Last: their threads end first.
+  std::vector<std::unique_ptr<AgentShell>> channels_;
+  std::jthread roudi_watch_;
+  std::unique_ptr<fabric::CertificateWatch> certificates_;
+};
+
+}  // namespace ledgerline::agent
