@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "chaincode/endorser/core/snapshot.hpp"
 #include "chaincode/node/core/tx/block.hpp"
 #include "chaincode/node/core/tx/proposal.hpp"
 #include "common/fabric/judge/channel_config.hpp"
@@ -68,6 +69,21 @@ Status Core::configure(const common::Block& message) {
   return done;
 }
 
+std::string Core::snapshot() const { return to_bytes(ledger_.end(), config_block_, ledger_.state(), lifecycle_); }
+
+Status Core::restore(std::string_view bytes) {
+  auto known = snapshot_from(bytes);
+  if (!known) return known.error();
+  common::Block config;
+  if (!config.ParseFromString(known->config_block)) return Error{"an endorser's state has no configuration"};
+  if (Status configured = configure(config); !configured) return configured;
+  config_block_ = std::move(known->config_block);
+  ledger_.restore(std::move(known->contract), std::move(known->end));
+  lifecycle_ = std::move(known->lifecycle);
+  definition_ = read_definition();
+  return done;
+}
+
 /// Whoever tells the block: of an id that was used in another one no transaction is valid. Without the ids of all blocks
 /// that is not seen.
 bool Core::counts(const fabric::Transaction& transaction, std::uint64_t block) const {
@@ -102,6 +118,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     if (transaction.config) {
       if (!valid) continue;
       if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().what};
+      config_block_ = raw;
       continue;
     }
     // In Fabric an id is used up by whoever claims it; on the embedded node it is its owner's.

@@ -32,6 +32,13 @@ class Core {
   /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not read.
   Status take(const fabric::Block& block, std::string_view raw);
   std::uint64_t height() const { return ledger_.height(); }
+  /// The newest block's header's, as ChainCheck has it; empty: there is none.
+  const std::string& hash() const { return ledger_.end().hash; }
+  /// All that it knows, for restore() at another start.
+  std::string snapshot() const;
+  /// Before the first block: what a core of the same channel and contract knew. An error, and nothing has changed: the
+  /// bytes are not whole. Whoever may write them decides what is endorsed, so they are kept as the key is.
+  Status restore(std::string_view bytes);
   /// Where the definition that counts was committed; none on the embedded node, which has no definitions.
   std::optional<node::Version> defined_at() const;
 
@@ -49,6 +56,7 @@ class Core {
   const node::CoreConfig config_;
   const std::int64_t expires_s_;
   bool asks_for_blocks_ = false;
+  std::string config_block_;  ///< the newest with a configuration
   bool embedded_node_ = false;
   node::Ledger ledger_;
   node::State lifecycle_;                       ///< the keys of the namespace _lifecycle

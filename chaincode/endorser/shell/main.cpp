@@ -32,8 +32,8 @@ int run(Config& config) {
     checked = Error{"ledger.blocks: an endorser follows its own peer, whose answers it is to give"};
   if (!checked) return fail(checked.error(), exit_usage);
   std::atomic<bool> failed{false};
-  auto service =
-      endorser::Service::start(std::move(*ledger), settings.check_one_in, [&](const std::string&) { failed = true; });
+  auto service = endorser::Service::start(std::move(*ledger), {settings.check_one_in, settings.checkpoint},
+                                          [&](const std::string&) { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
   auto served = endorser::serve(**service, settings.serve, "serve.");
   if (!served) return fail(served.error());

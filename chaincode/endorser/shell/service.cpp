@@ -1,5 +1,7 @@
 #include "chaincode/endorser/shell/service.hpp"
 
+#include <fmt/format.h>
+
 #include <chrono>
 
 #include "chaincode/endorser/core/comparison.hpp"
@@ -15,13 +17,14 @@ constexpr int max_tries = 5;
 constexpr std::chrono::milliseconds again_after{20};
 // Below a client's patience with an endorser (ClientConfig::endorse_patience).
 constexpr std::chrono::milliseconds max_wait_for_check{200};
+constexpr std::uint64_t any_absence = 1'000'000'000'000;  // blocks: none may be left out
 constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
 
 std::uint64_t seed() { return std::random_device{}(); }
 
 }  // namespace
 
-Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, int check_one_in,
+Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, const Options& options,
                                                 std::function<void(const std::string&)> on_failure) {
   if (ledger.config_block.empty())
     return Error{"ledger.config_block is missing: an endorser signs only by blocks that the channel's orderers signed"};
@@ -29,9 +32,10 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, int
   if (!peer) return peer.error();
   auto client = fabric::Client::create(ledger);
   if (!client) return client.error();
-  std::unique_ptr<Service> service(new Service(std::move(ledger), check_one_in, std::move(on_failure)));
+  std::unique_ptr<Service> service(new Service(std::move(ledger), options.check_one_in, std::move(on_failure)));
   Service& self = *service;
   self.peer_ = std::move(*peer);
+  if (Status s = self.restore(options.checkpoint); !s) return s.error();
   self.client_ = std::move(*client);
   self.checker_ = std::thread([&self] { self.run_checks(); });
   fabric::Client::StreamHandlers handlers;
@@ -44,12 +48,15 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, int
   handlers.on_unbelievable = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
   const std::lock_guard lock(self.mutex_);
-  self.stream_ = self.client_->blocks(0, std::move(handlers));
+  self.stream_ = self.begun_behind_
+                     ? self.client_->blocks_behind({*self.begun_behind_, any_absence}, std::move(handlers))
+                     : self.client_->blocks(0, std::move(handlers));
   return service;
 }
 
 Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
     : check_one_in_(check_one_in),
+      channel_(ledger.where.channel),
       on_failure_(std::move(on_failure)),
       core_({ledger.where, ledger.identity, fabric::BlockJudge::registry_of(ledger.verifier)}),
       random_(seed()) {}
@@ -63,6 +70,31 @@ Service::~Service() {
   }
   if (checker_.joinable()) checker_.join();
   stream_.reset();
+  keep();
+}
+
+Status Service::restore(const std::string& path) {
+  if (path.empty()) return done;
+  auto checkpoint = fabric::read_checkpoint(path, channel_);
+  if (!checkpoint) return checkpoint.error();
+  if (*checkpoint) {
+    const Status restored = core_.restore((*checkpoint)->records);
+    if (!restored || core_.height() != (*checkpoint)->number + 1 || core_.hash() != (*checkpoint)->hash)
+      return Error{fmt::format("{}: {}; without it the chain is read from its first block", path,
+                               restored ? "its state is of another block" : restored.error().what)};
+    counts_.restored = core_.height();
+    begun_behind_ = std::move(**checkpoint);
+    begun_behind_->records.clear();
+  }
+  keeper_ = std::make_unique<fabric::CheckpointKeeper>(
+      path, [](const std::string& why) { spdlog::warn("endorser: its checkpoint is not written: {}", why); });
+  return done;
+}
+
+/// What failed is not what another start is to begin with. With mutex_ held, or alone.
+void Service::keep() {
+  if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
+  keeper_->keep({channel_, core_.height() - 1, core_.hash(), core_.snapshot()});
 }
 
 void Service::fail(const std::string& why) {
@@ -147,6 +179,7 @@ void Service::await_check(std::unique_lock<std::mutex>& lock) {
 
 void Service::run_checks() {
   BackOff back_off(first_retry_ns, max_retry_ns);
+  auto keep_at = std::chrono::steady_clock::now() + keep_every;
   Random random(seed());
   std::unique_lock lock(mutex_);
   while (!stopping_) {
@@ -155,8 +188,9 @@ void Service::run_checks() {
       lock.unlock();
       const auto height = peer_->height();
       lock.lock();
-      if (connection != readiness_.connection()) continue;  // it is of before
-      if (height) {
+      if (connection != readiness_.connection()) {
+        // It is of before.
+      } else if (height) {
         readiness_.take_height(connection, *height);
         back_off.succeeded();
         ready_wakes_.notify_all();
@@ -179,8 +213,11 @@ void Service::run_checks() {
       ++checked_;
       checked_wakes_.notify_all();
     } else {
-      checks_wake_.wait(lock);
+      checks_wake_.wait_until(lock, keep_at);
     }
+    if (std::chrono::steady_clock::now() < keep_at) continue;
+    keep();
+    keep_at = std::chrono::steady_clock::now() + keep_every;
   }
 }
 

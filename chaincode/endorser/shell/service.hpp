@@ -14,6 +14,7 @@
 #include "chaincode/endorser/core/feed.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
 
 namespace ledgerline::endorser {
@@ -25,8 +26,12 @@ namespace ledgerline::endorser {
 /// cannot be believed, an answer that differs from the peer's, or a state that stays another one ends it for good. Any thread.
 class Service {
  public:
+  struct Options {
+    int check_one_in = 100;
+    std::string checkpoint{};  ///< a file: what it knew, written now and then and at the end; empty: none
+  };
   /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
-  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, int check_one_in,
+  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Options& options,
                                                 std::function<void(const std::string& why)> on_failure);
   ~Service();
 
@@ -43,7 +48,8 @@ class Service {
     std::uint64_t blocks = 0, answered = 0, sent_to_the_peer = 0;
     std::uint64_t checked = 0, same = 0, other_state = 0, peer_refused = 0, apart = 0, not_checked = 0;
     std::uint64_t differ = 0;
-    bool joined = false;  ///< it lives on a shared stream
+    std::uint64_t restored = 0;  ///< blocks that it did not have to read
+    bool joined = false;         ///< it lives on a shared stream
   };
   Counts counts() const;
 
@@ -61,13 +67,20 @@ class Service {
   /// Of the newest that was chosen: until the peer has answered it, or a while. With mutex_ held, as `lock`.
   void await_check(std::unique_lock<std::mutex>& lock);
   void run_checks();
+  Status restore(const std::string& path);
+  void keep();
   void check(Check one);
 
   static constexpr std::size_t max_checks = 16;  // the peer is slow: further ones are left out, and counted
 
+  static constexpr std::chrono::minutes keep_every{10};  // copying all takes some ten milliseconds
+
   const int check_one_in_;
+  const std::string channel_;
   const std::function<void(const std::string&)> on_failure_;
   std::unique_ptr<fabric::PeerQuestions> peer_;
+  std::unique_ptr<fabric::CheckpointKeeper> keeper_;
+  std::optional<fabric::Checkpoint> begun_behind_;  ///< without its records
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;

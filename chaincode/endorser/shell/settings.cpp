@@ -10,6 +10,14 @@ int check_one_in(Config& config, const std::string& table, int otherwise) {
       otherwise, 1, 1'000'000));
 }
 
+std::string checkpoint(Config& config, const std::string& table) {
+  return config.text({table + "checkpoint",
+                      "file of what it knows of the chain, written every ten minutes and at the end: the next start "
+                      "reads the blocks behind it alone. Whoever may write it decides what is endorsed: 0600",
+                      "none: each start reads all blocks"},
+                     "");
+}
+
 }  // namespace
 
 Settings read_settings(Config& config) {
@@ -19,6 +27,7 @@ Settings read_settings(Config& config) {
   out.serve.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
   out.serve.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
   out.check_one_in = check_one_in(config, "serve.", out.check_one_in);
+  out.checkpoint = checkpoint(config, "output.");
   out.summary = config.text({"output.summary", "JSON file that is written at the end", "none"}, "");
   return out;
 }
@@ -33,6 +42,7 @@ WithinSettings read_within_settings(Config& config) {
        "none: others endorse"},
       "");
   out.check_one_in = check_one_in(config, "own_endorser.", out.check_one_in);
+  out.checkpoint = checkpoint(config, "own_endorser.");
   out.serve.listen = config.text({"own_endorser.listen",
                                   "ADDRESS:PORT where it serves other programs, too, as `ledgerline endorser` does; "
                                   "with tls_certificate and tls_key",

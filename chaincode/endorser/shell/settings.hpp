@@ -15,6 +15,7 @@ struct ServeSettings {
 struct Settings {
   ServeSettings serve;
   int check_one_in = 100;  ///< of so many answers one is asked of the peer, too
+  std::string checkpoint;  ///< Service::Options::checkpoint
   std::string summary;     ///< empty: none is written
 };
 Settings read_settings(Config& config);
@@ -24,7 +25,8 @@ struct WithinSettings {
   std::string msp_dir;  ///< empty: there is none
   int check_one_in = 100;
   std::string summary;
-  ServeSettings serve;  ///< to others, too; `listen` empty: to none
+  std::string checkpoint;  ///< Service::Options::checkpoint
+  ServeSettings serve;     ///< to others, too; `listen` empty: to none
 };
 WithinSettings read_within_settings(Config& config);
 

@@ -17,6 +17,7 @@ Status write_summary(const std::string& path, const Service::Counts& counts) {
                                {"apart", counts.apart},
                                {"not_checked", counts.not_checked},
                                {"differ", counts.differ},
+                               {"restored", counts.restored},
                                {"joined", counts.joined}};
   return write_file(path, summary.dump(2) + "\n");
 }

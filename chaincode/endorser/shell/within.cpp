@@ -84,7 +84,8 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);
   if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().what};
   own.identity = std::move(*identity);
-  auto service = Service::start(std::move(own), settings.check_one_in, [](const std::string&) {});
+  auto service =
+      Service::start(std::move(own), {settings.check_one_in, settings.checkpoint}, [](const std::string&) {});
   if (!service) return Error{"own_endorser: " + service.error().what};
   auto within = std::make_shared<Within>(std::move(*service), settings.summary);
   if (!settings.serve.listen.empty()) {

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <functional>
 #include <string>
+#include <utility>
 
 #include "chaincode/node/core/ledger/state.hpp"
 #include "chaincode/node/core/tx/block.hpp"
@@ -23,6 +24,11 @@ class Ledger {
   State& state() { return state_; }
   const ChainEnd& end() const { return end_; }
   std::uint64_t height() const { return end_.height; }
+  /// In place of all blocks up to that end.
+  void restore(State state, ChainEnd end) {
+    state_ = std::move(state);
+    end_ = std::move(end);
+  }
   /// The next block is in the state: it has this hash.
   void add_block(std::string hash) { end_ = {end_.height + 1, std::move(hash)}; }
   Result<common::Block> block_at(std::uint64_t number) const;

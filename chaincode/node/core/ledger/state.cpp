@@ -1,17 +1,23 @@
 #include "chaincode/node/core/ledger/state.hpp"
 
+#include <utility>
+
 #include "common/fabric/judge/key_effects.hpp"
 
 namespace ledgerline::node {
 
+State::State(Parts parts) : parts_(std::move(parts)) {
+  for (const auto& [key, value] : parts_.values) stored_[value.writer] += value.bytes.size();
+}
+
 const State::Value* State::find(const std::string& key) const {
-  const auto found = values_.find(key);
-  return found == values_.end() ? nullptr : &found->second;
+  const auto found = parts_.values.find(key);
+  return found == parts_.values.end() ? nullptr : &found->second;
 }
 
 const std::vector<Version>* State::history(const std::string& key) const {
-  const auto found = history_.find(key);
-  return found == history_.end() ? nullptr : &found->second;
+  const auto found = parts_.history.find(key);
+  return found == parts_.history.end() ? nullptr : &found->second;
 }
 
 std::size_t State::stored_bytes(const std::string& writer) const {
@@ -20,18 +26,18 @@ std::size_t State::stored_bytes(const std::string& writer) const {
 }
 
 void State::write(const kvrwset::KVRWSet& set, Version version, const std::string& writer) {
-  for (const kvrwset::KVWrite& one : set.writes()) history_[one.key()].push_back(version);
+  for (const kvrwset::KVWrite& one : set.writes()) parts_.history[one.key()].push_back(version);
   for (auto& [key, effect] : fabric::effects_of(set)) {
-    const auto found = values_.find(key);
+    const auto found = parts_.values.find(key);
     if (effect.kind == fabric::KeyEffect::Kind::deletion) {
-      if (found == values_.end()) continue;
+      if (found == parts_.values.end()) continue;
       stored_[found->second.writer] -= found->second.bytes.size();
-      values_.erase(found);
+      parts_.values.erase(found);
       continue;
     }
     const bool policy_alone = effect.kind == fabric::KeyEffect::Kind::policy;
-    if (found == values_.end() && policy_alone) continue;
-    Value& value = found == values_.end() ? values_[key] : found->second;
+    if (found == parts_.values.end() && policy_alone) continue;
+    Value& value = found == parts_.values.end() ? parts_.values[key] : found->second;
     if (!policy_alone) {
       stored_[value.writer] -= value.bytes.size();
       stored_[writer] += effect.value.size();
@@ -44,8 +50,8 @@ void State::write(const kvrwset::KVRWSet& set, Version version, const std::strin
 }
 
 std::optional<State::Tx> State::find_tx(const std::string& tx_id) const {
-  const auto found = txs_.find(tx_id);
-  return found == txs_.end() ? std::nullopt : std::optional(found->second);
+  const auto found = parts_.txs.find(tx_id);
+  return found == parts_.txs.end() ? std::nullopt : std::optional(found->second);
 }
 
 std::optional<StateView::Key> StateView::find(const fabric::KeyName& name) const {

@@ -27,8 +27,22 @@ class State {
   };
   using Values = std::map<std::string, Value>;
 
+  struct Tx {
+    std::uint64_t block = 0;
+    int code = 0;
+  };
+  /// All that there is, for who keeps it elsewhere.
+  struct Parts {
+    Values values{};
+    std::map<std::string, std::vector<Version>> history{};
+    std::unordered_map<std::string, Tx> txs{};  ///< looked up, or taken in any order
+  };
+  State() = default;
+  explicit State(Parts parts);
+  const Parts& parts() const { return parts_; }
+
   const Value* find(const std::string& key) const;
-  const Values& values() const { return values_; }
+  const Values& values() const { return parts_.values; }
   /// Oldest first; nullptr: never written.
   const std::vector<Version>* history(const std::string& key) const;
   /// What a transaction of a member of `writer` does to keys (fabric::effects_of).
@@ -36,19 +50,13 @@ class State {
   /// Of the values that an organisation's members wrote last.
   std::size_t stored_bytes(const std::string& writer) const;
 
-  struct Tx {
-    std::uint64_t block = 0;
-    int code = 0;
-  };
   std::optional<Tx> find_tx(const std::string& tx_id) const;
   /// The first one of an id counts.
-  void add_tx(const std::string& tx_id, Tx tx) { txs_.emplace(tx_id, tx); }
+  void add_tx(const std::string& tx_id, Tx tx) { parts_.txs.emplace(tx_id, tx); }
 
  private:
-  Values values_;
+  Parts parts_;
   std::map<std::string, std::size_t> stored_;  // by who wrote
-  std::map<std::string, std::vector<Version>> history_;
-  std::unordered_map<std::string, Tx> txs_;  // looked up only, never walked: its order would not repeat
 };
 
 /// The state as who judges transactions sees it: that of one contract. `state` must outlive it.

@@ -173,6 +173,50 @@ TEST_F(OwnEndorserTest, ATransactionOfAnIdThatWasUsedCountsForNobody) {
   EXPECT_EQ(compare(read, ask(before).bytes), Comparison::same) << "what it writes was written once";
 }
 
+TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
+  for (const char* id : {"tello1/a", "tello1/b", "tello1/a"}) net.submit(net.host, "set", note(id, "1"));
+  follow();
+  Core other{{{}, identity, test_members()}};
+  ASSERT_TRUE(other.restore(core.snapshot()).ok());
+  EXPECT_EQ(other.height(), core.height());
+  EXPECT_EQ(other.snapshot().size(), core.snapshot().size()) << "ids are in any order";
+  net.submit(net.host, "delete", "tello1/b");
+  follow();
+  ASSERT_TRUE(other.take(*fabric::decode_block(net.chain.back()), net.chain.back()).ok());
+  for (const auto& proposal : {net.propose(net.host, "get", "tello1/a"), net.propose(net.host, "get", "tello1/b"),
+                               net.propose(net.host, "set", note("tello1/b")), net.propose(net.pilot, "stop", "tello1"),
+                               net.propose(net.host, "history", "tello1/a")}) {
+    const Reply one = ask(proposal), two = other.process_proposal(proposal.signed_proposal, net.now);
+    EXPECT_EQ(one.code, two.code);
+    EXPECT_EQ(one.message, two.message);
+    if (one.code == Code::ok) {
+      EXPECT_EQ(compare(one.bytes, two.bytes), Comparison::same);
+    }
+  }
+}
+
+TEST_F(OwnEndorserTest, ASnapshotThatIsNotWholeIsRefused) {
+  for (int i = 0; i < 5; ++i) net.submit(net.host, "set", note("tello1/a" + std::to_string(i)));
+  follow();
+  const std::string whole = core.snapshot();
+  for (std::size_t size = 0; size < whole.size(); size += 1 + size / 64) {
+    Core other{{{}, identity, test_members()}};
+    ASSERT_FALSE(other.restore(whole.substr(0, size)).ok()) << size;
+    ASSERT_EQ(other.height(), 0U);
+  }
+  Core longer{{{}, identity, test_members()}};
+  EXPECT_FALSE(longer.restore(whole + "x").ok());
+  // Bytes that say anything: an error or a state, in the memory that they have.
+  std::mt19937 random(3);
+  for (int i = 0; i < 3000; ++i) {
+    std::string bent = whole;
+    for (int k = 0; k < 1 + static_cast<int>(random() % 4); ++k)
+      bent[random() % bent.size()] = static_cast<char>(random());
+    Core other{{{}, identity, test_members()}};
+    (void)other.restore(bent);
+  }
+}
+
 TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
   Core client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
   Core stranger{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};

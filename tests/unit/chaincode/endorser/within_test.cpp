@@ -8,6 +8,7 @@
 #include <atomic>
 #include <nlohmann/json.hpp>
 
+#include "common/fabric/checkpoint/checkpoint.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
 
@@ -65,11 +66,12 @@ class WithinTest : public ::testing::Test {
     return std::filesystem::path(served.tls_ca_file()).parent_path().parent_path();
   }
   /// Sends many states through a client with this endorser, with a block stream; what the endorser says it did.
-  nlohmann::json send_states(const std::filesystem::path& msp_dir, fabric::BlockSource blocks) {
+  nlohmann::json send_states(const std::filesystem::path& msp_dir, fabric::BlockSource blocks,
+                             const std::string& checkpoint = "") {
     const std::filesystem::path summary = organisation() / "within.json";
     fabric::ClientConfig with = config();
     with.blocks = blocks;
-    const Status begun = endorse_within({msp_dir, 10, summary, {}}, with);
+    const Status begun = endorse_within({msp_dir, 10, summary, checkpoint, {}}, with);
     EXPECT_TRUE(begun.ok()) << begun.error().what;
     {
       const auto client = fabric::Client::create(std::move(with)).value();
@@ -106,15 +108,34 @@ TEST_F(WithinTest, WithAnIdentityThatMayNotEndorseItLeavesAllToThePeer) {
   EXPECT_GT(counts["sent_to_the_peer"], 0) << counts;
 }
 
+TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
+  const auto identity = organisation() / "peers/peer0.org1.ledgerline/msp";
+  const std::string file = organisation() / "endorser.checkpoint";
+  const auto first = send_states(identity, fabric::BlockSource::peer, file);
+  EXPECT_EQ(first["restored"], 0);
+  EXPECT_EQ(std::filesystem::status(file).permissions(), std::filesystem::perms(0600));
+  const auto second = send_states(identity, fabric::BlockSource::ordered, file);
+  EXPECT_GE(second["restored"], count) << second;
+  EXPECT_GT(second["answered"], count / 2) << second;
+  EXPECT_EQ(second["differ"], 0);
+  EXPECT_EQ(second["apart"], 0);
+  auto checkpoint = *fabric::read_checkpoint(file, "teleop").value();
+  checkpoint.records.pop_back();
+  ASSERT_TRUE(fabric::write_checkpoint(file, checkpoint).ok());
+  fabric::ClientConfig with = config();
+  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("is not whole"));
+}
+
 TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
   const std::filesystem::path peer = organisation() / "peers/peer0.org1.ledgerline";
   fabric::ClientConfig with = config();
-  const Status nowhere = endorse_within({peer / "msp", 1, "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
+  const Status nowhere = endorse_within({peer / "msp", 1, "", "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
   EXPECT_THAT(nowhere.error().what, HasSubstr("own_endorser.tls_certificate"));
   const std::string at = "127.0.0.1:" + std::to_string(free_port());
   const std::filesystem::path summary = organisation() / "serving.json";
   ASSERT_TRUE(
-      endorse_within({peer / "msp", 10, summary, {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with).ok());
+      endorse_within({peer / "msp", 10, summary, "", {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with)
+          .ok());
   fabric::ClientConfig other = config();
   other.endorsers = {{"Org1MSP", at, served.tls_ca_file()}, {"Org1MSP", served.endpoint(), served.tls_ca_file()}};
   const auto client = fabric::Client::create(std::move(other)).value();
@@ -127,10 +148,10 @@ TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
   fabric::ClientConfig none = config();
   EXPECT_TRUE(endorse_within({}, none).ok());
   EXPECT_EQ(none.own_endorser, nullptr);
-  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", {}}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", "", {}}, none).error().what,
               HasSubstr("own_endorser.msp_dir"));
   none.orderers.clear();
-  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", {}}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().what,
               HasSubstr("no [[orderer]]"));
   none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
   EXPECT_FALSE(fabric::Client::create(none).ok());

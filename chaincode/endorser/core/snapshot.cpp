@@ -1,0 +1,147 @@
+#include "chaincode/endorser/core/snapshot.hpp"
+
+#include <cstring>
+#include <utility>
+
+namespace ledgerline::endorser {
+namespace {
+
+constexpr std::string_view kind = "ledgerline endorser 1\n";
+
+class Writer {
+ public:
+  void number(std::uint64_t value) {
+    char bytes[8];
+    for (int i = 0; i < 8; ++i) bytes[i] = static_cast<char>(value >> (8 * i));
+    out.append(bytes, sizeof bytes);
+  }
+  void text(std::string_view value) {
+    number(value.size());
+    out += value;
+  }
+  void version(node::Version value) {
+    number(value.block);
+    number(value.tx);
+  }
+  std::string out{kind};
+};
+
+/// Once something is missing all that follows is empty.
+class Reader {
+ public:
+  explicit Reader(std::string_view bytes) : left_(bytes) {}
+
+  std::uint64_t number() {
+    const std::string_view bytes = take(8);
+    std::uint64_t value = 0;
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+      value |= static_cast<std::uint64_t>(static_cast<unsigned char>(bytes[i])) << (8 * i);
+    return value;
+  }
+  std::string text() { return std::string(take(number())); }
+  node::Version version() {
+    const std::uint64_t block = number();
+    return {block, number()};
+  }
+  /// Of entries that have at least so many bytes each.
+  std::uint64_t count(std::size_t min_bytes) {
+    const std::uint64_t value = number();
+    if (value > left_.size() / min_bytes) whole_ = false;
+    return whole_ ? value : 0;
+  }
+  void expect(bool holds) { whole_ = whole_ && holds; }
+  bool whole() const { return whole_; }
+  bool at_end() const { return left_.empty(); }
+
+ private:
+  std::string_view take(std::uint64_t size) {
+    if (!whole_ || size > left_.size()) {
+      whole_ = false;
+      return {};
+    }
+    const std::string_view taken = left_.substr(0, size);
+    left_.remove_prefix(size);
+    return taken;
+  }
+  std::string_view left_;
+  bool whole_ = true;
+};
+
+void write(Writer& to, const node::State& state) {
+  const node::State::Parts& parts = state.parts();
+  to.number(parts.values.size());
+  for (const auto& [key, value] : parts.values) {
+    to.text(key);
+    to.text(value.bytes);
+    to.version(value.version);
+    to.text(value.policy);
+    to.text(value.writer);
+  }
+  to.number(parts.history.size());
+  for (const auto& [key, versions] : parts.history) {
+    to.text(key);
+    to.number(versions.size());
+    for (const node::Version version : versions) to.version(version);
+  }
+  to.number(parts.txs.size());
+  for (const auto& [id, tx] : parts.txs) {
+    to.text(id);
+    to.number(tx.block);
+    to.number(static_cast<std::uint64_t>(tx.code));
+  }
+}
+
+node::State read_state(Reader& from) {
+  node::State::Parts parts;
+  for (std::uint64_t left = from.count(48); left > 0 && from.whole(); --left) {
+    std::string key = from.text();
+    node::State::Value value;
+    value.bytes = from.text();
+    value.version = from.version();
+    value.policy = from.text();
+    value.writer = from.text();
+    from.expect(parts.values.empty() || parts.values.rbegin()->first < key);
+    parts.values.emplace_hint(parts.values.end(), std::move(key), std::move(value));
+  }
+  for (std::uint64_t left = from.count(16); left > 0 && from.whole(); --left) {
+    std::string key = from.text();
+    std::vector<node::Version> versions;
+    for (std::uint64_t more = from.count(16); more > 0 && from.whole(); --more) versions.push_back(from.version());
+    from.expect(parts.history.empty() || parts.history.rbegin()->first < key);
+    parts.history.emplace_hint(parts.history.end(), std::move(key), std::move(versions));
+  }
+  for (std::uint64_t left = from.count(24); left > 0 && from.whole(); --left) {
+    std::string id = from.text();
+    const std::uint64_t block = from.number(), code = from.number();
+    from.expect(code < 256 && parts.txs.emplace(std::move(id), node::State::Tx{block, static_cast<int>(code)}).second);
+  }
+  return node::State(std::move(parts));
+}
+
+}  // namespace
+
+std::string to_bytes(const node::ChainEnd& end, std::string_view config_block, const node::State& contract,
+                     const node::State& lifecycle) {
+  Writer to;
+  to.number(end.height);
+  to.text(end.hash);
+  to.text(config_block);
+  write(to, contract);
+  write(to, lifecycle);
+  return std::move(to.out);
+}
+
+Result<Snapshot> snapshot_from(std::string_view bytes) {
+  if (!bytes.starts_with(kind)) return Error{"it is no endorser's state, or of another version"};
+  Reader from(bytes.substr(kind.size()));
+  Snapshot out;
+  out.end.height = from.number();
+  out.end.hash = from.text();
+  out.config_block = from.text();
+  out.contract = read_state(from);
+  out.lifecycle = read_state(from);
+  if (!from.whole() || !from.at_end() || out.end.height == 0) return Error{"an endorser's state is not whole"};
+  return out;
+}
+
+}  // namespace ledgerline::endorser
