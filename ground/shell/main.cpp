@@ -99,7 +99,7 @@ int fly(Config& config) {
       return fail(status.error(), exit_usage);
   }
   if (auto status = ground.start(stop_requested); !status) return fail(status.error());
-  const auto bridges = bridge::BesideBridges::create(config, bridged, *participant);
+  const auto bridges = bridge::BesideBridges::create(config, careful, bridged, *participant);
   if (!bridges) return fail(bridges.error());
   print_line(ground.page_url().empty() ? R"({"ready":true})"
                                        : fmt::format(R"({{"ready":true,"page":"{}"}})", ground.page_url()));

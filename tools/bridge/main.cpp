@@ -4,6 +4,7 @@
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -35,6 +36,9 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
   if (!checked) return fail(checked.error(), exit_usage);
+  const auto certificates = fabric::watch_certificates(config, *ledger);
+  if (!certificates) return fail(certificates.error(), exit_usage);
+  (*certificates)->start(fabric::CertificateWatch::log);
   return carry(carried, dds, *ledger, **believed);
 }
 

@@ -112,12 +112,14 @@ Status Bridges::write_status(const std::function<void(const std::string& status)
   return done;
 }
 
-Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, BridgeConfig bridge,
-                                                             dds::ParticipantPtr participant) {
+Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, const fabric::ClientConfig& program,
+                                                             BridgeConfig bridge, dds::ParticipantPtr participant) {
   if (!bridge.carries_something()) return std::unique_ptr<BesideBridges>{};
   // The bridge's own, with a deadline for big messages.
   auto ledger = fabric::ledger_config(config);
   if (!ledger) return ledger.error();
+  ledger->identity = program.identity;
+  ledger->tls_renewals = program.tls_renewals;
   auto believed = fabric::msp_registry(config);
   if (!believed) return believed.error();
   return std::unique_ptr<BesideBridges>(new BesideBridges(std::move(bridge), std::move(ledger).value(),

@@ -37,9 +37,10 @@ class Bridges {
 /// (BackOff), for as long as the program lives. Ends with the object.
 class BesideBridges {
  public:
-  /// Null where the config names no [[topic]]. `config` is that of the program, checked already.
-  static Result<std::unique_ptr<BesideBridges>> create(Config& config, BridgeConfig bridge,
-                                                       dds::ParticipantPtr participant);
+  /// Null where the config names no [[topic]]. `config` is that of the program, checked already; `program`: its clients',
+  /// with whom the bridge's are renewed.
+  static Result<std::unique_ptr<BesideBridges>> create(Config& config, const fabric::ClientConfig& program,
+                                                       BridgeConfig bridge, dds::ParticipantPtr participant);
   ~BesideBridges();
 
  private:

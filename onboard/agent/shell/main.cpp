@@ -57,6 +57,7 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   config.tls_pair = other->tls_pair.certificate_file.empty() ? own.tls_pair : other->tls_pair;
   config.where = own.where;
   config.identity = own.identity;
+  config.tls_renewals = own.tls_renewals;
   config.deadline = own.deadline;
   return fabric::Client::create(std::move(config));
 }
@@ -138,7 +139,7 @@ int run(Config& config) {
   agent::Agent all(std::move(settings), std::move(shells), stop_requested);
   all.watch_certificates(std::move(*certificates));
   if (auto status = all.start(); !status) return fail(status.error());
-  const auto bridges = bridge::BesideBridges::create(config, bridged, participant);
+  const auto bridges = bridge::BesideBridges::create(config, known, bridged, participant);
   if (!bridges) return fail(bridges.error());
   print_line(R"({"ready":true,"program":"ledgerline-agent"})");
   return exit_code(all.run());

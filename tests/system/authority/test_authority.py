@@ -2,6 +2,7 @@
 import json
 import os
 import pathlib
+import re
 import shutil
 import ssl
 import stat
@@ -9,7 +10,7 @@ import subprocess
 import time
 
 import pytest
-from fabric import FABRIC, needs_fabric
+from fabric import FABRIC, Peer, needs_fabric
 from programs import BIN, ask, organisation, user_msp
 
 
@@ -17,6 +18,32 @@ def needs_ca() -> None:
     needs_fabric()
     if not (FABRIC / "ca.go.sum").exists():
         pytest.skip("fabric-ca is missing: scripts/fabric-tools --ca builds it (Go 1.24 or newer)")
+
+
+def identity(*words) -> str:
+    ran = subprocess.run([BIN / "ledgerline-identity", *words], capture_output=True, text=True, timeout=120)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    return ran.stdout
+
+
+def of_authority(home: pathlib.Path) -> list:
+    host, port = re.search(r"address: (\S+)\nport: (\d+)", (home / "fabric-ca-server-config.yaml").read_text()).groups()
+    return ["--ca", f"https://{host}:{port}", "--ca-tls", home / "ca-cert.pem", "--program", FABRIC / "fabric-ca-client"]
+
+
+def registered(home: pathlib.Path, name: str, folder: pathlib.Path) -> pathlib.Path:
+    """At the authority by its registrar, as whoever keeps it does; the file with the secret."""
+    options = dict(zip(*[iter(map(str, of_authority(home)))] * 2))
+    done = subprocess.run([FABRIC / "fabric-ca-client", "register", "--id.name", name, "--id.type", "client",
+                           "--id.maxenrollments", "1", "--id.secret", "a/b:c"], capture_output=True, text=True,
+                          timeout=60, env={**os.environ, "FABRIC_CA_CLIENT_HOME": str(home / "registrar"),
+                                           "FABRIC_CA_CLIENT_URL": options["--ca"],
+                                           "FABRIC_CA_CLIENT_TLS_CERTFILES": options["--ca-tls"]})
+    assert done.returncode == 0, done.stderr
+    secret = folder / "secret"
+    secret.write_text("a/b:c\n")
+    secret.chmod(0o600)
+    return secret
 
 
 class Network:
@@ -29,7 +56,7 @@ class Network:
             stdout=subprocess.PIPE, stderr=open(self.directory.with_suffix(".log"), "ab"), text=True)
         ready = self.process.stdout.readline()
         assert ready, self.log()
-        self.endpoint = json.loads(ready)["endpoint"]
+        self.endpoint, self.orderer = json.loads(ready)["endpoint"], json.loads(ready)["orderers"][0]
 
     def stop(self) -> int:
         self.process.terminate()
@@ -146,6 +173,41 @@ def test_a_revoked_user_is_refused_and_what_it_wrote_stays(network):
     assert "User1@org1.ledgerline" in history
     again = network.revoke(1, "User1")
     assert again.returncode == 0, again.stderr
+
+
+def test_an_identity_is_enrolled_renewed_and_revoked_by_the_page(network, tmp_path):
+    home = network.directory / "ca" / "org1.ledgerline"
+    msp = tmp_path / "etc" / "msp"
+    secret = registered(home, "raven", tmp_path)
+    identity("enroll", "raven", *of_authority(home), "--secret-file", secret, "--subject", "O=org1.ledgerline", "--msp-dir", msp)
+    assert {stat.S_IMODE(key.stat().st_mode) for key in (msp / "keystore").iterdir()} == {0o600}
+    assert [file.name for file in msp.parent.iterdir()] == ["msp"], "nothing of the question stays"
+    shown = json.loads(identity("status", "--msp-dir", msp, "--json"))["certificates"]
+    assert shown[0]["subject"] == "CN=raven,OU=client,O=org1.ledgerline" and shown[0]["days"] > 3000, shown
+
+    def writes(key: str) -> subprocess.CompletedProcess:
+        return ask(network.endpoint, network.directory, 1, msp, *note(f"Org1MSP/{key}"))
+
+    assert writes("enrolled").returncode == 0, writes("enrolled").stderr
+    before = {file: file.read_bytes() for file in msp.rglob("*") if file.is_file()}
+    identity("renew", *of_authority(home), "--msp-dir", msp)
+    assert {file: file.read_bytes() for file in msp.rglob("*") if file.is_file()} != before
+    assert len(list((msp / "keystore").iterdir())) == 1 and writes("renewed").returncode == 0
+
+    admin = Peer(network.directory, network.endpoint, 1, network.orderer, user="Admin")
+    block, update = tmp_path / "newest.block", tmp_path / "org1.update"
+    fetched = admin.run("channel", "fetch", "config", block, "-c", "teleop", *admin.ordering)
+    assert fetched.returncode == 0, fetched.stderr
+    identity("revoke", "raven", *of_authority(home), "--msp-dir", home / "registrar" / "msp", "--list", tmp_path / "org1.crl",
+             "--config-block", block, "--msp-id", "Org1MSP", "--update", update)
+    updated = admin.run("channel", "update", "-f", update, "-c", "teleop", *admin.ordering)
+    assert updated.returncode == 0, updated.stderr
+    deadline = time.monotonic() + 60  # the peer has the block a moment later
+    while writes("revoked").returncode == 0 and time.monotonic() < deadline:
+        time.sleep(0.1)
+    refused = writes("revoked")
+    assert refused.returncode == 1 and "access denied" in refused.stderr, refused.stdout + refused.stderr
+    assert network.ask(1, "Admin", "evaluate", "get").returncode == 0
 
 
 def test_who_cannot_be_revoked_is_said(network):

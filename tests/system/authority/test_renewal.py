@@ -2,14 +2,13 @@
 import contextlib
 import mmap
 import pathlib
-import re
 import subprocess
 import time
 import tomllib
 
 from fabric import BIN, FABRIC, fabric
 from flights import fly, no_flight_outlives_its_test, printed, wait_for_flight  # noqa: F401: a fixture
-from test_authority import needs_ca
+from test_authority import identity, needs_ca, of_authority
 from trace_file import TraceKind, records
 
 PATIENCE_S = 120
@@ -31,13 +30,8 @@ class Host:
         return next((self.msp / "signcerts").iterdir()).read_bytes()
 
     def renew(self) -> None:
-        server = (self.authority / "fabric-ca-server-config.yaml").read_text()
-        host, port = re.search(r"address: (\S+)\nport: (\d+)", server).groups()
         before = self.certificate(), self.keys()
-        renewed = subprocess.run([BIN / "ledgerline-identity", "renew", "--ca", f"https://{host}:{port}", "--ca-tls",
-                                  self.authority / "ca-cert.pem", "--msp-dir", self.msp, "--program",
-                                  FABRIC / "fabric-ca-client"], capture_output=True, text=True, timeout=PATIENCE_S)
-        assert renewed.returncode == 0, renewed.stderr
+        identity("renew", *of_authority(self.authority), "--msp-dir", self.msp)
         assert self.certificate() != before[0] and self.keys() != before[1] and len(self.keys()) == 1
 
     def keys(self) -> list[bytes]:
