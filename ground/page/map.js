@@ -75,7 +75,9 @@ export class PlanView {
     this.drones.forEach((drone, number) => this.#way(drone, number, now));
     for (const preview of this.previews) this.#preview(preview);
     this.#draftPath();
-    this.drones.forEach((drone, number) => drone.position && this.#drone(drone, number, ageOf(drone)));
+    const seen = [...this.drones.entries()].filter(([, drone]) => drone.position);
+    seen.sort(([, a], [, b]) => (a.name === this.selected) - (b.name === this.selected)); // that one above the others
+    for (const [number, drone] of seen) this.#drone(drone, number, ageOf(drone));
   }
 
   #points() {

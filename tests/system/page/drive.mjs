@@ -88,8 +88,19 @@ async function flyPath(page, drone) {
   await drone.phase('By hand', PATH_MS);
 }
 
+/// From so far that the fence is seen.
+async function lookFromAfar(page, view) {
+  for (let i = 0; i < 12; ++i) await page.locator('#zoom-out').click();
+  await page.waitForTimeout(400);
+  await page.screenshot({ path: join(outdir, `fence-${view}-light.png`) });
+  await page.locator('#zoom-fit').click();
+}
+
 async function look(page) {
+  await page.emulateMedia({ colorScheme: 'light' });
+  await lookFromAfar(page, 'plan');
   await page.keyboard.press('v');
+  await lookFromAfar(page, 'space');
   await turnSpace(page, () => velocities.length, check);
   await pictureDelays(page, saw, check);
   await readBlocks(page, saw, check);

@@ -1,11 +1,13 @@
 """Faults that people switch at the station: a drone falls silent, its failsafe is named, and it flies on."""
 import json
+import os
 import signal
 import stat
 import time
 
-from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed
+from flights import assert_nothing_left, fly, no_flight_outlives_its_test, pid_of, printed
 from station import Station, take_off, velocity
+from test_missions import comes_back
 
 
 def faults(station: Station) -> dict[str, bool]:
@@ -48,11 +50,22 @@ def test_a_silent_drone_is_braked_by_name_and_flies_on(tmp_path):
     said = [(event["level"], event["text"]) for event in events if event["drone"] == "tello1" and "switched" in event["text"]]
     assert said == [("warning", "Drone silent: switched on"), ("info", "Drone silent: switched off")], events
 
-    # All go off with the flight: whoever is deaf could not be told to land.
+    # All go off with ground, which comes back: nobody could switch them meanwhile.
+    switch(station, "ledger-delayed", True)
+    pid = pid_of("ledgerline-ground")
+    os.kill(pid, signal.SIGKILL)
+    comes_back(station, pid)
+    deadline = time.monotonic() + 30
+    while station.ask("GET", "faults")[0] != 200 or any(faults(station).values()):
+        assert time.monotonic() < deadline, faults(station)
+        time.sleep(0.1)
+
+    # And with the flight: whoever is deaf could not be told to land.
     switch(station, "commands-lost-tello1", True)
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
     assert_nothing_left()
     switched = [each["command"] for each in json.loads((tmp_path / "run" / "hil-proxy.summary.json").read_text())["switched"]]
-    assert switched == ["drone tello1 from partition", "drone tello1 from partition off", "drone tello1 to partition",
+    assert switched == ["drone tello1 from partition", "drone tello1 from partition off",
+                        "server agent both delay 100ms", "server agent both delay off", "drone tello1 to partition",
                         "drone tello1 to partition off"], switched
