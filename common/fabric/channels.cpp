@@ -72,7 +72,8 @@ std::vector<Channels::For> read_servers(Config& config, const std::string& table
 void read_drones(Config& config, Channels& channels) {
   const std::vector<std::string> names = channels.names();
   std::vector<bool> used(names.size());
-  for (std::size_t i = 0; i < config.table_count("drone"); ++i) {
+  const std::size_t count = config.describes() ? 1 : config.table_count("drone");  // the program describes its table
+  for (std::size_t i = 0; i < count; ++i) {
     const std::string key = fmt::format("drone.{}.channel", i);
     const std::string name =
         config.text({key, "that its records are on: a [[channel]], or that of [ledger]", "that of [ledger]"}, names[0]);

@@ -327,24 +327,24 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"why", status.why}});
   }
   const FlightTransactions& t = core.transactions();
-  return json{{"channel", core.config().where.channel},
-              {"drones", drones},
-              {"transactions",
-               {{"submitted", t.submitted},
-                {"committed", t.committed},
-                {"invalidated", t.invalidated},
-                {"refused", t.refused},
-                {"unavailable", t.unavailable},
-                {"overloaded", t.overloaded}}},
-              {"states_malformed", t.malformed},
-              {"states_unbelieved", t.unbelieved},
-              {"transactions_altered", t.altered},
-              {"transactions_unbelievable", t.unbelievable},
-              {"news_unpublished", shell.news_unpublished},
-              {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
-              {"delay_ms", to_ms(core.delay_ns())},
-              {"why", core.why()}}
-      .dump(2);
+  json all{{"drones", drones},
+           {"transactions",
+            {{"submitted", t.submitted},
+             {"committed", t.committed},
+             {"invalidated", t.invalidated},
+             {"refused", t.refused},
+             {"unavailable", t.unavailable},
+             {"overloaded", t.overloaded}}},
+           {"states_malformed", t.malformed},
+           {"states_unbelieved", t.unbelieved},
+           {"transactions_altered", t.altered},
+           {"transactions_unbelievable", t.unbelievable},
+           {"news_unpublished", shell.news_unpublished},
+           {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
+           {"delay_ms", to_ms(core.delay_ns())},
+           {"why", core.why()}};
+  if (core.config().ledger) all["channel"] = core.config().where.channel;
+  return all.dump(2);
 }
 
 std::string summary_of_all(const std::vector<std::string>& channels) {

@@ -5,6 +5,7 @@
 #include <deque>
 #include <functional>
 #include <iterator>
+#include <optional>
 #include <utility>
 
 #include "common/base/log.hpp"
@@ -12,6 +13,13 @@
 #include "ground/shell/ground.hpp"
 
 namespace ledgerline::ground {
+namespace {
+
+// Once one channel is reached its drones must not wait long for the others'. A network that has just started needs a
+// second or two; one that is away is away for longer.
+constexpr TimeNs others_wait_ns = 2 * ns_per_s;
+
+}  // namespace
 
 std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel::Parts> parts) {
   std::vector<std::unique_ptr<Channel>> channels;
@@ -32,8 +40,12 @@ Status Ground::start(const std::atomic<bool>& quit) {
   start_certificates();
   for (const auto& channel : channels_) channel->open_stream();
   if (auto status = wait_for_block_streams(quit); !status) return status;
-  for (const auto& channel : channels_) {
-    if (auto status = channel->read_controls(); !status) return status;
+  for (std::size_t i = 0; i < channels_.size(); ++i) {
+    if (!streams_[i].connected) {  // behind its first block they are read anyway
+      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channels_[i]->label(), streams_[i].why);
+    } else if (auto status = channels_[i]->read_controls(); !status) {
+      return status;
+    }
   }
   if (missions_) {
     if (auto status = missions_->restore(); !status) return status;
@@ -72,6 +84,7 @@ Status Ground::hear_pilots() {
 
 Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
   std::deque<Letter> later;  // of channels that are read already
+  std::optional<TimeNs> first_ns;
   const auto are_open = [&]() -> Status {
     for (std::size_t i = 0; i < channels_.size();) {
       if (streams_[i].connected) {
@@ -79,11 +92,13 @@ Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
         continue;
       }
       auto letter = next_letter(0);
+      if (!letter && first_ns && monotonic_ns() - *first_ns > others_wait_ns) return done;
       if (!letter) return Error{channels_[i]->label() + (streams_[i].why.empty() ? "no answer yet" : streams_[i].why)};
       const auto* of = std::get_if<OfChannel>(&*letter);
       const auto* state = of ? std::get_if<Channel::StreamState>(&of->news) : nullptr;
       if (state) {
         streams_[of->channel] = *state;
+        if (state->connected && !first_ns) first_ns = monotonic_ns();
       } else {
         later.push_back(std::move(*letter));
       }

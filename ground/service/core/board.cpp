@@ -44,6 +44,7 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const TimeNs since_ns = now - seen.received_ns;
   json drone{
       {"name", core.drones()[i].name},
+      {"channel", core.channel_of(i)},
       {"phase", name_of(status.phase)},
       {"why", status.why},
       {"has_state", seen.has_state},

@@ -24,11 +24,12 @@ constexpr std::chrono::milliseconds roudi_watch_period{1000};
 }  // namespace
 
 Agent::Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit)
-    : settings_(std::move(settings)), quit_(quit), channels_(std::move(channels)) {
+    : settings_(std::move(settings)), quit_(quit) {
+  for (auto& channel : channels) channels_.push_back({.shell = std::move(channel)});
   for (DroneNumber drone = 1; drone <= max_drones; ++drone) {
     const auto owner =
-        std::find_if(channels_.begin(), channels_.end(), [&](const auto& channel) { return channel->flies(drone); });
-    if (owner != channels_.end()) of_drone_[drone] = owner->get();
+        std::find_if(channels_.begin(), channels_.end(), [&](const Slot& slot) { return slot.shell->flies(drone); });
+    if (owner != channels_.end()) of_drone_[drone] = &*owner;
   }
 }
 
@@ -46,10 +47,40 @@ Status Agent::start() {
   if (!end) return end.error();
   end_ = std::move(end).value();
   roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
-  for (const auto& channel : channels_) {
-    if (auto status = channel->start(*end_, recorder_, channels_.size() > 1); !status) return status;
+  for (const Slot& slot : channels_) {
+    if (auto status = slot.shell->start(*end_, recorder_, channels_.size() > 1); !status) return status;
   }
+  return channels_.size() == 1 ? channels_.front().shell->reach() : reach_channels();
+}
+
+// Behind a restart in flight the drones of a channel that is there must not wait for one that is not.
+Status Agent::reach_channels() {
+  for (Slot& slot : channels_) slot.reaching = std::async(std::launch::async, [&slot] { return slot.shell->reach(); });
+  std::optional<Error> first;
+  std::size_t waiting = channels_.size(), reached = 0;
+  while (waiting > 0) {
+    for (Slot& slot : channels_) {
+      if (!slot.reaching.valid() || slot.reaching.wait_for(std::chrono::seconds(0)) != std::future_status::ready)
+        continue;
+      const Status status = slot.reaching.get();
+      --waiting;
+      reached += status ? 1 : 0;
+      if (status) continue;
+      if (!first) first = status.error();
+      spdlog::error("channel {}: {}. Its drones are not flown until it is reached", slot.shell->channel(),
+                    status.error().what);
+    }
+    wait();
+    if (auto status = turn(); !status) return status;
+  }
+  if (quit_ || reached == 0) return first.value_or(Error{"asked to end"});
   return done;
+}
+
+void Agent::give_up(Slot& slot, const Error& why) {
+  spdlog::error("channel {}: {}. Its drones are not flown any more; agent ends, to be started again, when none flies",
+                slot.shell->channel(), why.what);
+  slot.problem = why;
 }
 
 // The bell is cleared before the states are taken: one that comes behind the take rings for the next turn.
@@ -59,9 +90,10 @@ void Agent::wait() {
   std::array<pollfd, max_drones + 1> fds{};  // each channel has a drone of its own
   std::size_t count = 0;
   fds[count++] = {.fd = end_->wake_fd(), .events = POLLIN, .revents = 0};
-  for (const auto& channel : channels_) {
-    until_ns = std::min(until_ns, channel->due_ns());
-    fds[count++] = {.fd = channel->wake_fd(), .events = POLLIN, .revents = 0};
+  for (const Slot& slot : channels_) {
+    if (!slot.up()) continue;
+    until_ns = std::min(until_ns, slot.shell->due_ns());
+    fds[count++] = {.fd = slot.shell->wake_fd(), .events = POLLIN, .revents = 0};
   }
   const TimeNs timeout_ns = std::max<TimeNs>(until_ns - now, 0);
   const timespec timeout{.tv_sec = timeout_ns / ns_per_s, .tv_nsec = timeout_ns % ns_per_s};
@@ -70,34 +102,47 @@ void Agent::wait() {
 }
 
 void Agent::take_link() {
+  const auto of = [this](DroneNumber drone) -> AgentShell* {
+    const Slot* slot = drone <= max_drones ? of_drone_[drone] : nullptr;
+    return slot && slot->up() ? slot->shell.get() : nullptr;
+  };
   StateSample sample;
   while (end_->take_state(sample)) {
     if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
-    if (sample.drone <= max_drones && of_drone_[sample.drone] != nullptr) of_drone_[sample.drone]->take_state(sample);
+    if (AgentShell* shell = of(sample.drone)) shell->take_state(sample);
   }
+  // Link keeps one that nobody takes, and sends it again.
   Transition transition;
   while (end_->take_transition(transition)) {
-    if (transition.drone <= max_drones && of_drone_[transition.drone] != nullptr)
-      of_drone_[transition.drone]->take_transition(transition);
+    if (AgentShell* shell = of(transition.drone)) shell->take_transition(transition);
   }
 }
 
 Status Agent::turn() {
-  for (const auto& channel : channels_) {
-    if (auto status = channel->take_inputs(link_woke_); !status) return status;
+  for (Slot& slot : channels_) {
+    if (!slot.up()) continue;
+    const Status status = slot.shell->take_inputs(link_woke_);
+    if (status) continue;
+    if (channels_.size() == 1) return status;
+    give_up(slot, status.error());
   }
   take_link();
-  for (const auto& channel : channels_) channel->finish_turn();
+  for (const Slot& slot : channels_) {
+    if (slot.up()) slot.shell->finish_turn();
+  }
   return done;
 }
 
 // What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
-bool Agent::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
+bool Agent::cut_off(TimeNs now) const {
+  const bool gone = std::any_of(channels_.begin(), channels_.end(), [](const Slot& slot) { return slot.problem; });
+  return (roudi_gone_ || gone) && now - flight_heard_ns_ > flight_silent_ns;
+}
 
 void Agent::chores(TimeNs now) {
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
-    for (const auto& channel : channels_) channel->write_status(now, days);
+    for (const Slot& slot : channels_) slot.shell->write_status(now, days);
   }
   if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
 }
@@ -111,25 +156,30 @@ Status Agent::run() {
     chores(monotonic_ns());
   }
   drain();
-  return write_summary();
+  if (auto status = write_summary(); !status) return status;
+  for (const Slot& slot : channels_) {
+    if (slot.problem) return Error{"channel " + slot.shell->channel() + ": " + slot.problem->what};
+  }
+  return done;
 }
 
 void Agent::drain() {
-  for (const auto& channel : channels_) channel->stop_submitting();
+  for (const Slot& slot : channels_) slot.shell->stop_submitting();
   const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
-  const auto busy = [](const auto& channel) { return channel->anything_under_way(); };
+  const auto busy = [](const Slot& slot) { return slot.up() && slot.shell->anything_under_way(); };
   while (std::any_of(channels_.begin(), channels_.end(), busy) && monotonic_ns() < until_ns) {
     wait();
-    for (const auto& channel : channels_) {
-      if (!channel->take_inputs(link_woke_)) return;  // too many blocks: the summary is still worth writing
-      channel->finish_turn();
+    for (const Slot& slot : channels_) {
+      if (!slot.up()) continue;
+      if (!slot.shell->take_inputs(link_woke_)) return;  // too many blocks: the summary is still worth writing
+      slot.shell->finish_turn();
     }
   }
 }
 
 Status Agent::write_summary() {
   std::vector<std::string> told;
-  for (const auto& channel : channels_) told.push_back(channel->end());
+  for (const Slot& slot : channels_) told.push_back(slot.shell->end());
   return recorder_.end(settings_.summary, [&] { return told.size() == 1 ? told.front() : summary_of_all(told); });
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <atomic>
+#include <future>
 #include <memory>
 #include <optional>
 #include <string>
@@ -23,17 +24,29 @@ class Agent {
   /// drones differ in number.
   Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit);
 
-  /// RouDi, then each channel in turn, with a bounded wait and a message that names the cure.
+  /// RouDi, then all channels side by side, with a bounded wait and a message that names the cure. The drones of a channel
+  /// that is up are flown from then on. Of several channels one must be reached: the others are gone on without, are told,
+  /// and join when they are.
   Status start();
-  /// Until `quit`, or until RouDi is gone and link, too, or on the ground; then waits a moment for what is under way,
-  /// and writes the summary.
+  /// Until `quit`; or until RouDi or one of several channels is gone, and link, too, or on the ground. Then waits a moment
+  /// for what is under way, and writes the summary.
   Status run();
   /// Has renewed certificates taken while it runs. Before start().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
 
  private:
+  struct Slot {
+    std::unique_ptr<AgentShell> shell;
+    std::future<Status> reaching{};  ///< valid: another thread has the shell
+    std::optional<Error> problem{};  ///< it is gone
+    bool up() const { return shell && !reaching.valid() && !problem; }
+  };
+
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
+  Status reach_channels();
+  /// Of several channels one is gone: the others' drones are flown on, and the agent ends when nothing flies.
+  void give_up(Slot& slot, const Error& why);
   void wait();
   Status turn();
   void take_link();
@@ -51,10 +64,10 @@ class Agent {
   TimeNs next_status_ns_ = 0;
   bool link_woke_ = false;  ///< in this turn
   std::atomic<bool> roudi_gone_{false};
-  std::array<AgentShell*, max_drones + 1> of_drone_{};  ///< null: nobody's
+  std::array<Slot*, max_drones + 1> of_drone_{};  ///< null: nobody's
 
   // Last: their threads end first.
-  std::vector<std::unique_ptr<AgentShell>> channels_;
+  std::vector<Slot> channels_;
   std::jthread roudi_watch_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;
 };

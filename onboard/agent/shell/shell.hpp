@@ -36,7 +36,7 @@ void hurry(int priority, const char* thread);
 
 /// The I/O around the AgentCore of one channel. Agent's main loop owns all of them and the iceoryx end; the ledger
 /// client's threads hand over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one
-/// wait-free ring per drone, and wakes it, too. All methods but the constructor's and start() are the loop's.
+/// wait-free ring per drone, and wakes it, too. All methods but the constructor's and reach() are the loop's.
 class AgentShell {
  public:
   /// `quit` is watched everywhere and must outlive the shell.
@@ -49,9 +49,12 @@ class AgentShell {
              const std::atomic<bool>& quit);
   ~AgentShell();
 
-  /// Mocap, the block stream, the control records: each with a bounded wait and a message that names the cure. `end` and
-  /// `recorder` must outlive this; `several`: there are further channels, so what is said names this one.
+  /// Mocap, and the block stream's beginning; does not wait. `end` and `recorder` must outlive this; `several`: there are
+  /// further channels, so what is said names this one.
   Status start(ipc::AgentEnd& end, Recorder& recorder, bool several);
+  /// Waits for the block stream and the control records, each for a bounded time, with a message that names the cure.
+  /// Behind one that fails what it waited for is taken when it comes. Any one thread; nothing else is called meanwhile.
+  Status reach();
 
   const std::string& channel() const { return settings_.core.check.where.channel; }
   bool flies(DroneNumber drone) const;
@@ -92,7 +95,7 @@ class AgentShell {
   Result<FirstRecords> read_records();
   void ask_witness(const std::stop_token& stop);
   void take_second_reading(const SecondReading& reading);
-  Status confirm(const FirstRecords& records) const;
+  Status confirm(const FirstRecords& records);
   void set_records(const FirstRecords& records);
 
   Status take_letters();
@@ -133,9 +136,10 @@ class AgentShell {
   std::optional<fabric::Checkpoint> checkpoint_;  ///< as the last agent left it
   std::optional<FirstRecords> kept_records_;      ///< of it, where it has one of each drone
   std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
-  bool gap_ = false;                              ///< between it and the start: blocks were not read
-  std::optional<Confirmed> confirmed_;            ///< the newest block that the own peer has told
-  std::optional<std::uint64_t> kept_;             ///< its number in the newest checkpoint
+  /// Blocks between it and the start were not read, and nobody has told the same records as the own peer yet.
+  std::atomic<bool> unconfirmed_{false};
+  std::optional<Confirmed> confirmed_;  ///< the newest block that the own peer has told
+  std::optional<std::uint64_t> kept_;   ///< its number in the newest checkpoint
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   SecondOpinion second_opinion_;
   std::string witness_problem_;         ///< as told last

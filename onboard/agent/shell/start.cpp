@@ -40,6 +40,10 @@ Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
     witness_reader_ = std::jthread([this](const std::stop_token& stop) { ask_witness(stop); });
   open_checkpoint();
   open_block_stream();
+  return done;
+}
+
+Status AgentShell::reach() {
   if (auto status = wait_for_block_stream(); !status) return status;
   if (control_start_.known()) return done;  // by the checkpoint and the blocks since
   return keep_waiting("the control records can be read", [this]() -> Status {
@@ -52,8 +56,8 @@ Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
 }
 
 // Behind a gap nothing connects what was believed with what the peer tells now: another organisation's must tell the same.
-Status AgentShell::confirm(const FirstRecords& records) const {
-  if (!gap_ || !witness_) return done;
+Status AgentShell::confirm(const FirstRecords& records) {
+  if (!unconfirmed_) return done;
   const auto theirs = read_records([this](const fabric::Call& call) { return witness_->evaluate_at_peer(call); });
   if (!theirs)
     return Error{
@@ -66,7 +70,8 @@ Status AgentShell::confirm(const FirstRecords& records) const {
         "after a long absence two organisations' peers must tell the same control records, and "
         "do not: {}{}",
         differences[0].text(), differences.size() > 1 ? fmt::format(", and {} more", differences.size() - 1) : "")};
-  spdlog::info("{}another organisation's peer tells the same control records", label_);
+  if (unconfirmed_.exchange(false))
+    spdlog::info("{}another organisation's peer tells the same control records", label_);
   return done;
 }
 
@@ -166,7 +171,7 @@ void AgentShell::take_continued(const fabric::Continuation& how) {
         label_, how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
         settings_.blocks_are_judged ? "by its orderers' signatures"
                                     : "by the peer's word, for config_block is not set");
-    gap_ = true;
+    unconfirmed_ = witness_ != nullptr;
     if (!witness_)
       spdlog::warn(
           "{}no [[endorser]] of another organisation is named: those records are this organisation's peer's word alone",
@@ -221,6 +226,7 @@ void AgentShell::read_records_again(const std::stop_token& stop) {
   const Status status = belief::keep_reading(stop, [&]() -> Status {
     auto read = read_records();
     if (!read) return read.error();
+    if (auto confirmed = confirm(*read); !confirmed) return confirmed;
     records = std::move(*read);
     return done;
   });

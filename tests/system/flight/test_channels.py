@@ -170,6 +170,32 @@ def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
     assert "hold" in modes("tello2")
 
 
+@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+def test_a_start_without_one_channel_flies_the_drones_of_the_other_which_join_later(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    people = People(tmp_path, ledgers)
+    for channel, drone in (("teleop", "tello1"), ("yard", "tello2")):
+        people.enroll_operator(channel, 1)
+        people.done(channel, 1, "User2", "acquire", drone)
+    ledgers.yard.stop()
+    host = host_on_both(tmp_path, ledgers)
+    flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, "laps = 1\nside_m = 1\n")
+    grounds = [flight]
+    try:
+        assert flight.wait(PATIENCE_S) == 1, "tello2 is not flown"
+        first = {one["channel"]: one["drones"][0] for one in json.loads((tmp_path / "ground1.json").read_text())["channels"]}
+        assert first["teleop"]["finished"] and not first["yard"]["finished"], first
+        assert "channel yard: " in (host.directory / "agent.log").read_text()
+        ledgers.yard.start()
+        grounds.append(ground(tmp_path, "ground2", ledgers.yard_tables(1, "User2"), '[[drone]]\nname = "tello2"\nnumber = 2\n'))
+        assert grounds[-1].wait(PATIENCE_S) == 0, (tmp_path / "ground2.log").read_text()[-3000:] + host.log()
+    finally:
+        for one in grounds:
+            one.kill()
+        host.stop()
+        ledgers.stop()
+
+
 class OfGround(Station):
     """The station of a ground that no launcher started."""
 
