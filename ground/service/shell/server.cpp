@@ -10,8 +10,8 @@
 #include <thread>
 
 #include "common/base/log.hpp"
-#include "common/rt/clock.hpp"
 #include "common/crypto/identities/validity.hpp"
+#include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/hub.hpp"
 #include "ground/service/shell/sessions.hpp"
@@ -21,7 +21,6 @@ namespace {
 
 namespace asio = boost::asio;
 using asio::ip::tcp;
-
 
 class BeastServer final : public Server {
  public:
