@@ -91,4 +91,5 @@ def test_a_renewed_certificate_is_not_noticed_by_the_drone_and_a_revoked_one_lan
     wait_until("the drone lands", lambda: LAND in modes(run, revoked_ns), flight, tmp_path)
     assert HOLD in modes(run, revoked_ns), modes(run, revoked_ns)
     wait_until("ground says why", lambda: ground.says("access denied") or ground.says("FORBIDDEN"), flight, tmp_path)
+    wait_until("link says why", lambda: "land (held_too_long)" in (run / "link.log").read_text(), flight, tmp_path)
     assert applied(run, time.monotonic_ns() - 2 * 10**9) == 0, "commands of who is revoked are flown"
