@@ -37,6 +37,7 @@ class Renewal {
   /// What is to be told of the end now: once a day from a month before, as an alarm from three days before.
   std::optional<Word> look(std::int64_t now_s);
 
+  std::int64_t not_after_s() const { return not_after_s_; }
   std::int64_t days_left(std::int64_t now_s) const { return crypto::days_left(not_after_s_, now_s); }
   const std::string& whose() const { return whose_; }
 

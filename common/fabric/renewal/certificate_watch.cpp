@@ -63,6 +63,7 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
                              .in_use_pem = std::move(pair->certificate_pem),
                              .renewal = {whose, "", pair->certificate.not_after_s}});
   }
+  watch->keep_first_end();
   ledger.tls_renewals = watch->renewals_;
   return watch;
 }
@@ -101,12 +102,12 @@ void CertificateWatch::start(Tell tell, std::chrono::milliseconds period) {
   });
 }
 
-std::int64_t CertificateWatch::days_left() const {
-  const std::int64_t now_s = unix_now_s();
-  const std::lock_guard lock(mutex_);
-  std::int64_t left = identity_renewal_.days_left(now_s);
-  for (const Pair& pair : pairs_) left = std::min(left, pair.renewal.days_left(now_s));
-  return left;
+std::int64_t CertificateWatch::days_left() const { return crypto::days_left(first_end_s_, unix_now_s()); }
+
+void CertificateWatch::keep_first_end() {
+  std::int64_t first_s = identity_renewal_.not_after_s();
+  for (const Pair& pair : pairs_) first_s = std::min(first_s, pair.renewal.not_after_s());
+  first_end_s_ = first_s;
 }
 
 void CertificateWatch::look() {
@@ -129,18 +130,16 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
 
 /// True: what was found is to be used from now on.
 bool CertificateWatch::judge(Renewal& renewal, const Result<Renewal::Pair>& found, bool same, std::int64_t now_s) {
-  std::unique_lock lock(mutex_);
   const Status judged = renewal.judge(found, now_s);
-  const std::int64_t left = renewal.days_left(now_s);
-  lock.unlock();
   if (!judged) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
                                      judged.error().what));
     return false;
   }
   if (same) return false;
-  tell_(Weight::info,
-        fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(), left));
+  keep_first_end();
+  tell_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(),
+                                  renewal.days_left(now_s)));
   return true;
 }
 

@@ -48,7 +48,7 @@ class CertificateWatch {
   static void log(Weight weight, const std::string& words);
   /// Begins to look. `tell` must outlive the watch.
   void start(Tell tell, std::chrono::milliseconds period = usual_period);
-  /// Of the certificate that ends first: whole days, below 0 after its end. Any thread.
+  /// Of the certificate that ends first: whole days, below 0 after its end. Any thread; takes no lock.
   std::int64_t days_left() const;
 
  private:
@@ -62,6 +62,7 @@ class CertificateWatch {
   CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> believed);
   void look();
   void look_at_identity(std::int64_t now_s);
+  void keep_first_end();
   void look_at(Pair& pair, std::int64_t now_s);
   bool judge(crypto::Renewal& renewal, const Result<crypto::Renewal::Pair>& found, bool same, std::int64_t now_s);
   void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
@@ -75,8 +76,9 @@ class CertificateWatch {
   std::vector<Pair> pairs_;
   Tell tell_;
 
-  mutable std::mutex mutex_;  ///< guards the ends of the renewals, which other threads ask for, and the wait
   crypto::Renewal identity_renewal_;
+  std::atomic<std::int64_t> first_end_s_{0};  ///< of all
+  std::mutex mutex_;                          ///< of the wait alone
   std::condition_variable_any woken_;
   std::jthread thread_;
 };

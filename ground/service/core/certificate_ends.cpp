@@ -1,6 +1,7 @@
 #include "ground/service/core/certificate_ends.hpp"
 
 #include <algorithm>
+#include <utility>
 
 #include "common/msg/contract.hpp"
 
@@ -14,13 +15,18 @@ void CertificateEnds::note(const fabric::Block& block) {
     if (known) continue;
     const auto read = crypto::read_serialized(tx.creator);
     if (!read) continue;  // peers take none such
-    const std::int64_t not_after_s = read->certificate.not_after_s;
+    const std::int64_t begin_s = read->certificate.not_before_s, end_s = read->certificate.not_after_s;
     const auto found = writers_.find(read->name);
-    if (found == writers_.end() ? writers_.size() >= max_writers : not_after_s <= found->second.not_after_s) continue;
+    if (found == writers_.end() && writers_.size() >= max_writers) continue;
+    // What was signed before a renewal may come behind it. A newer certificate may end sooner.
+    if (found != writers_.end() &&
+        std::pair(begin_s, end_s) <= std::pair(found->second.not_before_s, found->second.not_after_s))
+      continue;
     writers_.insert_or_assign(
         read->name, Writer{tx.creator,
-                           not_after_s,
-                           {"agent " + read->name.msp_id + " " + read->name.subject, read->name.subject, not_after_s}});
+                           begin_s,
+                           end_s,
+                           {"agent " + read->name.msp_id + " " + read->name.subject, read->name.subject, end_s}});
   }
 }
 

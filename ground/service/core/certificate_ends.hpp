@@ -21,7 +21,7 @@ class CertificateEnds {
  private:
   struct Writer {
     std::string serialized;  ///< msp.SerializedIdentity
-    std::int64_t not_after_s = 0;
+    std::int64_t not_before_s = 0, not_after_s = 0;
     crypto::Renewal renewal;
   };
   std::map<crypto::IdentityName, Writer> writers_;

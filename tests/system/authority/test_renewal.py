@@ -1,13 +1,18 @@
-"""A certificate renewed and one revoked while a drone flies, on Fabric with identities of fabric-ca."""
+"""Certificates renewed and revoked while a drone flies, and what the station says of them."""
 import contextlib
 import mmap
 import pathlib
 import subprocess
 import time
 import tomllib
+import types
 
+from commands import Person
 from fabric import BIN, FABRIC, fabric
 from flights import fly, no_flight_outlives_its_test, printed, wait_for_flight  # noqa: F401: a fixture
+from ledgers import Authority
+from programs import organisation
+from station import Station
 from test_authority import identity, needs_ca, of_authority
 from trace_file import TraceKind, records
 
@@ -33,6 +38,17 @@ class Host:
         before = self.certificate(), self.keys()
         identity("renew", *of_authority(self.authority), "--msp-dir", self.msp)
         assert self.certificate() != before[0] and self.keys() != before[1] and len(self.keys()) == 1
+
+    def put(self, issued: dict) -> None:
+        """As `ledgerline identity` does, in a program's folder."""
+        old = next((self.msp / "keystore").iterdir())
+        key = old.with_name(f"{time.monotonic_ns()}_sk")
+        key.touch(0o600)
+        key.write_text(issued["key"])
+        certificate = next((self.msp / "signcerts").iterdir())
+        (self.msp / "new").write_text(issued["certificate"])
+        (self.msp / "new").rename(certificate)
+        old.unlink()
 
     def keys(self) -> list[bytes]:
         return [key.read_bytes() for key in (self.msp / "keystore").iterdir()]
@@ -91,4 +107,35 @@ def test_a_renewed_certificate_is_not_noticed_by_the_drone_and_a_revoked_one_lan
     wait_until("the drone lands", lambda: LAND in modes(run, revoked_ns), flight, tmp_path)
     assert HOLD in modes(run, revoked_ns), modes(run, revoked_ns)
     wait_until("ground says why", lambda: ground.says("access denied") or ground.says("FORBIDDEN"), flight, tmp_path)
+    wait_until("link says why", lambda: "land (held_too_long)" in (run / "link.log").read_text(), flight, tmp_path)
     assert applied(run, time.monotonic_ns() - 2 * 10**9) == 0, "commands of who is revoked are flown"
+
+
+def test_ends_and_refusals_are_alarms_of_the_station(tmp_path):
+    flight = fly(tmp_path, "--shape", "manual", "--watch")
+    station = Station(tmp_path, flight)
+    person = Person(tmp_path / "home", station, tmp_path)
+    run = tmp_path / "run"
+    agent, ground = Host(run, "agent"), Host(run, "ground")
+
+    def issue(host: Host, user: str, days: float) -> dict:
+        ledger = types.SimpleNamespace(organisation=lambda number: organisation(run / "ledger", number))
+        authority = Authority(ledger, host.organisation, tmp_path / f"ca{time.monotonic_ns()}")
+        return authority.issue(user, time.time(), lasts_s=days * 86400 + 3600)
+
+    def alarms(words: str) -> list[str]:
+        return [line for line in person.says("alarms").splitlines() if words in line]
+
+    agent.put(issue(agent, agent.user, 20))
+    ground.put(issue(ground, ground.user, 2))
+    wait_until("the agent's end is told", lambda: alarms(f"agent Org{agent.organisation}MSP"), flight, tmp_path)
+    assert "ends in 20 days" in alarms(f"agent Org{agent.organisation}MSP")[0]
+    wait_until("ground's own, too", lambda: alarms("ends in 2 days"), flight, tmp_path)
+    before = ground.certificate()
+    ground.put(issue(ground, "Somebody", 100))
+    wait_until("another person is refused", lambda: alarms("of another subject, CN=Somebody"), flight, tmp_path)
+    assert ground.certificate() != before and not alarms("for 100 days")
+    events = person.json("alarms")["events"]
+    levels = {e["text"].split(": ")[0]: e["level"] for e in events}
+    assert {level for text, level in levels.items() if "ends in 20 days" in text} == {"warning"}, levels
+    assert {level for text, level in levels.items() if "ends in 2 days" in text or "refused" in text} == {"alarm"}, levels

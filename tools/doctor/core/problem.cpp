@@ -36,7 +36,9 @@ constexpr std::array<Words, problem_count> table{{
     {identity_not_yet, "identity_not_yet", broken, "the identity's certificate is not valid yet, by this host's clock",
      "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead"},
     {identity_ends, "identity_ends", warning, "the identity's certificate ends within 30 days",
-     "let the authority sign the request again in time, then `ledgerline init --certificate FILE`"},
+     "`ledgerline identity renew`, or let the authority sign the request again and `ledgerline init --certificate "
+     "FILE`: "
+     "programs that run take it"},
     {identity_foreign, "identity_foreign", broken,
      "the organisation that msp_id names has not issued the identity, or has revoked it: the ledger refuses it",
      "set msp_id to the organisation of the identity, or msp_dir to one of that organisation"},
