@@ -41,9 +41,7 @@ class FlightView {
   const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(places_[drone].drone); }
   const Seen& seen(std::size_t drone) const { return core_of(drone).seen(places_[drone].drone); }
   const Lease& lease(std::size_t drone) const { return core_of(drone).lease(places_[drone].drone); }
-  const PathController* controller(std::size_t drone) const {
-    return core_of(drone).controller(places_[drone].drone);
-  }
+  const PathController* controller(std::size_t drone) const { return core_of(drone).controller(places_[drone].drone); }
   /// What is the same for all flights: all but drones, `where` and `believed`.
   const FlightConfig& config() const { return cores_.front()->config(); }
   double height_m() const { return cores_.front()->height_m(); }
