@@ -18,7 +18,7 @@ int carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dd
   bridge::warn_of_open_topics(carried);
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  auto bridges = bridge::Bridges::create(carried, ledger, believed, *participant);
+  auto bridges = bridge::Bridges::create(carried, {ledger}, believed, *participant);
   if (!bridges) return fail(bridges.error(), exit_usage);  // of files that the config names
   return exit_code((*bridges)->run(stop_requested, [ready = false](const std::string& status) mutable {
     if (!std::exchange(ready, true)) print_line(R"({"ready":true,"program":"ledgerline-bridge"})");

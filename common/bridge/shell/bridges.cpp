@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <random>
@@ -10,6 +11,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/retry/back_off.hpp"
 
@@ -52,9 +54,11 @@ void warn_of_open_topics(const BridgeConfig& config) {
   }
 }
 
-Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
+Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
+                                                 const std::vector<fabric::ClientConfig>& ledgers,
                                                  crypto::MspRegistry& believed,
                                                  const dds::ParticipantPtr& participant) {
+  const fabric::ClientConfig& ledger = ledgers.front();
   std::set<std::string> channels;
   for (const Rule& rule : config.rules) {
     if (!rule.left_out) channels.insert(channel_of(rule, ledger));
@@ -63,12 +67,14 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config, con
   for (const std::string& channel : channels) {
     BridgeConfig of_channel = config;
     for (Rule& rule : of_channel.rules) rule.left_out = rule.left_out || channel_of(rule, ledger) != channel;
-    fabric::ClientConfig on_channel = ledger;
+    const auto named =
+        std::find_if(ledgers.begin(), ledgers.end(), [&](const auto& one) { return one.where.channel == channel; });
+    fabric::ClientConfig on_channel = named == ledgers.end() ? ledger : *named;
     if (channel != ledger.where.channel) {
       on_channel.where.channel = channel;
       auto anchor = anchor_of(channel, config);
       if (!anchor) return anchor.error();
-      on_channel.config_block = std::move(*anchor);
+      if (named == ledgers.end() || !anchor->empty()) on_channel.config_block = std::move(*anchor);
     }
     if (on_channel.config_block.empty()) spdlog::warn("channel {}: {}", channel, fabric::blocks_not_judged);
     auto kept = fabric::KeptCheckpoint::read(checkpoint_of(config, channel, ledger.where.channel), channel);
@@ -120,16 +126,18 @@ Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, con
   if (!ledger) return ledger.error();
   ledger->identity = program.identity;
   ledger->tls_renewals = program.tls_renewals;
+  auto ledgers = fabric::each_channel(*ledger, fabric::read_channels(config));
+  if (!ledgers) return ledgers.error();
   auto believed = fabric::msp_registry(config);
   if (!believed) return believed.error();
-  return std::unique_ptr<BesideBridges>(new BesideBridges(std::move(bridge), std::move(ledger).value(),
+  return std::unique_ptr<BesideBridges>(new BesideBridges(std::move(bridge), std::move(ledgers).value(),
                                                           std::move(believed).value(), std::move(participant)));
 }
 
-BesideBridges::BesideBridges(BridgeConfig config, fabric::ClientConfig ledger,
+BesideBridges::BesideBridges(BridgeConfig config, std::vector<fabric::ClientConfig> ledgers,
                              std::unique_ptr<crypto::MspRegistry> believed, dds::ParticipantPtr participant)
     : config_(std::move(config)),
-      ledger_(std::move(ledger)),
+      ledgers_(std::move(ledgers)),
       believed_(std::move(believed)),
       participant_(std::move(participant)),
       thread_([this] { carry(); }) {
@@ -146,7 +154,7 @@ void BesideBridges::carry() {
   Random random(std::random_device{}());
   while (!quit_) {
     const TimeNs begin_ns = monotonic_ns();
-    auto bridges = Bridges::create(config_, ledger_, *believed_, participant_);
+    auto bridges = Bridges::create(config_, ledgers_, *believed_, participant_);
     const Status status = bridges ? (*bridges)->run(quit_, [](const std::string&) {}) : Status(bridges.error());
     if (status || quit_) continue;
     spdlog::error("the bridge begins anew: {}", status.error().what);

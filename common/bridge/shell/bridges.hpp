@@ -16,8 +16,10 @@ void warn_of_open_topics(const BridgeConfig& config);
 /// All that a program bridges: a Bridge for each channel that a topic names. One thread.
 class Bridges {
  public:
-  /// `believed` must outlive it.
-  static Result<std::unique_ptr<Bridges>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
+  /// `ledgers`: that of [ledger], then those of the program's own further channels; any other channel is asked for where
+  /// that of [ledger] is. `believed` must outlive it.
+  static Result<std::unique_ptr<Bridges>> create(const BridgeConfig& config,
+                                                 const std::vector<fabric::ClientConfig>& ledgers,
                                                  crypto::MspRegistry& believed, const dds::ParticipantPtr& participant);
 
   /// Begins, and carries until `quit`. Each `status_period_ns`, and at the end, the status is written to the file that
@@ -44,12 +46,12 @@ class BesideBridges {
   ~BesideBridges();
 
  private:
-  BesideBridges(BridgeConfig config, fabric::ClientConfig ledger, std::unique_ptr<crypto::MspRegistry> believed,
-                dds::ParticipantPtr participant);
+  BesideBridges(BridgeConfig config, std::vector<fabric::ClientConfig> ledgers,
+                std::unique_ptr<crypto::MspRegistry> believed, dds::ParticipantPtr participant);
   void carry();
 
   const BridgeConfig config_;
-  const fabric::ClientConfig ledger_;
+  const std::vector<fabric::ClientConfig> ledgers_;
   const std::unique_ptr<crypto::MspRegistry> believed_;
   const dds::ParticipantPtr participant_;
   std::atomic<bool> quit_{false};
