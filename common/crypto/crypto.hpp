@@ -135,7 +135,7 @@ struct IdentityFiles {
   std::string certificate{}, private_key{};
 };
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const IdentityFiles& files);
-/// Those that load_identity takes in such a folder: of several keys *_sk the one that the certificate is of, so that a
+/// Those that load_identity takes in such a folder: of several keys the one that the certificate is of, so that a
 /// renewal with a new key is whole once the certificate is in its place.
 Result<IdentityFiles> identity_files(const std::string& msp_dir);
 /// Where an identity comes from, for who loads it again: a folder, or two files where `msp_dir` is empty.

@@ -112,6 +112,12 @@ bool is_for(const Channels::For& named, const Channels::Table& channel) {
   return std::find(named.begin(), named.end(), channel.name) != named.end();
 }
 
+std::vector<ClientConfig::TlsPair> Channels::tls_pairs() const {
+  std::vector<ClientConfig::TlsPair> pairs;
+  for (const Table& one : all) pairs.push_back(one.tls_pair);
+  return pairs;
+}
+
 std::vector<std::string> Channels::names() const {
   std::vector<std::string> out;
   for (const Table& table : all) out.push_back(table.name);

@@ -27,6 +27,8 @@ struct Channels {
 
   bool several() const { return all.size() > 1; }
   std::vector<std::string> names() const;
+  /// Those that tables name themselves.
+  std::vector<ClientConfig::TlsPair> tls_pairs() const;
 };
 
 /// Reads [[channel]], and the keys that say who belongs to which: `channel` of [[drone]], `channels` of [[orderer]],

@@ -74,7 +74,7 @@ int fly(Config& config) {
   if (!checked) return fail(checked.error(), exit_usage);
   if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
-  auto certificates = fabric::watch_certificates(config, careful);
+  auto certificates = fabric::watch_certificates(config, careful, channels.tls_pairs());
   if (!certificates) return fail(certificates.error(), exit_usage);
   auto ledgers = fabric::each_channel(careful, channels);
   if (!ledgers) return fail(ledgers.error(), exit_usage);

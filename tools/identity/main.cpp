@@ -168,7 +168,7 @@ Shown look(const std::string& what, const Place& place) {
   return shown;
 }
 
-/// Of a program's config: [ledger]'s, and the TLS pairs that it names.
+/// Of a program's config: [ledger]'s identity and [own_endorser]'s, and the TLS pair of each table that names one.
 Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& file) {
   auto config = Config::load(file);
   if (!config) return config.error();
@@ -176,10 +176,17 @@ Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& 
   places.emplace_back("identity",
                       Place{config->text("ledger.msp_dir", ""),
                             {config->text("ledger.certificate", ""), config->text("ledger.private_key", "")}});
-  for (const std::string table : {"ledger", "service"}) {
+  if (const std::string own = config->text("own_endorser.msp_dir", ""); !own.empty())
+    places.emplace_back("[own_endorser]", Place{own, {}});
+  const auto add_tls = [&](const std::string& table, const std::string& shown) {
     const crypto::IdentityFiles files{config->text(table + ".tls_certificate", ""),
                                       config->text(table + ".tls_key", "")};
-    if (!files.certificate.empty()) places.emplace_back("TLS of [" + table + "]", Place{{}, files});
+    if (!files.certificate.empty()) places.emplace_back("TLS of " + shown, Place{{}, files});
+  };
+  for (const std::string table : {"ledger", "service", "serve", "own_endorser"}) add_tls(table, "[" + table + "]");
+  for (const std::string table : {"orderer", "endorser", "peer", "channel"}) {
+    for (std::size_t i = 0; i < config->table_count(table); ++i)
+      add_tls(fmt::format("{}.{}", table, i), fmt::format("[[{}]] {}", table, i + 1));
   }
   return places;
 }

@@ -1,6 +1,8 @@
 #include "chaincode/endorser/shell/service.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <chrono>
 
@@ -56,7 +58,7 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
 
 Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
     : check_one_in_(check_one_in),
-      channel_(ledger.where.channel),
+      place_(ledger.where.channel + "/" + ledger.where.contract),
       on_failure_(std::move(on_failure)),
       core_({ledger.where, ledger.identity, fabric::BlockJudge::registry_of(ledger.verifier)}),
       random_(seed()) {}
@@ -75,7 +77,12 @@ Service::~Service() {
 
 Status Service::restore(const std::string& path) {
   if (path.empty()) return done;
-  auto checkpoint = fabric::read_checkpoint(path, channel_);
+  struct stat info {};
+  if (::stat(path.c_str(), &info) == 0 && (info.st_uid != ::geteuid() || (info.st_mode & 077) != 0))
+    return Error{fmt::format(
+        "{}: others than its owner may read or write it, and it decides what is endorsed; run: chmod 600 {}", path,
+        path)};
+  auto checkpoint = fabric::read_checkpoint(path, place_);
   if (!checkpoint) return checkpoint.error();
   if (*checkpoint) {
     const Status restored = core_.restore((*checkpoint)->records);
@@ -94,16 +101,24 @@ Status Service::restore(const std::string& path) {
 /// What failed is not what another start is to begin with. With mutex_ held, or alone.
 void Service::keep() {
   if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
-  keeper_->keep({channel_, core_.height() - 1, core_.hash(), core_.snapshot()});
+  keeper_->keep({place_, core_.height() - 1, core_.hash(), core_.snapshot()});
 }
 
 void Service::fail(const std::string& why) {
   {
     const std::lock_guard lock(mutex_);
     if (readiness_.failed()) return;
-    readiness_.fail();
-    ready_wakes_.notify_all();
+    stop_signing();
   }
+  tell_failure(why);
+}
+
+void Service::stop_signing() {
+  readiness_.fail();
+  ready_wakes_.notify_all();
+}
+
+void Service::tell_failure(const std::string& why) {
   spdlog::error("endorser: it signs nothing more: {}", why);
   on_failure_(why);
 }
@@ -114,6 +129,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     const std::lock_guard lock(mutex_);
     if (readiness_.failed()) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
+    if (!taken) stop_signing();  // at once: the block may be half taken
     counts_.blocks = core_.height();
     if (feed_.joins(core_.height())) {
       counts_.joined = true;
@@ -122,7 +138,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     }
     ready_wakes_.notify_all();
   }
-  if (!taken) fail(taken.error().what);
+  if (!taken) tell_failure(taken.error().what);
 }
 
 void Service::on_connection(Feed::Source from, bool connected, const std::string& why) {
@@ -149,7 +165,9 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
     ++counts_.sent_to_the_peer;
     return reply;
   }
-  const bool chosen = reply.code == node::Code::ok && choose_for_check(signed_proposal, reply.bytes);
+  // Until it has agreed, one check at a time: a slow peer holds up the caller once a check, not at each proposal.
+  const bool may_choose = agreed() || chosen_ == checked_;
+  const bool chosen = reply.code == node::Code::ok && may_choose && choose_for_check(signed_proposal, reply.bytes);
   // The client would ask the peer the same at the same time, which refuses one of two that have one id.
   if (chosen && !agreed()) await_check(lock);
   if (!agreed() || readiness_.failed()) {
@@ -243,6 +261,7 @@ void Service::check(Check one) {
     found = compare(one.answer, *peers);
     if (found == Comparison::other_state) ++counts_.other_state;
   }
+  if (found == Comparison::other_state && peer_is_behind()) return;
   std::string why;
   {
     const std::lock_guard lock(mutex_);
@@ -252,6 +271,13 @@ void Service::check(Check one) {
     why = readiness_.take_check(found, one.defined_at, core_.defined_at());
   }
   if (!why.empty()) fail(why);
+}
+
+/// By the orderers' blocks one may be ahead of the peer, by many where it is slow.
+bool Service::peer_is_behind() {
+  const auto height = peer_->height();
+  const std::lock_guard lock(mutex_);
+  return !height || *height < core_.height();
 }
 
 bool Service::wait_until_ready(double seconds) {

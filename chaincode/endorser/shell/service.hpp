@@ -70,13 +70,17 @@ class Service {
   Status restore(const std::string& path);
   void keep();
   void check(Check one);
+  bool peer_is_behind();
+  /// With mutex_ held; then tell_failure() without it.
+  void stop_signing();
+  void tell_failure(const std::string& why);
 
   static constexpr std::size_t max_checks = 16;  // the peer is slow: further ones are left out, and counted
 
   static constexpr std::chrono::minutes keep_every{10};  // copying all takes some ten milliseconds
 
   const int check_one_in_;
-  const std::string channel_;
+  const std::string place_;  ///< "CHANNEL/CONTRACT": what its checkpoint is of
   const std::function<void(const std::string&)> on_failure_;
   std::unique_ptr<fabric::PeerQuestions> peer_;
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;

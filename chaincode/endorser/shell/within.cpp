@@ -79,6 +79,10 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   if (settings.msp_dir.empty()) return done;
   if (ledger.orderers.empty())
     return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
+  if (!settings.checkpoint.empty() && ledger.blocks == fabric::BlockSource::ordered)
+    return Error{
+        "own_endorser.checkpoint: does not go with ledger.blocks = \"ordered\", whose newest blocks the peer has not "
+        "told yet"};
   fabric::ClientConfig own = ledger;
   own.blocks = fabric::BlockSource::peer;
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);

@@ -125,7 +125,7 @@ Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, con
   auto ledger = fabric::ledger_config(config);
   if (!ledger) return ledger.error();
   ledger->identity = program.identity;
-  ledger->tls_renewals = program.tls_renewals;
+  ledger->tls_in_use = program.tls_in_use;
   auto ledgers = fabric::each_channel(*ledger, fabric::read_channels(config));
   if (!ledgers) return ledgers.error();
   auto believed = fabric::msp_registry(config);

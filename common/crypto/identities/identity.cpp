@@ -88,7 +88,7 @@ Result<Named> read_named(const fs::path& file) {
   return named;
 }
 
-/// Of the keys beside `first` the one that fits; `first` where that is the only one, or none fits: to load it then says
+/// Of the files beside `first` the one that fits; `first` where that is the only one, or none fits: to load it then says
 /// what is wrong. A locked key fits nobody here, and one who has such has one alone.
 std::string key_of(const std::string& certificate_file, std::string first) {
   std::string certificate;
@@ -96,8 +96,7 @@ std::string key_of(const std::string& certificate_file, std::string first) {
   std::vector<fs::path> keys;
   std::error_code error;
   for (fs::directory_iterator at(fs::path(first).parent_path(), error), end; !error && at != end; at.increment(error)) {
-    const std::string name = at->path().filename().string();
-    if (!name.starts_with('.') && (name.ends_with("_sk") || at->path() == first)) keys.push_back(at->path());
+    if (!at->path().filename().string().starts_with('.')) keys.push_back(at->path());
   }
   if (keys.size() < 2) return first;
   std::ranges::sort(keys);

@@ -1,5 +1,4 @@
 #pragma once
-#include <atomic>
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -11,6 +10,7 @@
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/checkpoint/continuation.hpp"
+#include "common/fabric/client/tls_pairs_in_use.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/stream/block_source.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -30,9 +30,9 @@ struct ClientConfig {
     std::string certificate_file{}, key_file{};
   };
   TlsPair tls_pair;
-  /// Counts how often TLS pairs have been renewed in their files: connections are made anew with what lies there then. None:
-  /// they never are.
-  std::shared_ptr<const std::atomic<std::uint64_t>> tls_renewals{};
+  /// Pairs that are renewed while clients run: behind each renewal connections are made anew. None: they never are, and the
+  /// files count as they are when a client is created.
+  std::shared_ptr<TlsPairsInUse> tls_in_use{};
   struct Server {
     std::string endpoint;
     std::string tls_ca_file;

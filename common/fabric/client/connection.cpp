@@ -34,11 +34,25 @@ Result<std::string> certificates_in(const std::string& path) {
   return pem;
 }
 
-Result<std::string> tls_hash_of(const ClientConfig::TlsPair& pair) {
-  if (pair.certificate_file.empty()) return std::string();
-  const auto pem = certificates_in(pair.certificate_file);
-  if (!pem) return pem.error();
-  const auto hash = crypto::certificate_hash(*pem);
+/// As it was renewed, else as its files have it.
+Result<TlsPairsInUse::Pair> read_pair(const ClientConfig::TlsPair& files, const TlsPairsInUse* in_use) {
+  if (in_use) {
+    if (auto renewed = in_use->of(files.certificate_file)) return std::move(*renewed);
+  }
+  auto certificate = certificates_in(files.certificate_file);
+  if (!certificate) return certificate.error();
+  auto key = crypto::read_key_file(files.key_file);
+  if (!key) return key.error();
+  if (Status fits = crypto::check_fits(*key, *certificate); !fits)
+    return Error{fmt::format("{} and {}: {}", files.certificate_file, files.key_file, fits.error().what)};
+  return TlsPairsInUse::Pair{std::move(*certificate), std::move(*key)};
+}
+
+Result<std::string> tls_hash_of(const ClientConfig::TlsPair& files, const TlsPairsInUse* in_use) {
+  if (files.certificate_file.empty()) return std::string();
+  const auto pair = read_pair(files, in_use);
+  if (!pair) return pair.error();
+  const auto hash = crypto::certificate_hash(pair->certificate_pem);
   if (!hash) return hash.error();
   return std::string(reinterpret_cast<const char*>(hash->data()), hash->size());
 }
@@ -53,14 +67,14 @@ Result<std::vector<std::string>> tls_hashes(const std::vector<ClientConfig::Serv
                                             const ClientConfig& config) {
   std::vector<std::string> out;
   for (const ClientConfig::Server& server : servers) {
-    auto hash = tls_hash_of(with_pair(server, config).tls_pair);
+    auto hash = tls_hash_of(with_pair(server, config).tls_pair, config.tls_in_use.get());
     if (!hash) return hash.error();
     out.push_back(std::move(*hash));
   }
   return out;
 }
 
-Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server) {
+Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server, const TlsPairsInUse* in_use) {
   if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
   auto authorities = certificates_in(server.tls_ca_file);
   if (!authorities) return authorities.error();
@@ -70,14 +84,10 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
   if (own.certificate_file.empty() != own.key_file.empty())
     return Error{"tls_certificate and tls_key belong together: one of them is missing"};
   if (!own.certificate_file.empty()) {
-    auto certificate = certificates_in(own.certificate_file);
-    if (!certificate) return certificate.error();
-    auto key = crypto::read_key_file(own.key_file);
-    if (!key) return key.error();
-    if (Status fits = crypto::check_fits(*key, *certificate); !fits)
-      return Error{fmt::format("{} and {}: {}", own.certificate_file, own.key_file, fits.error().what)};
-    tls.pem_cert_chain = std::move(*certificate);
-    tls.pem_private_key = std::move(*key);
+    auto pair = read_pair(own, in_use);
+    if (!pair) return pair.error();
+    tls.pem_cert_chain = std::move(pair->certificate_pem);
+    tls.pem_private_key = std::move(pair->key_pem);
   }
   grpc::ChannelArguments arguments;
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
@@ -97,12 +107,15 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
 Result<std::shared_ptr<const Channels>> make_channels(const ClientConfig& config) {
   auto channels = std::make_shared<Channels>();
   for (auto* into : {&channels->peers, &channels->stream_peers}) {
-    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair});
+    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair},
+                                config.tls_in_use.get());
     if (!channel) return channel.error();
     into->push_back(std::move(*channel));
   }
   using Made = std::vector<std::shared_ptr<grpc::Channel>>;
-  const auto connect = [&](const ClientConfig::Server& server) { return make_channel(with_pair(server, config)); };
+  const auto connect = [&](const ClientConfig::Server& server) {
+    return make_channel(with_pair(server, config), config.tls_in_use.get());
+  };
   const auto add = [&](const std::vector<ClientConfig::Server>& servers, Made& into) -> Status {
     for (const ClientConfig::Server& server : servers) {
       auto channel = connect(server);
@@ -164,12 +177,13 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
 Connection::Connection(ClientConfig settings, std::shared_ptr<const Channels> channels)
     : config(std::move(settings)),
       channels_(std::move(channels)),
-      renewals_(config.tls_renewals ? config.tls_renewals->load() : 0) {}
+      renewals_(config.tls_in_use ? config.tls_in_use->renewals() : 0) {}
 
 std::shared_ptr<const Channels> Connection::channels() const {
   const std::lock_guard lock(mutex_);
-  if (config.tls_renewals && *config.tls_renewals != renewals_) {
-    renewals_ = *config.tls_renewals;
+  const std::uint64_t renewals = config.tls_in_use ? config.tls_in_use->renewals() : 0;
+  if (renewals != renewals_) {
+    renewals_ = renewals;
     if (auto next = make_channels(config)) {
       channels_ = std::move(*next);
     } else {

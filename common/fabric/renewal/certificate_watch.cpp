@@ -28,8 +28,10 @@ Result<Renewal::Pair> read_pair(const ClientConfig::TlsPair& files) {
 }
 
 /// Each pair of files once.
-std::vector<ClientConfig::TlsPair> pairs_of(const ClientConfig& ledger) {
+std::vector<ClientConfig::TlsPair> pairs_of(const ClientConfig& ledger,
+                                            const std::vector<ClientConfig::TlsPair>& further) {
   std::vector<ClientConfig::TlsPair> all{ledger.tls_pair};
+  all.insert(all.end(), further.begin(), further.end());
   for (const auto* servers : {&ledger.orderers, &ledger.other_peers}) {
     for (const ClientConfig::Server& server : *servers) all.push_back(server.tls_pair);
   }
@@ -51,11 +53,12 @@ std::int64_t end_of(const crypto::SigningIdentity& identity) {
 }  // namespace
 
 Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig& ledger,
-                                                                   std::unique_ptr<crypto::MspRegistry> believed) {
+                                                                   std::unique_ptr<crypto::MspRegistry> believed,
+                                                                   const std::vector<ClientConfig::TlsPair>& further) {
   ledger.identity.in_use = std::make_shared<crypto::IdentityInUse>(ledger.identity);
   if (believed && !believed->member(ledger.identity.serialized, std::nullopt)) believed.reset();
   std::unique_ptr<CertificateWatch> watch(new CertificateWatch(ledger, std::move(believed)));
-  for (ClientConfig::TlsPair& files : pairs_of(ledger)) {
+  for (ClientConfig::TlsPair& files : pairs_of(ledger, further)) {
     auto pair = read_pair(files);
     if (!pair) return pair.error();
     const std::string whose = fmt::format("TLS, {}", files.certificate_file);
@@ -64,14 +67,15 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
                              .renewal = {whose, "", pair->certificate.not_after_s}});
   }
   watch->keep_first_end();
-  ledger.tls_renewals = watch->renewals_;
+  ledger.tls_in_use = watch->in_use_;
   return watch;
 }
 
-Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger) {
+Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger,
+                                                             const std::vector<ClientConfig::TlsPair>& further) {
   auto believed = msp_registry(config);
   if (!believed) return believed.error();
-  return CertificateWatch::create(ledger, std::move(*believed));
+  return CertificateWatch::create(ledger, std::move(*believed), further);
 }
 
 void CertificateWatch::log(Weight weight, const std::string& words) {
@@ -85,7 +89,7 @@ CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<c
     : place_(ledger.identity_place),
       identity_(ledger.identity.in_use),
       believed_(std::move(believed)),
-      renewals_(std::make_shared<std::atomic<std::uint64_t>>(0)),
+      in_use_(std::make_shared<TlsPairsInUse>()),
       identity_renewal_(fmt::format("{} {}", ledger.identity.name.msp_id, ledger.identity.name.subject),
                         ledger.identity.name.subject, end_of(ledger.identity)) {}
 
@@ -161,8 +165,8 @@ void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
     auto found = read_pair(pair.files);
     const bool same = found && found->certificate_pem == pair.in_use_pem;
     if (judge(pair.renewal, found, same, now_s)) {
-      pair.in_use_pem = std::move(found->certificate_pem);
-      ++*renewals_;
+      pair.in_use_pem = found->certificate_pem;
+      in_use_->renew(pair.files.certificate_file, {std::move(found->certificate_pem), std::move(found->key_pem)});
     }
   }
   tell_end(pair.renewal, now_s);

@@ -19,8 +19,9 @@ namespace ledgerline::fabric {
 
 class CertificateWatch;
 /// Of a program's config: judges new identities by its [[msp]], read again, since a registry is of one thread. `ledger` as
-/// for CertificateWatch::create.
-Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger);
+/// for CertificateWatch::create; `further`: TLS pairs of tables that it does not have, such as [[channel]].
+Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger,
+                                                             const std::vector<ClientConfig::TlsPair>& further = {});
 
 /// Takes renewed certificates of a program's clients from their files while it runs: the identity of [ledger], and each
 /// TLS pair of its tables. What it refuses stays as it was (crypto::Renewal). One thread of its own, which sleeps but for a
@@ -41,7 +42,8 @@ class CertificateWatch {
   /// that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the identity
   /// that is there now: who signed a new one is the ledger's matter. An error: a TLS pair cannot be read.
   static Result<std::unique_ptr<CertificateWatch>> create(ClientConfig& ledger,
-                                                          std::unique_ptr<crypto::MspRegistry> believed);
+                                                          std::unique_ptr<crypto::MspRegistry> believed,
+                                                          const std::vector<ClientConfig::TlsPair>& further = {});
   ~CertificateWatch();
 
   /// For who has no other place to tell.
@@ -71,7 +73,7 @@ class CertificateWatch {
   const crypto::IdentityPlace place_;
   const std::shared_ptr<crypto::IdentityInUse> identity_;
   std::unique_ptr<crypto::MspRegistry> believed_;
-  const std::shared_ptr<std::atomic<std::uint64_t>> renewals_;
+  const std::shared_ptr<TlsPairsInUse> in_use_;
   ChangedFiles identity_changes_;
   std::vector<Pair> pairs_;
   Tell tell_;

@@ -57,7 +57,7 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   config.tls_pair = other->tls_pair.certificate_file.empty() ? own.tls_pair : other->tls_pair;
   config.where = own.where;
   config.identity = own.identity;
-  config.tls_renewals = own.tls_renewals;
+  config.tls_in_use = own.tls_in_use;
   config.deadline = own.deadline;
   return fabric::Client::create(std::move(config));
 }
@@ -117,7 +117,7 @@ int run(Config& config) {
     checked = Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
-  auto certificates = fabric::watch_certificates(config, known);
+  auto certificates = fabric::watch_certificates(config, known, channels.tls_pairs());
   if (!certificates) return fail(certificates.error(), exit_usage);
   auto ledgers = fabric::each_channel(known, channels);
   if (!ledgers) return fail(ledgers.error(), exit_usage);

@@ -2,8 +2,11 @@
 
 #include <fmt/format.h>
 #include <stdlib.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <cerrno>
+#include <cstdio>
 #include <cstring>
 #include <system_error>
 
@@ -22,6 +25,16 @@ Status make_folder(const fs::path& folder, fs::perms permissions) {
   if (!error) fs::permissions(folder, permissions, error);
   if (error) return Error{fmt::format("making {}: {}", folder.string(), error.message())};
   return done;
+}
+
+/// A new key for who read the old one: whoever renews may be root, and the service a user of its own.
+Status give_to_owner_of(const std::string& before, const std::string& key) {
+  struct stat info {};
+  if (::stat(before.c_str(), &info) != 0) return done;  // there was none
+  if (::chown(key.c_str(), info.st_uid, info.st_gid) == 0) return done;
+  const int why = errno;
+  ::unlink(key.c_str());
+  return Error{fmt::format("{}: giving it to the owner of {}: {}", key, before, std::strerror(why))};
 }
 
 }  // namespace
@@ -47,8 +60,15 @@ Result<crypto::Renewal::Pair> read_pair(const crypto::IdentityFiles& files) {
 
 Status put(const Place& place, const crypto::Renewal::Pair& pair) {
   if (place.msp_dir.empty()) {
-    if (Status s = replace_file(place.files.private_key, pair.key_pem, 0600); !s) return s;
-    return replace_file(place.files.certificate, pair.certificate_pem);
+    // Both beside their places first: what cannot be written takes no key away.
+    const auto& [certificate, key] = place.files;
+    const std::string fresh = key + ".renewed";
+    if (Status s = replace_file(fresh, pair.key_pem, 0600); !s) return s;
+    if (Status s = give_to_owner_of(key, fresh); !s) return s;
+    if (Status s = write_file(certificate + ".new", pair.certificate_pem); !s) return s;
+    if (std::rename(fresh.c_str(), key.c_str()) != 0)
+      return Error{fmt::format("cannot write {}: {}", key, std::strerror(errno))};
+    return replace_file(certificate, pair.certificate_pem);
   }
   const fs::path folder = place.msp_dir;
   const auto before = place.now();
@@ -59,6 +79,9 @@ Status put(const Place& place, const crypto::Renewal::Pair& pair) {
   // A new name, so that the old pair is whole until the certificate is in its place.
   const fs::path key = folder / "keystore" / (crypto::hex(*hash).substr(0, 16) + "_sk");
   if (Status s = replace_file(key.string(), pair.key_pem, 0600); !s) return s;
+  if (before) {
+    if (Status s = give_to_owner_of(before->private_key, key.string()); !s) return s;
+  }
   const auto old = crypto::certificate_file(place.msp_dir);
   if (Status s = replace_file(old ? *old : (folder / "signcerts" / "cert.pem").string(), pair.certificate_pem); !s)
     return s;

@@ -119,7 +119,7 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   EXPECT_GT(second["answered"], count / 2) << second;
   EXPECT_EQ(second["differ"], 0);
   EXPECT_EQ(second["apart"], 0);
-  auto checkpoint = *fabric::read_checkpoint(file, "teleop").value();
+  auto checkpoint = *fabric::read_checkpoint(file, "teleop/ledgerline").value();
   checkpoint.records.pop_back();
   ASSERT_TRUE(fabric::write_checkpoint(file, checkpoint).ok());
   fabric::ClientConfig with = config();

@@ -118,25 +118,21 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
 }
 
 TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
-  const auto renewals = std::make_shared<std::atomic<std::uint64_t>>(0);
+  const auto in_use = std::make_shared<TlsPairsInUse>();
   ClientConfig config;
   config.endpoint = here().endpoint;
   config.tls_ca_file = here().tls_ca_file;
   config.server_name = here().server_name;
   config.tls_pair = pair();
   config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
-  config.tls_renewals = renewals;
+  config.tls_in_use = in_use;
   const auto made = make_connection(config).value();
   const auto before = made->channels();
   EXPECT_EQ(made->channels(), before);
   ASSERT_TRUE(write_file(pair().key_file, "no key", 0600));
-  ++*renewals;
-  EXPECT_EQ(made->channels(), before) << "what cannot be read is not taken";
+  EXPECT_EQ(made->channels(), before) << "nobody has judged it";
   const auto next = issue("drone1", {});
-  ASSERT_TRUE(write_file(pair().certificate_file, next.certificate_pem));
-  ASSERT_TRUE(write_file(pair().key_file, next.key_pem, 0600));
-  EXPECT_EQ(made->channels(), before) << "nobody has said so yet";
-  ++*renewals;
+  in_use->renew(pair().certificate_file, {next.certificate_pem, next.key_pem});  // whatever lies in the files by now
   const auto after = made->channels();
   ASSERT_NE(after, before);
   const auto hash = crypto::certificate_hash(next.certificate_pem).value();

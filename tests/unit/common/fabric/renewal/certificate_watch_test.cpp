@@ -120,10 +120,10 @@ TEST_F(Watch, ARenewedTlsPairCountsOnceForAllThatUseIt) {
   watch();
   put_tls(issued(ca_, "of-any-name"));
   EXPECT_EQ(await("TLS, " + dir_ + "/tls.crt has a renewed certificate, for "), Weight::info);
-  while (ledger_.tls_renewals->load() == 0) std::this_thread::yield();
+  while (ledger_.tls_in_use->renewals() == 0) std::this_thread::yield();
   ASSERT_TRUE(replace_file(dir_ + "/tls.key", issued(ca_, "raven-host").key_pem, 0600));
   EXPECT_EQ(await("the certificate is of another key"), Weight::alarm);
-  EXPECT_EQ(ledger_.tls_renewals->load(), 1U);
+  EXPECT_EQ(ledger_.tls_in_use->renewals(), 1U);
 }
 
 TEST_F(Watch, TheEndThatComesFirstIsTold) {
