@@ -42,7 +42,8 @@ Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size
       names_(names_of(view_)),
       participant_(std::move(participant)),
       refusals_(names_),
-      streams_(channels_.size()) {}
+      streams_(channels_.size()),
+      lost_(channels_.size()) {}
 
 Ground::~Ground() {
   mailbox_.close();
@@ -98,8 +99,10 @@ void Ground::see_off(TimeNs now_ns) {
     const service::Held held = service::held_by(view_, identity);
     const service::Leaving::Step step = leaving_.step(now_ns, who, held);
     for (const std::size_t drone : step.land) wish({.drone = drone, .by = identity, .land = true});
-    // False: too much waits to be signed.
-    if (step.give_back && (desk_->see_off(who, held.drones) || step.last)) leaving_.remove(who);
+    if (!step.give_back) continue;
+    const bool is_posted = desk_->see_off(who, held.drones);  // false: too much waits to be signed
+    if (!is_posted && step.last) desk_->forget(who);
+    if (is_posted || step.last) leaving_.remove(who);
   }
 }
 
@@ -172,13 +175,26 @@ Status Ground::open(std::size_t index, const Channel::News& news, FlightInputs& 
 }
 
 Status Ground::open(const Letter& letter, std::vector<FlightInputs>& inputs) {
-  if (const auto* of = std::get_if<OfChannel>(&letter)) return open(of->channel, of->news, inputs[of->channel]);
+  if (const auto* of = std::get_if<OfChannel>(&letter)) {
+    if (lost_[of->channel]) return done;
+    const Status opened = open(of->channel, of->news, inputs[of->channel]);
+    if (opened || channels_.size() == 1) return opened;
+    lose(of->channel, opened.error());
+    return done;
+  }
   if (const auto* told = std::get_if<Told>(&letter)) {
     unshown_.push_back(board_.tell(monotonic_ns(), told->level, told->drone, told->words));
   } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
     change->in ? leaving_.remove(change->who) : leaving_.add(change->who, monotonic_ns());
   }
   return done;
+}
+
+// The other channels' drones must not lose their commander with it.
+void Ground::lose(std::size_t channel, const Error& why) {
+  lost_[channel] = true;
+  say(Level::alarm, "", fmt::format("{}. Its drones are asked to land, and are not flown any more", why.what));
+  spdlog::error("{}. Its drones are asked to land, and are not flown any more", why.what);
 }
 
 std::vector<std::vector<PilotWish>> Ground::split(const std::vector<PilotWish>& wishes) const {
@@ -215,6 +231,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].wishes = wishes[i];
       inputs[i].more = more_waits_for(i);
+      if (lost_[i]) inputs[i].land = "its channel is lost";
     }
     const TimeNs now_ns = monotonic_ns();
     if (quit && leave_ns == 0) {

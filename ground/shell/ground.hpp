@@ -92,6 +92,8 @@ class Ground {
   Status open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
+  /// One of several.
+  void lose(std::size_t channel, const Error& why);
   void show(TimeNs now_ns);
   void start_certificates();
   void tell_certificates(TimeNs now_ns);
@@ -137,6 +139,7 @@ class Ground {
   std::vector<PilotWish> wishes_;              ///< at most one for each drone and operator
   std::atomic<bool> flying_{false};            ///< run() is
   std::vector<Channel::StreamState> streams_;  ///< of each channel
+  std::vector<bool> lost_;                     ///< likewise: what it says cannot be taken any more
 
   service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;

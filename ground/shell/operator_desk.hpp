@@ -44,6 +44,8 @@ class OperatorDesk final : public service::OperatorKeys {
   /// Behind the calls that wait: gives these drones back, and what he has taken by then, and forgets his key. False: too
   /// much waits.
   bool see_off(std::size_t who, const std::vector<std::size_t>& drones);
+  /// Forgets his key at once: nothing more is signed with it.
+  void forget(std::size_t who) { set_clients(who, {}); }
   /// Nothing is unlocked or submitted from here on; what waits is refused.
   void close();
 

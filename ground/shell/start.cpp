@@ -44,7 +44,8 @@ Status Ground::start(const std::atomic<bool>& quit) {
     if (!streams_[i].connected) {  // behind its first block they are read anyway
       spdlog::error("{}not reached: {}. Its drones are not flown until it is", channels_[i]->label(), streams_[i].why);
     } else if (auto status = channels_[i]->read_controls(); !status) {
-      return status;
+      if (channels_.size() == 1) return status;
+      spdlog::error("{}: its drones are not flown until its records are read", status.error().what);
     }
   }
   if (missions_) {

@@ -5,6 +5,7 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/doctor/shell/channels.hpp"
 #include "tools/doctor/shell/configs.hpp"
 #include "tools/status/shell/ledgers.hpp"
 #include "tools/status/shell/programs.hpp"
@@ -52,8 +53,11 @@ int main(int argc, char** argv) {
   for (doctor::ProgramConfig& config : doctor::read_configs(dir, "").programs) configs.push_back(std::move(config));
   std::set<std::string> asked;
   for (const doctor::ProgramConfig& config : configs) {
-    if (config.ledger && !config.ledger->peer.endpoint.empty() && asked.insert(config.path).second)
-      status.ledgers.push_back(status::ask_ledger(config, patience));
+    if (!asked.insert(config.path).second) continue;
+    for (const doctor::ProgramConfig& each : doctor::of_each_channel(config)) {
+      if (each.ledger && !each.ledger->peer.endpoint.empty())
+        status.ledgers.push_back(status::ask_ledger(each, patience));
+    }
   }
   if (json)
     print_line(status::to_json(status));

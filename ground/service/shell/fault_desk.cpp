@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <iterator>
 
 #include "common/base/log.hpp"
 #include "common/program/socket/command_socket.hpp"
@@ -22,19 +23,31 @@ void FaultDesk::start(std::function<void(FaultList)> publish) {
 }
 
 void FaultDesk::ask(FaultAsk asked, Answer answer) {
+  std::deque<Waiting> overtaken;
+  bool taken = false;
   {
     const std::lock_guard lock(mutex_);
-    if (!over_ && waiting_.size() < max_waiting) {
-      waiting_.emplace_back(std::move(asked), std::move(answer));
+    // What ends a fault does not wait behind what begins some.
+    if (!asked.on) {
+      const auto same = [&](const Waiting& one) { return one.first.name == asked.name; };
+      std::copy_if(waiting_.begin(), waiting_.end(), std::back_inserter(overtaken), same);
+      std::erase_if(waiting_, same);
+    }
+    taken = !over_ && waiting_.size() < (asked.on ? max_waiting : 2 * max_waiting);
+    if (taken) {
+      if (asked.on)
+        waiting_.emplace_back(std::move(asked), answer);
+      else
+        waiting_.emplace_front(std::move(asked), answer);
       changed_.notify_one();
-      return;
     }
   }
-  answer(refusal(503, "too much waits to be switched: try again"));
+  for (const Waiting& one : overtaken) one.second(refusal(503, "it was asked to be switched off meanwhile"));
+  if (!taken) answer(refusal(503, "too much waits to be switched: try again"));
 }
 
 void FaultDesk::close() {
-  std::deque<std::pair<FaultAsk, Answer>> refused;
+  std::deque<Waiting> refused;
   {
     const std::lock_guard lock(mutex_);
     over_ = true;

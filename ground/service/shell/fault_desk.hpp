@@ -18,7 +18,7 @@ class FaultDesk {
   using Answer = std::function<void(ApiAnswer)>;
   /// Something was switched; `drone`: whose, empty: of all. On the desk's thread.
   using Tell = std::function<void(Level level, const std::string& drone, std::string words)>;
-  static constexpr std::size_t max_waiting = 8;
+  static constexpr std::size_t max_waiting = 8;  ///< twice as many to be switched off
 
   FaultDesk(std::string socket, Tell tell) : socket_(std::move(socket)), tell_(std::move(tell)) {}
   ~FaultDesk() { close(); }
@@ -31,6 +31,7 @@ class FaultDesk {
   void close();
 
  private:
+  using Waiting = std::pair<FaultAsk, Answer>;
   void run();
   void look();
   void switch_one(const FaultAsk& asked, const Answer& answer);
@@ -44,7 +45,7 @@ class FaultDesk {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::deque<std::pair<FaultAsk, Answer>> waiting_;
+  std::deque<Waiting> waiting_;  ///< what is to be switched off first
   bool over_ = false;
   std::thread thread_;  ///< uses all of the above
 };

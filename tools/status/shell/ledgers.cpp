@@ -9,6 +9,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "tools/doctor/shell/channels.hpp"
 #include "tools/doctor/shell/ledger_probe.hpp"
 
 namespace ledgerline::status {
@@ -60,7 +61,7 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
 Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds patience) {
   Ledger ledger{.config = one.path, .channel = one.ledger->channel};
   auto config = Config::load(one.path);
-  auto client = config ? fabric::ledger_config(*config) : Result<fabric::ClientConfig>(config.error());
+  auto client = config ? doctor::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
   if (client) client->deadline = patience;
   auto questions =
       client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
