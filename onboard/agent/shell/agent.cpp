@@ -70,8 +70,10 @@ Status Agent::reach_channels() {
       spdlog::error("channel {}: {}. Its drones are not flown until it is reached", slot.shell->channel(),
                     status.error().what);
     }
+    if (reached > 0) begin();
     wait();
     if (auto status = turn(); !status) return status;
+    if (is_begun_) chores(monotonic_ns());
   }
   if (quit_ || reached == 0) return first.value_or(Error{"asked to end"});
   return done;
@@ -81,6 +83,14 @@ void Agent::give_up(Slot& slot, const Error& why) {
   spdlog::error("channel {}: {}. Its drones are not flown any more; agent ends, to be started again, when none flies",
                 slot.shell->channel(), why.what);
   slot.problem = why;
+  slot.shell->close();
+}
+
+// Drones fly from here on, whatever is still waited for.
+void Agent::begin() {
+  if (std::exchange(is_begun_, true)) return;
+  hurry(settings_.priority, "the main loop");
+  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
 }
 
 // The bell is cleared before the states are taken: one that comes behind the take rings for the next turn.
@@ -142,14 +152,15 @@ bool Agent::cut_off(TimeNs now) const {
 void Agent::chores(TimeNs now) {
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
-    for (const Slot& slot : channels_) slot.shell->write_status(now, days);
+    for (const Slot& slot : channels_) {
+      if (!slot.reaching.valid()) slot.shell->write_status(now, days);  // else another thread has it
+    }
   }
   if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
 }
 
 Status Agent::run() {
-  hurry(settings_.priority, "the main loop");
-  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
+  begin();
   while (!quit_ && !cut_off(monotonic_ns())) {
     wait();
     if (auto status = turn(); !status) return status;

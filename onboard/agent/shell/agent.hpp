@@ -47,6 +47,7 @@ class Agent {
   Status reach_channels();
   /// Of several channels one is gone: the others' drones are flown on, and the agent ends when nothing flies.
   void give_up(Slot& slot, const Error& why);
+  void begin();
   void wait();
   Status turn();
   void take_link();
@@ -62,6 +63,7 @@ class Agent {
   std::uint64_t turns_ = 0;
   TimeNs flight_heard_ns_ = 0;  ///< newest state of a drone in the air
   TimeNs next_status_ns_ = 0;
+  bool is_begun_ = false;
   bool link_woke_ = false;  ///< in this turn
   std::atomic<bool> roudi_gone_{false};
   std::array<Slot*, max_drones + 1> of_drone_{};  ///< null: nobody's

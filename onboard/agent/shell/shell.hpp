@@ -74,6 +74,8 @@ class AgentShell {
   bool anything_under_way() const { return core_.anything_under_way(); }
   /// JSON; the checkpoint is kept, too.
   std::string end();
+  /// What comes from now on is thrown away, and nobody waits to bring it.
+  void close() { mailbox_.close(); }
 
  private:
   struct Mocap {
