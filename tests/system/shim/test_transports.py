@@ -9,7 +9,7 @@ LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 PERIOD_S = 0.001  # of link's loop
 
 
-@pytest.mark.parametrize("seed", range(1, 21 if LONG else 3))
+@pytest.mark.parametrize("seed", range(1, 21 if LONG else 2))
 def test_flies_alike(tmp_path, seed):
     script = drawn_script(seed)
     udp, shim = (fly(tmp_path / f"{name}-{seed}", script, udp=name == "udp") for name in ("udp", "shim"))
