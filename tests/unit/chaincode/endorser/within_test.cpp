@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <atomic>
@@ -114,7 +115,7 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   const auto first = send_states(identity, fabric::BlockSource::peer, file);
   EXPECT_EQ(first["restored"], 0);
   EXPECT_EQ(std::filesystem::status(file).permissions(), std::filesystem::perms(0600));
-  const auto second = send_states(identity, fabric::BlockSource::ordered, file);
+  const auto second = send_states(identity, fabric::BlockSource::peer, file);
   EXPECT_GE(second["restored"], count) << second;
   EXPECT_GT(second["answered"], count / 2) << second;
   EXPECT_EQ(second["differ"], 0);
@@ -124,6 +125,10 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   ASSERT_TRUE(fabric::write_checkpoint(file, checkpoint).ok());
   fabric::ClientConfig with = config();
   EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("is not whole"));
+  ::chmod(file.c_str(), 0640);
+  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("chmod 600"));
+  with.blocks = fabric::BlockSource::ordered;
+  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("the peer has not told"));
 }
 
 TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
