@@ -10,8 +10,8 @@
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/checkpoint/continuation.hpp"
-#include "common/fabric/client/tls_pairs_in_use.hpp"
 #include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/sending/tls_pairs_in_use.hpp"
 #include "common/fabric/stream/block_source.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
