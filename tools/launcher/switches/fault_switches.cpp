@@ -64,7 +64,7 @@ Result<FaultSwitches::Step> FaultSwitches::step(std::size_t which, bool on) cons
 std::vector<FaultSwitches::Step> FaultSwitches::steps_off() const {
   std::vector<Step> steps;
   for (std::size_t i = 0; i < all_.size(); ++i) {
-    if (!all_[i].on) continue;
+    if (!all_[i].may_be_on) continue;
     if (auto off = step(i, false)) steps.push_back(std::move(*off));
   }
   return steps;

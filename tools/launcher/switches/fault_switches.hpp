@@ -28,9 +28,11 @@ class FaultSwitches {
   };
   /// Nothing: the command changes nothing. What is on already is told to the proxy again: somebody else may have cleared it.
   Result<std::optional<Step>> step_of(std::string_view command) const;
+  /// The proxy is told: it may act on what it does not answer in time.
+  void tell(const Step& step) { all_[step.which].may_be_on |= step.on; }
   /// The proxy has done it.
-  void done_with(const Step& step) { all_[step.which].on = step.on; }
-  /// What leaves nothing on.
+  void done_with(const Step& step) { all_[step.which].on = all_[step.which].may_be_on = step.on; }
+  /// What leaves nothing on, nor what may be.
   std::vector<Step> steps_off() const;
   /// From here on nothing is switched on.
   void end() { ended_ = true; }
@@ -43,7 +45,7 @@ class FaultSwitches {
     std::string name, drone, label;
     std::string words;  ///< what it does, and what comes of it
     std::string line;   ///< switches it on
-    bool on = false;
+    bool on = false, may_be_on = false;
   };
   Result<Step> step(std::size_t which, bool on) const;
 

@@ -44,9 +44,7 @@ Result<std::string> SwitchDesk::act(const std::string& command) {
   const auto step = switches_.step_of(command);
   if (!step) return step.error();
   if (*step) {
-    // What is switched on counts from now, what is switched off once the proxy has said so: it may act on what it does not
-    // answer in time.
-    if ((*step)->on) switches_.done_with(**step);
+    switches_.tell(**step);
     if (const auto told = tell_command(proxy_, (*step)->line, proxy_patience_ns); !told) return told.error();
     switches_.done_with(**step);
   }

@@ -92,6 +92,19 @@ TEST(FaultSwitches, AreOnOnceTheProxyHasDoneIt) {
   EXPECT_THAT(names_on(switches), testing::ElementsAre());
 }
 
+TEST(FaultSwitches, WhatTheProxyDidNotAnswerMayBeOnAndIsSwitchedOffAtTheEnd) {
+  FaultSwitches switches = two_drones();
+  switches.tell(**switches.step_of("on silent-tello1"));
+  EXPECT_THAT(names_on(switches), testing::ElementsAre());
+  const auto off = switches.steps_off();
+  ASSERT_EQ(off.size(), 1u);
+  EXPECT_EQ(off[0].line, "drone tello1 from partition off");
+  switches.tell(off[0]);
+  EXPECT_EQ(switches.steps_off().size(), 1u) << "until the proxy has said so";
+  switches.done_with(off[0]);
+  EXPECT_TRUE(switches.steps_off().empty());
+}
+
 TEST(FaultSwitches, BehindTheEndAreSwitchedOffAlone) {
   FaultSwitches switches = two_drones();
   switches.done_with(**switches.step_of("on silent-tello1"));
