@@ -177,6 +177,10 @@ std::string file_of_channel(const std::string& path, const Channels& channels, s
   return path.empty() || channel == 0 ? path : path + "-" + channels.all[channel].name;
 }
 
+Error of_channel(const ClientConfig& config, const Error& why) {
+  return Error{fmt::format("channel {}: {}", config.where.channel, why.what)};
+}
+
 bool is_channel_name(const std::string& name) {
   return !name.empty() && name.size() < 250 && name[0] >= 'a' && name[0] <= 'z' &&
          name.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789.-") == std::string::npos;

@@ -46,6 +46,9 @@ Result<std::vector<ClientConfig>> each_channel(const ClientConfig& ledger, const
 /// stays the same file when a channel is added; the others' end in "-CHANNEL". Empty where `path` is.
 std::string file_of_channel(const std::string& path, const Channels& channels, std::size_t channel);
 
+/// What went wrong with the client of one of them.
+Error of_channel(const ClientConfig& config, const Error& why);
+
 /// Fabric's rule: a-z first, then a-z, 0-9, . and -
 bool is_channel_name(const std::string& name);
 

@@ -3,6 +3,7 @@
 #include "common/base/log.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/fabric/judge/channel_config.hpp"
 #include "common/fabric/tx/both_ways.hpp"
 
@@ -32,6 +33,13 @@ Result<TimeNs> added_patience(const ClientConfig& config) {
       "would if each were cut at once, and limits are so much longer",
       to_seconds(channel->batching->timeout_ns), channel->batching->max_messages, to_seconds(both_ns));
   return both_ns;
+}
+
+Result<TimeNs> take_patience(ClientConfig& config) {
+  const auto longer_ns = added_patience(config);
+  if (!longer_ns) return of_channel(config, longer_ns.error());
+  config.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+  return longer_ns;
 }
 
 }  // namespace ledgerline::fabric

@@ -10,4 +10,7 @@ namespace ledgerline::fabric {
 /// peer can lengthen them, else of the peer, which must answer then. Logs what it costs.
 Result<TimeNs> added_patience(const ClientConfig& config);
 
+/// The same, of one of a program's channels: its deadline grows, and an error names it.
+Result<TimeNs> take_patience(ClientConfig& config);
+
 }  // namespace ledgerline::fabric

@@ -193,8 +193,9 @@ Status Ground::open(const Letter& letter, std::vector<FlightInputs>& inputs) {
 // The other channels' drones must not lose their commander with it.
 void Ground::lose(std::size_t channel, const Error& why) {
   lost_[channel] = true;
-  say(Level::alarm, "", fmt::format("{}. Its drones are asked to land, and are not flown any more", why.what));
-  spdlog::error("{}. Its drones are asked to land, and are not flown any more", why.what);
+  std::string words = why.what + ". Its drones are asked to land, and are not flown any more";
+  spdlog::error("{}", words);
+  say(Level::alarm, "", std::move(words));
 }
 
 std::vector<std::vector<PilotWish>> Ground::split(const std::vector<PilotWish>& wishes) const {

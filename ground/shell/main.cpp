@@ -18,10 +18,6 @@ namespace {
 
 using namespace ledgerline;
 
-Error of_channel(const fabric::ClientConfig& ledger, const Error& why) {
-  return Error{fmt::format("channel {}: {}", ledger.where.channel, why.what)};
-}
-
 /// Topics, trace and page know a drone by its name, and shared memory by its number.
 Status check_drones(const std::vector<ground::FlightDrone>& drones) {
   if (drones.empty()) return Error{"no [[drone]] to fly"};
@@ -46,7 +42,7 @@ Result<ground::Channel::Parts> make_channel(Config& config, ground::FlightConfig
   if (!kept) return kept.error();
   auto client = fabric::Client::create(careful);
   auto urgent = fabric::Client::create(careful);
-  if (!client || !urgent) return of_channel(careful, (client ? urgent : client).error());
+  if (!client || !urgent) return fabric::of_channel(careful, (client ? urgent : client).error());
   return ground::Channel::Parts{std::move(flight), std::move(client).value(), std::move(urgent).value(),
                                 std::move(*kept)};
 }
@@ -69,8 +65,7 @@ int fly(Config& config) {
   if (checked) checked = check_drones(flight.drones);
   if (checked && !ledger) checked = ledger.error();
   if (checked && !believed) checked = believed.error();
-  if (checked && channels.several() && !within.msp_dir.empty())
-    checked = Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
+  if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
   if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
@@ -81,9 +76,7 @@ int fly(Config& config) {
   std::vector<ground::Channel::Parts> parts;
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
-    const auto longer_ns = fabric::added_patience(own);
-    if (!longer_ns) return fail(of_channel(own, longer_ns.error()));
-    own.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+    if (const auto longer_ns = fabric::take_patience(own); !longer_ns) return fail(longer_ns.error());
     if (const Status s = endorser::endorse_within(within, own); !s) return fail(s.error(), exit_usage);
     auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
                              fabric::file_of_channel(checkpoint, channels, i));

@@ -56,7 +56,7 @@ Status ask(const identity::Command& command, const identity::Home& home) {
 Result<Pair> made_in(const identity::Home& home) {
   const auto files = crypto::identity_files(home.msp());
   if (!files) return files.error();
-  auto pair = identity::read_pair(*files);
+  auto pair = crypto::read_pair(*files);
   if (!pair) return pair.error();
   if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
     return Error{"the authority's answer: " + fits.error().what};
@@ -91,7 +91,7 @@ Status enroll(Wish& wish) {
 Status renew(Wish& wish) {
   const auto files = wish.place.now();
   if (!files) return files.error();
-  const auto old = identity::read_pair(*files);
+  const auto old = crypto::read_pair(*files);
   if (!old) return old.error();
   if (wish.wanted.subject_parts.empty()) {
     auto parts = identity::subject_parts(old->certificate.subject);
@@ -117,7 +117,7 @@ Status renew(Wish& wish) {
 Status revoke(Wish& wish) {
   const auto files = wish.place.now();
   if (!files) return files.error();
-  const auto registrar = identity::read_pair(*files);
+  const auto registrar = crypto::read_pair(*files);
   if (!registrar) return registrar.error();
   const auto home = identity::Home::make(wish.list);
   if (!home) return home.error();
@@ -156,7 +156,7 @@ struct Shown {
 
 Shown look(const std::string& what, const Place& place) {
   const auto files = place.now();
-  const auto pair = files ? identity::read_pair(*files) : Result<Pair>(files.error());
+  const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
   Shown shown{.what = what, .subject = {}, .problem = {}};
   if (!pair) {
     shown.problem = pair.error().what;

@@ -99,4 +99,9 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   return done;
 }
 
+Status check_channels(const WithinSettings& settings, const fabric::Channels& channels) {
+  if (settings.msp_dir.empty() || !channels.several()) return done;
+  return Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
+}
+
 }  // namespace ledgerline::endorser

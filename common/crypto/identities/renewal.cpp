@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/identities/request.hpp"
 
@@ -34,6 +35,16 @@ std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {
   if (told_days_ == left) return std::nullopt;
   told_days_ = left;
   return Word{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
+}
+
+Result<Renewal::Pair> read_pair(const IdentityFiles& files) {
+  auto certificate_pem = ledgerline::read_file(files.certificate);
+  if (!certificate_pem) return certificate_pem.error();
+  auto certificate = parse_certificate(*certificate_pem);
+  if (!certificate) return Error{fmt::format("{}: {}", files.certificate, certificate.error().what)};
+  auto key_pem = read_key_file(files.private_key);
+  if (!key_pem) return key_pem.error();
+  return Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};
 }
 
 }  // namespace ledgerline::crypto

@@ -47,4 +47,7 @@ class Renewal {
   std::optional<std::int64_t> told_days_;
 };
 
+/// What lies in the files, the key as read_key_file() takes it. Whether the two fit is for Renewal::judge().
+Result<Renewal::Pair> read_pair(const IdentityFiles& files);
+
 }  // namespace ledgerline::crypto

@@ -47,6 +47,11 @@ Result<std::uint64_t> PeerQuestions::height() {
   return info.height();
 }
 
+Result<std::string> PeerQuestions::block(std::uint64_t number) {
+  const std::string& channel = state_->connection->config.where.channel;
+  return ask({channel, "qscc"}, {"GetBlockByNumber", {channel, std::to_string(number)}});
+}
+
 Result<std::string> PeerQuestions::config_block() {
   const std::string& channel = state_->connection->config.where.channel;
   return ask({channel, "cscc"}, {"GetConfigBlock", {channel}});

@@ -20,6 +20,8 @@ class PeerQuestions {
   Result<std::string> propose(std::string_view signed_proposal);
   /// How many blocks the peer has of the channel.
   Result<std::uint64_t> height();
+  /// A serialized common.Block of the channel.
+  Result<std::string> block(std::uint64_t number);
   /// The channel's newest config block, as the peer tells it: a common.Block for read_channel_config. Nobody has judged it.
   Result<std::string> config_block();
   /// That, read.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <limits>
 
-#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
@@ -16,16 +15,6 @@ namespace {
 using crypto::Renewal;
 
 std::int64_t unix_now_s() { return realtime_ns() / ns_per_s; }
-
-Result<Renewal::Pair> read_pair(const ClientConfig::TlsPair& files) {
-  auto certificate_pem = read_file(files.certificate_file);
-  if (!certificate_pem) return certificate_pem.error();
-  auto certificate = crypto::parse_certificate(*certificate_pem);
-  if (!certificate) return Error{fmt::format("{}: {}", files.certificate_file, certificate.error().what)};
-  auto key_pem = crypto::read_key_file(files.key_file);
-  if (!key_pem) return key_pem.error();
-  return Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};
-}
 
 /// Each pair of files once.
 std::vector<ClientConfig::TlsPair> pairs_of(const ClientConfig& ledger,
@@ -59,7 +48,7 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
   if (believed && !believed->member(ledger.identity.serialized, std::nullopt)) believed.reset();
   std::unique_ptr<CertificateWatch> watch(new CertificateWatch(ledger, std::move(believed)));
   for (ClientConfig::TlsPair& files : pairs_of(ledger, further)) {
-    auto pair = read_pair(files);
+    auto pair = crypto::read_pair({files.certificate_file, files.key_file});
     if (!pair) return pair.error();
     const std::string whose = fmt::format("TLS, {}", files.certificate_file);
     watch->pairs_.push_back({.files = std::move(files),
@@ -162,7 +151,7 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
 
 void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
   if (pair.changes.look({pair.files.certificate_file, pair.files.key_file})) {
-    auto found = read_pair(pair.files);
+    auto found = crypto::read_pair({pair.files.certificate_file, pair.files.key_file});
     const bool same = found && found->certificate_pem == pair.in_use_pem;
     if (judge(pair.renewal, found, same, now_s)) {
       pair.in_use_pem = found->certificate_pem;

@@ -35,10 +35,7 @@ void FaultDesk::ask(FaultAsk asked, Answer answer) {
     }
     taken = !over_ && waiting_.size() < (asked.on ? max_waiting : 2 * max_waiting);
     if (taken) {
-      if (asked.on)
-        waiting_.emplace_back(std::move(asked), answer);
-      else
-        waiting_.emplace_front(std::move(asked), answer);
+      waiting_.emplace(asked.on ? waiting_.end() : waiting_.begin(), std::move(asked), answer);
       changed_.notify_one();
     }
   }

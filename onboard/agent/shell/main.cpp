@@ -62,15 +62,10 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   return fabric::Client::create(std::move(config));
 }
 
-Error of_channel(const fabric::ClientConfig& ledger, const Error& why) {
-  return Error{fmt::format("channel {}: {}", ledger.where.channel, why.what)};
-}
-
 /// What `patience` of [ledger] adds for this channel.
 Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
-  const auto longer_ns = fabric::added_patience(ledger);
-  if (!longer_ns) return of_channel(ledger, longer_ns.error());
-  ledger.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
+  const auto longer_ns = fabric::take_patience(ledger);
+  if (!longer_ns) return longer_ns.error();
   settings.core.check.max_age_ns += *longer_ns;
   settings.core.ledger_silent_after_ns += *longer_ns;
   return done;
@@ -88,8 +83,8 @@ Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::S
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   auto witness = make_witness(known);
-  if (!client || !urgent) return of_channel(known, (client ? urgent : client).error());
-  if (!witness) return of_channel(known, witness.error());
+  if (!client || !urgent) return fabric::of_channel(known, (client ? urgent : client).error());
+  if (!witness) return fabric::of_channel(known, witness.error());
   return std::make_unique<agent::AgentShell>(
       std::move(settings), std::move(registry).value(), std::move(client).value(), std::move(urgent).value(),
       std::move(witness).value(), participant, std::move(*checkpoint), stop_requested);
@@ -113,8 +108,7 @@ int run(Config& config) {
   if (checked && !ledger) checked = ledger.error();
   if (checked && !registry) checked = registry.error();
   if (checked) checked = own_msp;
-  if (checked && channels.several() && !within.msp_dir.empty())
-    checked = Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
+  if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
   if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
   auto certificates = fabric::watch_certificates(config, known, channels.tls_pairs());

@@ -15,6 +15,7 @@ from station import Station, take_off
 from test_operators import Signed
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
+only_long = pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
 PATIENCE_S = 120
 
 
@@ -87,6 +88,13 @@ class People:
         return next((self.ledgers.teleop.msp_dir(organisation, user) / "signcerts").iterdir())
 
 
+def a_drone_on_each(people: People) -> None:
+    """Both held by Org1's User2."""
+    for channel, drone in (("teleop", "tello1"), ("yard", "tello2")):
+        people.enroll_operator(channel, 1)
+        people.done(channel, 1, "User2", "acquire", drone)
+
+
 def host_on_both(directory: pathlib.Path, ledgers: Ledgers) -> Host:
     return Host(directory / "host1", ledgers.all, ledgers.tables(1), [Drone("tello1", 1), Drone("tello2", 2, "yard")])
 
@@ -140,13 +148,10 @@ def test_each_organisation_flies_its_own_drones_on_two_channels(tmp_path, ledger
         assert one["doubts"] == 0 and one["drones"][0]["states"]["on_ledger"] > 50, one
 
 
-@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+@only_long
 def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
     ledgers = Ledgers(tmp_path, fabric=False)
-    people = People(tmp_path, ledgers)
-    for channel, drone in (("teleop", "tello1"), ("yard", "tello2")):
-        people.enroll_operator(channel, 1)
-        people.done(channel, 1, "User2", "acquire", drone)
+    a_drone_on_each(People(tmp_path, ledgers))
     host = host_on_both(tmp_path, ledgers)
     flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, "laps = 4\nside_m = 1\n")
     try:
@@ -170,13 +175,10 @@ def test_a_channel_that_dies_lands_its_own_drone_alone(tmp_path):
     assert "hold" in modes("tello2")
 
 
-@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+@only_long
 def test_a_start_without_one_channel_flies_the_drones_of_the_other_which_join_later(tmp_path):
     ledgers = Ledgers(tmp_path, fabric=False)
-    people = People(tmp_path, ledgers)
-    for channel, drone in (("teleop", "tello1"), ("yard", "tello2")):
-        people.enroll_operator(channel, 1)
-        people.done(channel, 1, "User2", "acquire", drone)
+    a_drone_on_each(People(tmp_path, ledgers))
     ledgers.yard.stop()
     host = host_on_both(tmp_path, ledgers)
     flight = ground(tmp_path, "ground1", ledgers.tables(1, "User2"), ON_BOTH, "laps = 1\nside_m = 1\n")

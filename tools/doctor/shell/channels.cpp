@@ -73,4 +73,12 @@ Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConf
   return Error{fmt::format("{} has no channel {}", one.path, one.ledger->channel)};
 }
 
+fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig client) {
+  client.endpoint = peer.endpoint;
+  client.tls_ca_file = peer.tls_ca;
+  client.server_name = peer.server_name;
+  client.other_peers.clear();
+  return client;
+}
+
 }  // namespace ledgerline::doctor

@@ -41,9 +41,7 @@ class Peer {
   }
   Result<std::uint64_t> height() { return questions_->height(); }
   Result<std::string> config_block() { return questions_->config_block(); }
-  Result<std::string> block(std::uint64_t number) {
-    return questions_->ask({where_.channel, "qscc"}, {"GetBlockByNumber", {where_.channel, std::to_string(number)}});
-  }
+  Result<std::string> block(std::uint64_t number) { return questions_->block(number); }
   Result<lifecycle::QueryChaincodeDefinitionResult> definition() {
     lifecycle::QueryChaincodeDefinitionArgs question;
     question.set_name(where_.contract);
@@ -161,12 +159,7 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
   if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block);
   for (const ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
-    fabric::ClientConfig elsewhere = *ledger;
-    elsewhere.endpoint = other.endpoint;
-    elsewhere.tls_ca_file = other.tls_ca;
-    elsewhere.server_name = other.server_name;
-    elsewhere.other_peers.clear();
-    auto second = Peer::create(elsewhere);
+    auto second = Peer::create(client_at(other, *ledger));
     if (!second) continue;
     if (auto its = second->height()) facts.elsewhere = *its;
   }

@@ -48,16 +48,6 @@ bool Place::is_free() const {
   return !crypto::certificate_file(msp_dir) && !crypto::key_file(msp_dir);
 }
 
-Result<crypto::Renewal::Pair> read_pair(const crypto::IdentityFiles& files) {
-  auto certificate_pem = read_file(files.certificate);
-  if (!certificate_pem) return certificate_pem.error();
-  auto certificate = crypto::parse_certificate(*certificate_pem);
-  if (!certificate) return Error{files.certificate + ": " + certificate.error().what};
-  auto key_pem = crypto::read_key_file(files.private_key);
-  if (!key_pem) return key_pem.error();
-  return crypto::Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};
-}
-
 Status put(const Place& place, const crypto::Renewal::Pair& pair) {
   if (place.msp_dir.empty()) {
     // Both beside their places first: what cannot be written takes no key away.

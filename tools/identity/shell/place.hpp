@@ -19,9 +19,6 @@ struct Place {
   bool is_free() const;
 };
 
-/// What is there: read, and the key as crypto::read_key_file() takes it.
-Result<crypto::Renewal::Pair> read_pair(const crypto::IdentityFiles& files);
-
 /// Puts a pair there that fits together: first the key (0600), then the certificate by one rename, then the old key goes.
 /// In a folder the pair is whole at each moment, whatever dies meanwhile, since of two keys the one that fits counts
 /// (crypto::identity_files); of two files the key is new a moment before the certificate, which running programs wait out.

@@ -72,18 +72,11 @@ Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds pa
   ledger.peers.push_back(height_of(*client, client->identity.name.msp_id));
   for (const doctor::ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == client->endpoint) continue;
-    fabric::ClientConfig elsewhere = *client;
-    elsewhere.endpoint = other.endpoint;
-    elsewhere.tls_ca_file = other.tls_ca;
-    elsewhere.server_name = other.server_name;
-    elsewhere.other_peers.clear();
-    ledger.peers.push_back(height_of(elsewhere, other.msp_id));
+    ledger.peers.push_back(height_of(doctor::client_at(other, *client), other.msp_id));
   }
   const auto height = ledger.peers.front().height;
   if (!height) return ledger;
-  const auto block = (*questions)
-                         ->ask({client->where.channel, "qscc"},
-                               {"GetBlockByNumber", {client->where.channel, std::to_string(*height - 1)}});
+  const auto block = (*questions)->block(*height - 1);
   if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block);
   const belief::Evaluate evaluate = [&](const fabric::Call& call) { return (*questions)->ask(client->where, call); };
   for (const doctor::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));

@@ -33,13 +33,13 @@ TEST_F(IdentityPlace, APairInAFolderIsWholeAtEachMomentOfItsRenewal) {
   const auto first = pair(), second = pair();
   ASSERT_TRUE(put(place, first));
   EXPECT_FALSE(place.is_free());
-  EXPECT_EQ(read_pair(place.now().value())->certificate_pem, first.certificate_pem);
+  EXPECT_EQ(crypto::read_pair(place.now().value())->certificate_pem, first.certificate_pem);
   // Cut off before the certificate: the new key is there, and the old pair counts.
   ASSERT_TRUE(write_file(place.msp_dir + "/keystore/0_sk", second.key_pem, 0600));
-  EXPECT_EQ(read_pair(place.now().value())->key_pem, first.key_pem);
+  EXPECT_EQ(crypto::read_pair(place.now().value())->key_pem, first.key_pem);
   ASSERT_TRUE(put(place, second));
   const auto files = place.now().value();
-  EXPECT_EQ(read_pair(files)->key_pem, second.key_pem);
+  EXPECT_EQ(crypto::read_pair(files)->key_pem, second.key_pem);
   EXPECT_EQ(mode(files.private_key), 0600U);
   EXPECT_EQ(mode(place.msp_dir + "/keystore"), 0700U);
 }
