@@ -21,6 +21,7 @@ NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
 LAND_AFTER_S, HOLD_GRACE_S = 5.0, 0.1  # onboard/link/core/settings.hpp
 MAX_PLAN_S = 2.0 + 0.05  # the contract's and agent's limit, and how long a plan's last setpoint is flown
+HALF_NS = 500_000_000
 LOST_S = 0.25  # LinkSettings::health_gap_ns: a loop that is later calls itself unhealthy
 
 
@@ -99,10 +100,13 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
         assert gap_end < end, "not taken back before the next kill"
         gaps_s.append(gap_s)
     late = [(t, s) for t, s in late_turns(trace) if at_ns[0] < t < end_ns]
-    at_kills = [s for t, s in late if any(0 <= t - k < 500_000_000 for k in at_ns)]
+    # Late turns come in bursts, so what is counted is half seconds that have any: those behind a kill, and those elsewhere.
+    since_kill = [(max(k for k in at_ns if k <= t), t, s) for t, s in late]
+    at_kills = {k: max(s for other, t, s in since_kill if other == k and t - k < HALF_NS) for k, t, _ in since_kill if t - k < HALF_NS}
+    elsewhere = {(k, (t - k) // HALF_NS) for k, t, _ in since_kill if t - k >= HALF_NS}
     link = json.loads((out / "run" / "link.summary.json").read_text())
     assert all(drone["states_lost"] == 0 for drone in link["drones"]), "shared memory ran out"
-    return {"kills": kills, "roudi": restarts.get("roudi", 0), "gaps_s": gaps_s, "late_at_kills_s": at_kills, "late_elsewhere": len(late) - len(at_kills),
+    return {"kills": kills, "roudi": restarts.get("roudi", 0), "gaps_s": gaps_s, "late_at_kills_s": list(at_kills.values()), "late_elsewhere": len(elsewhere),
             "flown_s": (end_ns - at_ns[0]) / 1e9, "steal_s": stolen_s, "real_time": link["realtime"],
             "leaked": json.loads((out / "run" / "roudi.summary.json").read_text())["leaked"]}
 
@@ -118,12 +122,12 @@ def test_an_agent_that_is_killed_at_any_moment_is_taken_back_and_disturbs_link_n
     elsewhere, flown_s = (sum(f[key] for f in flights) for key in ("late_elsewhere", "flown_s"))
     leaked = sum(f["leaked"] for f in flights)
     by_chance = elsewhere / (flown_s - 0.5 * kills) * 0.5 * kills
-    print(f"{kills} kills: without a command median {gaps_s[len(gaps_s) // 2]:.2f} s, at most {gaps_s[-1]:.2f} s; turns of link's "
-          f"loop later than 1 ms: {len(at_kills)} within 0.5 s of a kill (longest {1e3 * max(at_kills, default=0):.1f} ms), "
+    print(f"{kills} kills: without a command median {gaps_s[len(gaps_s) // 2]:.2f} s, at most {gaps_s[-1]:.2f} s; half seconds with a turn of "
+          f"link's loop later than 1 ms: {len(at_kills)} behind a kill (longest {1e3 * max(at_kills, default=0):.1f} ms), "
           f"{elsewhere} elsewhere in {flown_s:.0f} s, steal {sum(f['steal_s'] for f in flights):.1f} s; {leaked} chunks leaked, "
           f"{1000 * leaked / kills:.1f} per 1,000 kills; RouDi ended with {sum(f['roudi'] for f in flights)}", flush=True)
     assert max(at_kills, default=0) < LOST_S
-    if all(f["real_time"] for f in flights):
+    if LONG and all(f["real_time"] for f in flights):  # five kills say nothing of how often
         assert len(at_kills) <= by_chance + 3 * math.sqrt(by_chance) + 3, "more than the machine itself is late"
     assert_nothing_left()
 
