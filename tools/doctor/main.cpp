@@ -41,6 +41,12 @@ void add(Findings& all, Findings more) {
   all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
 }
 
+std::vector<std::string> names_of(const std::vector<DroneKeys>& drones) {
+  std::vector<std::string> names;
+  for (const DroneKeys& drone : drones) names.push_back(drone.name);
+  return names;
+}
+
 void look_at_host(const Configs& configs, Findings& all) {
   std::set<std::string> folders, interfaces;
   for (const ProgramConfig& one : configs.programs) {
@@ -57,6 +63,9 @@ void look_at_host(const Configs& configs, Findings& all) {
   add(all, judge(look_at_shared_memory()));
   if (!link) return;
   add(all, judge(look_at_real_time(link->real_time)));
+  if (!link_runs()) all.push_back(judge(look_at_state_port(link->state_listen)));
+  if (const ProgramConfig* const agent = configs.of("agent"))
+    all.push_back(judge_names(names_of(link->drones), names_of(agent->drones)));
   for (const DroneKeys& drone : link->drones)
     all.push_back(judge(look_at_route(drone.name, drone.address, drone.interface)));
 }
@@ -107,8 +116,7 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     add(all, std::move(trust));
     const bool reached = look_at_servers(one, patience, servers, all);
     const bool flies = one.program == "agent" || one.program == "ground";
-    std::vector<std::string> drones;
-    for (const DroneKeys& drone : one.drones) drones.push_back(drone.name);
+    const std::vector<std::string> drones = names_of(one.drones);
     // What is broken before this would only be told once more, in other words.
     if (!known || !reached || !flies) continue;
     Findings answers = ask_ledger(one, anchor.block, anchor.embedded, drones, patience);

@@ -22,8 +22,8 @@ class Breakage:
 
 @contextlib.contextmanager
 def kept(path: pathlib.Path):
-    """A file that may be changed or removed meanwhile."""
-    copy = path.with_name(path.name + ".kept")
+    """A file that may be changed or removed meanwhile. Of hidden files in a keystore programs take none."""
+    copy = path.with_name(f".{path.name}.kept")
     shutil.copy2(path, copy)
     try:
         yield path

@@ -2,12 +2,14 @@
 import os
 
 import breakages
+import field
 import pytest
 from walk import Machines
 
 LONG = os.environ.get("LEDGERLINE_LONG", "0") == "1"
 QUICK = {"config_wrong", "key_open", "key_misfit", "identity_expired", "authority_foreign", "port_closed", "tls_wrong_name",
          "not_enrolled", "interface_down", "disk_full"}
+QUICK_IN_THE_FIELD = {"der_tls_authority", "locked_key", "chown_forgotten", "typo_in_a_drone", "endpoint_as_url", "old_script_listens"}
 
 
 @pytest.fixture(scope="module")
@@ -34,6 +36,28 @@ def test_what_is_broken_is_named_and_its_cure_works(machines, one):
         assert one.problem in found, found
         assert found[one.problem]["cure"]
     assert one.problem not in machines.doctor(one.host, *one.words)
+
+
+@pytest.mark.parametrize("one", field.ALL, ids=lambda one: one.name)
+def test_a_fault_of_the_field_is_named_and_gone_when_its_cure_is_carried_out(machines, one):
+    if not LONG and one.name not in QUICK_IN_THE_FIELD:
+        pytest.skip("with LEDGERLINE_LONG=1")
+    with one.broken(machines):
+        found = machines.doctor(one.host, *one.words, user=one.user)
+        assert one.problem in found, found
+        one.cure(machines, found[one.problem]["cure"])
+        left = {problem: each for problem, each in machines.doctor(one.host, *one.words, user=one.user).items()
+                if each["verdict"] == "broken" or problem == one.problem}
+        assert not left, left
+
+
+@pytest.mark.parametrize("well", [field.two_addresses, field.two_keys], ids=lambda well: well.__name__)
+def test_what_programs_take_is_no_fault(machines, well):
+    if not LONG:
+        pytest.skip("with LEDGERLINE_LONG=1")
+    with well(machines):
+        found = machines.doctor("raven")
+        assert not [each for each in found.values() if each["verdict"] == "broken"], found
 
 
 def test_the_page_flies(machines):

@@ -92,8 +92,9 @@ class Machines:
             if wanted(commands):
                 self.start(host, commands) if keeps else self.run(host, commands)
 
-    def doctor(self, host: str, *words: str) -> dict:
-        done = subprocess.run(self.on(host, " ".join(["ledgerline doctor --json --patience 5", *words])),
+    def doctor(self, host: str, *words: str, user: str = "") -> dict:
+        """`user`: a command that makes it another's."""
+        done = subprocess.run(self.on(host, " ".join([user + "ledgerline doctor --json --patience 5", *words])),
                               cwd=self.root / host / "home", capture_output=True, text=True, timeout=STEP_S)
         return findings.of_doctor(done)
 

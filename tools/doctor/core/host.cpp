@@ -1,6 +1,9 @@
 #include "tools/doctor/core/host.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
 
 namespace ledgerline::doctor {
 namespace {
@@ -20,6 +23,12 @@ std::string user_of(const std::string& folder) {
 
 Findings judge(const FolderFacts& facts) {
   constexpr const char* check = "disk";
+  if (facts.read_only)
+    return {
+        found(Problem::disk_read_only, check, facts.path,
+              fmt::format("`mount -o remount,rw $(findmnt -n -o TARGET -T {})`; `dmesg` says whether the kernel did "
+                          "it after errors: then replace the card or disk",
+                          facts.path))};
   if (!facts.writable)
     return {found(Problem::state_folder, check, facts.path,
                   fmt::format("`install -d -o {} {}`, or run doctor as the user of the programs", user_of(facts.path),
@@ -71,6 +80,23 @@ Finding judge(const InterfaceFacts& facts) {
     return found(Problem::interface_down, check, what + " is down", fmt::format("`ip link set {} up`", facts.name));
   if (!facts.has_address) return found(Problem::interface_down, check, what + " has no address");
   return fine(check, what);
+}
+
+Finding judge(const StatePortFacts& facts) {
+  constexpr const char* check = "state";
+  if (!facts.taken) return fine(check, facts.listen + " is free for link");
+  if (facts.pid == 0) return found(Problem::state_port_taken, check, facts.listen + ", by whom is not to be seen");
+  return found(Problem::state_port_taken, check, fmt::format("{}, by {}", facts.listen, facts.program),
+               fmt::format("end it: `kill {}`; then start link", facts.pid));
+}
+
+Finding judge_names(std::vector<std::string> of_link, std::vector<std::string> of_agent) {
+  constexpr const char* check = "config";
+  std::sort(of_link.begin(), of_link.end());
+  std::sort(of_agent.begin(), of_agent.end());
+  if (of_link == of_agent) return fine(check, "link and agent have the same drones");
+  return found(Problem::drones_differ, check,
+               fmt::format("link.toml has {}; agent.toml has {}", fmt::join(of_link, ", "), fmt::join(of_agent, ", ")));
 }
 
 Finding judge(const RouteFacts& facts) {

@@ -15,6 +15,7 @@ struct FolderFacts {
   std::string path;
   bool writable = false;
   std::optional<std::uint64_t> free_bytes{};
+  bool read_only = false;  ///< its file system is
 };
 Findings judge(const FolderFacts& facts);
 
@@ -46,6 +47,18 @@ struct InterfaceFacts {
   bool there = false, up = false, has_address = false;
 };
 Finding judge(const InterfaceFacts& facts);
+
+/// Where the drones' state texts arrive.
+struct StatePortFacts {
+  std::string listen;  ///< ADDRESS:PORT
+  bool taken = false;
+  std::string program{};  ///< that has it; empty: it is not to be seen
+  int pid = 0;
+};
+Finding judge(const StatePortFacts& facts);
+
+/// The drones' names in link.toml and in agent.toml.
+Finding judge_names(std::vector<std::string> of_link, std::vector<std::string> of_agent);
 
 /// The way to a drone.
 struct RouteFacts {

@@ -53,12 +53,35 @@ bool same_authority(const std::string& a, const std::string& b) {
          std::includes(of_b.begin(), of_b.end(), of_a.begin(), of_a.end());
 }
 
+/// Which other organisation has issued it; empty: none of them.
+std::string issuer_of(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+  for (const AuthorityFacts& one : authorities) {
+    IdentityFacts as = facts;
+    as.msp_id = one.msp_id;
+    if (one.msp_id != facts.msp_id && stranger(as, authorities, now_s).empty()) return one.msp_id;
+  }
+  return "";
+}
+
+bool is_locked(const std::string& key_pem) { return key_pem.find("ENCRYPTED") != std::string::npos; }
+
 }  // namespace
+
+// A sequence of more than 255 bytes, which is what each certificate is.
+bool is_der(const std::string& bytes) { return bytes.starts_with("\x30\x82"); }
+
+std::string cure_of_der(const std::string& file) {
+  return fmt::format("`openssl x509 -inform der -in {0} -out {0}.pem && cp {0}.pem {0} && rm {0}.pem`", file);
+}
 
 Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
   constexpr const char* check = "identity";
   const std::string who = fmt::format("{} in {}", facts.msp_id, facts.place);
   Findings out;
+  if (!facts.forbidden.empty())
+    return {found(
+        Problem::file_forbidden, check, fmt::format("{} by {}", facts.forbidden, facts.user),
+        fmt::format("as root: `chown -R {}: {}`; or run doctor as the programs' user", facts.user, facts.forbidden))};
   if (!facts.no_key.empty()) out.push_back(found(Problem::key_missing, check, facts.no_key));
   if (facts.key_is_open)
     out.push_back(found(Problem::key_open, check, facts.key_file, fmt::format("`chmod 600 {}`", facts.key_file)));
@@ -66,12 +89,20 @@ Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& au
     out.push_back(found(Problem::certificate_missing, check, facts.no_certificate));
     return out;
   }
+  if (is_der(facts.certificate_pem)) {
+    out.push_back(found(Problem::not_pem, check, facts.certificate_file, cure_of_der(facts.certificate_file)));
+    return out;
+  }
   const auto certificate = crypto::parse_certificate(facts.certificate_pem);
   if (!certificate) {
     out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().what));
     return out;
   }
-  if (!facts.key_pem.empty()) {
+  if (is_locked(facts.key_pem)) {
+    out.push_back(
+        found(Problem::key_locked, check, facts.key_file,
+              fmt::format("`openssl pkey -in {0} -out {0}.open && cp {0}.open {0} && rm {0}.open`", facts.key_file)));
+  } else if (!facts.key_pem.empty()) {
     if (const Status fits = crypto::check_fits(facts.key_pem, facts.certificate_pem); !fits)
       out.push_back(found(Problem::key_misfit, check, who + ": " + fits.error().what));
   }
@@ -85,8 +116,16 @@ Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& au
     out.push_back(found(Problem::identity_ends, check, fmt::format("{}, in {} days", who, left_days)));
   }
   if (!authorities.empty() && in_date) {
-    if (const std::string why = stranger(facts, authorities, now_s); !why.empty())
-      out.push_back(found(Problem::identity_foreign, check, fmt::format("{}: {}", who, why)));
+    if (const std::string why = stranger(facts, authorities, now_s); !why.empty()) {
+      const std::string issuer = issuer_of(facts, authorities, now_s);
+      out.push_back(found(Problem::identity_foreign, check, fmt::format("{}: {}", who, why),
+                          issuer.empty()
+                              ? fmt::format("let the authority of {}, as the channel has it, sign the request, then "
+                                            "`ledgerline init --certificate FILE`; a revoked one needs a new key",
+                                            facts.msp_id)
+                              : fmt::format("it is of {}: set msp_id to that, or put an identity of {} in {}", issuer,
+                                            facts.msp_id, facts.place)));
+    }
   }
   if (out.empty())
     out.push_back(fine(check, fmt::format("{} {}, for {} days", facts.msp_id, certificate->subject, left_days)));
@@ -98,8 +137,8 @@ Findings judge(const TrustFacts& facts) {
   Findings out;
   for (const TrustFacts::Msp& msp : facts.msps) {
     if (!msp.why.empty()) {
-      out.push_back(
-          found(Problem::authority_unreadable, check, fmt::format("{} of {}: {}", msp.id, facts.program, msp.why)));
+      out.push_back(found(msp.problem.value_or(Problem::authority_unreadable), check,
+                          fmt::format("{} of {}: {}", msp.id, facts.program, msp.why), msp.cure));
       continue;
     }
     const auto known = std::find_if(facts.channel.begin(), facts.channel.end(),

@@ -16,8 +16,14 @@ struct IdentityFacts {
   std::string key_pem{};
   std::string no_key{};      ///< why it was not read
   bool key_is_open = false;  ///< others may read it
-  std::string key_file{};
+  std::string key_file{}, certificate_file{};
+  std::string forbidden{};  ///< the folder or file that this user may not read; empty: none
+  std::string user{};       ///< this one
 };
+
+/// Whether bytes are of a certificate in binary form, and how to make PEM of it.
+bool is_der(const std::string& bytes);
+std::string cure_of_der(const std::string& file);
 
 /// Of an organisation, by the channel's configuration or by the config's [[msp]].
 struct AuthorityFacts {
@@ -33,7 +39,9 @@ struct TrustFacts {
   std::string program;
   struct Msp {
     std::string id, file;
-    std::string pem{}, why{};  ///< why it was not read
+    std::string pem{}, why{};          ///< why it was not read
+    std::optional<Problem> problem{};  ///< more exact than authority_unreadable
+    std::string cure{};
   };
   std::vector<Msp> msps;
   std::vector<AuthorityFacts> channel;

@@ -13,9 +13,17 @@ constexpr std::array<Words, problem_count> table{{
      "`ledgerline init --role ROLE` writes it; or name the folder with --config-dir"},
     {config_wrong, "config_wrong", broken, "a config is no TOML, has an unknown key, or a value out of its range",
      "change what the line says; docs/configuration.md has every key"},
+    {file_forbidden, "file_forbidden", broken, "this user may not read a file that the programs need",
+     "as root: `chown -R USER: FOLDER` for keys, `chmod a+r FILE` for the others; or run doctor as the programs' user"},
+    {not_pem, "not_pem", broken, "a certificate lies there in binary form (DER): programs read PEM",
+     "`openssl x509 -inform der -in FILE -out FILE.pem && cp FILE.pem FILE`"},
+    {drones_differ, "drones_differ", broken, "link.toml and agent.toml name other drones: nobody speaks for some",
+     "give each [[drone]] the same name in both, the one that it is enrolled by"},
     {state_folder, "state_folder", broken,
      "a folder where a program keeps what it remembers is missing, or may not be written",
      "make it, and give it to the user who runs the programs: `install -d -o ledgerline FOLDER`"},
+    {disk_read_only, "disk_read_only", broken, "the file system that programs write to is mounted read-only",
+     "`mount -o remount,rw MOUNT`; `dmesg` says whether the kernel did it after errors: then replace the card or disk"},
     {disk_full, "disk_full", broken, "less than 64 MB are free where programs write",
      "delete old traces and logs, or let [output] lead to another disk"},
     {disk_low, "disk_low", warning, "less than 1 GB is free where programs write: a trace takes 0.3 GB an hour",
@@ -29,6 +37,8 @@ constexpr std::array<Words, problem_count> table{{
      "run doctor as the user of the programs; else `ledgerline init --request NAME` makes a key"},
     {key_open, "key_open", broken, "others than its owner may read the key: no program takes it",
      "`chmod 600` it; if strangers have accounts here, make a new one and revoke the certificate"},
+    {key_locked, "key_locked", broken, "a pass phrase locks the key: a program that starts by itself has nobody to ask",
+     "`openssl pkey -in KEY -out KEY.open && cp KEY.open KEY && rm KEY.open`"},
     {key_misfit, "key_misfit", broken, "key and certificate do not belong together",
      "put the certificate there that was made of this key's request: `ledgerline init --certificate FILE`"},
     {identity_expired, "identity_expired", broken, "the identity's certificate has expired",
@@ -41,7 +51,9 @@ constexpr std::array<Words, problem_count> table{{
      "programs that run take it"},
     {identity_foreign, "identity_foreign", broken,
      "the organisation that msp_id names has not issued the identity, or has revoked it: the ledger refuses it",
-     "set msp_id to the organisation of the identity, or msp_dir to one of that organisation"},
+     "set msp_id to the organisation of the identity, or let the organisation's authority, as the channel has it, sign "
+     "a "
+     "request"},
 
     {anchor_missing, "anchor_missing", warning,
      "no config_block is set: the peer is believed about blocks, whoever signed them",
@@ -57,6 +69,8 @@ constexpr std::array<Words, problem_count> table{{
      "an organisation of the channel has no [[msp]]: whatever it signs is not believed here",
      "add an [[msp]] with its id and authority"},
 
+    {endpoint_wrong, "endpoint_wrong", broken, "an endpoint is not HOST:PORT",
+     "write the host and the port, and nothing else: no https://, no path"},
     {name_unknown, "name_unknown", broken, "the endpoint's host name has no address",
      "spell it right; `getent hosts NAME` must answer: DNS, or a line in /etc/hosts"},
     {no_route, "no_route", broken, "this host has no way to the address",
@@ -64,7 +78,12 @@ constexpr std::array<Words, problem_count> table{{
     {unreachable, "unreachable", broken, "nothing answers at the address: no word came in time",
      "is that host on, and does its firewall let the port through?"},
     {port_closed, "port_closed", broken, "the host answers, but nobody listens at the port",
-     "start the ledger there, or set the endpoint to the port that it prints"},
+     "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only its "
+     "own "
+     "host reaches it"},
+    {server_mute, "server_mute", broken, "the port takes connections, and no TLS comes back: long packets may be lost",
+     "`ping -M do -s 1400 HOST`: where long ones fail and short ones pass, `ip link set dev INTERFACE mtu` to what "
+     "passes; else it is no server of TLS, or it hangs"},
     {no_tls, "no_tls", broken, "whoever listens at the port does not speak TLS with HTTP/2",
      "set the endpoint to the peer's or orderer's own port, not to its chaincode or operations port"},
     {tls_ca_unreadable, "tls_ca_unreadable", broken, "the file tls_ca cannot be read, or has no certificate",
@@ -106,7 +125,9 @@ constexpr std::array<Words, problem_count> table{{
      "administrators: `ledgerline control enroll --role operator` in one's own organisation, `grant --fly` in the "
      "drone's"},
     {lease_held, "lease_held", warning, "somebody else holds the drone's lease: ground cannot command it",
-     "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority"},
+     "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of one who "
+     "is "
+     "gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`"},
     {stopped, "stopped", warning, "the drone is stopped: it does not take off",
      "whoever stopped it resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
 
@@ -132,6 +153,8 @@ constexpr std::array<Words, problem_count> table{{
      "start ledgerline-roudi, which clears what is left of its own user; of another user: remove it as root"},
     {roudi_foreign, "roudi_foreign", broken, "a RouDi that is not ours runs: it has no pools for link and agent",
      "end it, or run its programs elsewhere; then start ledgerline-roudi"},
+    {state_port_taken, "state_port_taken", broken, "another program has the UDP port of the drones' state texts",
+     "end it: `ss -ulpn` shows who has the port; then start link"},
     {interface_missing, "interface_missing", broken, "a config names a network interface that this host does not have",
      "`ip -br link` shows those there are; plug it in, or correct its name"},
     {interface_down, "interface_down", broken, "a network interface that a config names is down, or has no address",

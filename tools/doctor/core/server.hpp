@@ -13,16 +13,22 @@ struct ServerFacts {
   std::string name;            ///< that its certificate must have
   std::string tls_ca;          ///< file
   std::string no_authority{};  ///< why tls_ca was not read
-  enum class Reached : std::uint8_t { yes, name_unknown, no_route, silent, closed };
+  Problem authority_problem = Problem::tls_ca_unreadable;
+  std::string authority_cure{};
+  enum class Reached : std::uint8_t { yes, malformed, name_unknown, no_route, silent, closed };
   Reached reached = Reached::yes;
   std::string why{};  ///< it was not reached, in the system's words
   bool tls = false;   ///< the handshake went through, whoever it was with
   bool http2 = false;
+  bool mute = false;               ///< it took the connection and then said nothing in time
   bool wants_certificate = false;  ///< and has not got one
   // Of its certificate.
   bool trusted = false, right_name = false, expired = false, not_yet = false;
   std::string issuer{}, names{};
 };
 Finding judge(const ServerFacts& facts);
+
+/// Whether it is HOST:PORT; "[::1]:7051" is.
+bool is_endpoint(const std::string& text);
 
 }  // namespace ledgerline::doctor

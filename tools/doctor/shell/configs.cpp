@@ -1,8 +1,11 @@
 #include "tools/doctor/shell/configs.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <filesystem>
 #include <sstream>
 
@@ -98,12 +101,17 @@ void read_keys(Config& config, ProgramConfig& out) {
   }
   if (out.program == "link") {
     out.real_time = config.integer("realtime.priority", 80, 0, 98) > 0;
+    out.state_listen = config.text("state.listen", "0.0.0.0:8890");
     out.battery_low = config.number("failsafe.battery_low", 0.15, 0.01, 0.95);
   }
 }
 
 /// What the program itself would say at its start, a line each.
 void read_as_program(const ProgramConfig& one, Findings& findings) {
+  if (is_forbidden(one.path)) {
+    findings.push_back(found(Problem::file_forbidden, "config", one.path, let_all_read(one.path)));
+    return;
+  }
   auto config = Config::load(one.path);
   const Status read = config ? configuration::check(one.program, *config) : Status(config.error());
   if (read) {
@@ -115,6 +123,14 @@ void read_as_program(const ProgramConfig& one, Findings& findings) {
 }
 
 }  // namespace
+
+bool is_forbidden(const std::string& path) {
+  return ::faccessat(AT_FDCWD, path.c_str(), R_OK, AT_EACCESS) != 0 && errno == EACCES;
+}
+
+std::string let_all_read(const std::string& path) {
+  return fmt::format("as root: `chmod a+r {}`, and `chmod a+x` its folders", path);
+}
 
 const ProgramConfig* Configs::of(const std::string& program) const {
   const auto one = std::find_if(programs.begin(), programs.end(), [&](const auto& p) { return p.program == program; });

@@ -38,6 +38,7 @@ struct ProgramConfig {
   TimeNs max_age_ns = 0, silent_after_ns = 0;
   bool real_time = true;
   double battery_low = 0;
+  std::string state_listen{};  ///< link's
 };
 
 struct Configs {
@@ -48,6 +49,11 @@ struct Configs {
 
 /// Of one program, "agent" or "bridge"; an error: its file cannot be read or is no TOML.
 Result<ProgramConfig> read_config(const std::string& program, const std::string& path);
+
+/// Whether the file is there and this user may not read it, or may not enter a folder of its path.
+bool is_forbidden(const std::string& path);
+/// The cure where others than its owner may well read it.
+std::string let_all_read(const std::string& path);
 
 /// `role`: whose files must be there; empty: any one file.
 Configs read_configs(const std::string& dir, const std::string& role);

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -37,6 +38,26 @@ std::string first_line(const fs::path& file) {
   return line;
 }
 
+struct Owner {
+  std::string program{};  ///< empty: /proc does not show it to this user
+  int pid = 0;
+};
+
+/// The process that has a socket, "socket:[INODE]".
+Owner owner_of(const std::string& wanted) {
+  std::error_code error;
+  for (const auto& process : fs::directory_iterator("/proc", error)) {
+    const std::string pid = process.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
+    for (fs::directory_iterator fd(process.path() / "fd", error), end; !error && fd != end; fd.increment(error)) {
+      std::error_code unreadable;
+      if (fs::read_symlink(fd->path(), unreadable) == wanted)
+        return {first_line(process.path() / "comm"), std::atoi(pid.c_str())};
+    }
+  }
+  return {};
+}
+
 /// The program that has a Unix socket of this path, as far as /proc shows it to this user.
 std::string program_of(const std::string& socket_path) {
   std::ifstream table("/proc/net/unix");
@@ -47,17 +68,24 @@ std::string program_of(const std::string& socket_path) {
     for (int i = 0; i < 7 && words >> word; ++i) inode = word;
     if (words >> path && path == socket_path) wanted = "socket:[" + inode + "]";
   }
-  if (wanted.empty()) return "";
-  std::error_code error;
-  for (const auto& process : fs::directory_iterator("/proc", error)) {
-    const std::string pid = process.path().filename();
-    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
-    for (fs::directory_iterator fd(process.path() / "fd", error), end; !error && fd != end; fd.increment(error)) {
-      std::error_code unreadable;
-      if (fs::read_symlink(fd->path(), unreadable) == wanted) return first_line(process.path() / "comm");
+  return wanted.empty() ? "" : owner_of(wanted).program;
+}
+
+/// Who has the UDP port, by the table of this network.
+Owner owner_of_udp(unsigned port) {
+  std::ifstream table("/proc/net/udp");
+  std::string line;
+  while (std::getline(table, line)) {
+    std::istringstream words(line);
+    std::string word, local;
+    words >> word >> local;
+    for (int i = 2; i < 10 && words >> word; ++i) {
     }
+    const std::size_t colon = local.find(':');
+    if (colon == std::string::npos || local.substr(colon + 1) != fmt::format("{:04X}", port)) continue;
+    return owner_of("socket:[" + word + "]");
   }
-  return "";
+  return {};
 }
 
 /// In a child, so that doctor stays as it is.
@@ -112,6 +140,7 @@ FolderFacts look_at_folder_of(const std::string& file) {
   fs::path folder = fs::absolute(file).parent_path();
   FolderFacts facts{.path = folder};
   facts.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
+  facts.read_only = !facts.writable && errno == EROFS;
   if (auto free = free_bytes(folder)) facts.free_bytes = *free;
   return facts;
 }
@@ -148,6 +177,25 @@ SharedMemoryFacts look_at_shared_memory() {
   }
   if (facts.roudi == Roudi::alive) facts.program = program_of(path);
   if (auto room = roudi::check_shared_memory(); !room) facts.no_room = room.error().what;
+  return facts;
+}
+
+StatePortFacts look_at_state_port(const std::string& listen) {
+  StatePortFacts facts{.listen = listen};
+  const std::size_t colon = listen.rfind(':');
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  const unsigned port = colon == std::string::npos ? 0 : static_cast<unsigned>(std::atoi(listen.c_str() + colon + 1));
+  at.sin_port = htons(static_cast<std::uint16_t>(port));
+  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) return facts;
+  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return facts;
+  facts.taken = ::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) != 0 && errno == EADDRINUSE;
+  ::close(fd);
+  if (!facts.taken) return facts;
+  const Owner owner = owner_of_udp(port);
+  facts.program = owner.program;
+  facts.pid = owner.pid;
   return facts;
 }
 

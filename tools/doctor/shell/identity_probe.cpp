@@ -1,6 +1,7 @@
 #include "tools/doctor/shell/identity_probe.hpp"
 
 #include <fmt/format.h>
+#include <pwd.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -20,18 +21,29 @@ bool is_open(const std::string& file) {
          !crypto::key_is_private(info.st_mode & 07777, info.st_uid, info.st_gid, crypto::own_groups());
 }
 
+std::string this_user() {
+  const passwd* const entry = ::getpwuid(::geteuid());
+  return entry ? entry->pw_name : std::to_string(::geteuid());
+}
+
 }  // namespace
 
 IdentityFacts read_identity(const LedgerKeys& keys) {
   IdentityFacts facts{.msp_id = keys.msp_id, .place = keys.msp_dir.empty() ? keys.certificate : keys.msp_dir};
+  facts.user = this_user();
   crypto::IdentityFiles files{keys.certificate, keys.private_key};
   if (!keys.msp_dir.empty()) {
     const auto certificate = crypto::certificate_file(keys.msp_dir), key = crypto::key_file(keys.msp_dir);
     if (!certificate) facts.no_certificate = certificate.error().what;
     if (!key) facts.no_key = key.error().what;
+    for (const std::string& folder : {keys.msp_dir + "/signcerts", keys.msp_dir + "/keystore"})
+      if (is_forbidden(folder)) facts.forbidden = keys.msp_dir;
     if (!certificate || !key) return facts;
-    files = {*certificate, *key};
+    // Of two keys the one that the certificate is of, as programs take it.
+    if (auto pair = crypto::identity_files(keys.msp_dir)) files = std::move(*pair);
   }
+  if (is_forbidden(files.private_key) || is_forbidden(files.certificate)) facts.forbidden = facts.place;
+  facts.certificate_file = files.certificate;
   facts.key_file = files.private_key;
   if (auto certificate = read_file(files.certificate))
     facts.certificate_pem = std::move(*certificate);
@@ -75,8 +87,16 @@ TrustFacts read_trust(const LedgerKeys& keys, const std::string& program, const 
   for (const auto& [id, file] : keys.msps) {
     TrustFacts::Msp msp{id, file};
     auto pem = read_file(file);
-    if (!pem) {
+    if (is_forbidden(file)) {
+      msp.problem = Problem::file_forbidden;
+      msp.why = file;
+      msp.cure = let_all_read(file);
+    } else if (!pem) {
       msp.why = pem.error().what;
+    } else if (is_der(*pem)) {
+      msp.problem = Problem::not_pem;
+      msp.why = file;
+      msp.cure = cure_of_der(file);
     } else if (auto certificate = crypto::parse_certificate(*pem); !certificate) {
       msp.why = fmt::format("{}: {}", file, certificate.error().what);
     } else {

@@ -18,6 +18,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
+#include "tools/doctor/core/identity.hpp"
 
 namespace ledgerline::doctor {
 namespace {
@@ -121,16 +122,16 @@ void take_certificate(const SSL* ssl, ServerFacts& facts) {
   GENERAL_NAMES_free(names);
 }
 
-/// Goes on with what OpenSSL waits for; false: it failed, or took too long.
+/// Goes on with what OpenSSL waits for; false: it failed, or nothing came in time, which `mute` says.
 template <typename Step>
-bool go_on(SSL* ssl, int fd, std::chrono::milliseconds patience, Step step) {
+bool go_on(SSL* ssl, int fd, std::chrono::milliseconds patience, bool& mute, Step step) {
   for (;;) {
     const int result = step();
     if (result > 0) return true;
     const int why = SSL_get_error(ssl, result);
-    if (why == SSL_ERROR_WANT_READ ? !ready(fd, POLLIN, patience)
-                                   : why != SSL_ERROR_WANT_WRITE || !ready(fd, POLLOUT, patience))
-      return false;
+    if (why != SSL_ERROR_WANT_READ && why != SSL_ERROR_WANT_WRITE) return false;
+    mute = !ready(fd, why == SSL_ERROR_WANT_READ ? POLLIN : POLLOUT, patience);
+    if (mute) return false;
   }
 }
 
@@ -162,7 +163,7 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   SSL_set_fd(ssl.get(), fd);
   facts.trusted = facts.right_name = true;
   ERR_clear_error();
-  if (!go_on(ssl.get(), fd, patience, [&] { return SSL_connect(ssl.get()); })) {
+  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_connect(ssl.get()); })) {
     facts.wants_certificate = alert_wants_certificate();
     return;
   }
@@ -174,8 +175,8 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   facts.http2 = size == 2 && std::memcmp(protocol, "h2", 2) == 0;
   char answer[64];
   ERR_clear_error();
-  if (!go_on(ssl.get(), fd, patience, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); }) ||
-      !go_on(ssl.get(), fd, patience, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
+  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); }) ||
+      !go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
     facts.wants_certificate = alert_wants_certificate();
 }
 
@@ -185,9 +186,17 @@ ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
   if (!context) return context;
   // Else OpenSSL asks for the pass phrase of a locked key at the terminal.
   SSL_CTX_set_default_passwd_cb(context.get(), [](char*, int, int, void*) { return -1; });
-  if (SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1)
-    facts.no_authority =
-        fmt::format("{}: {}", keys.tls_ca, read_file(keys.tls_ca) ? "no certificate in PEM" : "it cannot be read");
+  if (SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1) {
+    const auto bytes = read_file(keys.tls_ca);
+    facts.no_authority = fmt::format("{}: {}", keys.tls_ca, bytes ? "no certificate in PEM" : "it cannot be read");
+    if (is_forbidden(keys.tls_ca)) {
+      facts.authority_problem = Problem::file_forbidden;
+      facts.authority_cure = let_all_read(keys.tls_ca);
+    } else if (bytes && is_der(*bytes)) {
+      facts.authority_problem = Problem::not_pem;
+      facts.authority_cure = cure_of_der(keys.tls_ca);
+    }
+  }
   X509_VERIFY_PARAM_set_flags(SSL_CTX_get0_param(context.get()), X509_V_FLAG_PARTIAL_CHAIN);
   if (!keys.tls_certificate.empty() &&
       (SSL_CTX_use_certificate_chain_file(context.get(), keys.tls_certificate.c_str()) != 1 ||
@@ -203,6 +212,10 @@ ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
 ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds patience) {
   using Reached = ServerFacts::Reached;
   ServerFacts facts{.what = what, .endpoint = keys.endpoint, .name = keys.server_name, .tls_ca = keys.tls_ca};
+  if (!is_endpoint(keys.endpoint)) {
+    facts.reached = Reached::malformed;
+    return facts;
+  }
   const auto [host, port] = host_and_port(keys.endpoint);
   if (facts.name.empty()) facts.name = host;
   addrinfo hints{}, *list = nullptr;
@@ -214,15 +227,17 @@ ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std:
     return facts;
   }
   const AddressesPtr addresses(list);
-  const Socket socket(::socket(addresses->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-  const int error = socket.fd() < 0 ? errno : connect_within(socket.fd(), *addresses, patience);
-  facts.reached = reached_by(error);
-  if (error != 0) {
-    facts.why = std::strerror(error);
+  // As programs do, which go on to the next where one address of a name does not answer.
+  for (const addrinfo* one = addresses.get(); one; one = one->ai_next) {
+    const Socket socket(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
+    const int error = socket.fd() < 0 ? errno : connect_within(socket.fd(), *one, patience);
+    facts.reached = reached_by(error);
+    facts.why = error == 0 ? "" : std::strerror(error);
+    if (error != 0) continue;
+    const ContextPtr context = context_for(keys, facts);
+    if (context && facts.no_authority.empty()) shake_hands(context.get(), socket.fd(), patience, facts);
     return facts;
   }
-  const ContextPtr context = context_for(keys, facts);
-  if (context && facts.no_authority.empty()) shake_hands(context.get(), socket.fd(), patience, facts);
   return facts;
 }
 

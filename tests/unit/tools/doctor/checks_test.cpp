@@ -59,6 +59,47 @@ TEST(DoctorServer, TellsEachLayerApart) {
       << "dates of a stranger's certificate mean nothing";
 }
 
+TEST(DoctorServer, SaysWhatToWriteForAnEndpointThatIsNone) {
+  const auto cure = [](const std::string& endpoint) {
+    ServerFacts facts{.what = "peer", .endpoint = endpoint, .name = "", .tls_ca = ""};
+    facts.reached = ServerFacts::Reached::malformed;
+    const Finding finding = judge(facts);
+    EXPECT_EQ(finding.problem, Problem::endpoint_wrong);
+    return finding.cure;
+  };
+  EXPECT_THAT(cure("https://tower:7051/"), HasSubstr("\"tower:7051\""));
+  EXPECT_THAT(cure("tower"), HasSubstr("\"tower:PORT\""));
+  EXPECT_TRUE(is_endpoint("[fd00::2]:7051"));
+  EXPECT_FALSE(is_endpoint("tower:"));
+}
+
+TEST(DoctorServer, TellsOneThatIsMuteFromOneThatSpeaksSomethingElse) {
+  EXPECT_EQ(server([](auto& f) { f.tls = false, f.mute = true; }).problem, Problem::server_mute);
+}
+
+TEST(DoctorIdentity, TellsAFolderOfAnotherUserAndALockedKeyFromAMissingOne) {
+  IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .no_key = "cannot read it"};
+  facts.forbidden = "/e/msp";
+  facts.user = "ledgerline";
+  const Findings closed = judge(facts, {}, 0);
+  EXPECT_EQ(closed.at(0).problem, Problem::file_forbidden);
+  EXPECT_THAT(closed[0].cure, HasSubstr("`chown -R ledgerline: /e/msp`"));
+  facts = {.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = std::string("\x30\x82\x01", 3)};
+  EXPECT_EQ(judge(facts, {}, 0).at(0).problem, Problem::not_pem);
+}
+
+TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
+  const Finding taken = judge(StatePortFacts{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
+  EXPECT_EQ(taken.problem, Problem::state_port_taken);
+  EXPECT_THAT(taken.cure, HasSubstr("`kill 7`"));
+  EXPECT_FALSE(judge(StatePortFacts{.listen = "0.0.0.0:8890"}).problem);
+}
+
+TEST(DoctorHost, ComparesTheDronesOfLinkAndAgentInAnyOrder) {
+  EXPECT_FALSE(judge_names({"b", "a"}, {"a", "b"}).problem);
+  EXPECT_EQ(judge_names({"a"}, {"a", "b"}).problem, Problem::drones_differ);
+}
+
 TEST(DoctorChain, TellsClocksByTheNewestBlock) {
   const auto problem = [](HeightFacts facts) { return judge(facts)[0].problem; };
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = -ns_per_s}), Problem::clock_behind);

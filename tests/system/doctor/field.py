@@ -1,0 +1,205 @@
+"""What goes wrong in the field, each with the hand that carries out the cure as doctor says it."""
+import contextlib
+import dataclasses
+import os
+import pathlib
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+
+from breakages import ORG1, PEER, changed, edited
+from walk import Machines
+
+ORG2 = ORG1.replace("org1", "org2")
+# The user of a service, as far as other users' files go.
+AS_SERVICE = "setpriv --bounding-set=-dac_override,-dac_read_search --inh-caps=-dac_override,-dac_read_search "
+START_NODE = "ledgerline node --dir /var/lib/ledgerline-node/ledger --listen {}:7051"
+
+
+@dataclasses.dataclass
+class Fault:
+    problem: str
+    host: str
+    broken: Callable  # a context, which puts back what the cure leaves
+    cure: Callable    # cure(machines, what doctor says)
+    name: str
+    words: tuple = ()
+    user: str = ""
+
+
+def said_command(host: str, stdin: str | None = None):
+    """Types the first command of the cure."""
+    def cure(machines: Machines, says: str) -> None:
+        command = re.search(r"`([^`]+)`", says).group(1)
+        subprocess.run(machines.on(host, command), input=stdin, text=True, check=True, capture_output=True,
+                       start_new_session=True, timeout=20)
+    return cure
+
+
+def said_endpoint(machines: Machines, says: str) -> None:
+    path = machines.etc("raven") / "agent.toml"
+    path.write_text(re.sub(r'endpoint = "https://[^"]*"', f'endpoint = {re.search(chr(34) + "[^" + chr(34) + "]+" + chr(34), says).group()}',
+                           path.read_text()))
+
+
+def rename_in_link(machines: Machines, says: str) -> None:
+    assert "same name in both" in says
+    path = machines.etc("raven") / "link.toml"
+    path.write_text(path.read_text().replace('"tello01"', '"tello1"'))
+
+
+def in_der(path: pathlib.Path, _: Machines) -> None:
+    der = subprocess.run(["openssl", "x509", "-in", path, "-outform", "der"], check=True, capture_output=True).stdout
+    path.write_bytes(der)
+
+
+def locked(path: pathlib.Path, _: Machines) -> None:
+    pem = subprocess.run(["openssl", "pkey", "-in", path, "-aes256", "-passout", "pass:secret"], check=True, capture_output=True).stdout
+    path.write_bytes(pem)
+
+
+def of_another_user(path: pathlib.Path, _: Machines) -> None:
+    path.chmod(0o600)
+    os.chown(path, 65534, 65534)
+
+
+def of_a_strangers_authority(path: pathlib.Path, machines: Machines) -> None:
+    run = lambda *command: subprocess.run(command, check=True, capture_output=True, cwd=machines.root)
+    run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", "o.key", "-out",
+        "o.pem", "-days", "9", "-subj", "/CN=ca.org1.ledgerline")
+    run("openssl", "x509", "-req", "-in", machines.etc("raven") / "raven.csr", "-CA", "o.pem", "-CAkey", "o.key", "-CAcreateserial",
+        "-days", "300", "-out", path)
+
+
+def sign_anew(machines: Machines, says: str) -> None:
+    assert "Org1MSP" in says and "sign the request" in says
+    org1 = machines.root / ORG1
+    machines.run("tower", f"openssl x509 -req -in raven.csr -CA {org1}/ca/ca.org1.ledgerline-cert.pem -CAkey {org1}/ca/priv_sk "
+                 "-CAcreateserial -days 365 -out again.pem")
+    machines.run("raven", "scp tower:again.pem /etc/ledgerline; ledgerline init --certificate /etc/ledgerline/again.pem --out /etc/ledgerline")
+
+
+@contextlib.contextmanager
+def read_only_disk(machines: Machines):
+    folder = machines.root / "raven/var"
+    subprocess.run(["mount", "-t", "tmpfs", "-o", "size=2g", "tmpfs", folder], check=True)
+    try:
+        subprocess.run(["mount", "-o", "remount,ro", folder], check=True)
+        yield
+    finally:
+        subprocess.run(["umount", folder], check=True)
+
+
+@contextlib.contextmanager
+def old_script_listens(machines: Machines):
+    code = "import socket, time; s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); s.bind(('', 8890)); time.sleep(60)"
+    script = machines.spaces["raven"].popen("python3", "-c", code)
+    try:
+        machines.run("raven", "until ss -lun | grep -q :8890; do sleep 0.1; done")
+        yield
+    finally:
+        script.kill()
+        script.wait()
+
+
+@contextlib.contextmanager
+def tunnel_in_the_way(machines: Machines):
+    """The bridge drops what is longer than its port takes, and says so to nobody."""
+    subprocess.run(["ip", "link", "set", "raven", "mtu", "600"], check=True)
+    try:
+        yield
+    finally:
+        subprocess.run(["ip", "link", "set", "raven", "mtu", "1500"], check=True)
+        machines.run("raven", "ip link set dev eth0 mtu 1500")
+
+
+def measure_and_lower(machines: Machines, says: str) -> None:
+    assert "`ping -M do" in says and "`ip link set dev INTERFACE mtu`" in says
+    machines.run("raven", "ip link set dev eth0 mtu 600")
+
+
+@contextlib.contextmanager
+def on_loopback_alone(machines: Machines):
+    def start(address: str):
+        node = machines.running[0]
+        node.terminate()
+        node.wait(20)
+        machines.running[0] = machines.start("tower", START_NODE.format(address))
+        machines.running.pop()
+
+    start("127.0.0.1")
+    machines.mend_node = lambda: start("10.77.0.2")
+    try:
+        yield
+    finally:
+        if machines.mend_node:
+            machines.mend_node()
+
+
+def listen_at_its_address(machines: Machines, says: str) -> None:
+    assert "at 127.0.0.1 only its own host reaches it" in says
+    assert re.search(r"127\.0\.0\.1\]?:7051", machines.run("tower", "ss -ltn"))
+    machines.mend_node()
+    machines.mend_node = None
+
+
+@contextlib.contextmanager
+def holder_is_gone(machines: Machines):
+    user = "users/User1@org2.ledgerline/msp/signcerts/User1@org2.ledgerline-cert.pem"
+    machines.run("tower", f"ledgerline control --config org2/admin.toml enroll --msp Org2MSP --cert {machines.root / ORG2 / user} --role operator\n"
+                 "sed 's/Admin@/User1@/' org2/admin.toml > org2/user1.toml\n"
+                 "ledgerline control --config org2/user1.toml acquire tello1")
+    yield
+
+
+def evict(machines: Machines, says: str) -> None:
+    assert "`ledgerline control evict NAME`" in says and "supervisor of the drone's organisation" in says
+    admin = machines.root / ORG1 / "users/Admin@org1.ledgerline/msp/signcerts/Admin@org1.ledgerline-cert.pem"
+    machines.run("tower", f"ledgerline control --config org1/admin.toml enroll --msp Org1MSP --cert {admin} --role supervisor\n"
+                 "ledgerline control --config org1/admin.toml evict tello1")
+
+
+ALL = [
+    Fault("not_pem", "raven", changed("raven", "tls/Org1MSP.pem", in_der), said_command("raven"), "der_tls_authority"),
+    Fault("not_pem", "raven", changed("raven", "msp/signcerts/cert.pem", in_der), said_command("raven"), "der_certificate"),
+    Fault("key_locked", "raven", changed("raven", "msp/keystore/priv_sk", locked), said_command("raven", "secret\n"), "locked_key"),
+    Fault("file_forbidden", "raven", changed("raven", "msp/keystore/priv_sk", of_another_user), said_command("raven"), "chown_forgotten",
+          user=AS_SERVICE),
+    Fault("file_forbidden", "raven", changed("raven", "agent.toml", of_another_user), said_command("raven"), "config_of_root",
+          user=AS_SERVICE),
+    Fault("drones_differ", "raven", edited("raven", "link.toml", 'name = "tello1"', 'name = "tello01"'), rename_in_link, "typo_in_a_drone"),
+    Fault("endpoint_wrong", "raven", edited("raven", "agent.toml", PEER, f"https://{PEER}"), said_endpoint, "endpoint_as_url"),
+    Fault("disk_read_only", "raven", read_only_disk, said_command("raven"), "read_only_disk"),
+    Fault("state_port_taken", "raven", old_script_listens, said_command("raven"), "old_script_listens"),
+    Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
+    Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
+    Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),
+    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_a_strangers_authority), sign_anew, "tower_set_up_anew"),
+]
+
+
+@contextlib.contextmanager
+def two_addresses(machines: Machines):
+    """No fault: IPv6 first, where nobody listens; programs go on to the second."""
+    hosts = machines.root / "hosts"
+    hosts.write_text("127.0.0.1 localhost\nfd00::2 tower.example\n10.77.0.2 tower.example\n")
+    subprocess.run(["mount", "--bind", hosts, "/etc/hosts"], check=True)
+    try:
+        for host, k in (("raven", 1), ("tower", 2)):
+            machines.run(host, f"ip addr add fd00::{k}/64 dev eth0 nodad")
+        with edited("raven", "agent.toml", PEER, "tower.example:7051")(machines):
+            yield
+    finally:
+        subprocess.run(["umount", "/etc/hosts"], check=True)
+
+
+@contextlib.contextmanager
+def two_keys(machines: Machines):
+    """No fault: of two keys the one counts that the certificate is of."""
+    other = machines.etc("raven") / "msp/keystore/a_sk"
+    shutil.copy(machines.etc("desk") / "msp/keystore/priv_sk", other)
+    try:
+        yield
+    finally:
+        other.unlink()
