@@ -23,18 +23,20 @@ constexpr TimeNs trace_period = ns_per_s / 30;
 // A late step is made up for at once; one this late is worth a word, since clients then see a drone that jumps.
 constexpr TimeNs late_to_tell = 50 * ns_per_ms;
 
-std::string drone_name(int number) { return fmt::format("tello{}", number); }
+std::string drone_name(const ShellOptions& options, int number) {
+  return fmt::format("tello{}", options.first_name + number - 1);
+}
 
 /// Mocap as vrpn_mocap publishes it.
 class MocapOutput {
  public:
-  static Result<MocapOutput> open(const dds::ParticipantOptions& options, int drones) {
-    auto participant = dds::Participant::create(options);
+  static Result<MocapOutput> open(const ShellOptions& options) {
+    auto participant = dds::Participant::create(options.dds);
     if (!participant) return participant.error();
-    MocapOutput output;
-    for (int k = 1; k <= drones; ++k) {
-      auto publisher =
-          dds::RawWriter::create(*participant, "/vrpn_mocap/" + drone_name(k) + "/pose", std::string(pose_type), {});
+    MocapOutput output(options);
+    for (int k = 1; k <= options.parameters.drones; ++k) {
+      auto publisher = dds::RawWriter::create(*participant, "/vrpn_mocap/" + drone_name(options, k) + "/pose",
+                                              std::string(pose_type), {});
       if (!publisher) return publisher.error();
       output.publishers_.push_back(std::move(*publisher));
     }
@@ -47,13 +49,14 @@ class MocapOutput {
     message_.orientation = pose.orientation;
     const auto sent = publishers_[pose.drone - 1u].publish(to_cdr(message_));
     if (!sent && !warned_) {
-      spdlog::warn("mocap of {}: {}", drone_name(pose.drone), sent.error().what);
+      spdlog::warn("mocap of {}: {}", drone_name(options_, pose.drone), sent.error().what);
       warned_ = true;
     }
   }
 
  private:
-  MocapOutput() { message_.header.frame_id = "map"; }
+  explicit MocapOutput(const ShellOptions& options) : options_(options) { message_.header.frame_id = "map"; }
+  ShellOptions options_;
   std::vector<dds::RawWriter> publishers_;
   PoseStamped message_;
   bool warned_ = false;
@@ -63,7 +66,7 @@ class MocapOutput {
 class Record {
  public:
   Status open(const ShellOptions& options) {
-    summary_file_ = options.summary_file;
+    options_ = options;
     flew_.assign(static_cast<std::size_t>(options.parameters.drones), false);
     if (options.trace_file.empty()) return done;
     auto trace = TraceWriter::create(options.trace_file);
@@ -95,24 +98,24 @@ class Record {
       if (auto flushed = trace_->flush(); !flushed) return flushed;
       if (trace_->dropped() > 0) spdlog::warn("the trace was full: {} records are not in it", trace_->dropped());
     }
-    if (summary_file_.empty()) return done;
+    if (options_.summary_file.empty()) return done;
     nlohmann::json drones = nlohmann::json::array();
     for (int k = 1; k <= simulator.drones(); ++k) {
       const Truth truth = simulator.truth(static_cast<DroneNumber>(k));
       const bool flew = flew_[static_cast<std::size_t>(k - 1)];
-      drones.push_back({{"name", drone_name(k)},
+      drones.push_back({{"name", drone_name(options_, k)},
                         {"flew", flew},
                         {"landed", flew && !truth.motors_on && !truth.crashed},
                         {"crashed", truth.crashed},
                         {"battery", truth.battery}});
     }
     const nlohmann::json summary{{"drones", drones}, {"max_late_ms", to_ms(max_late)}, {"unsent", unsent}};
-    return write_file(summary_file_, summary.dump(2) + "\n");
+    return write_file(options_.summary_file, summary.dump(2) + "\n");
   }
 
  private:
   std::optional<TraceWriter> trace_;
-  std::string summary_file_;
+  ShellOptions options_;
   std::vector<bool> flew_;
   TimeNs next_ = 0;
 };
@@ -146,7 +149,7 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
   DroneWire& wire = **made;
   std::optional<MocapOutput> mocap;
   if (options.parameters.mocap_hz > 0) {
-    auto opened = MocapOutput::open(options.dds, options.parameters.drones);
+    auto opened = MocapOutput::open(options);
     if (!opened) return opened.error();
     mocap.emplace(std::move(*opened));
   }

@@ -13,6 +13,7 @@ namespace ledgerline::sim {
 struct ShellOptions {
   Parameters parameters;
   std::string first_address = "127.0.0.2";
+  int first_name = 1;             ///< drone k is tello<first_name + k - 1>
   dds::ParticipantOptions dds{};  ///< of mocap
   std::string trace_file;         ///< empty: none
   std::string summary_file;       ///< empty: none

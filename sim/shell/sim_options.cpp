@@ -13,6 +13,11 @@ void SimOptions::add_to(Arguments& arguments) {
   arguments.option("--drones", p.drones, "how many; drone k is tello<k>")
       .within(1, static_cast<int>(max_drones))
       .shows_default();
+  arguments
+      .option("--first-name", shell.first_name,
+              "number in the first drone's name, for several simulators with drones of one ledger; addresses stay")
+      .within(1, 10'000)
+      .shows_default();
   arguments.option("--seed", p.seed, "of wind and noise; same seed, same flight").shows_default();
   arguments
       .option("--first-serial", p.sdk.first_serial, "last digits of what tello1 answers to sn?; the others count up")
