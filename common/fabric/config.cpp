@@ -7,6 +7,8 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/stream/connection_words.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -151,12 +153,16 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   return out;
 }
 
-void tell_orderers(bool connected, const std::string& why) {
-  if (connected) {
-    spdlog::info("orderer's block stream connected");
-  } else {
-    spdlog::warn("orderer's block stream: {}", why);
-  }
+std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream) {
+  return [stream = std::move(stream), words = ConnectionWords()](bool connected, const std::string& why) mutable {
+    const auto word = words.on(connected, why, monotonic_ns());
+    if (!word) return;
+    if (connected) {
+      spdlog::info("{} {}", stream, *word);
+    } else {
+      spdlog::warn("{}: {}", stream, *word);
+    }
+  };
 }
 
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {

@@ -1,5 +1,7 @@
 #pragma once
+#include <functional>
 #include <memory>
+#include <string>
 
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
@@ -17,8 +19,9 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 inline constexpr const char* blocks_not_judged =
     "config_block is not set: the peer is believed about blocks, whoever signed them";
 
-/// For the log of a program that reads an orderer's blocks, too: Client::StreamHandlers::on_orderers.
-void tell_orderers(bool connected, const std::string& why);
+/// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each line:
+/// "channel a: block stream". Of one stream, since it remembers.
+std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream);
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);

@@ -28,12 +28,9 @@ Channel::Channel(Parts parts, std::string label, Put put)
 void Channel::open_stream() {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { put_(block); };
-  handlers.on_connection = [this](bool connected, const std::string& why) {
-    if (connected) {
-      spdlog::info("{}block stream connected", label_);
-    } else {
-      spdlog::warn("{}block stream: {}", label_, why);
-    }
+  handlers.on_connection = [this, tell = fabric::tell_connections(label_ + "block stream")](bool connected,
+                                                                                            const std::string& why) {
+    tell(connected, why);
     put_(StreamState{connected, why});
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
@@ -44,7 +41,7 @@ void Channel::open_stream() {
   handlers.on_confirmed = [this](const auto& confirmed) {
     confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
   };
-  handlers.on_orderers = fabric::tell_orderers;
+  handlers.on_orderers = fabric::tell_connections(label_ + "orderer's block stream");
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
 }
 

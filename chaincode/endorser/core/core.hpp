@@ -42,6 +42,10 @@ class Core {
   /// Where the definition that counts was committed; none on the embedded node, which has no definitions.
   std::optional<node::Version> defined_at() const;
 
+  /// Signs with this renewed identity from now on. An error, and the old one goes on: by the newest configuration no
+  /// endorsement of it would count.
+  Status renew(crypto::SigningIdentity next);
+
   /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and channels)
   /// is `unavailable`, as everything is once the own certificate has expired or is revoked: clients then ask the peer.
   node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
@@ -49,12 +53,15 @@ class Core {
  private:
   std::optional<node::Definition> read_definition() const;
   Status configure(const common::Block& message);
+  /// Why those organisations let nothing count that it endorses; empty: they do.
+  std::string not_a_peer(const std::vector<crypto::MspRoot>& organisations,
+                         const crypto::SigningIdentity& identity) const;
   bool counts(const fabric::Transaction& transaction, std::uint64_t block) const;
   void write(const std::string& envelope, node::Version at);
 
-  const Setup setup_;
+  Setup setup_;
   const node::CoreConfig config_;
-  const std::int64_t expires_s_;
+  std::int64_t expires_s_;
   bool asks_for_blocks_ = false;
   std::string config_block_;  ///< the newest with a configuration
   bool embedded_node_ = false;

@@ -12,6 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -31,12 +32,17 @@ int run(Config& config) {
   if (checked && ledger->blocks != fabric::BlockSource::peer)
     checked = Error{"ledger.blocks: an endorser follows its own peer, whose answers it is to give"};
   if (!checked) return fail(checked.error(), exit_usage);
+  auto certificates =
+      fabric::CertificateWatch::create(*ledger, nullptr, {{settings.serve.tls_certificate, settings.serve.tls_key}});
+  if (!certificates) return fail(certificates.error(), exit_usage);
   std::atomic<bool> failed{false};
+  const auto tls = ledger->tls_in_use;
   auto service = endorser::Service::start(std::move(*ledger), {settings.check_one_in, settings.checkpoint},
                                           [&](const std::string&) { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
-  auto served = endorser::serve(**service, settings.serve, "serve.");
+  auto served = endorser::serve(**service, settings.serve, "serve.", tls);
   if (!served) return fail(served.error());
+  (*certificates)->start(fabric::CertificateWatch::log);
   bool ready = false;
   std::uint64_t blocks = 0;
   for (TimeNs since = monotonic_ns();

@@ -30,6 +30,7 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
                                                 std::function<void(const std::string&)> on_failure) {
   if (ledger.config_block.empty())
     return Error{"ledger.config_block is missing: an endorser signs only by blocks that the channel's orderers signed"};
+  if (!ledger.identity.in_use) ledger.identity.in_use = std::make_shared<crypto::IdentityInUse>(ledger.identity);
   auto peer = fabric::PeerQuestions::create(ledger);
   if (!peer) return peer.error();
   auto client = fabric::Client::create(ledger);
@@ -58,9 +59,11 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
 
 Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
     : check_one_in_(check_one_in),
+      identity_(ledger.identity.in_use),
       place_(ledger.where.channel + "/" + ledger.where.contract),
       on_failure_(std::move(on_failure)),
-      core_({ledger.where, ledger.identity, fabric::BlockJudge::registry_of(ledger.verifier)}),
+      seen_identity_(identity_->now()),
+      core_({ledger.where, *seen_identity_, fabric::BlockJudge::registry_of(ledger.verifier)}),
       random_(seed()) {}
 
 Service::~Service() {
@@ -160,6 +163,7 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, why, why, {}};
   }
+  take_renewed();
   node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()});
   if (reply.code == node::Code::unavailable) {
     ++counts_.sent_to_the_peer;
@@ -177,6 +181,15 @@ node::Reply Service::process_proposal(const std::string& signed_proposal) {
   }
   ++counts_.answered;
   return reply;
+}
+
+void Service::take_renewed() {
+  auto now = identity_->now();
+  if (now == seen_identity_) return;
+  seen_identity_ = std::move(now);
+  if (const Status renewed = core_.renew(*seen_identity_); !renewed)
+    spdlog::error("endorser: it goes on signing with its old certificate, the renewed one is refused: {}",
+                  renewed.error().what);
 }
 
 bool Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {

@@ -13,6 +13,7 @@
 #include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/feed.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
+#include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
@@ -59,6 +60,8 @@ class Service {
     std::string signed_proposal, answer;
     Readiness::DefinedAt defined_at{};
   };
+  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one. With mutex_ held.
+  void take_renewed();
   void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
   void on_connection(Feed::Source from, bool connected, const std::string& why);
   void set_connected(bool connected, const std::string& why);
@@ -80,6 +83,7 @@ class Service {
   static constexpr std::chrono::minutes keep_every{10};  // copying all takes some ten milliseconds
 
   const int check_one_in_;
+  const std::shared_ptr<const crypto::IdentityInUse> identity_;
   const std::string place_;  ///< "CHANNEL/CONTRACT": what its checkpoint is of
   const std::function<void(const std::string&)> on_failure_;
   std::unique_ptr<fabric::PeerQuestions> peer_;
@@ -88,6 +92,7 @@ class Service {
 
   mutable std::mutex mutex_;  // guards what follows
   std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;
+  std::shared_ptr<const crypto::SigningIdentity> seen_identity_;  ///< the newest of identity_; signs, or was refused
   Core core_;
   Feed feed_;
   Readiness readiness_;

@@ -1,9 +1,13 @@
 #include "chaincode/endorser/shell/serving.hpp"
 
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
+#include <thread>
 #include <utility>
 
 #include "common/base/file.hpp"
+#include "common/base/log.hpp"
 #include "common/fabric/serving/tls_server.hpp"
 #include "peer/peer.grpc.pb.h"
 
@@ -37,36 +41,80 @@ class EndorserService final : public protos::Endorser::CallbackService {
 
 class EndorserServer final : public Served {
  public:
-  explicit EndorserServer(Service& service) : answers_(service) {}
+  EndorserServer(Service& service, std::string certificate_file, std::shared_ptr<const fabric::TlsPairsInUse> tls)
+      : answers_(service), certificate_file_(std::move(certificate_file)), tls_(std::move(tls)) {}
   ~EndorserServer() override {
-    if (!served_.server) return;
-    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-    served_.server->Wait();
+    renewing_ = {};
+    end();
   }
   EndorserServer(const EndorserServer&) = delete;
   EndorserServer& operator=(const EndorserServer&) = delete;
 
   Status start(fabric::TlsEndpoint at) {
-    auto served = fabric::serve_by_tls(at, {&answers_});
+    at_ = std::move(at);
+    auto served = fabric::serve_by_tls(at_, {&answers_});
     if (!served) return served.error();
     served_ = std::move(*served);
+    at_.listen = endpoint_ = served_.endpoint;
+    if (tls_) renewing_ = std::jthread([this](const std::stop_token& stop) { renew(stop); });
     return done;
   }
-  const std::string& endpoint() const override { return served_.endpoint; }
+  const std::string& endpoint() const override { return endpoint_; }
 
  private:
+  void end() {
+    if (!served_.server) return;
+    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+    served_.server->Wait();
+    served_.server.reset();
+  }
+
+  /// gRPC's server keeps the pair that it was made with.
+  void renew(const std::stop_token& stop) {
+    std::mutex mutex;
+    std::condition_variable_any wake;
+    std::string problem;
+    while (!stop.stop_requested()) {
+      {
+        std::unique_lock lock(mutex);
+        wake.wait_for(lock, stop, look_period, [] { return false; });
+      }
+      auto pair = tls_->of(certificate_file_);
+      if (stop.stop_requested() || !pair || (served_.server && pair->certificate_pem == at_.certificate_pem)) continue;
+      at_.certificate_pem = std::move(pair->certificate_pem);
+      at_.key_pem = std::move(pair->key_pem);
+      end();
+      if (auto served = fabric::serve_by_tls(at_, {&answers_})) {
+        served_ = std::move(*served);
+        problem.clear();
+        spdlog::info("endorser: serves at {} with its renewed TLS certificate", endpoint_);
+      } else if (std::exchange(problem, served.error().what) != served.error().what) {
+        spdlog::error("endorser: does not serve with its renewed TLS certificate, tried again each {} s: {}",
+                      look_period.count(), problem);
+      }
+    }
+  }
+
+  static constexpr std::chrono::seconds look_period{1};  // as the watch of the files: twice as long is a later renewal
+
   EndorserService answers_;
-  fabric::TlsServer served_;
+  const std::string certificate_file_;
+  const std::shared_ptr<const fabric::TlsPairsInUse> tls_;
+  fabric::TlsEndpoint at_;
+  std::string endpoint_;
+  fabric::TlsServer served_;  ///< from start() on the thread's, until that has ended
+  std::jthread renewing_;
 };
 
 }  // namespace
 
-Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& settings, const std::string& table) {
+Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& settings, const std::string& table,
+                                      std::shared_ptr<const fabric::TlsPairsInUse> tls) {
   auto certificate = read_file(settings.tls_certificate);
   if (!certificate) return Error{table + "tls_certificate: " + certificate.error().what};
   auto key = read_file(settings.tls_key);
   if (!key) return Error{table + "tls_key: " + key.error().what};
-  auto server = std::make_unique<EndorserServer>(service);
+  auto server = std::make_unique<EndorserServer>(service, settings.tls_certificate, std::move(tls));
   if (Status s = server->start({.name = "endorser",
                                 .listen = settings.listen,
                                 .key_pem = std::move(*key),

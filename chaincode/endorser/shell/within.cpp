@@ -3,21 +3,24 @@
 #include <atomic>
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "chaincode/endorser/shell/service.hpp"
 #include "chaincode/endorser/shell/serving.hpp"
 #include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/client/own_endorser.hpp"
+#include "common/fabric/renewal/certificate_watch.hpp"
 
 namespace ledgerline::endorser {
 namespace {
 
 class Within final : public fabric::OwnEndorser, public std::enable_shared_from_this<Within> {
  public:
-  Within(std::unique_ptr<Service> service, std::string summary)
-      : service_(std::move(service)), summary_(std::move(summary)) {}
+  Within(std::unique_ptr<Service> service, std::string summary, std::unique_ptr<fabric::CertificateWatch> certificates)
+      : service_(std::move(service)), summary_(std::move(summary)), certificates_(std::move(certificates)) {}
   ~Within() override {
+    certificates_.reset();
     served_.reset();
     if (summary_.empty()) return;
     if (const Status s = write_summary(summary_, service_->counts()); !s)
@@ -26,12 +29,14 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   Within(const Within&) = delete;
   Within& operator=(const Within&) = delete;
 
-  Status serve(const ServeSettings& settings) {
-    auto served = endorser::serve(*service_, settings, "own_endorser.");
+  Status serve(const ServeSettings& settings, std::shared_ptr<const fabric::TlsPairsInUse> tls) {
+    auto served = endorser::serve(*service_, settings, "own_endorser.", std::move(tls));
     if (!served) return served.error();
     served_ = std::move(*served);
     return done;
   }
+
+  void watch() { certificates_->start(fabric::CertificateWatch::log); }
 
   Answer endorse(const std::string& signed_proposal) override {
     node::Reply reply = service_->process_proposal(signed_proposal);
@@ -69,6 +74,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
 
   const std::unique_ptr<Service> service_;
   const std::string summary_;
+  std::unique_ptr<fabric::CertificateWatch> certificates_;
   std::atomic<bool> fed_{false};
   std::unique_ptr<Served> served_;
 };
@@ -88,13 +94,24 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);
   if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().what};
   own.identity = std::move(*identity);
+  own.identity_place = {crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir, {}};
+  // The TLS pairs of [ledger] are watched by who made `ledger`.
+  fabric::ClientConfig watched;
+  watched.identity = own.identity;
+  watched.identity_place = own.identity_place;
+  std::vector<fabric::ClientConfig::TlsPair> served;
+  if (!settings.serve.listen.empty()) served.push_back({settings.serve.tls_certificate, settings.serve.tls_key});
+  auto certificates = fabric::CertificateWatch::create(watched, nullptr, served);
+  if (!certificates) return Error{"own_endorser.tls_certificate and tls_key: " + certificates.error().what};
+  own.identity = watched.identity;
   auto service =
       Service::start(std::move(own), {settings.check_one_in, settings.checkpoint}, [](const std::string&) {});
   if (!service) return Error{"own_endorser: " + service.error().what};
-  auto within = std::make_shared<Within>(std::move(*service), settings.summary);
+  auto within = std::make_shared<Within>(std::move(*service), settings.summary, std::move(*certificates));
   if (!settings.serve.listen.empty()) {
-    if (Status s = within->serve(settings.serve); !s) return s;
+    if (Status s = within->serve(settings.serve, watched.tls_in_use); !s) return s;
   }
+  within->watch();
   ledger.own_endorser = std::move(within);
   return done;
 }

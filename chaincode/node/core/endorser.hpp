@@ -34,6 +34,8 @@ class Endorser {
   void answer_as_fabric(std::function<std::optional<Definition>()> definition) { definition_ = std::move(definition); }
   /// Those of another configuration of the channel.
   void set_members(MemberCheck members) { members_ = std::move(members); }
+  /// What this peer's certificate was renewed to.
+  void set_peer(std::size_t peer, crypto::SigningIdentity identity) { peers_.at(peer) = std::move(identity); }
   Endorser(const Endorser&) = delete;
   Endorser& operator=(const Endorser&) = delete;
 
@@ -58,7 +60,7 @@ class Endorser {
 
   const CoreConfig& config_;
   MemberCheck members_;
-  const std::vector<crypto::SigningIdentity> peers_;
+  std::vector<crypto::SigningIdentity> peers_;
   const Ledger& ledger_;
   History history_;
   const ReadVersion read_version_;

@@ -96,18 +96,15 @@ void Bridge::end() {
 Status Bridge::start(const std::atomic<bool>& quit) {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { on_block(block); };
-  handlers.on_connection = [this](bool connected, const std::string& why) {
-    if (connected) {
-      spdlog::info("{}: block stream connected", channel_);
-    } else {
-      spdlog::warn("{}: block stream: {}", channel_, why);
-    }
+  handlers.on_connection = [this, tell = fabric::tell_connections(channel_ + ": block stream")](
+                               bool connected, const std::string& why) {
+    tell(connected, why);
     const std::lock_guard lock(up_mutex_);
     connected_ = connected;
     connection_problem_ = why;
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
-  handlers.on_orderers = fabric::tell_orderers;
+  handlers.on_orderers = fabric::tell_connections(channel_ + ": orderer's block stream");
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what)
       spdlog::error("{}: the ledger's blocks contradict what is known: {}", channel_, what);

@@ -9,6 +9,7 @@
 namespace ledgerline::crypto {
 
 Status Renewal::judge(const Result<Pair>& found, std::int64_t now_s) {
+  valid_from_s_.reset();
   if (!found) return found.error();
   const Certificate& next = found->certificate;
   if (!found->key_pem.empty()) {
@@ -19,13 +20,21 @@ Status Renewal::judge(const Result<Pair>& found, std::int64_t now_s) {
         fmt::format("it is of another subject, {}: grants and leases are of {}, and a program changes its "
                     "subject at a start alone",
                     printable(next.subject), printable(subject_))};
-  if (now_s < next.not_before_s)
-    return Error{
-        fmt::format("it is not valid yet, for another {} s: do the clocks differ?", next.not_before_s - now_s)};
+  if (now_s < next.not_before_s) {
+    valid_from_s_ = next.not_before_s;
+    return Error{fmt::format("it is not valid yet, for another {} s: it is taken then, or do the clocks differ?",
+                             next.not_before_s - now_s)};
+  }
   if (now_s > next.not_after_s) return Error{"it has ended already"};
   not_after_s_ = next.not_after_s;
   told_days_.reset();
   return done;
+}
+
+bool Renewal::due(std::int64_t now_s) {
+  if (!valid_from_s_ || now_s < *valid_from_s_) return false;
+  valid_from_s_.reset();
+  return true;
 }
 
 std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {

@@ -14,6 +14,8 @@ namespace ledgerline::crypto {
 ///                 a pair that fits, of the same subject, in date, of the MSP's authority
 ///     in use ─────────────────────────────────────────────────────────────────────────▶ the new one is in use
 ///        └─── anything else: refused with words, once; the old one stays in use
+///
+/// One that is refused since it is not valid yet is to be looked at once more when it becomes so (due).
 class Renewal {
  public:
   /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it); `not_after_s`:
@@ -37,6 +39,9 @@ class Renewal {
   /// What is to be told of the end now: once a day from a month before, as an alarm from three days before.
   std::optional<Word> look(std::int64_t now_s);
 
+  /// True, once: what was refused as not valid yet is valid now, and is to be judged again though no file has changed.
+  bool due(std::int64_t now_s);
+
   std::int64_t not_after_s() const { return not_after_s_; }
   std::int64_t days_left(std::int64_t now_s) const { return crypto::days_left(not_after_s_, now_s); }
   const std::string& whose() const { return whose_; }
@@ -45,6 +50,7 @@ class Renewal {
   std::string whose_, subject_;
   std::int64_t not_after_s_;
   std::optional<std::int64_t> told_days_;
+  std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
 };
 
 /// What lies in the files, the key as read_key_file() takes it. Whether the two fit is for Renewal::judge().

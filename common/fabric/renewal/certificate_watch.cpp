@@ -140,7 +140,8 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
   const auto files = place_.files_now();
   const std::vector<std::string> names =
       files ? std::vector{files->certificate, files->private_key} : std::vector<std::string>();
-  if (identity_changes_.look(names)) {
+  const bool due = identity_renewal_.due(now_s);
+  if (identity_changes_.look(names) || due) {
     auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
                        : Result<crypto::SigningIdentity>(files.error());
     const bool same = found && found->serialized == identity_->now()->serialized;
@@ -150,7 +151,8 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
 }
 
 void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
-  if (pair.changes.look({pair.files.certificate_file, pair.files.key_file})) {
+  const bool due = pair.renewal.due(now_s);
+  if (pair.changes.look({pair.files.certificate_file, pair.files.key_file}) || due) {
     auto found = crypto::read_pair({pair.files.certificate_file, pair.files.key_file});
     const bool same = found && found->certificate_pem == pair.in_use_pem;
     if (judge(pair.renewal, found, same, now_s)) {

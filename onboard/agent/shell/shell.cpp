@@ -79,7 +79,7 @@ Status AgentShell::take_letters() {
       tell_outcome(ended->outcome);
     } else if (const auto* state = std::get_if<StreamState>(&letter)) {
       core_.on_connection(now, state->connected);
-      tell_connection(*state);
+      tell_connection_(state->connected, state->why);
     } else if (const auto* continued = std::get_if<Continued>(&letter)) {
       take_continued(continued->how);
     } else if (auto* confirmed = std::get_if<Confirmed>(&letter)) {
@@ -130,13 +130,13 @@ void AgentShell::take_second_reading(const SecondReading& reading) {
   for (const SecondOpinion::Difference& difference : verdict.alarms) {
     core_.on_doubt(monotonic_ns(), DoubtKind::records, difference.text());
     spdlog::error(
-        "{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of the "
-        "two peers lies or stands still: look at both before you fly",
-        difference.what, difference.ours, difference.theirs);
+        "{}{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of "
+        "the two peers lies or stands still: look at both before you fly",
+        label_, difference.what, difference.ours, difference.theirs);
   }
   core_.set_records_differ(second_opinion_.differs());
   for (const std::string& what : verdict.cleared)
-    spdlog::warn("{}: another organisation's peer tells the same record again", what);
+    spdlog::warn("{}{}: another organisation's peer tells the same record again", label_, what);
   ask_again_ = verdict.again_soon;
   counters_.records_compared = second_opinion_.comparisons();
   counters_.records_differ = second_opinion_.alarms();
@@ -170,9 +170,9 @@ void AgentShell::tell_implausible(DroneNumber drone, const MocapMessage& message
   if (std::exchange(mocap_warned_, true)) return;
   const TimeNs stamp_ns = message.source_real_ns - mocap_intake_.clock().offset_ns();
   spdlog::warn(
-      "a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
+      "{}a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
       "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
-      drone, to_ms(message.arrived_ns - stamp_ns), MocapIntake::norm(message));
+      label_, drone, to_ms(message.arrived_ns - stamp_ns), MocapIntake::norm(message));
 }
 
 // What link waits for goes first; signing a frame takes a moment.
@@ -181,7 +181,8 @@ void AgentShell::step_and_act() {
   for (const Plan& plan : out_.plans) {
     if (end_->send_plan(plan)) continue;
     ++counters_.plans_not_handed_over;
-    spdlog::error("drone {}: plan {} was lost, no shared memory is left: is link running?", plan.drone, plan.sequence);
+    spdlog::error("{}drone {}: plan {} was lost, no shared memory is left: is link running?", label_, plan.drone,
+                  plan.sequence);
   }
   // A lost pose or beat is made good by the next one; link watches their age.
   for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
@@ -206,7 +207,7 @@ void AgentShell::step_and_act() {
 void AgentShell::tell_refusals() {
   for (const TraceRecord& record : out_.traces) {
     if (record.kind != TraceKind::refused || !due(record.t_ns, next_refusal_log_ns_, log_gap_ns)) continue;
-    spdlog::warn("drone {}: command {} refused: {}{}", record.drone, record.id,
+    spdlog::warn("{}drone {}: command {} refused: {}{}", label_, record.drone, record.id,
                  refusal_name(static_cast<Refusal>(record.extra)),
                  record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
                                                                                    : std::string());
@@ -216,9 +217,10 @@ void AgentShell::tell_refusals() {
 void AgentShell::tell_unconfirmed_stops() {
   for (const auto& stop : out_.unconfirmed_stops) {
     spdlog::error(
-        "drone {}: stopped by {} {}, which the block flags {}: it lands all the same; it is resumed when a fold shows "
+        "{}drone {}: stopped by {} {}, which the block flags {}: it lands all the same; it is resumed when a fold "
+        "shows "
         "that the ledger has no such stop",
-        stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
+        label_, stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
   }
 }
 
@@ -233,15 +235,15 @@ void AgentShell::tell_evictions() {
   const double idle_s = to_seconds(core_.idle().idle_ns());
   for (const AgentOutputs::Eviction& eviction : out_.evictions) {
     if (!eviction.ended) {
-      spdlog::info("{}: on the ground and no command of its holder for {:g} s: its lease is ended", eviction.drone,
-                   idle_s);
+      spdlog::info("{}{}: on the ground and no command of its holder for {:g} s: its lease is ended", label_,
+                   eviction.drone, idle_s);
     } else if (*eviction.ended == Next::on_ledger) {
-      spdlog::warn("{}: its idle holder has lost the lease; who wants to fly it acquires it", eviction.drone);
+      spdlog::warn("{}{}: its idle holder has lost the lease; who wants to fly it acquires it", label_, eviction.drone);
     } else if (*eviction.ended == Next::again) {
-      spdlog::warn("{}: its lease is not ended yet, tried again: {}", eviction.drone, eviction.why);
+      spdlog::warn("{}{}: its lease is not ended yet, tried again: {}", label_, eviction.drone, eviction.why);
     } else {
-      spdlog::error("{}: its idle holder keeps the lease, tried again in {:g} s: {}{}", eviction.drone, idle_s,
-                    *eviction.ended == Next::refused ? "the contract refuses it: " : "", eviction.why);
+      spdlog::error("{}{}: its idle holder keeps the lease, tried again in {:g} s: {}{}", label_, eviction.drone,
+                    idle_s, *eviction.ended == Next::refused ? "the contract refuses it: " : "", eviction.why);
     }
   }
 }
@@ -253,14 +255,6 @@ void AgentShell::tell_outcome(const fabric::Outcome& outcome) {
   if (!due(monotonic_ns(), next_outcome_log_ns_, log_gap_ns)) return;
   spdlog::warn("{}a call did not get through (block {}, code {}): {}", label_, outcome.block, outcome.code,
                outcome.message);
-}
-
-void AgentShell::tell_connection(const StreamState& state) {
-  if (state.connected) {
-    spdlog::info("{}block stream connected", label_);
-  } else {
-    spdlog::warn("{}block stream: {}", label_, state.why);
-  }
 }
 
 void AgentShell::tell_lost_transitions() {

@@ -111,7 +111,7 @@ class AgentShell {
   void tell_unconfirmed_stops();
   void tell_doubts();
   void tell_outcome(const fabric::Outcome& outcome);
-  void tell_connection(const StreamState& state);
+
   void tell_lost_transitions();
   void chores(TimeNs now);
 
@@ -123,6 +123,7 @@ class AgentShell {
   ipc::AgentEnd* end_ = nullptr;  ///< from start() on, as the next
   Recorder* recorder_ = nullptr;
   std::string label_;  ///< begins what is said; empty: there is one channel
+  std::function<void(bool connected, const std::string& why)> tell_connection_;
   std::uint32_t beat_for_ = AgentBeat::all_drones;
   ShellCounters counters_;
   std::atomic<std::uint64_t> mocap_lost_{0};

@@ -33,6 +33,7 @@ Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
     beat_for_ = 0;
     for (const DroneName& drone : core_.drones()) beat_for_ |= AgentBeat::bit_of(drone.number);
   }
+  tell_connection_ = fabric::tell_connections(label_ + "block stream");
   core_.set_real_offset(mocap_intake_.clock().offset_ns());
   if (auto status = subscribe_to_mocap(); !status) return status;
 
@@ -133,7 +134,7 @@ void AgentShell::open_block_stream() {
     confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
     mailbox_.put(Confirmed{confirmed.number, confirmed.hash});
   };
-  handlers.on_orderers = fabric::tell_orderers;
+  handlers.on_orderers = fabric::tell_connections(label_ + "orderer's block stream");
   handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };
   if (!checkpoint_) {
     blocks_ = client_->blocks(std::nullopt, std::move(handlers));

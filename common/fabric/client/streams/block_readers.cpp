@@ -13,6 +13,10 @@ namespace ledgerline::fabric {
 namespace {
 
 constexpr int max_lags = 8;  // some seconds of back-off
+// Each question has the client's own deadline, and the stream waits for the answer: twice as many delay a start by twice
+// as long, one alone makes an endorser end at a single late answer.
+constexpr int max_questions = 4;
+constexpr TimeNs first_question_pause_ns = 50 * ns_per_ms, max_question_pause_ns = 400 * ns_per_ms;
 
 /// While it lives, every block that is committed comes through here.
 class Seeing {
@@ -85,39 +89,51 @@ std::string BlockReader::continue_chain(Follower& follower) {
 }
 
 /// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it says may
-/// confirm a transaction, not refuse one.
+/// confirm a transaction, not refuse one. A peer that is busy or has just started may be late: it is asked again a few
+/// times, since an endorser ends where it is not told. Where that was in vain once, each further connection asks once.
 void BlockReader::ask_definition(Follower& follower) {
   if (!blocks_->misses_definition()) return;
+  BackOff back_off(first_question_pause_ns, max_question_pause_ns);
+  Random random(random_seed());
+  const int tries = definition_problem_told_ ? 1 : max_questions;
+  DefinitionAnswer answer;
+  int tried = 0;
+  do {
+    if (tried > 0 && !follower.pause(back_off.next(random))) return;
+    answer = definition_of_peer(follower);
+    ++tried;
+    if (answer.policy) return blocks_->define(*answer.policy);
+  } while (answer.may_pass && tried < tries && !follower.stopping());
+  if (follower.stopping() || std::exchange(definition_problem_told_, true)) return;
+  blocks_->tell_unbelievable(fmt::format(
+      "the peer does not say whose endorsement contract {} needs, asked {} ({}): of what makes new keys the flags are "
+      "believed",
+      connection_->config.where.contract, tried == 1 ? "once" : fmt::format("{} times", tried),
+      printable(answer.problem)));
+}
+
+BlockReader::DefinitionAnswer BlockReader::definition_of_peer(Follower& follower) const {
   lifecycle::QueryChaincodeDefinitionArgs question;
   question.set_name(connection_->config.where.contract);
   const auto proposal = make_proposal(*connection_->signing(), {connection_->config.where.channel, "_lifecycle"},
                                       {"QueryChaincodeDefinition", {question.SerializeAsString()}}, realtime_ns(),
                                       crypto::random_bytes(24));
+  if (!proposal) return {.problem = proposal.error().what};
   protos::SignedProposal message;
-  if (!proposal || !message.ParseFromString(proposal->signed_proposal)) return;
+  if (!message.ParseFromString(proposal->signed_proposal)) return {.problem = "the question is malformed"};
   grpc::ClientContext context;
   const Follower::Cancellable cancellable(follower, context);
   context.set_deadline(std::chrono::system_clock::now() + connection_->config.deadline);
   const auto stub = protos::Endorser::NewStub(connection_->channels()->stream_peers[connection_->peer()]);
   protos::ProposalResponse answer;
   const grpc::Status status = stub->ProcessProposal(&context, message, &answer);
+  if (!status.ok())
+    return {.problem = text_of(status),
+            .may_pass = may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED};
+  if (answer.response().status() != 200) return {.problem = answer.response().message()};
   lifecycle::QueryChaincodeDefinitionResult definition;
-  std::string problem;
-  if (!status.ok()) {
-    problem = text_of(status);
-  } else if (answer.response().status() != 200) {
-    problem = answer.response().message();
-  } else if (!definition.ParseFromString(answer.response().payload())) {
-    problem = "its answer is malformed";
-  } else {
-    blocks_->define(definition.validation_parameter());
-    return;
-  }
-  if (std::exchange(definition_problem_told_, true)) return;
-  blocks_->tell_unbelievable(fmt::format(
-      "the peer does not say whose endorsement contract {} needs ({}): of what makes new keys the flags are "
-      "believed",
-      connection_->config.where.contract, printable(problem)));
+  if (!definition.ParseFromString(answer.response().payload())) return {.problem = "its answer is malformed"};
+  return {.policy = definition.validation_parameter()};
 }
 
 std::string BlockReader::take(const protos::DeliverResponse& response, Follower& follower) {

@@ -28,6 +28,12 @@ class BlockReader {
  private:
   std::string continue_chain(Follower& follower);
   void ask_definition(Follower& follower);
+  struct DefinitionAnswer {
+    std::optional<std::string> policy{};  ///< the definition's validation_parameter; none: `problem` says why
+    std::string problem{};
+    bool may_pass = false;  ///< another question may be answered
+  };
+  DefinitionAnswer definition_of_peer(Follower& follower) const;
   std::string take(const protos::DeliverResponse& response, Follower& follower);
 
   const std::shared_ptr<const Connection> connection_;

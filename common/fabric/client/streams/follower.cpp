@@ -48,6 +48,11 @@ bool Follower::stopping() {
   return stopping_;
 }
 
+bool Follower::pause(TimeNs time_ns) {
+  std::unique_lock lock(mutex_);
+  return !wake_.wait_for(lock, std::chrono::nanoseconds(time_ns), [this] { return stopping_; });
+}
+
 void Follower::connected() {
   if (connected_) return;
   connected_ = true;
@@ -63,8 +68,7 @@ void Follower::run() {
     connected_ = false;
     last_why_ = why;
     if (news && on_connection_) on_connection_(false, why);
-    std::unique_lock lock(mutex_);
-    wake_.wait_for(lock, std::chrono::nanoseconds(back_off_.next(random_)), [this] { return stopping_; });
+    (void)pause(back_off_.next(random_));
   }
 }
 

@@ -44,6 +44,8 @@ class Follower final : public Client::Stream {
     grpc::ClientContext* outer_ = nullptr;  ///< of a call that waits while this one is made
   };
   bool stopping();
+  /// Waits so long; false: it is to stop.
+  bool pause(TimeNs time_ns);
   /// The stream is there; said once a connection.
   void connected();
   /// Something good came: the next back-off starts from its shortest.
