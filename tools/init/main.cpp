@@ -23,13 +23,14 @@ Examples:
   ledgerline init --collect /var/lib/ledgerline-node/ledger --out public        # at the ledger, for all other hosts
   ledgerline init --role drone-host --deployment deployment.toml --host raven
   ledgerline init --role ground --profile connection.json --msp-id Org2MSP --drone tello1 --drone tello2
+  ledgerline init --role drone-host --deployment deployment.toml --host raven --channel yard=tello2,tello3
 
 Never overwrites a file. docs/three-machines.md goes through it from nothing.
 Exit codes: 0 written; 1 not, with what is wrong; 2 wrong usage.)";
 
 struct Wish {
   std::string role, deployment, profile, host, msp_id, out = "/etc/ledgerline";
-  std::vector<std::string> drones;
+  std::vector<std::string> drones, channels;
   init::Folders folders;
   bool direct = false;
   double batch_timeout_ms = 10;
@@ -79,6 +80,7 @@ Result<init::ProfilePlan> plan_by_profile(const Wish& wish) {
 Status write_configs(const Wish& wish) {
   auto planned = wish.deployment.empty() ? plan_by_profile(wish) : plan_by_deployment(wish);
   if (!planned) return planned.error();
+  if (auto status = init::add_channels(planned->plan, wish.channels); !status) return status;
   const auto timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
   planned->plan.patience =
       deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(wish.batch_count)));
@@ -112,6 +114,9 @@ int main(int argc, char** argv) {
   line.option("--host", wish.host, "which [[host]] of the deployment this is");
   line.option("--msp-id", wish.msp_id, "with --profile: the own organisation");
   line.option("--drone", wish.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
+      .one_at_a_time();
+  line.option("--channel", wish.channels,
+              "NAME=DRONE,DRONE: a further channel of Fabric, and who is on it; its anchor is OUT/NAME.block")
       .one_at_a_time();
   line.flag("--direct", wish.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");

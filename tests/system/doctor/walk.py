@@ -1,4 +1,9 @@
-"""Walks docs/three-machines.md: its blocks, on three network namespaces as its hosts."""
+"""Walks docs/three-machines.md: its blocks, on three network namespaces as its hosts.
+
+LEDGERLINE_INSTALLED names a Debian root with all packages installed: each host is then a root of its own on top of it, with the
+packages that the page gives it, and the commands run there as they stand on the page. Without it the build's programs run, and
+folders of the test stand for /etc/ledgerline and /var/lib.
+"""
 import os
 import pathlib
 import re
@@ -12,6 +17,9 @@ BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 PAGE = pathlib.Path(__file__).resolve().parents[3] / "docs/three-machines.md"
 HOSTS = {"raven": "10.77.0.1", "tower": "10.77.0.2", "desk": "10.77.0.3"}
 READY_S, STEP_S = 60, 180
+INSTALLED = os.environ.get("LEDGERLINE_INSTALLED")
+# What the page does not give a host. dpkg refuses to take away what another package needs.
+WITHOUT = {"raven": [], "tower": ["tools", "onboard", "dev"], "desk": ["tools", "onboard", "ledger", "dev"]}
 
 SCP = """#!/bin/sh
 # Between the hosts' homes and this host's files.
@@ -55,12 +63,38 @@ class Machines:
             for folder in ("home", "etc", "var"):
                 (root / host / folder).mkdir(parents=True)
             (root / host / "home/deployment.toml").write_text(deployment)
+        for host in HOSTS if INSTALLED else ():
+            self.install(host)
+
+    def install(self, host: str) -> None:
+        """A root of its own, with /dev/shm and /tmp of its own; the hosts' homes are where they are outside, for scp alone."""
+        here, mounted = self.root / host, self.root / host / "root"
+        mount = lambda *words: subprocess.run(["mount", *map(str, words)], check=True)
+        for folder in ("changes", "work", "root"):
+            (here / folder).mkdir()
+        mount("-t", "overlay", "-o", f"lowerdir={INSTALLED},upperdir={here}/changes,workdir={here}/work", "overlay", mounted)
+        mount("-t", "proc", "proc", mounted / "proc")
+        mount("--rbind", "/dev", mounted / "dev")
+        mount("-t", "tmpfs", "-o", "mode=1777,size=512m", "tmpfs", mounted / "dev/shm")
+        mount("-t", "tmpfs", "-o", "mode=1777", "tmpfs", mounted / "tmp")
+        for folder in [self.root / other / "home" for other in HOSTS] + [self.root / "bin"]:
+            inside = mounted / folder.relative_to("/")
+            inside.mkdir(parents=True)
+            mount("--bind", folder, inside)
+        unwanted = [f"ledgerline-{part}" for part in WITHOUT[host]]
+        if unwanted:
+            subprocess.run(["chroot", mounted, "env", "PATH=/usr/sbin:/usr/bin:/sbin:/bin", "dpkg", "--remove", *unwanted],
+                           check=True, stdout=subprocess.DEVNULL)
 
     def etc(self, host: str) -> pathlib.Path:
-        return self.root / host / "etc"
+        return self.root / host / ("root/etc/ledgerline" if INSTALLED else "etc")
 
     def on(self, host: str, commands: str) -> list:
         """As they are typed there: each host has its own /etc/ledgerline and /var/lib."""
+        if INSTALLED:
+            return self.spaces[host].command("chroot", self.root / host / "root", "env", "-i", f"ROOT={self.root}", "HOME=/root",
+                                             f"PATH={self.root}/bin:/usr/sbin:/usr/bin:/sbin:/bin", "sh", "-euc",
+                                             f"cd {self.root}/{host}/home\n{commands}")
         commands = commands.replace("/etc/ledgerline", str(self.etc(host)))
         commands = re.sub(r"/var/lib/ledgerline(-\w+)?", str(self.root / host / "var"), commands)
         commands = commands.replace("ledgerline init --role", f"ledgerline init --state-dir {self.root / host}/var --role")
@@ -109,4 +143,6 @@ class Machines:
                 process.wait()
         for space in self.spaces.values():
             space.close()
+        for host in HOSTS if INSTALLED else ():
+            subprocess.run(["umount", "--recursive", self.root / host / "root"], check=True)
         subprocess.run(["ip", "link", "del", "machines"], check=True)

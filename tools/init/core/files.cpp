@@ -54,16 +54,37 @@ void add_server(Values& values, const std::vector<KeyDescription>& reads, const 
   if (has_name && !server.server_name.empty()) values.text(table, "server_name", server.server_name, place);
 }
 
-void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const HostPlan& plan, bool follows) {
+/// Those that the drones are on, in the plan's order. The first is that of [ledger], which must have a drone.
+std::vector<std::string> channels_of(const HostPlan& plan, const std::vector<HostDrone>& drones) {
+  const auto has_drone = [&](const std::string& name) {
+    return std::any_of(drones.begin(), drones.end(), [&](const HostDrone& one) { return one.channel == name; });
+  };
+  std::vector<std::string> names;
+  if (has_drone("")) names.push_back(plan.channel);
+  for (const std::string& name : plan.more_channels)
+    if (has_drone(name)) names.push_back(name);
+  if (names.empty()) names.push_back(plan.channel);
+  return names;
+}
+
+std::string block_of(const HostPlan& plan, const std::string& channel) {
+  const Folders& folders = plan.folders;
+  return channel == plan.channel && !folders.config_block.empty() ? folders.config_block
+                                                                  : fmt::format("{}/{}.block", folders.config, channel);
+}
+
+void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const HostPlan& plan,
+                const std::vector<std::string>& channels, bool follows) {
   add_server(values, reads, "[ledger]", 0, plan.own);
-  values.text("[ledger]", "channel", plan.channel);
+  values.text("[ledger]", "channel", channels[0]);
   values.text("[ledger]", "contract", plan.contract);
   values.text("[ledger]", "msp_id", plan.msp_id);
   values.text("[ledger]", "msp_dir", plan.folders.msp());
-  const Folders& folders = plan.folders;
-  values.text(
-      "[ledger]", "config_block",
-      folders.config_block.empty() ? fmt::format("{}/{}.block", folders.config, plan.channel) : folders.config_block);
+  values.text("[ledger]", "config_block", block_of(plan, channels[0]));
+  for (std::size_t i = 1; i < channels.size(); ++i) {
+    values.text("[[channel]]", "name", channels[i], i - 1);
+    values.text("[[channel]]", "config_block", block_of(plan, channels[i]), i - 1);
+  }
   if (!follows) return;
   if (plan.patience.deadline_ns != deployment::Patience{}.deadline_ns)
     values.add("[ledger]", "deadline_ms", fmt::format("{:.0f}", to_ms(plan.patience.deadline_ns)));
@@ -74,15 +95,19 @@ void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const 
   }
   for (std::size_t i = 0; i < plan.msp_ids.size(); ++i) {
     values.text("[[msp]]", "id", plan.msp_ids[i], i);
-    values.text("[[msp]]", "ca", folders.authority_of(plan.msp_ids[i]), i);
+    values.text("[[msp]]", "ca", plan.folders.authority_of(plan.msp_ids[i]), i);
   }
 }
 
-void add_drones(Values& values, const std::vector<HostDrone>& drones, bool with_address) {
+/// `ledger_channel`: of the file's [ledger]; null: the program knows none.
+void add_drones(Values& values, const HostPlan& plan, const std::vector<HostDrone>& drones, bool with_address,
+                const std::string* ledger_channel) {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     values.text("[[drone]]", "name", drones[i].name, i);
     values.add("[[drone]]", "number", std::to_string(drones[i].number), i);
     if (with_address) values.text("[[drone]]", "address", drones[i].address, i);
+    const std::string& channel = drones[i].channel.empty() ? plan.channel : drones[i].channel;
+    if (ledger_channel && channel != *ledger_channel) values.text("[[drone]]", "channel", channel, i);
   }
 }
 
@@ -98,7 +123,7 @@ class Files {
 
   void link() {
     Values values;
-    add_drones(values, plan_.drones, true);
+    add_drones(values, plan_, plan_.drones, true, nullptr);
     values.text("[output]", "starts", plan_.folders.state_of("ledgerline") + "/link.starts");
     values.text("[output]", "local_stops", plan_.folders.state_of("ledgerline") + "/link.stops");
     values.add("[playout]", "max_margin_ms", "0");
@@ -107,8 +132,9 @@ class Files {
   void agent() {
     const auto keys = keys_of("agent");
     Values values;
-    add_ledger(values, keys, plan_, true);
-    add_drones(values, plan_.drones, false);
+    const auto channels = channels_of(plan_, plan_.drones);
+    add_ledger(values, keys, plan_, channels, true);
+    add_drones(values, plan_, plan_.drones, false, &channels[0]);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline") + "/agent.checkpoint");
     if (plan_.patience.max_age_ns != deployment::Patience{}.max_age_ns) {
       values.add("[check]", "max_age_ms", fmt::format("{:.0f}", to_ms(plan_.patience.max_age_ns)));
@@ -120,23 +146,27 @@ class Files {
   void ground() {
     const auto keys = keys_of("ground");
     Values values;
-    add_ledger(values, keys, plan_, true);
-    add_drones(values, plan_.all_drones, false);
+    const auto channels = channels_of(plan_, plan_.all_drones);
+    add_ledger(values, keys, plan_, channels, true);
+    add_drones(values, plan_, plan_.all_drones, false, &channels[0]);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-ground") + "/ground.checkpoint");
     values.text("[flight]", "shape", "square");
     values.add("[dds]", "local_only", "true");
     write("ground", "ground.toml", keys, values);
   }
-  void control(const char* file) {
+  /// One for each channel: that of a further one is NAME-CHANNEL.toml.
+  void control(const std::string& name) {
     const auto keys = keys_of("control");
-    Values values;
-    add_ledger(values, keys, plan_, false);
-    write("control", file, keys, values);
+    for (const std::string& channel : channels_of(plan_, plan_.all_drones)) {
+      Values values;
+      add_ledger(values, keys, plan_, {channel}, false);
+      write("control", name + (channel == plan_.channel ? "" : "-" + channel) + ".toml", keys, values);
+    }
   }
   void bridge() {
     const auto keys = keys_of("bridge");
     Values values;
-    add_ledger(values, keys, plan_, true);
+    add_ledger(values, keys, plan_, {plan_.channel}, true);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-bridge") + "/bridge.checkpoint");
     values.add("[dds]", "local_only", "true");
     write("bridge", "bridge.toml", keys, values);
@@ -144,6 +174,8 @@ class Files {
   void network() {
     Values values;
     values.text("[[channel]]", "name", plan_.channel);
+    for (std::size_t i = 0; i < plan_.more_channels.size(); ++i)
+      values.text("[[channel]]", "name", plan_.more_channels[i], i + 1);
     const auto places = [&](const char* table, const std::vector<deployment::Endpoint>& all) {
       for (std::size_t i = 0; i < all.size(); ++i) {
         values.text(table, "host", all[i].host, i);
@@ -207,7 +239,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
       break;
     case Role::ground:
       files.ground();
-      files.control("operator.toml");
+      files.control("operator");
       break;
     case Role::ledger:
       if (plan.ledger == deployment::LedgerKind::fabric) {
@@ -225,7 +257,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
       files.bridge();
       break;
     case Role::admin:
-      files.control("admin.toml");
+      files.control("admin");
       break;
   }
   return files.take();

@@ -3,6 +3,9 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <sstream>
+
+#include "common/fabric/channels.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -57,7 +60,45 @@ Status add_servers(const Deployment& deployment, HostPlan& plan) {
   return done;
 }
 
+HostDrone* find_drone(std::vector<HostDrone>& drones, const std::string& name) {
+  const auto found = std::find_if(drones.begin(), drones.end(), [&](const HostDrone& one) { return one.name == name; });
+  return found == drones.end() ? nullptr : &*found;
+}
+
+Status put_on_channel(HostPlan& plan, const std::string& name, const std::string& channel) {
+  HostDrone* const drone = find_drone(plan.all_drones, name);
+  if (!drone) return Error{fmt::format("--channel {}: there is no drone \"{}\"", channel, name)};
+  if (!drone->channel.empty())
+    return Error{
+        fmt::format("--channel {}: {} is on {} already, and a drone is on one", channel, name, drone->channel)};
+  drone->channel = channel;
+  if (HostDrone* const own = find_drone(plan.drones, name)) own->channel = channel;
+  return done;
+}
+
 }  // namespace
+
+Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
+  if (texts.empty()) return done;
+  if (plan.ledger != deployment::LedgerKind::fabric)
+    return Error{"--channel: the embedded ledger has one channel; several are of Fabric (docs/channels.md)"};
+  for (const std::string& text : texts) {
+    const std::size_t at = text.find('=');
+    const std::string channel = text.substr(0, at);
+    if (!fabric::is_channel_name(channel) || at == std::string::npos || at + 1 == text.size())
+      return Error{fmt::format("--channel is NAME=DRONE or NAME=DRONE,DRONE, not \"{}\"", text)};
+    if (channel == plan.channel ||
+        std::find(plan.more_channels.begin(), plan.more_channels.end(), channel) != plan.more_channels.end())
+      return Error{fmt::format("--channel {}: there is a channel of that name already", channel)};
+    plan.more_channels.push_back(channel);
+    std::istringstream names(text.substr(at + 1));
+    for (std::string name; std::getline(names, name, ',');)
+      if (auto status = put_on_channel(plan, name, channel); !status) return status;
+  }
+  if (std::none_of(plan.all_drones.begin(), plan.all_drones.end(), [](const auto& one) { return one.channel.empty(); }))
+    return Error{fmt::format("--channel: no drone is left on {}; each channel needs one", plan.channel)};
+  return done;
+}
 
 Result<HostPlan> plan_of(const Deployment& deployment, const std::string& name, const Folders& folders) {
   const Host* host = deployment.host(name);

@@ -40,6 +40,7 @@ struct Server {
 struct HostDrone {
   std::string name, address;
   int number = 1;
+  std::string channel{};  ///< of HostPlan::more_channels; empty: HostPlan::channel
 };
 
 struct HostPlan {
@@ -48,12 +49,13 @@ struct HostPlan {
   std::string listen{};  ///< of the ledger's part that it runs, HOST:PORT; empty: none
   deployment::LedgerKind ledger = deployment::LedgerKind::embedded;
   std::string channel = "teleop", contract = "ledgerline";
-  Server own{};                         ///< whom its programs ask
-  std::vector<Server> peers{};          ///< of each organisation, for the direct path; empty: it is not used
-  std::vector<Server> orderers{};       ///< likewise
-  std::vector<std::string> msp_ids{};   ///< of all organisations
-  std::vector<HostDrone> drones{};      ///< that this host flies
-  std::vector<HostDrone> all_drones{};  ///< that ground commands
+  std::vector<std::string> more_channels{};  ///< that drones are on, too
+  Server own{};                              ///< whom its programs ask
+  std::vector<Server> peers{};               ///< of each organisation, for the direct path; empty: it is not used
+  std::vector<Server> orderers{};            ///< likewise
+  std::vector<std::string> msp_ids{};        ///< of all organisations
+  std::vector<HostDrone> drones{};           ///< that this host flies
+  std::vector<HostDrone> all_drones{};       ///< that ground commands
   std::vector<deployment::Endpoint> network_peers{}, network_orderers{};  ///< by address, for net.toml
   deployment::Patience patience{};
   Folders folders;
@@ -61,6 +63,9 @@ struct HostPlan {
 
 /// An error names what is missing: the host, its organisation, a port.
 Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Folders& folders);
+
+/// Further channels, each as "NAME=DRONE,DRONE": sets which drone is on which. An error names what does not fit.
+Status add_channels(HostPlan& plan, const std::vector<std::string>& texts);
 
 /// A file that a profile has in its text.
 struct PublicFile {

@@ -172,6 +172,60 @@ TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
   EXPECT_THAT(text_of(files(Role::ground, text, "desk"), "ground.toml"), HasSubstr("name = \"third\"\nnumber = 3\n"));
 }
 
+HostPlan on_channels(const std::string& host, const std::vector<std::string>& channels) {
+  HostPlan out = plan(fabric_deployment, host);
+  const Status status = add_channels(out, channels);
+  EXPECT_TRUE(status) << status.error().what;
+  return out;
+}
+
+TEST(InitFiles, OfSeveralChannelsSayWhichDroneIsOnWhich) {
+  const HostPlan raven = on_channels("raven", {"yard=second"}), desk = on_channels("desk", {"yard=second"});
+  const std::string agent = text_of(*files_of(Role::drone_host, raven), "agent.toml");
+  expect_readable("agent", agent);
+  EXPECT_THAT(without_comments(agent),
+              HasSubstr("[[channel]]\nname = \"yard\"\nconfig_block = \"/etc/ledgerline/yard.block\"\n"));
+  EXPECT_THAT(without_comments(agent), HasSubstr("name = \"first\"\n[[drone]]"));
+  EXPECT_THAT(without_comments(agent), HasSubstr("channel = \"yard\"\n"));
+  expect_readable("link", text_of(*files_of(Role::drone_host, raven), "link.toml"));
+  const auto ground = *files_of(Role::ground, desk);
+  expect_readable("ground", text_of(ground, "ground.toml"));
+  EXPECT_THAT(without_comments(text_of(ground, "operator.toml")), HasSubstr("\nchannel = \"air\"\n"));
+  const std::string of_yard = text_of(ground, "operator-yard.toml");
+  expect_readable("control", of_yard);
+  EXPECT_THAT(without_comments(of_yard), HasSubstr("\nchannel = \"yard\"\n"));
+  EXPECT_THAT(of_yard, HasSubstr("config_block = \"/etc/ledgerline/yard.block\""));
+  const std::string network = text_of(*files_of(Role::ledger, on_channels("tower", {"yard=second"})), "net.toml");
+  expect_readable("fabric", network);
+  EXPECT_THAT(network, HasSubstr("\nname = \"yard\"\n"));
+}
+
+// A channel without a drone is refused by agent.
+TEST(InitFiles, OfAHostThatFliesOnAFurtherChannelAloneHaveItInLedger) {
+  HostPlan raven = on_channels("raven", {"yard=second"});
+  std::erase_if(raven.drones, [](const HostDrone& one) { return one.name == "first"; });
+  const std::string agent = text_of(*files_of(Role::drone_host, raven), "agent.toml");
+  expect_readable("agent", agent);
+  EXPECT_THAT(without_comments(agent), HasSubstr("\nchannel = \"yard\"\n"));
+  EXPECT_THAT(without_comments(agent), Not(HasSubstr("[[channel]]")));
+  EXPECT_THAT(agent, HasSubstr("config_block = \"/etc/ledgerline/yard.block\""));
+}
+
+TEST(InitFiles, OfChannelsRefuseWhatDoesNotFit) {
+  const auto refused = [](const std::string& text, const std::vector<std::string>& channels) {
+    HostPlan of_desk = plan(text, "desk");
+    const Status status = add_channels(of_desk, channels);
+    return status ? "" : status.error().what;
+  };
+  EXPECT_THAT(refused(fabric_deployment, {"yard"}), HasSubstr("is NAME=DRONE"));
+  EXPECT_THAT(refused(fabric_deployment, {"Yard=second"}), HasSubstr("is NAME=DRONE"));
+  EXPECT_THAT(refused(fabric_deployment, {"air=second"}), HasSubstr("already"));
+  EXPECT_THAT(refused(fabric_deployment, {"yard=third"}), HasSubstr("no drone \"third\""));
+  EXPECT_THAT(refused(fabric_deployment, {"yard=second", "lake=second"}), HasSubstr("is on yard already"));
+  EXPECT_THAT(refused(fabric_deployment, {"yard=first,second"}), HasSubstr("no drone is left on air"));
+  EXPECT_THAT(refused(*example_deployment(), {"yard=tello1"}), HasSubstr("embedded ledger has one channel"));
+}
+
 TEST(InitFiles, WaitForALedgerThatCutsLate) {
   HostPlan slow = plan(fabric_deployment, "raven");
   slow.patience = deployment::patience_with(fabric::both_ways_ns(2 * ns_per_s, 10));
