@@ -17,7 +17,7 @@ from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 DRONES, CLIENTS, PAIRS = 16, 10, 10
-SETTLE_S, WINDOW_S = 3, 9
+SETTLE_S, WINDOW_S = 3, 7
 MAX_RATIO = 1.2
 MAX_MORE_CPU = 0.25  # of a core, of ground
 
@@ -25,7 +25,7 @@ MAX_MORE_CPU = 0.25  # of a core, of ground
 LOOK_ON = """
 import os, sys, threading
 from websockets.sync.client import connect
-os.nice(19)
+os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 url, token, count = sys.argv[1:]
 def look():
     with connect(url, subprotocols=["ledgerline.v1", f"token.{token}"]) as stream:
@@ -35,6 +35,16 @@ print("open", flush=True)
 sys.stdin.read()
 os._exit(0)
 """
+
+
+def yield_as_groups(name: str) -> None:
+    """A browser is a session of its own, and the kernel shares the processor between sessions first (sched_autogroup)."""
+    for process in pathlib.Path("/proc").glob("[0-9]*"):
+        try:
+            if (process / "comm").read_text().startswith(name):
+                (process / "autogroup").write_text("19")
+        except (FileNotFoundError, ProcessLookupError):  # it has ended, or the kernel has no such groups
+            continue
 
 
 class Onlookers:
@@ -48,6 +58,8 @@ class Onlookers:
         self.all = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env={**os.environ, "LEDGERLINE_PAGE_NPM": str(NPM)})
                     for command in commands]
         assert all(one.stdout.readline() == "open\n" for one in self.all)
+        if browser == "idle":
+            yield_as_groups("chrom")
 
     def close(self) -> str:
         """What the browser's page says of its pictures."""
@@ -87,7 +99,7 @@ def test_onlookers_take_no_commands_time(tmp_path, browser):
             if onlookers:
                 pictures.append(onlookers.close())
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(120) == 0, printed(tmp_path)
+    assert flight.wait(120) == 1, printed(tmp_path)  # it was asked to land before its path ended, and says so
     two_way = [(r.t_ns, (r.t_ns - r.stamp_ns) / 1e6) for r in records(tmp_path / "run" / "agent.trace") if r.kind == TraceKind.COMMAND_VERIFIED]
     p99_ms, cpu = {}, {}
     for pair, beside, begin_ns, end_ns, used in windows:
