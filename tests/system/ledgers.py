@@ -161,12 +161,12 @@ class Authority:
                 "-subj", f"/O={self.domain}/CN=ca.{self.domain}", "-keyout", self.key, "-out", certificate)
         self.certificate = certificate
 
-    def issue(self, user: str, start: float, end: float | None = None, lasts_s: float = 0) -> dict:
-        """A client valid from `start` to `end` (Unix time), or for so long from now on."""
+    def issue(self, user: str, start: float, end: float | None = None, lasts_s: float = 0, subject: str | None = None) -> dict:
+        """A client, or who `subject` says, valid from `start` to `end` (Unix time), or for so long from now on."""
         key, request, certificate = (self.home / f"{user}.{kind}" for kind in ("key", "csr", "pem"))
         openssl("genpkey", "-algorithm", "EC", "-pkeyopt", "ec_paramgen_curve:P-256", "-out", key)
         openssl("req", "-new", "-key", key, "-out", request,
-                "-subj", f"/O={self.domain}/OU=client/CN={user}@{self.domain}")
+                "-subj", subject or f"/O={self.domain}/OU=client/CN={user}@{self.domain}")
         end = end or time.time() + lasts_s
         openssl("ca", "-batch", "-notext", "-preserveDN", "-config", self.home / "settings", "-in", request,
                 "-out", certificate, "-cert", self.certificate, "-keyfile", self.key,

@@ -1,14 +1,17 @@
 """Certificates renewed and revoked while a drone flies, and what the station says of them."""
 import contextlib
 import mmap
+import os
 import pathlib
+import signal
 import subprocess
 import time
 import tomllib
 import types
 
+import pytest
 from commands import Person
-from fabric import BIN, FABRIC, fabric
+from fabric import BIN, FABRIC, fabric, needs_fabric
 from flights import fly, no_flight_outlives_its_test, printed, wait_for_flight  # noqa: F401: a fixture
 from ledgers import Authority
 from programs import organisation
@@ -16,6 +19,7 @@ from station import Station
 from test_authority import identity, needs_ca, of_authority
 from trace_file import TraceKind, records
 
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 PATIENCE_S = 120
 HOLD, LAND = 1, 3  # FailsafeMode
 
@@ -23,8 +27,12 @@ HOLD, LAND = 1, 3  # FailsafeMode
 class Host:
     """A program of the flight, and where its identity is."""
 
-    def __init__(self, run: pathlib.Path, program: str):
+    def __init__(self, run: pathlib.Path, program: str, msp: pathlib.Path | None = None):
+        """`msp`: where it is not that of its [ledger]."""
         self.run, self.program = run, program
+        if msp:
+            self.msp = msp
+            return
         ledger = tomllib.loads((run / f"{program}.toml").read_text())["ledger"]
         self.msp = run / ledger["msp_dir"]
         self.organisation = int(ledger["msp_id"].removeprefix("Org").removesuffix("MSP"))
@@ -109,6 +117,29 @@ def test_a_renewed_certificate_is_not_noticed_by_the_drone_and_a_revoked_one_lan
     wait_until("ground says why", lambda: ground.says("access denied") or ground.says("FORBIDDEN"), flight, tmp_path)
     wait_until("link says why", lambda: "land (held_too_long)" in (run / "link.log").read_text(), flight, tmp_path)
     assert applied(run, time.monotonic_ns() - 2 * 10**9) == 0, "commands of who is revoked are flown"
+
+
+@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1: two more flights on Fabric")
+@pytest.mark.parametrize("where", ["endorser", "within"])
+def test_an_endorser_goes_on_with_its_renewed_certificate(tmp_path, where):
+    needs_fabric()
+    flight = fly(tmp_path, "--ledger", "fabric", "--seconds", "100", "--endorser" if where == "endorser" else "--endorser-within")
+    wait_for_flight(tmp_path, flight)
+    run = tmp_path / "run"
+    msp = next((run / "ledger/crypto/peerOrganizations/org1.ledgerline/peers").glob("endorser0*")) / "msp"
+    host = Host(run, "endorser" if where == "endorser" else "agent", msp)
+    assert host.writes_as(host.certificate()), "it endorses"
+    subject = subprocess.run(["openssl", "x509", "-noout", "-subject", "-nameopt", "compat", "-in", next((msp / "signcerts").iterdir())],
+                             capture_output=True, text=True, check=True).stdout.split("=", 1)[1].strip()
+    ledger = types.SimpleNamespace(organisation=lambda number: organisation(run / "ledger", number))
+    authority = Authority(ledger, 1, tmp_path / "authority")
+    host.put(authority.issue("endorser0", time.time(), lasts_s=90 * 86400, subject=subject))
+    wait_until("it has taken it", lambda: host.says("has a renewed certificate"), flight, tmp_path)
+    wait_until("it endorses as it", lambda: host.writes_as(host.certificate()), flight, tmp_path)
+    assert not host.says("refused"), host.log()
+    assert LAND not in modes(run, 0)
+    flight.send_signal(signal.SIGINT)
+    flight.wait(PATIENCE_S)
 
 
 def test_ends_and_refusals_are_alarms_of_the_station(tmp_path):
