@@ -51,9 +51,8 @@ constexpr std::array<Words, problem_count> table{{
      "programs that run take it"},
     {identity_foreign, "identity_foreign", broken,
      "the organisation that msp_id names has not issued the identity, or has revoked it: the ledger refuses it",
-     "set msp_id to the organisation of the identity, or let the organisation's authority, as the channel has it, sign "
-     "a "
-     "request"},
+     "set msp_id to the organisation of the identity, or let the organisation's authority, as the channel has it, "
+     "sign a request"},
 
     {anchor_missing, "anchor_missing", warning,
      "no config_block is set: the peer is believed about blocks, whoever signed them",
@@ -78,9 +77,8 @@ constexpr std::array<Words, problem_count> table{{
     {unreachable, "unreachable", broken, "nothing answers at the address: no word came in time",
      "is that host on, and does its firewall let the port through?"},
     {port_closed, "port_closed", broken, "the host answers, but nobody listens at the port",
-     "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only its "
-     "own "
-     "host reaches it"},
+     "start the ledger there, or set the endpoint to the port that it prints; `ss -ltn` there: at 127.0.0.1 only "
+     "its own host reaches it"},
     {server_mute, "server_mute", broken, "the port takes connections, and no TLS comes back: long packets may be lost",
      "`ping -M do -s 1400 HOST`: where long ones fail and short ones pass, `ip link set dev INTERFACE mtu` to what "
      "passes; else it is no server of TLS, or it hangs"},
@@ -125,9 +123,8 @@ constexpr std::array<Words, problem_count> table{{
      "administrators: `ledgerline control enroll --role operator` in one's own organisation, `grant --fly` in the "
      "drone's"},
     {lease_held, "lease_held", warning, "somebody else holds the drone's lease: ground cannot command it",
-     "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of one who "
-     "is "
-     "gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`"},
+     "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of "
+     "one who is gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`"},
     {stopped, "stopped", warning, "the drone is stopped: it does not take off",
      "whoever stopped it resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
 
