@@ -133,7 +133,8 @@ int main(int argc, char** argv) {
   line.option("--config-dir", wish.dir, "where the configs are").shows_default();
   line.option("--role", wish.role, "whose configs must be there; without: any")
       .one_of(std::vector<std::string>(std::begin(config_roles), std::end(config_roles)));
-  line.flag("--drones", wish.drones, "asks each drone for its battery, unless link runs");
+  line.flag("--drones", wish.drones,
+            "asks each drone for its battery, unless link runs, and listens for poses of motion capture");
   line.option("--patience", wish.patience_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
   line.flag("--json", wish.json, "one object instead of lines");
   line.flag("--table", wish.table, "prints all problems with their cures, as Markdown, and looks at nothing");
@@ -149,7 +150,10 @@ int main(int argc, char** argv) {
   look_at_host(configs, all);
   look_at_ledger(configs, patience, all);
   const ProgramConfig* const link = configs.of("link");
-  if (wish.drones && link) add(all, ask_drones(*link));
+  if (wish.drones && link) {
+    add(all, ask_drones(*link));
+    if (const ProgramConfig* const agent = configs.of("agent")) add(all, hear_poses(*link, *agent));
+  }
   if (wish.json)
     print_line(to_json(all));
   else

@@ -144,11 +144,17 @@ def listen_at_its_address(machines: Machines, says: str) -> None:
     machines.mend_node = None
 
 
+def enroll_a_user(machines: Machines, number: int) -> None:
+    """Which writes a block the first time."""
+    user = f"users/User1@org{number}.ledgerline/msp/signcerts/User1@org{number}.ledgerline-cert.pem"
+    certificate = machines.root / {1: ORG1, 2: ORG2}[number] / user
+    machines.run("tower", f"ledgerline control --config org{number}/admin.toml enroll --msp Org{number}MSP --cert {certificate} --role operator")
+
+
 @contextlib.contextmanager
 def holder_is_gone(machines: Machines):
-    user = "users/User1@org2.ledgerline/msp/signcerts/User1@org2.ledgerline-cert.pem"
-    machines.run("tower", f"ledgerline control --config org2/admin.toml enroll --msp Org2MSP --cert {machines.root / ORG2 / user} --role operator\n"
-                 "sed 's/Admin@/User1@/' org2/admin.toml > org2/user1.toml\n"
+    enroll_a_user(machines, 2)
+    machines.run("tower", "sed 's/Admin@/User1@/' org2/admin.toml > org2/user1.toml\n"
                  "ledgerline control --config org2/user1.toml acquire tello1")
     yield
 
@@ -158,6 +164,23 @@ def evict(machines: Machines, says: str) -> None:
     admin = machines.root / ORG1 / "users/Admin@org1.ledgerline/msp/signcerts/Admin@org1.ledgerline-cert.pem"
     machines.run("tower", f"ledgerline control --config org1/admin.toml enroll --msp Org1MSP --cert {admin} --role supervisor\n"
                  "ledgerline control --config org1/admin.toml evict tello1")
+
+
+@contextlib.contextmanager
+def nobody_tracks(machines: Machines):
+    machines.tracks = None
+    try:
+        yield
+    finally:
+        if machines.tracks:
+            machines.running.remove(machines.tracks)
+            machines.tracks.terminate()
+            machines.tracks.wait(20)
+
+
+def start_motion_capture(machines: Machines, says: str) -> None:
+    assert says.startswith("start motion capture")
+    machines.tracks = machines.start("raven", "ledgerline sim --drones 1")
 
 
 ALL = [
@@ -172,6 +195,7 @@ ALL = [
     Fault("endpoint_wrong", "raven", edited("raven", "agent.toml", PEER, f"https://{PEER}"), said_endpoint, "endpoint_as_url"),
     Fault("disk_read_only", "raven", read_only_disk, said_command("raven"), "read_only_disk"),
     Fault("state_port_taken", "raven", old_script_listens, said_command("raven"), "old_script_listens"),
+    Fault("pose_silent", "raven", nobody_tracks, start_motion_capture, "nobody_tracks", words=("--drones",)),
     Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
     Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
     Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),

@@ -1,5 +1,6 @@
 """docs/three-machines.md from its first command to the landing, and what doctor says when something is broken."""
 import os
+import time
 
 import breakages
 import field
@@ -60,6 +61,16 @@ def test_what_programs_take_is_no_fault(machines, well):
     with well(machines):
         found = machines.doctor("raven")
         assert not [each for each in found.values() if each["verdict"] == "broken"], found
+
+
+def test_a_clock_that_goes_wrong_is_told_by_the_blocks(machines):
+    if not LONG:
+        pytest.skip("with LEDGERLINE_LONG=1")
+    time.sleep(6)  # the certificates are older than the clock is wrong: else they are what is told
+    field.enroll_a_user(machines, 1)
+    found = machines.doctor("raven", user="env FAKETIME_DONT_FAKE_MONOTONIC=1 faketime -f -5s ")
+    assert "clock_behind" in found and "by NTP" in found["clock_behind"]["cure"], found
+    assert "clock_behind" not in machines.doctor("raven")
 
 
 def test_the_page_flies(machines):

@@ -118,4 +118,15 @@ Findings judge(const DroneFacts& facts) {
   return {fine(check, share)};
 }
 
+Finding judge(const PoseFacts& facts) {
+  constexpr const char* check = "poses";
+  const std::string what = fmt::format("{} at {} ({})", facts.drone, facts.topic, facts.type);
+  if (!facts.why.empty()) return found(Problem::pose_silent, check, fmt::format("{}: {}", what, facts.why));
+  if (facts.poses > 0)
+    return fine(check, fmt::format("{}: {:.0f} a second", what, facts.poses / std::max(facts.listened_s, 0.1)));
+  return found(Problem::pose_silent, check,
+               facts.writers > 0 ? what + ": somebody publishes there, and nothing that is a pose of this drone"
+                                 : what + ": nobody publishes there");
+}
+
 }  // namespace ledgerline::doctor

@@ -77,4 +77,14 @@ struct DroneFacts {
 };
 Findings judge(const DroneFacts& facts);
 
+/// What came of motion capture for one drone while it was listened for.
+struct PoseFacts {
+  std::string drone, topic, type;  ///< as agent.toml has them; ROS's names
+  int writers = 0;                 ///< of that topic and type, at the end
+  unsigned poses = 0;              ///< of this drone
+  double listened_s = 0;
+  std::string why{};  ///< why nobody could listen; empty: somebody did
+};
+Finding judge(const PoseFacts& facts);
+
 }  // namespace ledgerline::doctor

@@ -164,6 +164,9 @@ constexpr std::array<Words, problem_count> table{{
     {drone_silent, "drone_silent", broken, "the drone does not answer",
      "switch it on and join its Wi-Fi: `ledgerline tello find --address ADDRESS`"},
     {battery_low, "battery_low", broken, "link takes off only above battery_low", "charge or change the battery"},
+    {pose_silent, "pose_silent", broken, "no pose of motion capture comes for a drone that flies by it",
+     "start motion capture; `ros2 topic list -t` shows what it publishes, which [mocap] topic and type of agent.toml "
+     "must say, and [dds] interfaces must reach it; or set [pose] source of link.toml to the drone's own senses"},
 }};
 
 constexpr bool in_order() {

@@ -80,7 +80,8 @@ enum class Problem : std::uint8_t {
   wrong_interface,
   drones_in_use,
   drone_silent,
-  battery_low
+  battery_low,
+  pose_silent
 };
 
 enum class Verdict : std::uint8_t { ok, warning, broken };

@@ -12,6 +12,7 @@
 #include "common/config/config.hpp"
 #include "common/dds/settings/reach.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "tools/configuration/reference.hpp"
 #include "tools/deployment/patience.hpp"
 
@@ -74,6 +75,8 @@ void read_drones(Config& config, ProgramConfig& out) {
     const std::string key = fmt::format("drone.{}.", i);
     DroneKeys drone{config.text(key + "name", ""), "", ""};
     if (out.program == "link") {
+      const std::string source = config.text(key + "pose_source", config.text("pose.source", "mocap"));
+      drone.by_mocap = source == "mocap" || source == "mocap+tello";
       drone.address = config.text(key + "address", "");
       drone.interface = config.text(key + "interface", "");
       if (!drone.interface.empty()) out.interfaces.push_back(drone.interface);
@@ -95,6 +98,8 @@ void read_keys(Config& config, ProgramConfig& out) {
     out.interfaces.push_back(std::move(name));
   const deployment::Patience usual;
   if (out.program == "agent") {
+    out.pose_topic = config.text("mocap.topic", usual_pose_topic);
+    out.pose_type = config.text("mocap.type", name(PoseMessage::pose_stamped));
     out.max_age_ns = from_seconds(config.number("check.max_age_ms", to_ms(usual.max_age_ns), 1, 60'000) / 1e3);
     out.silent_after_ns =
         from_seconds(config.number("agent.ledger_silent_after_ms", to_ms(usual.silent_after_ns), 10, 60'000) / 1e3);

@@ -24,6 +24,7 @@ struct LedgerKeys {
 };
 struct DroneKeys {
   std::string name, address, interface;
+  bool by_mocap = false;  ///< in link's: motion capture says where it is, or may
 };
 
 struct ProgramConfig {
@@ -38,7 +39,8 @@ struct ProgramConfig {
   TimeNs max_age_ns = 0, silent_after_ns = 0;
   bool real_time = true;
   double battery_low = 0;
-  std::string state_listen{};  ///< link's
+  std::string state_listen{};             ///< link's
+  std::string pose_topic{}, pose_type{};  ///< agent's, of motion capture
 };
 
 struct Configs {

@@ -1,8 +1,16 @@
 #include "tools/doctor/shell/drone_probe.hpp"
 
+#include <atomic>
 #include <charconv>
+#include <chrono>
+#include <list>
+#include <thread>
 
 #include "common/base/ipv4.hpp"
+#include "common/dds/raw.hpp"
+#include "common/dds/settings/config.hpp"
+#include "common/msg/names.hpp"
+#include "common/msg/pose_messages.hpp"
 #include "tools/doctor/shell/host_probe.hpp"
 #include "tools/tello/shell/talk.hpp"
 
@@ -34,6 +42,58 @@ Findings ask_drones(const ProgramConfig& link) {
     facts.there = asked[0].asking.present();
     facts.battery = battery_in(asked[0].asking.answer("battery?"));
     for (Finding& one : judge(facts)) out.push_back(std::move(one));
+  }
+  return out;
+}
+
+Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
+  constexpr std::chrono::milliseconds listen_for{2'500};  // writers on other hosts are found within two
+  struct Heard {
+    PoseFacts facts;
+    std::atomic<unsigned> poses{0};
+    std::optional<dds::RawReader> reader{};
+  };
+  std::list<Heard> all;
+  const auto type = from_name<PoseMessage>(agent.pose_type);
+  for (const DroneKeys& drone : link.drones) {
+    if (!drone.by_mocap || !type) continue;  // the program's own reader has said so of a wrong type
+    Heard& one = all.emplace_back();
+    one.facts = {.drone = drone.name,
+                 .topic = pose_topic_of(agent.pose_topic, drone.name),
+                 .type = agent.pose_type,
+                 .listened_s = std::chrono::duration<double>(listen_for).count()};
+  }
+  if (all.empty()) return {};
+  dds::ParticipantPtr participant;
+  std::string why;
+  if (auto config = Config::load(agent.path); !config) {
+    why = config.error().what;
+  } else if (auto made = dds::Participant::create(dds::participant_options(*config, "")); !made) {
+    why = made.error().what;
+  } else {
+    participant = std::move(*made);
+  }
+  for (Heard& one : all) {
+    one.facts.why = why;
+    if (!participant) continue;
+    auto reader = dds::RawReader::create(participant, one.facts.topic, one.facts.type, {.reliable = false},
+                                         [&one, type](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+                                           const auto pose =
+                                               pose_from_message(*type, dds::text_of(cdr), one.facts.drone);
+                                           if (pose && *pose) ++one.poses;
+                                         });
+    if (reader)
+      one.reader = std::move(*reader);
+    else
+      one.facts.why = reader.error().what;
+  }
+  if (participant) std::this_thread::sleep_for(listen_for);
+  Findings out;
+  for (Heard& one : all) {
+    if (one.reader) one.facts.writers = one.reader->writers();
+    one.reader.reset();
+    one.facts.poses = one.poses;
+    out.push_back(judge(one.facts));
   }
   return out;
 }

@@ -137,6 +137,22 @@ TEST(DoctorHost, WarnsOfADiskBeforeItIsFull) {
   EXPECT_FALSE(judge(FolderFacts{"/x", true, 5ULL << 30})[0].problem);
 }
 
+TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {
+  const PoseFacts silent{.drone = "tello1", .topic = "/poses", .type = "a/msg/B", .listened_s = 2};
+  PoseFacts others = silent, heard = silent, deaf = silent;
+  others.writers = 1;
+  heard.writers = 1;
+  heard.poses = 120;
+  deaf.why = "no such interface";
+  EXPECT_EQ(judge(silent).problem, Problem::pose_silent);
+  EXPECT_NE(judge(silent).what.find("nobody publishes"), std::string::npos);
+  EXPECT_EQ(judge(others).problem, Problem::pose_silent);
+  EXPECT_NE(judge(others).what.find("of this drone"), std::string::npos);
+  EXPECT_NE(judge(deaf).what.find("no such interface"), std::string::npos);
+  EXPECT_FALSE(judge(heard).problem);
+  EXPECT_NE(judge(heard).what.find("60 a second"), std::string::npos);
+}
+
 TEST(DoctorList, IsBrokenByOneProblemAndNotByWarnings) {
   Findings all{fine("config", "a"), found(Problem::disk_low, "disk", "b")};
   EXPECT_FALSE(anything_broken(all));
