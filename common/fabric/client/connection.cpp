@@ -104,8 +104,8 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
   return grpc::CreateCustomChannel(server.endpoint, grpc::SslCredentials(tls), arguments);
 }
 
-Result<std::shared_ptr<const Channels>> make_channels(const ClientConfig& config) {
-  auto channels = std::make_shared<Channels>();
+Result<std::shared_ptr<const GrpcChannels>> make_channels(const ClientConfig& config) {
+  auto channels = std::make_shared<GrpcChannels>();
   for (auto* into : {&channels->peers, &channels->stream_peers}) {
     auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair},
                                 config.tls_in_use.get());
@@ -149,7 +149,7 @@ Result<std::shared_ptr<const Channels>> make_channels(const ClientConfig& config
     if (!hashes) return hashes.error();
     *into = std::move(*hashes);
   }
-  return std::shared_ptr<const Channels>(std::move(channels));
+  return std::shared_ptr<const GrpcChannels>(std::move(channels));
 }
 
 }  // namespace
@@ -174,12 +174,12 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   return std::make_shared<const Connection>(std::move(config), std::move(*channels));
 }
 
-Connection::Connection(ClientConfig settings, std::shared_ptr<const Channels> channels)
+Connection::Connection(ClientConfig settings, std::shared_ptr<const GrpcChannels> channels)
     : config(std::move(settings)),
       channels_(std::move(channels)),
       renewals_(config.tls_in_use ? config.tls_in_use->renewals() : 0) {}
 
-std::shared_ptr<const Channels> Connection::channels() const {
+std::shared_ptr<const GrpcChannels> Connection::channels() const {
   const std::lock_guard lock(mutex_);
   const std::uint64_t renewals = config.tls_in_use ? config.tls_in_use->renewals() : 0;
   if (renewals != renewals_) {

@@ -18,7 +18,7 @@
 namespace ledgerline::fabric {
 
 /// Connections with one set of TLS pairs: certificates and what is said of them to Deliver belong together.
-struct Channels {
+struct GrpcChannels {
   std::vector<std::shared_ptr<grpc::Channel>> peers;  ///< the own one first, then those that stand in
   /// The same peers, for streams alone: where a stream and calls share a connection, whichever thread wakes for its
   /// bytes reads them, and must wake the other.
@@ -32,14 +32,14 @@ struct Channels {
 
 class Connection {
  public:
-  Connection(ClientConfig settings, std::shared_ptr<const Channels> channels);
+  Connection(ClientConfig settings, std::shared_ptr<const GrpcChannels> channels);
 
   const ClientConfig config;  ///< its identity has `in_use`
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
   /// As they are now: whoever needs two things of them takes them once. After ClientConfig::tls_in_use has a renewed pair they
   /// are made anew, and who still holds the old ones goes on over them. Any thread.
-  std::shared_ptr<const Channels> channels() const;
+  std::shared_ptr<const GrpcChannels> channels() const;
   /// Whom to sign as now; what has begun as one goes on as that one. Any thread.
   std::shared_ptr<const crypto::SigningIdentity> signing() const { return config.identity.in_use->now(); }
 
@@ -50,7 +50,7 @@ class Connection {
 
  private:
   mutable std::mutex mutex_;
-  mutable std::shared_ptr<const Channels> channels_;
+  mutable std::shared_ptr<const GrpcChannels> channels_;
   mutable std::uint64_t renewals_ = 0;  ///< of the config's, when channels_ was made
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);

@@ -134,7 +134,7 @@ class Pipeline {
              void (Pipeline::*then)(const PendingPtr&));
 
   const std::shared_ptr<const Connection> connection_;
-  std::shared_ptr<const Channels> channels_;                        ///< that those below are of
+  std::shared_ptr<const GrpcChannels> channels_;                    ///< that those below are of
   std::vector<std::unique_ptr<gateway::Gateway::Stub>> gateways_;   ///< of each peer
   std::vector<std::unique_ptr<protos::Endorser::Stub>> proposals_;  ///< likewise
   std::vector<std::unique_ptr<protos::Endorser::Stub>> endorsers_;  ///< of each endorser
