@@ -10,7 +10,9 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "python"))
+import running
 from netns import Namespace, die_with_parent
+from running import TICKS_PER_S, Failed
 
 DESK = "10.78.0.1"  # of ledger and ground
 READY_S, END_S = 120, 90
@@ -19,56 +21,24 @@ NAMES_A_HOST = 16   # host k has tello<16 k + 1> and so on, whether it has that 
 # Whose drones a host flies: organisation and user. The first is the ledger's own drone host.
 HOSTS = ((1, "User1"), (1, "User2"), (1, "Admin"), (3, "User1"))
 OPERATOR = (2, "User1")
-TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 
 
-class Failed(Exception):
-    """Which program, and its last words."""
-
-
-class Program:
+class Program(running.Program):
     """`drones` and `streams`: how many it serves; a stream is what one drone host has on one channel."""
 
     def __init__(self, kind: str, command: list, log: pathlib.Path, drones: int, streams: int):
-        self.kind, self.log, self.drones, self.streams = kind, log, drones, streams
-        self.said = log.with_suffix(".out")  # a file never makes it wait for a reader
-        with open(self.said, "wb") as out, open(log, "wb") as errors:
-            self.process = subprocess.Popen(list(map(str, command)), stdout=out, stderr=errors, preexec_fn=die_with_parent)
-
-    def fail(self, what: str):
-        raise Failed(f"{self.log.stem} {what}: " + "\n".join(self.log.read_text(errors="replace").splitlines()[-5:]))
+        super().__init__(lambda *words, **to: subprocess.Popen(words, preexec_fn=die_with_parent, **to), list(map(str, command)), log)
+        self.kind, self.drones, self.streams = kind, drones, streams
 
     def wait_ready(self) -> dict:
-        until = time.monotonic() + READY_S
-        while time.monotonic() < until:
-            ended = self.process.poll() is not None
-            for line in self.said.read_text(errors="replace").splitlines():
-                with contextlib.suppress(ValueError, AttributeError):
-                    if json.loads(line).get("ready") is True:
-                        return json.loads(line)
-            if ended:
-                self.fail("ended before it was ready")
-            time.sleep(0.02)
-        self.fail(f"was not ready within {READY_S} s")
+        return super().wait_ready(READY_S)
 
     def newest(self) -> dict:
         """The last whole line of status."""
-        for line in reversed(self.said.read_text(errors="replace").splitlines()):
-            with contextlib.suppress(ValueError):
-                return json.loads(line)
-        return {}
+        return next(reversed(self.lines()), {})
 
     def end(self) -> int | None:
-        """Its exit code; none: it had to be killed."""
-        if self.process.poll() is None:
-            self.process.terminate()
-            try:
-                self.process.wait(timeout=END_S)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
-                return None
-        return self.process.returncode
+        return super().end(END_S)
 
 
 class DroneHost:
@@ -344,12 +314,6 @@ def descendants(pid: int) -> list[tuple[int, str]]:
             for child in map(int, task.read_text().split()):
                 found += [(child, pathlib.Path(os.readlink(f"/proc/{child}/exe")).name.removeprefix("ledgerline-")), *descendants(child)]
     return found
-
-
-def cpu_s(pid: int) -> float:
-    """User and system time of a process, proc(5)."""
-    fields = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / TICKS_PER_S
 
 
 def memory_mb(pid: int) -> float:

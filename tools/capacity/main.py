@@ -12,7 +12,8 @@ import tempfile
 import time
 
 from fit import Undetermined, fit, formula
-from fleet import Failed, Fleet, busy_s, cpu_s, spread, summaries
+from fleet import Fleet, busy_s, spread, summaries
+from running import Failed, cpu_s
 
 EXIT_NOT_MEASURED = 1
 # Drones, drone hosts, channels: one at a time around the smallest fleet that can vary them, then the corners.

@@ -1,7 +1,5 @@
 """A flight on three hosts: network namespaces for the drones, the ledger and the ground, with nothing but cables between them,
 or the proxy of hil as the Wi-Fi of the drones' host and of the ground."""
-import contextlib
-import json
 import pathlib
 import subprocess
 import sys
@@ -9,7 +7,9 @@ import time
 
 HERE = pathlib.Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent / "python"))
+import running
 from netns import Namespace, connect
+from running import Failed
 
 LEDGER, DRONES, GROUND = "10.77.0.2", "10.77.0.1", "10.77.0.3"
 PORT = 7051
@@ -17,47 +17,17 @@ READY_S, END_S = 30, 20
 SIDE_M, HEIGHT_M = 1.5, 1.0  # as fly has them
 
 
-class Failed(Exception):
-    """Which program, and its last words."""
-
-
-class Program:
+class Program(running.Program):
     def __init__(self, space: Namespace, name: str, command: list, directory: pathlib.Path):
-        self.name, self.log = name, directory / f"{name}.log"
-        self.said = directory / f"{name}.out"  # a file never makes it wait for a reader
-        with open(self.said, "wb") as out, open(self.log, "ab") as log:
-            self.process = space.popen(*command, stdout=out, stderr=log)
-
-    def fail(self, what: str):
-        tail = "\n".join(self.log.read_text(errors="replace").splitlines()[-5:])
-        raise Failed(f"{self.name} {what}: {tail}")
+        super().__init__(space.popen, command, directory / f"{name}.log", "ab")
+        self.name = name
 
     def wait_ready(self) -> "Program":
-        until = time.monotonic() + READY_S
-        while time.monotonic() < until:
-            ended = self.process.poll() is not None
-            if self.is_ready():
-                return self
-            if ended:
-                self.fail("ended before it was ready")
-            time.sleep(0.02)
-        self.fail(f"was not ready within {READY_S} s")
-
-    def is_ready(self) -> bool:
-        for line in self.said.read_text(errors="replace").splitlines():
-            with contextlib.suppress(ValueError, AttributeError):
-                if json.loads(line).get("ready") is True:
-                    return True
-        return False
+        super().wait_ready(READY_S)
+        return self
 
     def end(self) -> None:
-        if self.process.poll() is None:
-            self.process.terminate()
-            try:
-                self.process.wait(timeout=END_S)
-            except subprocess.TimeoutExpired:
-                self.process.kill()
-                self.process.wait()
+        super().end(END_S)
 
 
 def configs(run: pathlib.Path, endpoints: dict, options: dict) -> dict[str, str]:

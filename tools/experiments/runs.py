@@ -23,7 +23,7 @@ PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric"
                        "control"],
             "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
             "hosts": ["link", "agent", "ground", "sim", "node", "hil", "roudi", "control"]}
-SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py"]}
+SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py", HERE.parent / "python/running.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
 TOLD_MPS = 1.0                # what a drone can be told at most, where nothing else is asked for: rc 100
 MAX_DELAY_MS = 3000       # of hil virtual

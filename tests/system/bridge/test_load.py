@@ -8,6 +8,7 @@ import sys
 
 import pytest
 from conftest import PATIENCE_S
+from running import cpu_s
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 LOAD = pathlib.Path(__file__).with_name("load.py")
@@ -29,11 +30,6 @@ def topics(*rules: str) -> str:
     return "".join(f"[[topic]]\n{rule}\n" for rule in rules)
 
 
-def cpu_s(bridge) -> float:
-    fields = pathlib.Path(f"/proc/{bridge.process.pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-
-
 def settled(bridge) -> list[dict]:
     """Its topics to the ledger, once nothing is on its way."""
     names = [t["topic"] for t in bridge.status()["channels"][0]["topics"] if t["direction"] == "to_ledger"]
@@ -45,10 +41,10 @@ def test_many_small_messages_over_twenty_topics(ledger, bridges):
     up_rules = topics(*(f'name = "/load/t{k}"\n{TEXT}\ndirection = "to_ledger"' for k in range(20)))
     here = bridges(ledger, bridges.directory, 1, 21, up_rules)
     there = bridges(ledger, bridges.directory, 2, 22, topics('name = "/load/*"\ndirection = "from_ledger"\nfrom = "Org1MSP"'))
-    before = cpu_s(here), cpu_s(there)
+    before = cpu_s(here.process.pid), cpu_s(there.process.pid)
     written = result(load("write", 21, 20, rate, seconds, 100))
     up = settled(here)
-    used = cpu_s(here) - before[0], cpu_s(there) - before[1]
+    used = cpu_s(here.process.pid) - before[0], cpu_s(there.process.pid) - before[1]
     down = [there.wait_for(t["topic"], "from_ledger", lambda d, t=t: d["taken"] >= t["messages"]) for t in up]
     taken, on_ledger = sum(t["taken"] for t in up), sum(t["messages"] for t in up)
     drops = sum(sum(t["drops"].values()) for t in up)

@@ -12,7 +12,8 @@ from fabric import BIN, FABRIC, needs_fabric
 from trace_file import TraceKind, records
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "tools/capacity"))
-from fleet import OPERATOR, Fleet, cpu_s, memory_mb, summaries
+from fleet import OPERATOR, Fleet, memory_mb, summaries
+from running import cpu_s
 
 HOSTS, DRONES = 4, 16  # as many as a host may have
 AIRBORNE = {2, 3, 4}   # FlightPhase: taking off, flying, landing

@@ -11,6 +11,7 @@ import time
 
 import pytest
 from flights import assert_nothing_left, fly, no_flight_outlives_its_test, pid_of, printed, wait_for_flight
+from running import cpu_s
 from station import Station
 from test_page import HERE, NPM
 from trace_file import TraceKind, records
@@ -66,11 +67,6 @@ class Onlookers:
         said = [one.communicate(timeout=60)[0] for one in self.all]
         assert all(one.returncode == 0 for one in self.all)
         return said[-1].strip()
-
-
-def cpu_s(pid: int) -> float:
-    user, system = pathlib.Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()[11:13]
-    return (int(user) + int(system)) / os.sysconf("SC_CLK_TCK")
 
 
 def interval(values: list[float]) -> tuple[float, float]:

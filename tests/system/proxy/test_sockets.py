@@ -8,6 +8,7 @@ import time
 import pytest
 
 from proxies import BIN, HIL, PATIENCE_S, Proxy
+from running import cpu_s
 
 DRONE, FRONT, SOURCE = "127.0.0.2", "127.0.1.2", "127.0.2.1"
 
@@ -252,11 +253,6 @@ def test_who_is_slow_or_gone_is_felt_on_the_other_side_and_nothing_is_unbounded(
     assert cpu_s(proxy.process.pid) - used < 0.5, "it waits in a loop"
     summary = {s["name"]: s for s in proxy.end()["servers"]}
     assert summary["nobody"]["unreached"] == 1 and summary["node"]["too_many"] == 1 and summary["node"]["open"] == 64
-
-
-def cpu_s(pid: int) -> float:
-    fields = open(f"/proc/{pid}/stat").read().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / 100
 
 
 def refused(directory, config: str, script: str = "") -> tuple[int, str]:
