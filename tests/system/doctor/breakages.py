@@ -90,15 +90,24 @@ def said_on_ledger(commands: str, back: str):
 
 
 @contextlib.contextmanager
-def stranger_as_roudi(machines: Machines):
-    code = "import socket, time; s = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM); s.bind('/tmp/roudi'); time.sleep(60)"
+def taken(machines: Machines, family: str, address: str, seen: str):
+    """A stranger on raven has that datagram socket; `seen`: a command that ends with 0 once he has."""
+    code = f"import socket, time; s = socket.socket(socket.{family}, socket.SOCK_DGRAM); s.bind({address}); time.sleep(60)"
     stranger = machines.spaces["raven"].popen("python3", "-c", code)
     try:
-        machines.run("raven", "until test -S /tmp/roudi; do sleep 0.1; done")
+        machines.run("raven", f"until {seen}; do sleep 0.1; done")
         yield
     finally:
         stranger.kill()
         stranger.wait()
+
+
+@contextlib.contextmanager
+def stranger_as_roudi(machines: Machines):
+    try:
+        with taken(machines, "AF_UNIX", "'/tmp/roudi'", "test -S /tmp/roudi"):
+            yield
+    finally:
         pathlib.Path("/tmp/roudi").unlink()
 
 

@@ -8,7 +8,7 @@ import shutil
 import subprocess
 from collections.abc import Callable
 
-from breakages import ORG1, PEER, changed, edited
+from breakages import ORG1, PEER, changed, edited, taken
 from walk import Machines
 
 ORG2 = ORG1.replace("org1", "org2")
@@ -91,16 +91,8 @@ def read_only_disk(machines: Machines):
         subprocess.run(["umount", folder], check=True)
 
 
-@contextlib.contextmanager
 def old_script_listens(machines: Machines):
-    code = "import socket, time; s = socket.socket(socket.AF_INET, socket.SOCK_DGRAM); s.bind(('', 8890)); time.sleep(60)"
-    script = machines.spaces["raven"].popen("python3", "-c", code)
-    try:
-        machines.run("raven", "until ss -lun | grep -q :8890; do sleep 0.1; done")
-        yield
-    finally:
-        script.kill()
-        script.wait()
+    return taken(machines, "AF_INET", "('', 8890)", "ss -lun | grep -q :8890")
 
 
 @contextlib.contextmanager
