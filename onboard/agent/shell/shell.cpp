@@ -218,8 +218,7 @@ void AgentShell::tell_unconfirmed_stops() {
   for (const auto& stop : out_.unconfirmed_stops) {
     spdlog::error(
         "{}drone {}: stopped by {} {}, which the block flags {}: it lands all the same; it is resumed when a fold "
-        "shows "
-        "that the ledger has no such stop",
+        "shows that the ledger has no such stop",
         label_, stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
   }
 }
