@@ -3,6 +3,8 @@
 #include <openssl/ec.h>
 #include <openssl/pem.h>
 
+#include <algorithm>
+
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
@@ -35,6 +37,31 @@ Status check_fits(const std::string& key_pem, const std::string& certificate_pem
   if (X509_check_private_key(certificate->get(), key.get()) == 1) return done;
   (void)openssl_error();
   return Error{"the certificate is of another key"};
+}
+
+std::vector<std::string> certificates_in(std::string_view pem) {
+  constexpr std::string_view begin = "-----BEGIN CERTIFICATE-----", end = "-----END CERTIFICATE-----";
+  std::vector<std::string> all;
+  for (std::size_t at = 0; (at = pem.find(begin, at)) != std::string_view::npos;) {
+    const std::size_t last = pem.find(end, at);
+    if (last == std::string_view::npos) break;
+    all.push_back(std::string(pem.substr(at, last + end.size() - at)) + "\n");
+    at = last;
+  }
+  return all;
+}
+
+Result<std::string> own_first(const std::string& key_pem, const std::string& certificates_pem) {
+  const Status first_fits = check_fits(key_pem, certificates_pem);
+  if (first_fits) return certificates_pem;
+  std::vector<std::string> all = certificates_in(certificates_pem);
+  const auto own =
+      std::find_if(all.begin(), all.end(), [&](const std::string& one) { return check_fits(key_pem, one).ok(); });
+  if (own == all.end()) return first_fits.error();
+  std::rotate(all.begin(), own, own + 1);
+  std::string text;
+  for (const std::string& one : all) text += one;
+  return text;
 }
 
 }  // namespace ledgerline::crypto

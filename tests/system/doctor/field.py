@@ -72,6 +72,11 @@ def of_a_strangers_authority(path: pathlib.Path, machines: Machines) -> None:
         "-days", "300", "-out", path)
 
 
+def authority_first(path: pathlib.Path, machines: Machines) -> None:
+    """As an authority's bundle has it, or `cat ca.pem raven.pem`."""
+    path.write_text((machines.etc("raven") / "authorities/Org1MSP.pem").read_text() + path.read_text())
+
+
 def sign_anew(machines: Machines, says: str) -> None:
     assert "Org1MSP" in says and "sign the request" in says
     org1 = machines.root / ORG1
@@ -178,6 +183,8 @@ def start_motion_capture(machines: Machines, says: str) -> None:
 ALL = [
     Fault("not_pem", "raven", changed("raven", "tls/Org1MSP.pem", in_der), said_command("raven"), "der_tls_authority"),
     Fault("not_pem", "raven", changed("raven", "msp/signcerts/cert.pem", in_der), said_command("raven"), "der_certificate"),
+    Fault("certificate_order", "raven", changed("raven", "msp/signcerts/cert.pem", authority_first), said_command("raven"),
+          "authority_first"),
     Fault("key_locked", "raven", changed("raven", "msp/keystore/priv_sk", locked), said_command("raven", "secret\n"), "locked_key"),
     Fault("file_forbidden", "raven", changed("raven", "msp/keystore/priv_sk", of_another_user), said_command("raven"), "chown_forgotten",
           user=AS_SERVICE),

@@ -10,7 +10,7 @@ from walk import INSTALLED, Machines
 LONG = os.environ.get("LEDGERLINE_LONG", "0") == "1"
 QUICK = {"config_wrong", "key_open", "key_misfit", "identity_expired", "authority_foreign", "port_closed", "tls_wrong_name",
          "not_enrolled", "interface_down", "disk_full"}
-QUICK_IN_THE_FIELD = {"locked_key", "chown_forgotten", "old_script_listens"}
+QUICK_IN_THE_FIELD = {"authority_first", "locked_key", "chown_forgotten", "old_script_listens"}
 
 
 @pytest.fixture(scope="module")

@@ -29,18 +29,13 @@ std::string stranger(const IdentityFacts& facts, const std::vector<AuthorityFact
   return member ? "" : member.error().what;
 }
 
-/// Each without its line breaks, and without the words that openssl writes before it.
+/// Each without its line breaks.
 std::set<std::string> certificates_of(const std::string& pem) {
-  constexpr std::string_view begin = "-----BEGIN CERTIFICATE-----", end = "-----END CERTIFICATE-----";
   std::set<std::string> all;
-  for (std::size_t at = 0; (at = pem.find(begin, at)) != std::string::npos;) {
-    const std::size_t last = pem.find(end, at);
-    if (last == std::string::npos) break;
-    std::string one = pem.substr(at + begin.size(), last - at - begin.size());
+  for (std::string one : crypto::certificates_in(pem)) {
     one.erase(std::remove_if(one.begin(), one.end(), [](char c) { return c == '\n' || c == '\r' || c == ' '; }),
               one.end());
     all.insert(std::move(one));
-    at = last;
   }
   return all;
 }
@@ -63,7 +58,32 @@ std::string issuer_of(const IdentityFacts& facts, const std::vector<AuthorityFac
   return "";
 }
 
+std::string cure_of_order(const IdentityFacts& facts) {
+  if (facts.msp_dir.empty())
+    return fmt::format("move the certificate of the key {} to the front of {}", facts.key_file, facts.certificate_file);
+  return fmt::format("`ledgerline init --certificate {} --msp-dir {}`", facts.certificate_file, facts.msp_dir);
+}
+
 bool is_locked(const std::string& key_pem) { return key_pem.find("ENCRYPTED") != std::string::npos; }
+
+/// Leaves the key's own certificate first, so that dates and issuer are judged of that one.
+void judge_pair(IdentityFacts& facts, const std::string& who, Findings& out) {
+  constexpr const char* check = "identity";
+  if (facts.key_pem.empty()) return;
+  if (is_locked(facts.key_pem)) {
+    out.push_back(
+        found(Problem::key_locked, check, facts.key_file,
+              fmt::format("`openssl pkey -in {0} -out {0}.open && cp {0}.open {0} && rm {0}.open`", facts.key_file)));
+    return;
+  }
+  auto in_order = crypto::own_first(facts.key_pem, facts.certificate_pem);
+  if (!in_order) {
+    out.push_back(found(Problem::key_misfit, check, who + ": " + in_order.error().what));
+  } else if (*in_order != facts.certificate_pem) {
+    out.push_back(found(Problem::certificate_order, check, facts.certificate_file, cure_of_order(facts)));
+    facts.certificate_pem = std::move(*in_order);
+  }
+}
 
 }  // namespace
 
@@ -74,7 +94,7 @@ std::string cure_of_der(const std::string& file) {
   return fmt::format("`openssl x509 -inform der -in {0} -out {0}.pem && cp {0}.pem {0} && rm {0}.pem`", file);
 }
 
-Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
   constexpr const char* check = "identity";
   const std::string who = fmt::format("{} in {}", facts.msp_id, facts.place);
   Findings out;
@@ -93,18 +113,15 @@ Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& au
     out.push_back(found(Problem::not_pem, check, facts.certificate_file, cure_of_der(facts.certificate_file)));
     return out;
   }
+  if (const auto parsed = crypto::parse_certificate(facts.certificate_pem); !parsed) {
+    out.push_back(found(Problem::certificate_wrong, check, who + ": " + parsed.error().what));
+    return out;
+  }
+  judge_pair(facts, who, out);
   const auto certificate = crypto::parse_certificate(facts.certificate_pem);
   if (!certificate) {
     out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().what));
     return out;
-  }
-  if (is_locked(facts.key_pem)) {
-    out.push_back(
-        found(Problem::key_locked, check, facts.key_file,
-              fmt::format("`openssl pkey -in {0} -out {0}.open && cp {0}.open {0} && rm {0}.open`", facts.key_file)));
-  } else if (!facts.key_pem.empty()) {
-    if (const Status fits = crypto::check_fits(facts.key_pem, facts.certificate_pem); !fits)
-      out.push_back(found(Problem::key_misfit, check, who + ": " + fits.error().what));
   }
   const std::int64_t left_days = crypto::days_left(certificate->not_after_s, now_s);
   const bool in_date = certificate->not_before_s <= now_s && now_s <= certificate->not_after_s;
@@ -118,13 +135,14 @@ Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& au
   if (!authorities.empty() && in_date) {
     if (const std::string why = stranger(facts, authorities, now_s); !why.empty()) {
       const std::string issuer = issuer_of(facts, authorities, now_s);
-      out.push_back(found(Problem::identity_foreign, check, fmt::format("{}: {}", who, why),
-                          issuer.empty()
-                              ? fmt::format("let the authority of {}, as the channel has it, sign the request, then "
-                                            "`ledgerline init --certificate FILE`; a revoked one needs a new key",
-                                            facts.msp_id)
-                              : fmt::format("it is of {}: set msp_id to that, or put an identity of {} in {}", issuer,
-                                            facts.msp_id, facts.place)));
+      out.push_back(
+          found(Problem::identity_foreign, check,
+                fmt::format("{}{}: {}", who, facts.channel.empty() ? "" : " on channel " + facts.channel, why),
+                issuer.empty() ? fmt::format("let the authority of {}, as the channel has it, sign the request, then "
+                                             "`ledgerline init --certificate FILE`; a revoked one needs a new key",
+                                             facts.msp_id)
+                               : fmt::format("it is of {}: set msp_id to that, or put an identity of {} in {}", issuer,
+                                             facts.msp_id, facts.place)));
     }
   }
   if (out.empty())

@@ -17,6 +17,8 @@ struct IdentityFacts {
   std::string no_key{};      ///< why it was not read
   bool key_is_open = false;  ///< others may read it
   std::string key_file{}, certificate_file{};
+  std::string msp_dir{};    ///< empty: two files are named
+  std::string channel{};    ///< whose authorities it is judged by; empty: not known
   std::string forbidden{};  ///< the folder or file that this user may not read; empty: none
   std::string user{};       ///< this one
 };
@@ -32,7 +34,7 @@ struct AuthorityFacts {
 };
 
 /// `authorities`: of the organisation that the identity says, for whether they have issued it; empty: nobody knows.
-Findings judge(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
+Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
 
 /// A config's [[msp]] against the organisations of the channel (empty: they are not known).
 struct TrustFacts {

@@ -22,6 +22,7 @@ enum class Problem : std::uint8_t {
   // the identity
   certificate_missing,
   certificate_wrong,
+  certificate_order,
   key_missing,
   key_open,
   key_locked,

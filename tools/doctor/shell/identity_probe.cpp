@@ -31,6 +31,8 @@ std::string this_user() {
 IdentityFacts read_identity(const LedgerKeys& keys) {
   IdentityFacts facts{.msp_id = keys.msp_id, .place = keys.msp_dir.empty() ? keys.certificate : keys.msp_dir};
   facts.user = this_user();
+  facts.msp_dir = keys.msp_dir;
+  facts.channel = keys.channel;
   crypto::IdentityFiles files{keys.certificate, keys.private_key};
   if (!keys.msp_dir.empty()) {
     const auto certificate = crypto::certificate_file(keys.msp_dir), key = crypto::key_file(keys.msp_dir);

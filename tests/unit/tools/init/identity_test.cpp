@@ -64,6 +64,23 @@ TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
   EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
 }
 
+// As openssl's `cat ca.pem raven.pem` and some authorities' downloads have it.
+TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
+  const auto ca = crypto::make_ca("ca", "org").value();
+  const auto own =
+      crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
+  const std::string chain = "Issuer: ca\n" + ca.certificate_pem + "Subject: raven\n" + own.certificate_pem;
+  const std::string there = written("msp/signcerts/raven.pem", chain);
+  EXPECT_FALSE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
+  const auto taken = take_certificate(in("msp"), there);  // in its own place, which is the cure that doctor prints
+  ASSERT_TRUE(taken) << taken.error().what;
+  EXPECT_THAT(*taken, HasSubstr("CN=raven"));
+  EXPECT_EQ(*read_file(in("msp/signcerts/cert.pem")), own.certificate_pem + ca.certificate_pem);
+  EXPECT_FALSE(fs::exists(there));
+  EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
+}
+
 TEST_F(InitIdentity, AnExpiredCertificateIsRefused) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}, .days = -1});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
