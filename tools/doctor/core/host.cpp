@@ -112,10 +112,22 @@ Findings judge(const DroneFacts& facts) {
   constexpr const char* check = "drone";
   const std::string what = fmt::format("{} at {}", facts.name, facts.address);
   if (!facts.there) return {found(Problem::drone_silent, check, what)};
-  if (!facts.battery) return {fine(check, what + " answers, and does not tell its battery")};
+  Findings out;
+  if (facts.states == false) {
+    const std::string port = facts.listen.substr(facts.listen.rfind(':') + 1);
+    out.push_back(
+        found(Problem::state_silent, check, fmt::format("{}: none at {}", what, facts.listen),
+              fmt::format("let the port through at this host: `iptables -I INPUT -p udp --dport {0} -j ACCEPT`, "
+                          "`ufw allow {0}/udp` or `firewall-cmd --add-port={0}/udp`, whichever firewall it has",
+                          port)));
+  }
+  if (!facts.battery) {
+    out.push_back(fine(check, what + " answers, and does not tell its battery"));
+    return out;
+  }
   const std::string share = fmt::format("{}: {:.0f} %", what, 100 * *facts.battery);
-  if (*facts.battery <= facts.battery_low) return {found(Problem::battery_low, check, share)};
-  return {fine(check, share)};
+  out.push_back(*facts.battery <= facts.battery_low ? found(Problem::battery_low, check, share) : fine(check, share));
+  return out;
 }
 
 Finding judge(const PoseFacts& facts) {

@@ -74,6 +74,8 @@ struct DroneFacts {
   bool there = false;
   std::optional<double> battery{};  ///< 0..1
   double battery_low = 0.15;
+  std::string listen{};          ///< ADDRESS:PORT, where its state texts arrive
+  std::optional<bool> states{};  ///< whether any has come; none: nobody could listen there
 };
 Findings judge(const DroneFacts& facts);
 

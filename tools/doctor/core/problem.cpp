@@ -166,6 +166,10 @@ constexpr std::array<Words, problem_count> table{{
      "stop link first, with the drones on the ground"},
     {drone_silent, "drone_silent", broken, "the drone does not answer",
      "switch it on and join its Wi-Fi: `ledgerline tello find --address ADDRESS`"},
+    {state_silent, "state_silent", broken,
+     "the drone answers commands, and none of its state texts arrives: a firewall drops their UDP port",
+     "let the port through at this host: `iptables -I INPUT -p udp --dport 8890 -j ACCEPT`, `ufw allow 8890/udp` or "
+     "`firewall-cmd --add-port=8890/udp`, whichever firewall it has"},
     {battery_low, "battery_low", broken, "link takes off only above battery_low", "charge or change the battery"},
     {pose_silent, "pose_silent", broken, "no pose of motion capture comes for a drone that flies by it",
      "start motion capture; `ros2 topic list -t` shows what it publishes, which [mocap] topic and type of agent.toml "

@@ -81,6 +81,7 @@ enum class Problem : std::uint8_t {
   wrong_interface,
   drones_in_use,
   drone_silent,
+  state_silent,
   battery_low,
   pose_silent
 };

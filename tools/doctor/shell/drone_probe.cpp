@@ -3,6 +3,7 @@
 #include <atomic>
 #include <charconv>
 #include <chrono>
+#include <cstdlib>
 #include <list>
 #include <thread>
 
@@ -12,6 +13,7 @@
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "tools/doctor/shell/host_probe.hpp"
+#include "tools/tello/shell/datagrams.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::doctor {
@@ -24,6 +26,30 @@ std::optional<double> battery_in(const std::string& answer) {
   return percent / 100.0;
 }
 
+/// As link has it: behind the drone's interface. None: it cannot be had, which look_at_state_port says.
+std::optional<link::Descriptor> listen_to_states(const std::string& listen, const std::string& interface) {
+  const std::size_t colon = listen.rfind(':');
+  const auto address = parse_ipv4(listen.substr(0, colon));
+  const int port = colon == std::string::npos ? 0 : std::atoi(listen.c_str() + colon + 1);
+  if (!address || port <= 0 || port > 65'535) return std::nullopt;
+  auto socket = link::open_udp(interface);
+  if (!socket || !link::listen_alone(*socket, tello::place(*address, static_cast<std::uint16_t>(port))))
+    return std::nullopt;
+  return std::move(*socket);
+}
+
+/// Whether a state text of that drone has come, or comes now.
+bool hears_states(const link::Descriptor& socket, std::uint32_t drone) {
+  // A Tello tells its state ten times a second: with half of them lost, one of a thousand is not heard within one.
+  constexpr TimeNs patience_ns = 1'500 * ns_per_ms;
+  bool heard = false;
+  for (const TimeNs end = monotonic_ns() + patience_ns; !heard && monotonic_ns() < end;) {
+    tello::wait({socket.get()});
+    tello::read_all(socket.get(), [&](std::uint32_t from, std::string_view) { heard = heard || from == drone; });
+  }
+  return heard;
+}
+
 }  // namespace
 
 Findings ask_drones(const ProgramConfig& link) {
@@ -33,6 +59,7 @@ Findings ask_drones(const ProgramConfig& link) {
   for (const DroneKeys& drone : link.drones) {
     const auto address = parse_ipv4(drone.address);
     if (!address) continue;  // link's own reader has said so
+    const auto states = listen_to_states(link.state_listen, drone.interface);
     std::vector<tello::Found> asked{{*address, tello::Asking({"battery?"})}};
     if (auto status = tello::ask(asked, drone.interface); !status) {
       out.push_back(found(Problem::drone_silent, check, drone.name + ": " + status.error().what));
@@ -41,6 +68,8 @@ Findings ask_drones(const ProgramConfig& link) {
     DroneFacts facts{.name = drone.name, .address = drone.address, .battery_low = link.battery_low};
     facts.there = asked[0].asking.present();
     facts.battery = battery_in(asked[0].asking.answer("battery?"));
+    facts.listen = link.state_listen;
+    if (facts.there && states) facts.states = hears_states(*states, *address);
     for (Finding& one : judge(facts)) out.push_back(std::move(one));
   }
   return out;

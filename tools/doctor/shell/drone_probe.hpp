@@ -4,7 +4,8 @@
 
 namespace ledgerline::doctor {
 
-/// Asks each drone of link's config for its battery. Nothing is sent while link runs.
+/// Asks each drone of link's config for its battery, and hears whether its state texts come. Nothing is sent while link
+/// runs.
 Findings ask_drones(const ProgramConfig& link);
 
 /// Listens for some seconds, as agent does, for poses of those of link's drones that fly by motion capture.
