@@ -6,12 +6,12 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/doctor/shell/channels.hpp"
 #include "tools/doctor/shell/configs.hpp"
 #include "tools/doctor/shell/drone_probe.hpp"
 #include "tools/doctor/shell/host_probe.hpp"
 #include "tools/doctor/shell/identity_probe.hpp"
-#include "tools/doctor/shell/ledger_probe.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
+#include "tools/doctor/shell/ledger/ledger_probe.hpp"
 #include "tools/doctor/shell/server_probe.hpp"
 
 namespace {

@@ -5,8 +5,8 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/doctor/shell/channels.hpp"
 #include "tools/doctor/shell/configs.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
 #include "tools/status/shell/ledgers.hpp"
 #include "tools/status/shell/programs.hpp"
 

@@ -51,7 +51,9 @@ class GatewayClient final : public Client {
   Status endorsable(Call call) override {
     gateway::EndorseResponse response;
     return ask<gateway::EndorseRequest>(
-        call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, const gateway::EndorseRequest& request) {
+        call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, gateway::EndorseRequest& request) {
+          if (call.need && !call.need->organisation.empty())
+            request.add_endorsing_organizations(call.need->organisation);
           return stub.Endorse(&context, request, &response);
         });
   }

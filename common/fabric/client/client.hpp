@@ -101,7 +101,8 @@ class Client {
   /// The same, asked of the peer at `endpoint` itself, past any gateway: its own word, of an organisation that need not
   /// be the caller's.
   virtual Result<std::string> evaluate_at_peer(Call call) = 0;
-  /// Whether the gateway finds endorsements enough for the call now; nothing is submitted. Waits as evaluate().
+  /// Whether the gateway finds endorsements enough for the call now, or that of the organisation which the call's `need`
+  /// names; nothing is submitted. Waits as evaluate().
   virtual Status endorsable(Call call) = 0;
 
   /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive

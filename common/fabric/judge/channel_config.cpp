@@ -15,6 +15,7 @@
 #include "common/policies.pb.h"
 #include "msp/msp_config.pb.h"
 #include "orderer/configuration.pb.h"
+#include "peer/policy.pb.h"
 
 namespace ledgerline::fabric {
 namespace {
@@ -183,6 +184,16 @@ std::vector<crypto::MspRoot> everybody(const ChannelConfig& config) {
   std::vector<crypto::MspRoot> roots = config.organisations;
   roots.insert(roots.end(), config.orderers.begin(), config.orderers.end());
   return roots;
+}
+
+Policy application_policy(const ChannelConfig& config, const std::string& definition) {
+  protos::ApplicationPolicy policy;
+  if (definition.empty()) return config.endorsement;
+  if (!policy.ParseFromString(definition)) return nobody();
+  if (policy.has_signature_policy()) return {{policy.signature_policy().SerializeAsString()}, 1};
+  const std::string& reference = policy.channel_config_policy_reference();
+  if (reference == "/Channel/Application/Endorsement") return config.endorsement;
+  return reference == "/Channel/Application/LifecycleEndorsement" ? config.lifecycle_endorsement : nobody();
 }
 
 Result<ChannelConfig> read_channel_config(const common::Block& block) {

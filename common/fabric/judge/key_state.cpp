@@ -5,7 +5,6 @@
 #include "peer/collection.pb.h"
 #include "peer/lifecycle/chaincode_definition.pb.h"
 #include "peer/lifecycle/db.pb.h"
-#include "peer/policy.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {
@@ -68,16 +67,6 @@ void KeyState::walk(const std::string& name, const std::string& start,
 
 bool KeyState::knows_transaction(const std::string& tx_id) const { return transactions_.contains(tx_id); }
 
-Policy KeyState::application_policy(const std::string& bytes) const {
-  protos::ApplicationPolicy policy;
-  if (bytes.empty()) return config_.endorsement;
-  if (!policy.ParseFromString(bytes)) return nobody();
-  if (policy.has_signature_policy()) return {{policy.signature_policy().SerializeAsString()}, 1};
-  const std::string& reference = policy.channel_config_policy_reference();
-  if (reference == "/Channel/Application/Endorsement") return config_.endorsement;
-  return reference == "/Channel/Application/LifecycleEndorsement" ? config_.lifecycle_endorsement : nobody();
-}
-
 std::optional<Policy> KeyState::policy_of(const std::string& name, const std::string& collection) const {
   if (name == lifecycle_name) {
     if (collection.empty()) return config_.lifecycle_endorsement;
@@ -88,10 +77,10 @@ std::optional<Policy> KeyState::policy_of(const std::string& name, const std::st
   const auto found = definitions_.find(name);
   if (found == definitions_.end() || !found->second.policy) return std::nullopt;
   const std::string& policy = *found->second.policy;
-  if (collection.empty()) return application_policy(policy);
+  if (collection.empty()) return application_policy(config_, policy);
   const auto own = found->second.collections.find(collection);
   if (own == found->second.collections.end()) return whole() ? std::optional(nobody()) : std::nullopt;
-  return application_policy(own->second.empty() ? policy : own->second);
+  return application_policy(config_, own->second.empty() ? policy : own->second);
 }
 
 bool KeyState::policy_is_hearsay(const std::string& name) const {

@@ -99,7 +99,6 @@ class KeyState final : public ChannelState {
   void forget(const NamespaceSet& part);
   void take_definition(std::string_view key, const KeyEffect& effect);
   void take_collections(const std::string& contract, const std::string& bytes);
-  Policy application_policy(const std::string& bytes) const;
 
   ChannelConfig config_;
   std::optional<Part> part_;  ///< none: it is whole

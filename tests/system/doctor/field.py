@@ -1,6 +1,7 @@
 """What goes wrong in the field, each with the hand that carries out the cure as doctor says it."""
 import contextlib
 import dataclasses
+import json
 import os
 import pathlib
 import re
@@ -26,6 +27,7 @@ class Fault:
     name: str
     words: tuple = ()
     user: str = ""
+    needs: str = ""   # a program that the host must have
 
 
 def said_command(host: str, stdin: str | None = None):
@@ -98,6 +100,43 @@ def read_only_disk(machines: Machines):
 
 def old_script_listens(machines: Machines):
     return taken(machines, "AF_INET", "('', 8890)", "ss -lun | grep -q :8890")
+
+
+@contextlib.contextmanager
+def firewall_drops_states(machines: Machines):
+    """And nothing else: the drone answers its commands."""
+    sim = machines.start("raven", "ledgerline sim --drones 1")
+    machines.run("raven", "iptables -A INPUT -p udp --dport 8890 -j DROP")
+    try:
+        yield
+    finally:
+        machines.run("raven", "iptables -F INPUT")
+        machines.running.remove(sim)
+        sim.terminate()
+        sim.wait(20)
+
+
+def server_of(endpoint: str, whose: str) -> str:
+    return f'endpoint = "{endpoint}"\ntls_ca = "/etc/ledgerline/tls/{whose}.pem"\nserver_name = "localhost"\n'
+
+
+@contextlib.contextmanager
+def endorser_copied(machines: Machines):
+    """The table of Org1's peer, with another organisation's name: on the direct path nobody of Org2 signs."""
+    tables = f"[[orderer]]\n{server_of(PEER, 'Org1MSP')}" + "".join(
+        f'[[endorser]]\nmsp_id = "{msp_id}"\n{server_of(PEER, "Org1MSP")}' for msp_id in ("Org1MSP", "Org2MSP"))
+    tables = tables.replace("/etc/ledgerline", str(machines.etc("raven")))
+    with changed("raven", "agent.toml", lambda path, _: path.write_text(path.read_text() + tables))(machines):
+        yield
+
+
+def name_its_own_peer(machines: Machines, says: str) -> None:
+    assert "set endpoint and tls_ca of the [[endorser]] of Org2MSP" in says and "Org3MSP" in says, says
+    newest = max(machines.root.glob("tower.*.out"), key=lambda said: said.stat().st_mtime)
+    ready = json.loads(next(line for line in newest.read_text().splitlines() if '"ready"' in line))
+    path = machines.etc("raven") / "agent.toml"
+    before, of_org2 = path.read_text().rsplit('msp_id = "Org2MSP"', 1)
+    path.write_text(f'{before}msp_id = "Org2MSP"{of_org2.replace(PEER, ready["peers"][1]).replace("tls/Org1MSP", "tls/Org2MSP")}')
 
 
 @contextlib.contextmanager
@@ -195,6 +234,8 @@ ALL = [
     Fault("disk_read_only", "raven", read_only_disk, said_command("raven"), "read_only_disk"),
     Fault("state_port_taken", "raven", old_script_listens, said_command("raven"), "old_script_listens"),
     Fault("pose_silent", "raven", nobody_tracks, start_motion_capture, "nobody_tracks", words=("--drones",)),
+    Fault("state_silent", "raven", firewall_drops_states, said_command("raven"), "states_dropped", words=("--drones",), needs="iptables"),
+    Fault("policy_unreachable", "raven", endorser_copied, name_its_own_peer, "endorser_copied"),
     Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
     Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
     Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),

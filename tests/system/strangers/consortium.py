@@ -1,6 +1,7 @@
 """A Fabric network as fabric-samples would have it, of openssl and Fabric's own programs alone: org1.example.com and
 org2.example.com on mychannel, MAJORITY, blocks after 2 s or 10 transactions, client certificates wanted everywhere, no history
 database. Org2 has P-384 keys and intermediate authorities, for identities and TLS, and fablo's key names."""
+import contextlib
 import os
 import pathlib
 import socket
@@ -92,6 +93,7 @@ class Organisation:
 class Consortium:
     def __init__(self, directory: pathlib.Path, fabric: pathlib.Path):
         self.directory, self.fabric, self.processes = directory, fabric, []
+        self.started: dict[str, tuple] = {}  # by name: the process, how it was started
         self.ordering = Organisation(directory / "crypto" / "example.com", "OrdererMSP", "example.com")
         self.org1 = Organisation(directory / "crypto" / "org1.example.com", "Org1MSP", "org1.example.com")
         self.org2 = Organisation(directory / "crypto" / "org2.example.com", "Org2MSP", "org2.example.com", "secp384r1",
@@ -147,8 +149,22 @@ class Consortium:
             time.sleep(0.2)
 
     def start(self, name: str, command: list, environment: dict) -> None:
-        with open(self.directory / f"{name}.log", "w") as log:
-            self.processes.append(subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **environment}))
+        with open(self.directory / f"{name}.log", "a") as log:
+            process = subprocess.Popen(command, stdout=log, stderr=log, env={**os.environ, **environment})
+        self.processes.append(process)
+        self.started[name] = process, command, environment
+
+    @contextlib.contextmanager
+    def without(self, name: str):
+        """One of its programs ends, and starts again."""
+        process, command, environment = self.started[name]
+        process.terminate()
+        process.wait(PATIENCE_S)
+        self.processes.remove(process)
+        try:
+            yield
+        finally:
+            self.start(name, command, environment)
 
     def _tls(self, prefix: str, own: pathlib.Path) -> dict:
         return {f"{prefix}_ENABLED": "true", f"{prefix}_PRIVATEKEY": f"{own}/tls/server.key", f"{prefix}_CERTIFICATE": f"{own}/tls/server.crt",

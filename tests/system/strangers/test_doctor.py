@@ -4,6 +4,7 @@ import json
 import os
 import pathlib
 import subprocess
+import time
 
 import findings
 from bringing import bring_contract, consortium, enrol, ledger_file
@@ -90,6 +91,26 @@ def tells_what_the_ledger_says(host: Host, network: Consortium) -> None:
     assert of_ledger(host.doctor()) == set()
 
 
+def tells_whose_signature_is_missing(host: Host, network: Consortium) -> None:
+    """Two organisations, of which a majority is both: without Org2's peer nobody makes a record, however it is asked for."""
+    agent = host.folder / "agent.toml"
+    direct = agent.read_text()
+    head, rest = direct.split("[[orderer]]", 1)
+    with network.without("peer2"):
+        found = host.doctor()["policy_unreachable"]
+        assert "endorsed by Org1MSP, and the signature of Org2MSP is missing" in found["what"], found
+        assert found["cure"].startswith("start the peer of Org2MSP"), found
+        agent.write_text(head + "[[msp]]" + rest.split("[[msp]]", 1)[1])
+        found = host.doctor()["policy_unreachable"]
+        assert "the signature of Org2MSP is missing" in found["what"] and "start a peer of Org2MSP that has joined" in found["cure"], found
+    for text in (agent.read_text(), direct):  # as the cure says: it is there again
+        agent.write_text(text)
+        deadline = time.monotonic() + PATIENCE_S
+        while left := of_ledger(host.doctor()):
+            assert time.monotonic() < deadline, left
+            time.sleep(1)
+
+
 def test_doctor_on_a_real_network(tmp_path):
     with consortium(tmp_path / "network") as network:
         host = Host(network, tmp_path / "host")
@@ -102,3 +123,4 @@ def test_doctor_on_a_real_network(tmp_path):
         enrol(network)
         assert of_ledger(host.doctor()) == set()
         tells_what_the_ledger_says(host, network)
+        tells_whose_signature_is_missing(host, network)

@@ -114,6 +114,10 @@ constexpr std::array<Words, problem_count> table{{
     {policy_weak, "policy_weak", warning,
      "one organisation alone satisfies the contract's endorsement policy: it can make any record",
      "define the contract with a majority (docs/ledger.md)"},
+    {policy_unreachable, "policy_unreachable", broken,
+     "the peers that sign for this program are not those whose signatures its calls need: they would all be refused",
+     "start the peer of the organisation that the line names, or name it in an [[endorser]]; else define the contract "
+     "with a policy that the channel's peers can satisfy (docs/fabric.md)"},
     {blocks_late, "blocks_late", broken, "the channel cuts its blocks so late that commands are too old when they come",
      "set `patience = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout"},
 

@@ -57,6 +57,7 @@ enum class Problem : std::uint8_t {
   contract_missing,
   contract_other_version,
   policy_weak,
+  policy_unreachable,
   blocks_late,
   // the drones on it
   not_enrolled,

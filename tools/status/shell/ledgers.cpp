@@ -9,8 +9,8 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "tools/doctor/shell/channels.hpp"
-#include "tools/doctor/shell/ledger_probe.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
+#include "tools/doctor/shell/ledger/ledger_probe.hpp"
 
 namespace ledgerline::status {
 namespace {

@@ -3,6 +3,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/doctor/core/endorsement.hpp"
 #include "tools/doctor/core/host.hpp"
 #include "tools/doctor/core/identity.hpp"
 #include "tools/doctor/core/ledger.hpp"
@@ -86,6 +87,127 @@ TEST(DoctorIdentity, TellsAFolderOfAnotherUserAndALockedKeyFromAMissingOne) {
   EXPECT_THAT(closed[0].cure, HasSubstr("`chown -R ledgerline: /e/msp`"));
   facts = {.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = std::string("\x30\x82\x01", 3)};
   EXPECT_EQ(judge(facts, {}, 0).at(0).problem, Problem::not_pem);
+}
+
+// What programs and peers take for the identity is the first certificate of the file.
+TEST(DoctorIdentity, TellsAnAuthorityInFrontOfTheCertificateFromAKeyOfAnother) {
+  const auto ca = crypto::make_ca("ca", "org").value();
+  const auto own =
+      crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
+  const std::int64_t now_s = crypto::parse_certificate(own.certificate_pem)->not_before_s + 60;
+  IdentityFacts facts{
+      .msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = ca.certificate_pem + own.certificate_pem};
+  facts.key_pem = own.key_pem;
+  facts.certificate_file = "/e/msp/signcerts/cert.pem";
+  facts.msp_dir = "/e/msp";
+  const std::vector<AuthorityFacts> authorities{{"Org1MSP", ca.certificate_pem}};
+  const Findings reversed = judge(facts, authorities, now_s);
+  ASSERT_EQ(reversed.size(), 1U) << "the certificate itself is in order: dates and issuer are judged of it";
+  EXPECT_EQ(reversed[0].problem, Problem::certificate_order);
+  EXPECT_EQ(reversed[0].cure, "`ledgerline init --certificate /e/msp/signcerts/cert.pem --msp-dir /e/msp`");
+  facts.msp_dir.clear();
+  facts.key_file = "/e/own.key";
+  EXPECT_THAT(judge(facts, authorities, now_s).at(0).cure,
+              HasSubstr("the certificate of the key /e/own.key to the front"));
+  facts.certificate_pem = own.certificate_pem + ca.certificate_pem;
+  EXPECT_FALSE(judge(facts, authorities, now_s).at(0).problem);
+  facts.certificate_pem = ca.certificate_pem + ca.certificate_pem;
+  EXPECT_EQ(judge(facts, authorities, now_s).at(0).problem, Problem::key_misfit);
+}
+
+TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
+  const auto ca = crypto::make_ca("ca", "org").value(), other = crypto::make_ca("ca", "org").value();
+  const auto own =
+      crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
+  IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = own.certificate_pem};
+  facts.channel = "yard";
+  const Finding foreign = judge(facts, {{"Org1MSP", other.certificate_pem}},
+                                crypto::parse_certificate(own.certificate_pem)->not_before_s + 60)
+                              .at(0);
+  EXPECT_EQ(foreign.problem, Problem::identity_foreign);
+  EXPECT_THAT(foreign.what, HasSubstr("on channel yard"));
+}
+
+TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
+  DroneFacts facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
+  facts.listen = "0.0.0.0:8890";
+  EXPECT_FALSE(judge(facts).at(0).problem) << "nobody could listen";
+  facts.states = true;
+  EXPECT_FALSE(judge(facts).at(0).problem);
+  facts.states = false;
+  const Findings dropped = judge(facts);
+  EXPECT_EQ(dropped.at(0).problem, Problem::state_silent);
+  EXPECT_THAT(dropped[0].cure, HasSubstr("`iptables -I INPUT -p udp --dport 8890 -j ACCEPT`"));
+  EXPECT_THAT(dropped.at(1).what, HasSubstr("90 %"));
+  facts.there = false;
+  EXPECT_EQ(judge(facts).at(0).problem, Problem::drone_silent);
+}
+
+class DoctorEndorsement : public testing::Test {
+ protected:
+  static fabric::Policy so_many_of(std::size_t needed) {
+    return {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org2MSP"), fabric::peer_policy("Org3MSP")}, needed};
+  }
+  static EndorsingPeer signs(const std::string& msp_id) {
+    return {.msp_id = msp_id, .place = "[[endorser]] " + msp_id};
+  }
+  static EndorsingPeer silent(const std::string& msp_id) {
+    return {.msp_id = msp_id, .place = "[[endorser]] h:7051", .why = "nobody listens"};
+  }
+  EndorsementFacts facts_{.program = "ground.toml",
+                          .what = "new records",
+                          .policy = so_many_of(2),
+                          .organisations = {"Org1MSP", "Org2MSP", "Org3MSP"},
+                          .peers = {signs("Org1MSP")}};
+};
+
+TEST_F(DoctorEndorsement, NamesEachOrganisationOfWhichOneWouldDo) {
+  const Finding finding = judge(facts_);
+  EXPECT_EQ(finding.problem, Problem::policy_unreachable);
+  EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP or Org3MSP is missing"));
+  EXPECT_EQ(finding.cure,
+            "add an [[endorser]] of Org2MSP to ground.toml; or add an [[endorser]] of Org3MSP to ground.toml");
+  facts_.peers.push_back(signs("Org3MSP"));
+  EXPECT_FALSE(judge(facts_).problem);
+}
+
+TEST_F(DoctorEndorsement, NamesAllThatAreMissingAtOnce) {
+  facts_.policy = so_many_of(3);
+  facts_.peers.push_back(silent("Org2MSP"));
+  const Finding finding = judge(facts_);
+  EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP and Org3MSP is missing"));
+  EXPECT_THAT(finding.what, HasSubstr("[[endorser]] h:7051 of Org2MSP: nobody listens"));
+  EXPECT_THAT(finding.cure, HasSubstr("start the peer of Org2MSP, [[endorser]] h:7051"));
+  EXPECT_THAT(finding.cure, HasSubstr("; and add an [[endorser]] of Org3MSP"));
+}
+
+TEST_F(DoctorEndorsement, CountsAPeerOnceAndAsWhoItIs) {
+  EndorsingPeer copied = signs("Org1MSP");
+  copied.said_to_be = "Org2MSP";
+  facts_.peers = {signs("Org1MSP"), copied};
+  const Finding finding = judge(facts_);
+  EXPECT_EQ(finding.problem, Problem::policy_unreachable);
+  EXPECT_THAT(finding.what, HasSubstr("of Org2MSP is a peer of Org1MSP"));
+  EXPECT_THAT(finding.cure, HasSubstr("set endpoint and tls_ca of the [[endorser]] of Org2MSP in ground.toml"));
+  facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org1MSP")}, 2};
+  EXPECT_FALSE(judge(facts_).problem) << "two parts of one policy are satisfied by one peer each by itself";
+}
+
+TEST_F(DoctorEndorsement, SaysOfAPolicyThatNobodyCanSatisfyThatTheDefinitionMustChange) {
+  facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org9MSP")}, 2};
+  const Finding finding = judge(facts_);
+  EXPECT_EQ(finding.problem, Problem::policy_unreachable);
+  EXPECT_THAT(finding.what, HasSubstr("a peer of each organisation of the channel would not do"));
+  EXPECT_THAT(finding.cure, HasSubstr("commit a definition"));
+}
+
+TEST_F(DoctorEndorsement, OfAGatewaySaysWhatItMustFind) {
+  facts_.by_gateway = true;
+  facts_.peers = {
+      {.msp_id = "Org1MSP", .place = "the gateway", .identity = "Org1MSP"}, silent("Org2MSP"), silent("Org3MSP")};
+  const Finding finding = judge(facts_);
+  EXPECT_EQ(finding.problem, Problem::policy_unreachable);
+  EXPECT_THAT(finding.cure, HasSubstr("start a peer of Org2MSP that has joined the channel"));
 }
 
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {

@@ -1,8 +1,9 @@
-#include "tools/doctor/shell/ledger_probe.hpp"
+#include "tools/doctor/shell/ledger/ledger_probe.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <set>
 #include <thread>
 
 #include "common/base/file.hpp"
@@ -19,7 +20,8 @@
 #include "common/msg/grants.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
-#include "tools/doctor/shell/channels.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
+#include "tools/doctor/shell/ledger/endorsement_probe.hpp"
 
 namespace ledgerline::doctor {
 namespace {
@@ -61,20 +63,21 @@ class Peer {
 };
 
 /// One peer alone would do.
-bool is_weak(const lifecycle::QueryChaincodeDefinitionResult& definition, const fabric::ChannelConfig& channel) {
+bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel) {
   protos::ApplicationPolicy policy;
-  if (!policy.ParseFromString(definition.validation_parameter())) return false;
+  if (!policy.ParseFromString(definition)) return false;
+  if (!policy.has_signature_policy() && channel.organisations.size() == 1) return false;
+  const fabric::Policy judged = fabric::application_policy(channel, definition);
   return std::any_of(channel.organisations.begin(), channel.organisations.end(), [&](const crypto::MspRoot& one) {
-    const std::vector<fabric::Endorser> alone{{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}};
-    return policy.has_signature_policy()
-               ? fabric::satisfies(policy.signature_policy().SerializeAsString(), alone)
-               : channel.organisations.size() > 1 && fabric::satisfies(channel.endorsement, alone);
+    return fabric::satisfies(judged, {{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}});
   });
 }
 
 void add(Findings& out, Findings more) { out.insert(out.end(), more.begin(), more.end()); }
 
-void ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor, bool embedded, Findings& out) {
+/// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out` says.
+std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
+                                                  bool embedded, Findings& out) {
   // The newest, where the peer tells it; a change of the times since the anchor counts.
   auto newest = peer.config_block();
   const std::string& block = newest ? *newest : anchor;
@@ -93,33 +96,46 @@ void ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& 
     out.push_back(judge(*channel->batching, facts));
   }
   ContractFacts contract{.name = one.ledger->contract, .own_version = std::to_string(contract::record_version + 1)};
+  std::string policy;
   if (embedded) {
     out.push_back(fine("contract", contract.name + " of the embedded ledger"));
-    return;
-  }
-  const auto definition = peer.definition();
-  if (definition) {
-    contract.version = definition->version();
-    contract.weak = channel && is_weak(*definition, *channel);
   } else {
-    contract.refused = definition.error().what;
+    const auto definition = peer.definition();
+    if (definition) {
+      policy = definition->validation_parameter();
+      contract.version = definition->version();
+      contract.weak = channel && is_weak(policy, *channel);
+    } else {
+      contract.refused = definition.error().what;
+    }
+    add(out, judge(contract));
   }
-  add(out, judge(contract));
+  if (!channel || !contract.refused.empty()) return std::nullopt;
+  NeededSignatures needed{.policy = fabric::application_policy(*channel, policy)};
+  for (const crypto::MspRoot& organisation : channel->organisations)
+    needed.organisations.push_back(organisation.msp_id);
+  return needed;
 }
 
-void ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
-                 const std::vector<std::string>& drones, Findings& out) {
+/// Returns the organisations whose drones they are.
+std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
+                                  const std::vector<std::string>& drones, Findings& out) {
   const Side side = one.program == "agent" ? Side::agent : Side::ground;
   const auto roles = belief::read_roles(peer.contract());
+  std::set<std::string> owners;
   for (const std::string& drone : drones) {
     LeaseFacts facts{.drone = drone, .self = self, .side = side};
     if (roles) facts.is_operator = is_operator(roles->of(self));
-    if (auto control = belief::read_control(drone, peer.contract()))
+    if (auto control = belief::read_control(drone, peer.contract())) {
+      owners.insert(control->owner().msp_id());
       facts.control = std::move(*control);
-    else if (!roles)
-      return out.push_back(found(Problem::ledger_refuses, check, control.error().what));
+    } else if (!roles) {
+      out.push_back(found(Problem::ledger_refuses, check, control.error().what));
+      return owners;
+    }
     add(out, judge(facts));
   }
+  return owners;
 }
 
 }  // namespace
@@ -151,8 +167,12 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
   if (!height)
     return {
         found(Problem::ledger_refuses, check, fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().what))};
-  ask_configuration(*peer, one, anchor, embedded, out);
-  ask_records(*peer, one, ledger->identity.name, drones, out);
+  auto needed = ask_configuration(*peer, one, anchor, embedded, out);
+  const std::set<std::string> owners = ask_records(*peer, one, ledger->identity.name, drones, out);
+  if (needed) {
+    needed->owners = owners;
+    add(out, ask_endorsers(one, *ledger, *needed));
+  }
   std::this_thread::sleep_for(between_heights);
   HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
   if (auto later = peer->height()) facts.later = *later;

@@ -1,4 +1,4 @@
-#include "tools/doctor/shell/channels.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
 
 #include <fmt/format.h>
 
@@ -78,6 +78,7 @@ fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig clie
   client.tls_ca_file = peer.tls_ca;
   client.server_name = peer.server_name;
   client.other_peers.clear();
+  if (!peer.tls_certificate.empty()) client.tls_pair = {peer.tls_certificate, peer.tls_key};
   return client;
 }
 
