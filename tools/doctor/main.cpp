@@ -27,8 +27,8 @@ Examples:
   ledgerline doctor --role drone-host --drones          # asks the drones, too; not while link runs
   ledgerline doctor --config-dir ./raven --json
 
-Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.toml and bridge.toml are there. Run it as the
-user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
+Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.toml and bridge.toml are there, and at
+operator-CHANNEL.toml and admin-CHANNEL.toml of further channels. Run it as the user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
 Exit codes: 0 all is well, but for warnings; 1 something is broken; 2 wrong usage.)";
 
 struct Wish {
@@ -39,6 +39,16 @@ struct Wish {
 
 void add(Findings& all, Findings more) {
   all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
+}
+
+/// Without those that are there in the same words.
+void add_new(Findings& all, Findings more) {
+  for (Finding& one : more) {
+    const bool told = std::any_of(all.begin(), all.end(), [&](const Finding& other) {
+      return other.problem == one.problem && other.check == one.check && other.what == one.what;
+    });
+    if (!told) all.push_back(std::move(one));
+  }
 }
 
 std::vector<std::string> names_of(const std::vector<DroneKeys>& drones) {
@@ -107,12 +117,11 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     if (!one.ledger->msps.empty()) add(trust, judge(read_trust(*one.ledger, one.file, anchor)));
     const IdentityFacts identity = read_identity(*one.ledger);
     Findings own;
-    if (identities.insert(identity.msp_id + " " + identity.place).second) {
-      std::vector<AuthorityFacts> authorities = anchor.organisations;
-      own = judge(identity, authorities, realtime_ns() / ns_per_s);
-    }
+    // By each channel's authorities; what is the same on all is told once.
+    if (identities.insert(identity.msp_id + " " + identity.place + " " + identity.channel).second)
+      own = judge(identity, anchor.organisations, realtime_ns() / ns_per_s);
     const bool known = !anything_broken(own) && !anything_broken(trust);
-    add(all, std::move(own));
+    add_new(all, std::move(own));
     add(all, std::move(trust));
     const bool reached = look_at_servers(one, patience, servers, all);
     const bool flies = one.program == "agent" || one.program == "ground";

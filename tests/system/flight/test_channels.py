@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import time
 
+import findings
 import pytest
 from drone_host import Drone, Host
 from fabric import BIN, needs_fabric
@@ -277,3 +278,43 @@ def test_doctor_looks_at_each_channel(tmp_path):
     assert unknown and unknown[0].startswith("channel yard: "), seen
     anchors = [one for one in wrong if one["problem"] == "anchor_wrong"]
     assert len(anchors) == 1 and "agent.toml, channel yard: it is of channel teleop" in anchors[0]["what"], anchors
+
+
+def test_doctor_looks_at_the_file_of_each_channel_that_an_operator_or_administrator_has(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    own = tmp_path / "own"
+    shutil.copytree(ledgers.yard.msp_dir(2, "User2"), own)
+    key = next((own / "keystore").iterdir())
+    folder = tmp_path / "etc"
+    folder.mkdir()
+    plain = lambda text: text.split("[[msp]]")[0]
+    for name, text in (("operator", tables(ledgers.teleop, 2, "User2")), ("admin", tables(ledgers.teleop, 2, "Admin")),
+                       ("admin-yard", ledgers.yard_tables(2, "Admin"))):
+        (folder / f"{name}.toml").write_text(plain(text))
+    yard = plain(ledgers.yard_tables(2, "User2")).replace(str(ledgers.yard.msp_dir(2, "User2")), str(own))
+    (folder / "operator-yard.toml").write_text(yard)
+
+    def doctor() -> dict:
+        return findings.of_doctor(subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True,
+                                                 text=True, timeout=60))
+
+    broken = lambda found: {problem for problem, each in found.items() if each["verdict"] == "broken"}
+    try:
+        assert not broken(doctor())
+        key.chmod(0o644)
+        found = doctor()
+        assert broken(found) == {"key_open"} and str(key) in found["key_open"]["what"], found
+        subprocess.run(["sh", "-euc", re.search("`(.+?)`", found["key_open"]["cure"]).group(1)], check=True)
+        assert not broken(doctor())
+        (folder / "operator-yard.toml").write_text(yard.replace("yard.block", "../ledger/teleop.block"))
+        assert broken(found := doctor()) == {"anchor_wrong"} and "operator-yard.toml" in found["anchor_wrong"]["what"], found
+        (folder / "operator-yard.toml").write_text(yard)
+        (folder / "admin-yard.toml").write_text("[ledger]\nchanel = 1\n")
+        assert "admin-yard.toml" in doctor()["config_wrong"]["what"]
+        (folder / "admin-yard.toml").unlink()
+        (folder / "admin.toml").unlink()
+        missing = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--role", "admin", "--json"], capture_output=True,
+                                 text=True, timeout=60)
+        assert "config_missing" in findings.of_doctor(missing)
+    finally:
+        ledgers.stop()

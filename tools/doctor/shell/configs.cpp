@@ -19,8 +19,9 @@
 namespace ledgerline::doctor {
 namespace {
 
+/// The file is NAME.toml; of control's, which is on one channel, there are NAME-CHANNEL.toml of further ones.
 struct Known {
-  const char *program, *name, *role;  ///< the file is NAME.toml
+  const char *program, *name, *role;
 };
 // net.toml is of a network that `ledgerline fabric` runs, and only there.
 constexpr Known all_known[] = {{"link", "link", "drone-host"},  {"agent", "agent", "drone-host"},
@@ -111,6 +112,23 @@ void read_keys(Config& config, ProgramConfig& out) {
   }
 }
 
+/// Its file, NAME.toml, where it is there; and of control's, which is on one channel, those of further ones behind it.
+std::vector<std::string> names_there(const std::string& dir, const Known& known) {
+  std::vector<std::string> names;
+  std::error_code error;
+  const std::string usual = std::string(known.name) + ".toml", further = std::string(known.name) + "-";
+  if (std::filesystem::exists(dir + "/" + usual, error)) names.push_back(usual);
+  if (std::string_view(known.program) != "control") return names;
+  std::filesystem::directory_iterator at(dir, error);
+  const auto own = static_cast<std::ptrdiff_t>(names.size());
+  for (const std::filesystem::directory_iterator end; !error && at != end; at.increment(error)) {
+    const std::string name = at->path().filename();
+    if (name.starts_with(further) && name.ends_with(".toml")) names.push_back(name);
+  }
+  std::sort(names.begin() + own, names.end());
+  return names;
+}
+
 /// What the program itself would say at its start, a line each.
 void read_as_program(const ProgramConfig& one, Findings& findings) {
   if (is_forbidden(one.path)) {
@@ -153,18 +171,17 @@ Result<ProgramConfig> read_config(const std::string& program, const std::string&
 Configs read_configs(const std::string& dir, const std::string& role) {
   Configs configs;
   for (const Known& known : all_known) {
-    ProgramConfig one{
-        .program = known.program, .file = std::string(known.name) + ".toml", .path = dir + "/" + known.name + ".toml"};
-    std::error_code error;
-    if (!std::filesystem::exists(one.path, error)) {
-      if (!role.empty() && role == known.role)
-        configs.findings.push_back(found(Problem::config_missing, "config", one.path,
-                                         fmt::format("`ledgerline init --role {}` writes it", role)));
-      continue;
+    const std::vector<std::string> names = names_there(dir, known);
+    const std::string usual = std::string(known.name) + ".toml";
+    if (!role.empty() && role == known.role && (names.empty() || names.front() != usual))
+      configs.findings.push_back(found(Problem::config_missing, "config", dir + "/" + usual,
+                                       fmt::format("`ledgerline init --role {}` writes it", role)));
+    for (const std::string& name : names) {
+      ProgramConfig one{.program = known.program, .file = name, .path = dir + "/" + name};
+      read_as_program(one, configs.findings);
+      if (one.program == "fabric" || one.program == "deployment") continue;
+      if (auto read = read_config(one.program, one.path)) configs.programs.push_back(std::move(*read));
     }
-    read_as_program(one, configs.findings);
-    if (one.program == "fabric" || one.program == "deployment") continue;
-    if (auto read = read_config(one.program, one.path)) configs.programs.push_back(std::move(*read));
   }
   if (configs.findings.empty()) configs.findings.push_back(found(Problem::config_missing, "config", dir + " has none"));
   return configs;
