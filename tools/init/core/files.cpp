@@ -75,7 +75,8 @@ std::string block_of(const HostPlan& plan, const std::string& channel) {
 
 void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const HostPlan& plan,
                 const std::vector<std::string>& channels, bool follows) {
-  add_server(values, reads, "[ledger]", 0, plan.own);
+  const Server& own = plan.own_of(channels[0]);
+  add_server(values, reads, "[ledger]", 0, own);
   values.text("[ledger]", "channel", channels[0]);
   values.text("[ledger]", "contract", plan.contract);
   values.text("[ledger]", "msp_id", plan.msp_id);
@@ -84,6 +85,8 @@ void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const 
   for (std::size_t i = 1; i < channels.size(); ++i) {
     values.text("[[channel]]", "name", channels[i], i - 1);
     values.text("[[channel]]", "config_block", block_of(plan, channels[i]), i - 1);
+    if (const Server& other = plan.own_of(channels[i]); other.endpoint != own.endpoint)
+      add_server(values, reads, "[[channel]]", i - 1, other);
   }
   if (!follows) return;
   if (plan.patience.deadline_ns != deployment::Patience{}.deadline_ns)

@@ -78,6 +78,11 @@ Status put_on_channel(HostPlan& plan, const std::string& name, const std::string
 
 }  // namespace
 
+const Server& HostPlan::own_of(const std::string& of_channel) const {
+  const auto found = own_on.find(of_channel);
+  return found == own_on.end() ? own : found->second;
+}
+
 Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
   if (texts.empty()) return done;
   if (plan.ledger != deployment::LedgerKind::fabric)
@@ -90,6 +95,8 @@ Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
     if (channel == plan.channel ||
         std::find(plan.more_channels.begin(), plan.more_channels.end(), channel) != plan.more_channels.end())
       return Error{fmt::format("--channel {}: there is a channel of that name already", channel)};
+    if (const auto listed = plan.own_on.find(channel); listed != plan.own_on.end() && listed->second.endpoint.empty())
+      return Error{fmt::format("--channel {}: the profile lists no peer of {} for it", channel, plan.msp_id)};
     plan.more_channels.push_back(channel);
     std::istringstream names(text.substr(at + 1));
     for (std::string name; std::getline(names, name, ',');)

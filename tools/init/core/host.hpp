@@ -1,4 +1,5 @@
 #pragma once
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -51,6 +52,7 @@ struct HostPlan {
   std::string channel = "teleop", contract = "ledgerline";
   std::vector<std::string> more_channels{};  ///< that drones are on, too
   Server own{};                              ///< whom its programs ask
+  std::map<std::string, Server> own_on{};    ///< the same by channel, where that is said; no endpoint: nobody serves it
   std::vector<Server> peers{};               ///< of each organisation, for the direct path; empty: it is not used
   std::vector<Server> orderers{};            ///< likewise
   std::vector<std::string> msp_ids{};        ///< of all organisations
@@ -59,6 +61,8 @@ struct HostPlan {
   std::vector<deployment::Endpoint> network_peers{}, network_orderers{};  ///< by address, for net.toml
   deployment::Patience patience{};
   Folders folders;
+
+  const Server& own_of(const std::string& of_channel) const;
 };
 
 /// An error names what is missing: the host, its organisation, a port.
@@ -76,7 +80,8 @@ struct ProfilePlan {
   std::vector<PublicFile> files;  ///< TLS authorities, for Folders::tls_of
 };
 /// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
-/// others, and orderers. Authorities that it has as PEM become files, those that it has as paths are named.
+/// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it has
+/// as PEM become files, those that it has as paths are named.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
                                     const Folders& folders);
 

@@ -1,5 +1,7 @@
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "tools/init/core/host.hpp"
@@ -29,7 +31,18 @@ class Reader {
  public:
   Reader(const json& profile, const Folders& folders) : profile_(profile), folders_(folders) {}
 
+  /// Each of them once, so that its authority is one file.
   Result<Server> server(const char* kind, const std::string& name, const std::string& msp_id) {
+    const std::pair<std::string, std::string> place(kind, name);
+    if (const auto known = servers_.find(place); known != servers_.end()) return known->second;
+    auto read = read_server(kind, name, msp_id);
+    if (read) servers_.emplace(place, *read);
+    return read;
+  }
+  std::vector<PublicFile> take_files() { return std::move(files_); }
+
+ private:
+  Result<Server> read_server(const char* kind, const std::string& name, const std::string& msp_id) {
     const json one = part(part(profile_, kind), name.c_str());
     if (!one.is_object()) return Error{fmt::format("the profile has no {} \"{}\"", kind, name)};
     auto endpoint = endpoint_of(name, text(one, "url"));
@@ -41,9 +54,7 @@ class Reader {
     out.tls_ca = *authority;
     return out;
   }
-  std::vector<PublicFile> take_files() { return std::move(files_); }
 
- private:
   Result<std::string> authority_of(const json& one, const std::string& name) {
     if (!folders_.tls_ca.empty()) return folders_.tls_ca;
     const json authorities = part(one, "tlsCACerts");
@@ -61,7 +72,28 @@ class Reader {
   const json& profile_;
   const Folders& folders_;
   std::vector<PublicFile> files_;
+  std::map<std::pair<std::string, std::string>, Server> servers_;  ///< by kind and name
 };
+
+/// Who of these peers of the own organisation serves each channel that the profile lists peers for.
+Status read_channels(const json& profile, const std::vector<std::string>& own_peers, Reader& reader, HostPlan& plan) {
+  json channels = part(profile, "channels");
+  if (!channels.is_object()) channels = json::object();
+  for (const auto& [name, channel] : channels.items()) {
+    const json listed = part(channel, "peers");
+    if (!listed.is_object()) continue;
+    const auto first = std::find_if(own_peers.begin(), own_peers.end(),
+                                    [&](const std::string& peer) { return listed.contains(peer); });
+    Server& serves = plan.own_on[name];
+    if (first == own_peers.end()) continue;
+    auto server = reader.server("peers", *first, plan.msp_id);
+    if (!server) return server.error();
+    serves = std::move(*server);
+  }
+  if (plan.own_of(plan.channel).endpoint.empty())
+    return Error{fmt::format("the profile lists no peer of {} for channel {}", plan.msp_id, plan.channel)};
+  return done;
+}
 
 }  // namespace
 
@@ -71,6 +103,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
   if (!profile.is_object()) return Error{"the profile is no JSON object"};
   HostPlan plan{.host = host, .msp_id = msp_id, .ledger = deployment::LedgerKind::fabric, .folders = folders};
   Reader reader(profile, folders);
+  std::vector<std::string> own_peers;
   const json organisations = part(profile, "organizations");
   for (const json& organisation : organisations.is_object() ? organisations : json::object()) {
     const std::string id = text(organisation, "mspid");
@@ -79,6 +112,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     const json peers = part(organisation, "peers");
     bool first = true;
     for (const json& peer : peers.is_array() ? peers : json::array()) {
+      if (peer.is_string() && id == msp_id) own_peers.push_back(peer.get<std::string>());
       if (!peer.is_string() || !first) continue;
       first = false;
       auto server = reader.server("peers", peer.get<std::string>(), id);
@@ -88,6 +122,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     }
   }
   if (plan.own.endpoint.empty()) return Error{fmt::format("the profile has no peer of an organisation {}", msp_id)};
+  if (auto status = read_channels(profile, own_peers, reader, plan); !status) return status.error();
   json orderers = part(profile, "orderers");
   if (!orderers.is_object()) orderers = json::object();
   for (const auto& [name, _] : orderers.items()) {

@@ -270,6 +270,63 @@ TEST(InitProfile, GivesThePeerItsNameAndItsAuthority) {
   EXPECT_THAT(planned->plan.msp_ids, testing::ElementsAre("Org1MSP", "Org2MSP"));
 }
 
+/// Two peers of Org1, of which the second alone is on yard, and one of Org2 on teleop.
+constexpr const char* profile_of_two_channels = R"({
+  "organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["a.org1", "b.org1"]}, "Org2": {"mspid": "Org2MSP", "peers": ["a.org2"]}},
+  "peers": {"a.org1": {"url": "grpcs://a:7051", "tlsCACerts": {"pem": "A"}},
+            "b.org1": {"url": "grpcs://b:7051", "tlsCACerts": {"pem": "B"}, "grpcOptions": {"hostnameOverride": "localhost"}},
+            "a.org2": {"url": "grpcs://c:7051", "tlsCACerts": {"pem": "C"}}},
+  "channels": {"teleop": {"peers": {"a.org1": {}, "a.org2": {}}}, "yard": {"peers": {"b.org1": {}}}, "lake": {"peers": {"a.org2": {}}}}})";
+
+HostPlan of_profile(const std::vector<HostDrone>& flown, const std::vector<std::string>& channels) {
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{});
+  EXPECT_TRUE(planned) << planned.error().what;
+  planned->plan.drones = flown;
+  planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
+  planned->plan.orderers.clear();
+  planned->plan.peers.clear();
+  const Status added = add_channels(planned->plan, channels);
+  EXPECT_TRUE(added) << added.error().what;
+  return planned->plan;
+}
+
+TEST(InitProfile, NamesForEachChannelThePeerThatServesIt) {
+  const HostPlan both = of_profile({{"tello1", "10.0.0.9", 1}, {"tello2", "10.0.0.8", 2}}, {"yard=tello2"});
+  const std::string agent = text_of(*files_of(Role::drone_host, both), "agent.toml");
+  expect_readable("agent", agent);
+  EXPECT_THAT(without_comments(agent), HasSubstr("[ledger]\nendpoint = \"a:7051\"\n"));
+  EXPECT_THAT(
+      without_comments(agent),
+      HasSubstr("[[channel]]\nname = \"yard\"\nconfig_block = \"/etc/ledgerline/yard.block\"\nendpoint = \"b:7051\"\n"
+                "tls_ca = \"/etc/ledgerline/tls/b.org1.pem\"\nserver_name = \"localhost\"\n"));
+  const auto ground = *files_of(Role::ground, both);
+  expect_readable("ground", text_of(ground, "ground.toml"));
+  expect_readable("control", text_of(ground, "operator-yard.toml"));
+  EXPECT_THAT(text_of(ground, "operator.toml"), HasSubstr("endpoint = \"a:7051\""));
+  EXPECT_THAT(text_of(ground, "operator-yard.toml"), HasSubstr("endpoint = \"b:7051\""));
+  const HostPlan yard_alone = of_profile({{"tello2", "10.0.0.8", 2}}, {"yard=tello2"});
+  const std::string of_yard = text_of(*files_of(Role::drone_host, yard_alone), "agent.toml");
+  expect_readable("agent", of_yard);
+  EXPECT_THAT(without_comments(of_yard), HasSubstr("[ledger]\nendpoint = \"b:7051\"\n"));
+  EXPECT_THAT(without_comments(of_yard), Not(HasSubstr("[[channel]]")));
+}
+
+TEST(InitProfile, TakesThePeerOfLedgerForAChannelOfWhichItSaysNothing) {
+  const std::string agent = text_of(
+      *files_of(Role::drone_host, of_profile({{"tello1", "10.0.0.9", 1}, {"tello2", "10.0.0.8", 2}}, {"pond=tello2"})),
+      "agent.toml");
+  EXPECT_THAT(without_comments(agent),
+              HasSubstr("[[channel]]\nname = \"pond\"\nconfig_block = \"/etc/ledgerline/pond.block\"\n[["));
+}
+
+TEST(InitProfile, RefusesAChannelThatNoPeerOfTheOrganisationServes) {
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{});
+  planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
+  const Status added = add_channels(planned->plan, {"lake=tello2"});
+  ASSERT_FALSE(added);
+  EXPECT_THAT(added.error().what, HasSubstr("lists no peer of Org1MSP"));
+}
+
 TEST(InitProfile, RefusesWhatItCannotUse) {
   const auto wrong = [](const std::string& json, const std::string& msp_id) {
     const auto planned = plan_of_profile(json, msp_id, "", Folders{});
