@@ -44,7 +44,7 @@ std::string server_name(Config& config, const std::string& table) {
 ClientConfig::TlsPair tls_pair(Config& config, const std::string& table, std::string_view otherwise) {
   return {config.text({table + "tls_certificate",
                        "PEM file of the own TLS certificate, with its intermediates behind it, for a server that wants "
-                       "one (clientAuthRequired)",
+                       "one (a peer's clientAuthRequired, ledgerline-node's --tls-client-ca)",
                        otherwise},
                       ""),
           config.text({table + "tls_key", "its private key; the file as for `private_key`", otherwise}, "")};

@@ -1,5 +1,7 @@
 #include <algorithm>
+#include <csignal>
 #include <cstdio>
+#include <map>
 #include <set>
 
 #include "common/base/log.hpp"
@@ -80,9 +82,30 @@ void look_at_host(const Configs& configs, Findings& all) {
     all.push_back(judge(look_at_route(drone.name, drone.address, drone.interface)));
 }
 
+/// The own certificate of TLS, once. False: nobody can be reached with it.
+bool look_at_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map<std::string, bool>& seen,
+                      Findings& all) {
+  if (keys.tls_certificate.empty() && keys.tls_key.empty()) return true;
+  const auto [place, first] = seen.try_emplace(keys.tls_certificate + " " + keys.tls_key, true);
+  if (!first) return place->second;
+  LedgerKeys pair;
+  pair.msp_id = "TLS";  // what it is called in words
+  pair.certificate = keys.tls_certificate;
+  pair.private_key = keys.tls_key;
+  Findings found = judge_tls_pair(read_identity(pair), one.file, realtime_ns() / ns_per_s);
+  place->second = !anything_broken(found);
+  add_new(all, std::move(found));
+  return place->second;
+}
+
+/// What was looked at already.
+struct Seen {
+  std::set<std::string> servers, identities;
+  std::map<std::string, bool> tls_pairs;  ///< whether each is in order
+};
+
 /// Each server once. True: the program's own peer is in order.
-bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patience, std::set<std::string>& seen,
-                     Findings& all) {
+bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patience, Seen& seen, Findings& all) {
   bool good = true;
   const auto look = [&](ServerKeys keys, const std::string& kind) {
     if (keys.tls_certificate.empty() && keys.tls_key.empty()) {
@@ -91,8 +114,12 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patienc
     }
     if (keys.endpoint.empty()) return;
     const std::string same = keys.endpoint + " " + keys.server_name + " " + keys.tls_ca + " " + keys.tls_certificate;
-    if (kind != "peer" && !seen.insert(same).second) return;
-    seen.insert(same);
+    if (kind != "peer" && !seen.servers.insert(same).second) return;
+    seen.servers.insert(same);
+    if (!look_at_tls_pair(keys, one, seen.tls_pairs, all)) {
+      if (kind == "peer") good = false;
+      return;
+    }
     const Finding finding = judge(look_at_server(keys, fmt::format("{} of {}", kind, one.file), patience));
     if (kind == "peer") good = !finding.problem;
     all.push_back(finding);
@@ -105,7 +132,7 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patienc
 }
 
 void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, Findings& all) {
-  std::set<std::string> servers, identities;
+  Seen seen;
   std::vector<ProgramConfig> programs;
   for (const ProgramConfig& one : configs.programs) {
     for (ProgramConfig& each : of_each_channel(one)) programs.push_back(std::move(each));
@@ -118,12 +145,12 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     const IdentityFacts identity = read_identity(*one.ledger);
     Findings own;
     // By each channel's authorities; what is the same on all is told once.
-    if (identities.insert(identity.msp_id + " " + identity.place + " " + identity.channel).second)
+    if (seen.identities.insert(identity.msp_id + " " + identity.place + " " + identity.channel).second)
       own = judge(identity, anchor.organisations, realtime_ns() / ns_per_s);
     const bool known = !anything_broken(own) && !anything_broken(trust);
     add_new(all, std::move(own));
     add(all, std::move(trust));
-    const bool reached = look_at_servers(one, patience, servers, all);
+    const bool reached = look_at_servers(one, patience, seen, all);
     const bool flies = one.program == "agent" || one.program == "ground";
     const std::vector<std::string> drones = names_of(one.drones);
     // What is broken before this would only be told once more, in other words.
@@ -152,6 +179,7 @@ int main(int argc, char** argv) {
     std::fputs(problems_table().c_str(), stdout);
     return 0;
   }
+  std::signal(SIGPIPE, SIG_IGN);  // a server may close the connection while something is written to it
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the lines
   const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * wish.patience_s));
   Configs configs = read_configs(wish.dir, wish.role);

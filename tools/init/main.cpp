@@ -30,7 +30,7 @@ Exit codes: 0 written; 1 not, with what is wrong; 2 wrong usage.)";
 
 struct Wish {
   std::string role, deployment, profile, host, msp_id, out = "/etc/ledgerline";
-  std::vector<std::string> drones, channels;
+  std::vector<std::string> drones, channels, client_authorities;
   init::Folders folders;
   bool direct = false;
   double batch_timeout_ms = 10;
@@ -84,6 +84,7 @@ Status write_configs(const Wish& wish) {
   const auto timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
   planned->plan.patience =
       deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(wish.batch_count)));
+  planned->plan.client_authorities = wish.client_authorities;
   const auto files = init::files_of(init::role_of(wish.role), planned->plan);
   if (!files) return files.error();
   std::vector<init::NewFile> all;
@@ -98,14 +99,7 @@ std::string absolute(const std::string& path) {
   return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  CommandLine line("init", about, notes);
-  Wish wish;
-  bool example = false;
-  std::string request, certificate, collect;
-  crypto::Asker asker;
+void role_options(CommandLine& line, Wish& wish) {
   line.option("--role", wish.role, "what the host is for")
       .one_of(std::vector<std::string>(init::roles.begin(), init::roles.end()));
   line.option("--deployment", wish.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
@@ -125,6 +119,12 @@ int main(int argc, char** argv) {
               "where programs keep what they remember; without: their services' own, below /var/lib");
   line.option("--msp-dir", wish.folders.msp_dir, "of the identity; without: OUT/msp");
   line.option("--tls-ca", wish.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
+  line.option("--tls-certificate", wish.folders.tls_certificate,
+              "that programs show where the ledger asks for one (mutual TLS); the identity's own will do");
+  line.option("--tls-key", wish.folders.tls_key, "of --tls-certificate");
+  line.option("--tls-client-ca", wish.client_authorities,
+              "with --role ledger: an authority whose certificates the embedded ledger asks its clients for")
+      .one_at_a_time();
   line.option("--config-block", wish.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
   line.option("--batch-timeout", wish.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
       .within(0.0, 60'000.0)
@@ -132,6 +132,28 @@ int main(int argc, char** argv) {
   line.option("--batch-count", wish.batch_count, "of the channel; 1: its timeout does not count")
       .within(1, 10'000)
       .shows_default();
+}
+
+/// Which of the options with --role do not fit together; empty: they do.
+std::string fault_of(const Wish& wish) {
+  if (wish.folders.tls_certificate.empty() != wish.folders.tls_key.empty())
+    return "--tls-certificate and --tls-key belong together";
+  if (!wish.client_authorities.empty() && wish.role != "ledger") return "--tls-client-ca goes with --role ledger";
+  if (wish.deployment.empty() == wish.profile.empty()) return "--role needs one of --deployment and --profile";
+  if (!wish.deployment.empty() ? wish.host.empty() : wish.msp_id.empty())
+    return "--deployment needs --host, --profile needs --msp-id";
+  return "";
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CommandLine line("init", about, notes);
+  Wish wish;
+  bool example = false;
+  std::string request, certificate, collect;
+  crypto::Asker asker;
+  role_options(line, wish);
   line.flag("--deployment-example", example, "prints a deployment.toml to begin with");
   line.option("--request", request, "makes a key and OUT/NAME.csr, for an authority to sign");
   line.option("--organisation", asker.organization, "with --request: O of the subject");
@@ -143,9 +165,10 @@ int main(int argc, char** argv) {
   const int asked = (example ? 1 : 0) + !request.empty() + !certificate.empty() + !collect.empty() + !wish.role.empty();
   if (asked != 1) return fail({"one of --role, --request, --certificate, --collect, --deployment-example"}, exit_usage);
   wish.folders.config = absolute(wish.out);
-  for (std::string* path :
-       {&wish.folders.state, &wish.folders.msp_dir, &wish.folders.tls_ca, &wish.folders.config_block})
+  for (std::string* path : {&wish.folders.state, &wish.folders.msp_dir, &wish.folders.tls_ca,
+                            &wish.folders.config_block, &wish.folders.tls_certificate, &wish.folders.tls_key})
     *path = absolute(*path);
+  for (std::string& path : wish.client_authorities) path = absolute(path);
   if (example) {
     auto text = init::example_deployment();
     if (!text) return fail(text.error());
@@ -168,9 +191,6 @@ int main(int argc, char** argv) {
     print_line(printable(*subject));
     return 0;
   }
-  if (wish.deployment.empty() == wish.profile.empty())
-    return fail({"--role needs one of --deployment and --profile"}, exit_usage);
-  if (!wish.deployment.empty() ? wish.host.empty() : wish.msp_id.empty())
-    return fail({"--deployment needs --host, --profile needs --msp-id"}, exit_usage);
+  if (const std::string fault = fault_of(wish); !fault.empty()) return fail({fault}, exit_usage);
   return exit_code(write_configs(wish));
 }

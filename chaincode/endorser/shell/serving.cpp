@@ -114,11 +114,16 @@ Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& set
   if (!certificate) return Error{table + "tls_certificate: " + certificate.error().what};
   auto key = read_file(settings.tls_key);
   if (!key) return Error{table + "tls_key: " + key.error().what};
+  std::vector<std::string> authorities;
+  if (!settings.tls_client_ca.empty()) authorities.push_back(settings.tls_client_ca);
+  auto client_authorities = fabric::read_client_authorities(authorities);
+  if (!client_authorities) return Error{table + "tls_client_ca: " + client_authorities.error().what};
   auto server = std::make_unique<EndorserServer>(service, settings.tls_certificate, std::move(tls));
   if (Status s = server->start({.name = "endorser",
                                 .listen = settings.listen,
                                 .key_pem = std::move(*key),
                                 .certificate_pem = std::move(*certificate),
+                                .client_authorities_pem = std::move(*client_authorities),
                                 .max_request_bytes = max_request_bytes,
                                 .max_memory_bytes = max_memory_bytes});
       !s)

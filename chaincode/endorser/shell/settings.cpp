@@ -10,6 +10,14 @@ int check_one_in(Config& config, const std::string& table, int otherwise) {
       otherwise, 1, 1'000'000));
 }
 
+std::string client_ca(Config& config, const std::string& table) {
+  return config.text(
+      {table + "tls_client_ca",
+       "PEM file of the authorities whose certificates its clients must have to connect; none: they need "
+       "none"},
+      "");
+}
+
 std::string checkpoint(Config& config, const std::string& table) {
   return config.text({table + "checkpoint",
                       "file of what it knows of the chain, written every ten minutes and at the end: the next start "
@@ -26,6 +34,7 @@ Settings read_settings(Config& config) {
       config.text({"serve.listen", "ADDRESS:PORT where it serves; port 0 takes a free one"}, "127.0.0.1:0");
   out.serve.tls_certificate = config.text({"serve.tls_certificate", "PEM file, of its server"});
   out.serve.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
+  out.serve.tls_client_ca = client_ca(config, "serve.");
   out.check_one_in = check_one_in(config, "serve.", out.check_one_in);
   out.checkpoint = checkpoint(config, "output.");
   out.summary = config.text({"output.summary", "JSON file that is written at the end", "none"}, "");
@@ -50,6 +59,7 @@ WithinSettings read_within_settings(Config& config) {
                                  "");
   out.serve.tls_certificate = config.text({"own_endorser.tls_certificate", "PEM file, of that server"}, "");
   out.serve.tls_key = config.text({"own_endorser.tls_key", "PEM file of that certificate's key"}, "");
+  out.serve.tls_client_ca = client_ca(config, "own_endorser.");
   out.summary = config.text({"own_endorser.summary", "JSON file of what it did, written at the end", "none"}, "");
   return out;
 }

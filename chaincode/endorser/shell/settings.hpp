@@ -9,6 +9,7 @@ struct ServeSettings {
   std::string listen;           ///< ADDRESS:PORT; port 0: a free one
   std::string tls_certificate;  ///< PEM files of its own server
   std::string tls_key;
+  std::string tls_client_ca{};  ///< PEM file: clients must show a certificate of it; empty: they need none
 };
 
 /// The tables [serve] and [output].

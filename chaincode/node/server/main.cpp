@@ -5,6 +5,7 @@
 #include "chaincode/node/server/services.hpp"
 #include "common/base/file.hpp"
 #include "common/fabric/channels.hpp"
+#include "common/fabric/serving/tls_server.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
@@ -18,6 +19,7 @@ constexpr const char* notes = R"(
 Examples:
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:7051
   ledgerline-node --dir /tmp/ledger --listen 127.0.0.1:0 --batch-timeout 10 --batch-count 10
+  ledgerline-node --dir /tmp/ledger --listen 10.0.0.2:7051 --tls-client-ca org1.pem --tls-client-ca org2.pem
   cp -r /tmp/ledger/crypto /tmp/yard && ledgerline-node --dir /tmp/yard --channel yard --listen 127.0.0.1:7061
 
 Serves Fabric's gateway, endorser, deliver and ordering over TLS, for one channel and contract ledgerline. The first start
@@ -42,9 +44,14 @@ int main(int argc, char** argv) {
   CommandLine line("node", "The embedded ledger: one process with Fabric's services", notes);
   node::Node::Options options;
   std::string listen, summary;
+  std::vector<std::string> client_authorities;
   double batch_timeout_ms = 10;
   line.option("--dir", options.dir, "Where identities and the ledger live").required();
   line.option("--listen", listen, "ADDRESS:PORT; port 0 takes a free one").required();
+  line.option("--tls-client-ca", client_authorities,
+              "PEM file of an authority whose certificates clients must show (mutual TLS); more than once; none: they "
+              "need none")
+      .one_at_a_time();
   line.option("--channel", options.core.channel, "The channel's name; of a ledger that is there, as it was")
       .shows_default();
   line.option("--batch-timeout", batch_timeout_ms, "Cut a block after this many ms")
@@ -60,6 +67,8 @@ int main(int argc, char** argv) {
     return fail(Error{"--channel: a channel's name is a-z first, then a-z, 0-9, . and -"}, exit_usage);
   options.core.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
 
+  auto authorities = fabric::read_client_authorities(client_authorities);
+  if (!authorities) return fail(Error{"--tls-client-ca: " + authorities.error().what}, exit_usage);
   // Before any thread is made, so that all inherit it and the signal waits for us below.
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGUSR1});
   const std::string dir = options.dir;
@@ -69,7 +78,7 @@ int main(int argc, char** argv) {
   const auto storage = node::storage_kind(dir);
   if (!storage) return fail(storage.error());
   ledger.on_failure([](const std::string&) { ::kill(::getpid(), SIGUSR1); });
-  auto server = node::Server::start(ledger, listen);
+  auto server = node::Server::start(ledger, listen, std::move(*authorities));
   if (!server) return fail(server.error());
   print_line(
       nlohmann::json{{"ready", true}, {"endpoint", (*server)->endpoint()}, {"peers", (*server)->endpoints()}}.dump());

@@ -29,13 +29,13 @@ void log_seldom(gpr_log_func_args* line) {
 
 }  // namespace
 
-Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& listen) {
+Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& listen, std::string client_authorities) {
   const auto colon = listen.rfind(':');
   if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
   gpr_set_log_function(log_seldom);
   // protobuf would write a line for each text of a stranger that is no UTF-8.
   google::protobuf::SetLogHandler(nullptr);
-  std::unique_ptr<Server> server(new Server);
+  std::unique_ptr<Server> server(new Server(std::move(client_authorities)));
   for (std::size_t peer = 0; peer < node.identities().peers.size(); ++peer) {
     const std::string port = peer == 0 ? listen.substr(colon + 1) : "0";
     if (Status status = server->serve(node, peer, listen.substr(0, colon + 1), port); !status) return status.error();
@@ -62,6 +62,7 @@ Status Server::serve(Node& node, std::size_t peer, const std::string& address, c
                                       .listen = address + port,
                                       .key_pem = own.key_pem,
                                       .certificate_pem = own.certificate_pem,
+                                      .client_authorities_pem = client_authorities_,
                                       .max_request_bytes = static_cast<int>(node.config().max_envelope_bytes) + room,
                                       .max_memory_bytes = max_memory_bytes},
                                      services);
@@ -71,7 +72,7 @@ Status Server::serve(Node& node, std::size_t peer, const std::string& address, c
   return done;
 }
 
-Server::Server() = default;
+Server::Server(std::string client_authorities) : client_authorities_(std::move(client_authorities)) {}
 Server::~Server() { stop(); }
 
 void Server::stop() {

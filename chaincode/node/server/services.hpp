@@ -22,8 +22,10 @@ std::unique_ptr<grpc::Service> make_orderer_service(Node& node);
 /// of their own, with endorser and deliver alone: for who asks peers for their endorsement.
 class Server {
  public:
-  /// `listen`: of the first, "127.0.0.1:7051"; port 0 takes a free one, as the others do.
-  static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen);
+  /// `listen`: of the first, "127.0.0.1:7051"; port 0 takes a free one, as the others do. `client_authorities`: PEM, whose
+  /// certificates clients must show at each endpoint; empty: they need none.
+  static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen,
+                                               std::string client_authorities = {});
   ~Server();
   const std::string& endpoint() const { return endpoints_.front(); }
   const std::vector<std::string>& endpoints() const { return endpoints_; }
@@ -32,8 +34,9 @@ class Server {
   void stop();
 
  private:
-  Server();
+  explicit Server(std::string client_authorities);
   Status serve(Node& node, std::size_t peer, const std::string& address, const std::string& port);
+  const std::string client_authorities_;
   std::vector<std::unique_ptr<grpc::Service>> services_;
   std::vector<std::unique_ptr<grpc::Server>> servers_;
   std::vector<std::string> endpoints_;

@@ -3,11 +3,29 @@
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
 
+#include "common/base/file.hpp"
+#include "common/crypto/crypto.hpp"
+
 namespace ledgerline::fabric {
 
+Result<std::string> read_client_authorities(const std::vector<std::string>& files) {
+  std::string all;
+  for (const std::string& file : files) {
+    const auto pem = read_file(file);
+    if (!pem) return pem.error();
+    if (const auto certificate = crypto::parse_certificate(*pem); !certificate)
+      return Error{file + ": " + certificate.error().what};
+    all += *pem + "\n";
+  }
+  return all;
+}
+
 Result<TlsServer> serve_by_tls(const TlsEndpoint& at, const std::vector<grpc::Service*>& services) {
-  grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
+  grpc::SslServerCredentialsOptions tls(at.client_authorities_pem.empty()
+                                            ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
+                                            : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
   tls.pem_key_cert_pairs.push_back({at.key_pem, at.certificate_pem});
+  tls.pem_root_certs = at.client_authorities_pem;
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(at.listen, grpc::SslServerCredentials(tls), &port);

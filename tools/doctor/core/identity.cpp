@@ -150,6 +150,28 @@ Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authoriti
   return out;
 }
 
+Findings judge_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s) {
+  Findings out;
+  for (Finding& one : judge(facts, {}, now_s)) {
+    one.check = "tls";
+    if (!one.problem) {
+      out.push_back(fine("tls", fmt::format("{} of {}", facts.certificate_file, whose)));
+    } else if (one.problem == Problem::identity_ends) {
+      one.cure = "let the TLS authority sign a new one, and put it into this one's place: programs that run take it";
+      out.push_back(std::move(one));
+    } else if (one.problem == Problem::certificate_missing || one.problem == Problem::certificate_wrong ||
+               one.problem == Problem::key_missing || one.problem == Problem::key_misfit ||
+               one.problem == Problem::identity_expired || one.problem == Problem::identity_not_yet) {
+      out.push_back(found(Problem::tls_pair_wrong, "tls",
+                          fmt::format("{} and {} of {}: {}: {}", facts.certificate_file, facts.key_file, whose,
+                                      words_of(*one.problem).name, one.what)));
+    } else {
+      out.push_back(std::move(one));  // a file's own, with a cure that names it
+    }
+  }
+  return out;
+}
+
 Findings judge(const TrustFacts& facts) {
   constexpr const char* check = "trust";
   Findings out;

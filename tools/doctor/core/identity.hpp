@@ -36,6 +36,9 @@ struct AuthorityFacts {
 /// `authorities`: of the organisation that the identity says, for whether they have issued it; empty: nobody knows.
 Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
 
+/// The same of a pair that a program shows by TLS (tls_certificate, tls_key); whether a server takes it, that one says.
+Findings judge_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s);
+
 /// A config's [[msp]] against the organisations of the channel (empty: they are not known).
 struct TrustFacts {
   std::string program;

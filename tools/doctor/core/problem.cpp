@@ -100,7 +100,17 @@ constexpr std::array<Words, problem_count> table{{
     {tls_not_yet, "tls_not_yet", broken, "the server's TLS certificate is not valid yet, by this host's clock",
      "set the clock of this host, or of the authority's"},
     {tls_client_certificate, "tls_client_certificate", broken, "the server wants a TLS certificate from its clients",
-     "give the program one; or let the peer go without (peer.tls.clientAuthRequired: false)"},
+     "give the program one (tls_certificate and tls_key); or let the server go without: a peer by "
+     "peer.tls.clientAuthRequired: false, ledgerline-node without --tls-client-ca"},
+    {tls_pair_wrong, "tls_pair_wrong", broken,
+     "tls_certificate and tls_key are not what the program can show: not there, no pair, or out of date",
+     "let an authority that the server knows sign a certificate of this key, and put it into tls_certificate"},
+    {tls_pair_refused, "tls_pair_refused", broken,
+     "the server does not take the TLS certificate that the program shows: out of date, or of an authority that it "
+     "does "
+     "not know",
+     "let an authority of the server's clients sign it anew (a peer's peer.tls.clientRootCAs, ledgerline-node's "
+     "--tls-client-ca), or add its authority there"},
 
     {ledger_refuses, "ledger_refuses", broken, "the peer answers, and refuses what it is asked",
      "its words say why: another channel's name, an identity that it does not know"},

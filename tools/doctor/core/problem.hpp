@@ -51,6 +51,8 @@ enum class Problem : std::uint8_t {
   tls_expired,
   tls_not_yet,
   tls_client_certificate,
+  tls_pair_wrong,
+  tls_pair_refused,
   // the ledger
   ledger_refuses,
   peer_lags,

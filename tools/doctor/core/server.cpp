@@ -49,6 +49,9 @@ Finding judge(const ServerFacts& facts) {
   }
   if (!facts.no_authority.empty())
     return found(facts.authority_problem, check, facts.no_authority, facts.authority_cure);
+  if (!facts.no_pair.empty()) return found(Problem::tls_pair_wrong, check, fmt::format("{}: {}", what, facts.no_pair));
+  if (!facts.refuses_certificate.empty())
+    return found(Problem::tls_pair_refused, check, fmt::format("{}: {}", what, facts.refuses_certificate));
   if (!facts.tls && facts.wants_certificate) return found(Problem::tls_client_certificate, check, what);
   if (!facts.tls && facts.mute) return found(Problem::server_mute, check, what);
   if (!facts.tls) return found(Problem::no_tls, check, what);

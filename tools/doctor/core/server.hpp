@@ -15,13 +15,15 @@ struct ServerFacts {
   std::string no_authority{};  ///< why tls_ca was not read
   Problem authority_problem = Problem::tls_ca_unreadable;
   std::string authority_cure{};
+  std::string no_pair{};  ///< the files of the own certificate, where they are none
   enum class Reached : std::uint8_t { yes, malformed, name_unknown, no_route, silent, closed };
   Reached reached = Reached::yes;
   std::string why{};  ///< it was not reached, in the system's words
   bool tls = false;   ///< the handshake went through, whoever it was with
   bool http2 = false;
-  bool mute = false;               ///< it took the connection and then said nothing in time
-  bool wants_certificate = false;  ///< and has not got one
+  bool mute = false;                  ///< it took the connection and then said nothing in time
+  bool wants_certificate = false;     ///< and has not got one
+  std::string refuses_certificate{};  ///< the alert that it answered the own certificate with; empty: none
   // Of its certificate.
   bool trusted = false, right_name = false, expired = false, not_yet = false;
   std::string issuer{}, names{};

@@ -12,6 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstring>
 #include <memory>
@@ -135,20 +137,33 @@ bool go_on(SSL* ssl, int fd, std::chrono::milliseconds patience, bool& mute, Ste
   }
 }
 
-bool alert_wants_certificate() {
+/// The connection is over: what that says of a certificate of ours. Go's servers tell by an alert that there must be one, or
+/// that the one shown does not do; gRPC's own close the connection without a word behind the handshake, where they had
+/// `asked` for one.
+void take_end(bool asked, bool shown, ServerFacts& facts) {
+  constexpr std::array of_certificates{
+      SSL_R_TLSV13_ALERT_CERTIFICATE_REQUIRED, SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE,
+      SSL_R_SSLV3_ALERT_BAD_CERTIFICATE,       SSL_R_SSLV3_ALERT_UNSUPPORTED_CERTIFICATE,
+      SSL_R_SSLV3_ALERT_CERTIFICATE_REVOKED,   SSL_R_SSLV3_ALERT_CERTIFICATE_EXPIRED,
+      SSL_R_SSLV3_ALERT_CERTIFICATE_UNKNOWN,   SSL_R_TLSV1_ALERT_UNKNOWN_CA};
   for (unsigned long code = 0; (code = ERR_get_error()) != 0;) {
-    const int reason = ERR_GET_REASON(code);
-    if (reason == SSL_R_TLSV13_ALERT_CERTIFICATE_REQUIRED || reason == SSL_R_SSLV3_ALERT_BAD_CERTIFICATE ||
-        reason == SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE)
-      return true;
+    if (std::find(of_certificates.begin(), of_certificates.end(), ERR_GET_REASON(code)) == of_certificates.end())
+      continue;
+    const char* const words = ERR_reason_error_string(code);
+    if (shown) facts.refuses_certificate = words ? words : "an alert";
+    facts.wants_certificate = !shown;
   }
-  return false;
+  if (!asked || facts.mute || facts.wants_certificate) return;
+  facts.wants_certificate = !shown;
+  if (shown && facts.refuses_certificate.empty())
+    facts.refuses_certificate = "it closes the connection when it has seen the certificate";
 }
 
 // The preface of HTTP/2 (RFC 9113, 3.4): 24 bytes, and empty SETTINGS.
 constexpr char hello[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0";
 
 void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, ServerFacts& facts) {
+  const bool shown = SSL_CTX_get0_certificate(context) != nullptr;
   const SslPtr ssl(SSL_new(context));
   if (!ssl) return;
   SSL_set_app_data(ssl.get(), &facts);
@@ -160,11 +175,14 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   }
   constexpr unsigned char h2[] = {2, 'h', '2'};
   SSL_set_alpn_protos(ssl.get(), h2, sizeof h2);
+  bool asked = false;
+  SSL_set_cert_cb(
+      ssl.get(), [](SSL*, void* is_asked) { return *static_cast<bool*>(is_asked) = true, 1; }, &asked);
   SSL_set_fd(ssl.get(), fd);
   facts.trusted = facts.right_name = true;
   ERR_clear_error();
   if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_connect(ssl.get()); })) {
-    facts.wants_certificate = alert_wants_certificate();
+    take_end(asked, shown, facts);
     return;
   }
   facts.tls = true;
@@ -175,9 +193,11 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   facts.http2 = size == 2 && std::memcmp(protocol, "h2", 2) == 0;
   char answer[64];
   ERR_clear_error();
-  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); }) ||
-      !go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
-    facts.wants_certificate = alert_wants_certificate();
+  // A server that refuses has its alert on the way when it closes the connection, so it is read even where nothing can be
+  // written any more.
+  (void)go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); });
+  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
+    take_end(asked, shown, facts);
 }
 
 /// With the authorities of `keys`, and its own pair where it has one.
@@ -201,8 +221,7 @@ ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
   if (!keys.tls_certificate.empty() &&
       (SSL_CTX_use_certificate_chain_file(context.get(), keys.tls_certificate.c_str()) != 1 ||
        SSL_CTX_use_PrivateKey_file(context.get(), keys.tls_key.c_str(), SSL_FILETYPE_PEM) != 1))
-    facts.no_authority =
-        fmt::format("{} and {} are no certificate of TLS with its key", keys.tls_certificate, keys.tls_key);
+    facts.no_pair = fmt::format("{} and {}", keys.tls_certificate, keys.tls_key);
   ERR_clear_error();
   return context;
 }
@@ -235,7 +254,8 @@ ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std:
     facts.why = error == 0 ? "" : std::strerror(error);
     if (error != 0) continue;
     const ContextPtr context = context_for(keys, facts);
-    if (context && facts.no_authority.empty()) shake_hands(context.get(), socket.fd(), patience, facts);
+    if (context && facts.no_authority.empty() && facts.no_pair.empty())
+      shake_hands(context.get(), socket.fd(), patience, facts);
     return facts;
   }
   return facts;

@@ -77,6 +77,10 @@ void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const 
                 const std::vector<std::string>& channels, bool follows) {
   const Server& own = plan.own_of(channels[0]);
   add_server(values, reads, "[ledger]", 0, own);
+  if (!plan.folders.tls_certificate.empty()) {
+    values.text("[ledger]", "tls_certificate", plan.folders.tls_certificate);
+    values.text("[ledger]", "tls_key", plan.folders.tls_key);
+  }
   values.text("[ledger]", "channel", channels[0]);
   values.text("[ledger]", "contract", plan.contract);
   values.text("[ledger]", "msp_id", plan.msp_id);
@@ -191,8 +195,11 @@ class Files {
   }
   // For systemd's EnvironmentFile: these two have no config file.
   void node() {
-    files_.push_back({"node.env", fmt::format("# Where ledgerline-node listens, for its unit.\nLEDGERLINE_LISTEN={}\n",
-                                              plan_.listen)});
+    std::string options;
+    for (const std::string& file : plan_.client_authorities) options += fmt::format(" --tls-client-ca {}", file);
+    files_.push_back({"node.env", fmt::format("# Where ledgerline-node listens, for its unit, and further options.\n"
+                                              "LEDGERLINE_LISTEN={}\nLEDGERLINE_NODE_OPTIONS={}\n",
+                                              plan_.listen, options.empty() ? "" : options.substr(1))});
   }
   void chaincode() {
     files_.push_back(
@@ -224,6 +231,16 @@ class Files {
   std::string failed_;
 };
 
+std::string fault_of_client_authorities(const HostPlan& plan) {
+  if (plan.client_authorities.empty()) return "";
+  if (plan.ledger == deployment::LedgerKind::fabric)
+    return "--tls-client-ca is of the embedded ledger; Fabric's peers have peer.tls.clientAuthRequired";
+  for (const std::string& file : plan.client_authorities)
+    if (file.find_first_of(" \t$\"'\\") != std::string::npos)
+      return fmt::format("--tls-client-ca {}: the service takes no blanks, quotes and $ in a path", file);
+  return "";
+}
+
 }  // namespace
 
 Role role_of(std::string_view name) {
@@ -245,6 +262,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
       files.control("operator");
       break;
     case Role::ledger:
+      if (auto fault = fault_of_client_authorities(plan); !fault.empty()) return Error{fault};
       if (plan.ledger == deployment::LedgerKind::fabric) {
         if (plan.network_orderers.empty()) return Error{"this network runs already: the ledger's role is its own"};
         files.network();

@@ -14,11 +14,12 @@ namespace ledgerline::init {
 
 /// Where a host has the files that its configs name.
 struct Folders {
-  std::string config = "/etc/ledgerline";  ///< the configs, msp/, authorities/, tls/, CHANNEL.block
-  std::string state{};                     ///< what programs remember; empty: the folder of each one's service
-  std::string msp_dir{};                   ///< of the identity; empty: `config`/msp
-  std::string tls_ca{};                    ///< for all servers of the ledger; empty: `config`/tls/MSPID.pem
-  std::string config_block{};              ///< empty: `config`/CHANNEL.block
+  std::string config = "/etc/ledgerline";    ///< the configs, msp/, authorities/, tls/, CHANNEL.block
+  std::string state{};                       ///< what programs remember; empty: the folder of each one's service
+  std::string msp_dir{};                     ///< of the identity; empty: `config`/msp
+  std::string tls_ca{};                      ///< for all servers of the ledger; empty: `config`/tls/MSPID.pem
+  std::string config_block{};                ///< empty: `config`/CHANNEL.block
+  std::string tls_certificate{}, tls_key{};  ///< that programs show to servers of the ledger; empty: none
 
   /// `service`: as its unit's StateDirectory has it.
   std::string state_of(const std::string& service) const { return state.empty() ? "/var/lib/" + service : state; }
@@ -45,9 +46,10 @@ struct HostDrone {
 };
 
 struct HostPlan {
-  std::string host{};    ///< its name
-  std::string msp_id{};  ///< of its identity
-  std::string listen{};  ///< of the ledger's part that it runs, HOST:PORT; empty: none
+  std::string host{};                             ///< its name
+  std::string msp_id{};                           ///< of its identity
+  std::string listen{};                           ///< of the ledger's part that it runs, HOST:PORT; empty: none
+  std::vector<std::string> client_authorities{};  ///< files: whose TLS certificates that asks for; empty: none
   deployment::LedgerKind ledger = deployment::LedgerKind::embedded;
   std::string channel = "teleop", contract = "ledgerline";
   std::vector<std::string> more_channels{};  ///< that drones are on, too

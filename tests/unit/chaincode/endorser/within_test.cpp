@@ -136,6 +136,10 @@ TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
   fabric::ClientConfig with = config();
   const Status nowhere = endorse_within({peer / "msp", 1, "", "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
   EXPECT_THAT(nowhere.error().what, HasSubstr("own_endorser.tls_certificate"));
+  const ServeSettings no_authority{"127.0.0.1:0", peer / "tls/server.crt", peer / "tls/server.key",
+                                   peer / "tls/none.crt"};
+  EXPECT_THAT(endorse_within({peer / "msp", 1, "", "", no_authority}, with).error().what,
+              HasSubstr("own_endorser.tls_client_ca"));
   const std::string at = "127.0.0.1:" + std::to_string(free_port());
   const std::filesystem::path summary = organisation() / "serving.json";
   ASSERT_TRUE(

@@ -128,6 +128,35 @@ TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
   EXPECT_THAT(foreign.what, HasSubstr("on channel yard"));
 }
 
+TEST(DoctorServer, TellsWhoHasNoCertificateFromWhoseIsNotTaken) {
+  EXPECT_EQ(server([](auto& f) { f.tls = false, f.refuses_certificate = "tlsv1 alert unknown ca"; }).problem,
+            Problem::tls_pair_refused);
+  EXPECT_EQ(server([](auto& f) { f.refuses_certificate = "tlsv1 alert unknown ca"; }).problem,
+            Problem::tls_pair_refused);
+  EXPECT_EQ(server([](auto& f) { f.tls = false, f.no_pair = "a and b"; }).problem, Problem::tls_pair_wrong);
+}
+
+TEST(DoctorIdentity, JudgesAPairOfTlsByItsOwnWords) {
+  const auto ca = crypto::make_ca("ca", "org").value();
+  const auto own =
+      crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
+  const auto certificate = crypto::parse_certificate(own.certificate_pem).value();
+  IdentityFacts facts{.msp_id = "TLS", .place = "/e/own.pem", .certificate_pem = own.certificate_pem};
+  facts.certificate_file = "/e/own.pem";
+  facts.key_file = "/e/own.key";
+  facts.key_pem = own.key_pem;
+  EXPECT_FALSE(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem);
+  const Finding over = judge_tls_pair(facts, "agent.toml", certificate.not_after_s + 86'400).at(0);
+  EXPECT_EQ(over.problem, Problem::tls_pair_wrong);
+  EXPECT_THAT(over.what, HasSubstr("/e/own.pem and /e/own.key of agent.toml: identity_expired"));
+  const auto other = crypto::issue(ca, {.common_name = "x", .organization = "o", .unit = "client", .sans = {}}).value();
+  facts.key_pem = other.key_pem;
+  EXPECT_EQ(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem, Problem::tls_pair_wrong);
+  facts.key_pem = own.key_pem;
+  facts.key_is_open = true;
+  EXPECT_EQ(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).cure, "`chmod 600 /e/own.key`");
+}
+
 TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
   DroneFacts facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
   facts.listen = "0.0.0.0:8890";

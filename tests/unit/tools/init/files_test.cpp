@@ -162,6 +162,36 @@ TEST(InitFiles, KeepStateWhereTheServicesMayWrite) {
   EXPECT_THAT(text_of(bridge, "bridge.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-bridge")));
 }
 
+TEST(InitFiles, SayWhatProgramsShowWhereTheLedgerAsksForACertificate) {
+  for (const Role role : {Role::drone_host, Role::ground, Role::bridge, Role::admin}) {
+    HostPlan with = plan(fabric_deployment, role == Role::drone_host ? "raven" : "desk");
+    with.folders.tls_certificate = "/etc/ledgerline/tls/own.pem";
+    with.folders.tls_key = "/etc/ledgerline/tls/own.key";
+    const std::vector<File> all = *files_of(role, with);
+    for (const File& file : all) {
+      if (file.name == "link.toml") continue;  // it talks to no ledger
+      EXPECT_THAT(without_comments(file.text), HasSubstr("\ntls_certificate = \"/etc/ledgerline/tls/own.pem\"\n"
+                                                         "tls_key = \"/etc/ledgerline/tls/own.key\"\n"))
+          << file.name;
+    }
+  }
+}
+
+TEST(InitFiles, GiveTheEmbeddedLedgersServiceItsClientsAuthorities) {
+  HostPlan tower = plan(*example_deployment(), "tower");
+  EXPECT_THAT(text_of(*files_of(Role::ledger, tower), "node.env"), HasSubstr("\nLEDGERLINE_NODE_OPTIONS=\n"));
+  tower.client_authorities = {"/a/org1.pem", "/a/org2.pem"};
+  EXPECT_THAT(text_of(*files_of(Role::ledger, tower), "node.env"),
+              HasSubstr("\nLEDGERLINE_NODE_OPTIONS=--tls-client-ca /a/org1.pem --tls-client-ca /a/org2.pem\n"));
+  const auto unit = read_file(LEDGERLINE_SOURCE "/packaging/systemd/ledgerline-node.service");
+  EXPECT_THAT(*unit, HasSubstr(" $LEDGERLINE_NODE_OPTIONS\n")) << "not in braces: systemd splits it at blanks";
+  tower.client_authorities = {"/a b.pem"};
+  EXPECT_FALSE(files_of(Role::ledger, tower));
+  HostPlan network = plan(fabric_deployment, "tower");
+  network.client_authorities = {"/a/org1.pem"};
+  EXPECT_THAT(files_of(Role::ledger, network).error().what, HasSubstr("of the embedded ledger"));
+}
+
 TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
   std::string text = fabric_deployment;
   text +=

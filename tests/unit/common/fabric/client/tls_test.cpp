@@ -1,5 +1,4 @@
 #include <grpcpp/server.h>
-#include <grpcpp/server_builder.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -8,6 +7,7 @@
 
 #include "common/base/file.hpp"
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/serving/tls_server.hpp"
 #include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::fabric {
@@ -18,14 +18,17 @@ class ClientTls : public testing::Test {
  protected:
   void SetUp() override {
     const auto server = issue("peer0.org1", {"peer0.org1"});
-    grpc::SslServerCredentialsOptions tls(GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-    tls.pem_key_cert_pairs.push_back({server.key_pem, server.certificate_pem});
-    tls.pem_root_certs = authority_.certificate_pem;
-    grpc::ServerBuilder builder;
-    builder.AddListeningPort("127.0.0.1:0", grpc::SslServerCredentials(tls), &port_);
-    builder.RegisterService(&service_);
-    server_ = builder.BuildAndStart();
-    ASSERT_TRUE(server_);
+    auto served = serve_by_tls({.name = "test",
+                                .listen = "127.0.0.1:0",
+                                .key_pem = server.key_pem,
+                                .certificate_pem = server.certificate_pem,
+                                .client_authorities_pem = authority_.certificate_pem,
+                                .max_request_bytes = 1 << 20,
+                                .max_memory_bytes = 10'000'000},
+                               {&service_});
+    ASSERT_TRUE(served) << served.error().what;
+    server_ = std::move(served->server);
+    endpoint_ = served->endpoint;
     const auto own = issue("drone1", {});
     ASSERT_TRUE(write_file(dir_ + "/own.crt", own.certificate_pem));
     ASSERT_TRUE(write_file(dir_ + "/own.key", own.key_pem, 0600));
@@ -44,7 +47,7 @@ class ClientTls : public testing::Test {
         .value();
   }
 
-  ClientConfig::Server here() const { return {"127.0.0.1:" + std::to_string(port_), dir_ + "/two.pem", "peer0.org1"}; }
+  ClientConfig::Server here() const { return {endpoint_, dir_ + "/two.pem", "peer0.org1"}; }
   ClientConfig::TlsPair pair() const { return {dir_ + "/own.crt", dir_ + "/own.key"}; }
   /// Of a client with this peer alone; or why it is none.
   std::string reached(const ClientConfig::Server& server) const {
@@ -71,7 +74,7 @@ class ClientTls : public testing::Test {
   const std::string dir_ = testing::TempDir() + "client-tls" + std::to_string(::getpid());
   protos::Endorser::Service service_;  // answers UNIMPLEMENTED
   std::unique_ptr<grpc::Server> server_;
-  int port_ = 0;
+  std::string endpoint_;
 };
 
 TEST_F(ClientTls, AServerThatWantsACertificateIsReachedWithOneAlone) {
@@ -79,6 +82,16 @@ TEST_F(ClientTls, AServerThatWantsACertificateIsReachedWithOneAlone) {
   EXPECT_EQ(reached(server), "not reached");
   server.tls_pair = pair();
   EXPECT_EQ(reached(server), "reached");
+}
+
+TEST_F(ClientTls, AServersAuthoritiesAreReadWholeOrNamed) {
+  const auto two = read_client_authorities({dir_ + "/two.pem", dir_ + "/stranger.pem"});
+  ASSERT_TRUE(two) << two.error().what;
+  EXPECT_NE(two->find(authority_.certificate_pem), std::string::npos);
+  EXPECT_TRUE(read_client_authorities({})->empty());
+  EXPECT_NE(read_client_authorities({dir_ + "/two.pem", dir_ + "/own.key"}).error().what.find("own.key"),
+            std::string::npos);
+  EXPECT_FALSE(read_client_authorities({dir_ + "/none.pem"}));
 }
 
 TEST_F(ClientTls, TheServersNameMustBeInItsCertificate) {

@@ -1,0 +1,151 @@
+"""An embedded ledger that asks its clients for a certificate of TLS: who has none, or a stranger's, is not let in; who has one reads."""
+import pathlib
+import socket
+import ssl
+import subprocess
+import time
+
+import findings
+import pytest
+from fabric import BIN
+from ledgers import Embedded, openssl, tables
+from netns import die_with_parent
+
+PATIENCE_S = 60
+
+
+def tls_pair(ledger: Embedded, organisation: int, user: str = "User1") -> tuple[pathlib.Path, pathlib.Path]:
+    folder = ledger.msp_dir(organisation, user).parent / "tls"
+    return folder / "client.crt", folder / "client.key"
+
+
+def own_pair(ledger: Embedded, organisation: int, user: str = "User1") -> tuple[pathlib.Path, pathlib.Path]:
+    """The identity itself."""
+    msp = ledger.msp_dir(organisation, user)
+    return next((msp / "signcerts").iterdir()), next((msp / "keystore").iterdir())
+
+
+def strangers_pair(folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
+    key, certificate = folder / "stranger.key", folder / "stranger.pem"
+    openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "9", "-subj", "/CN=stranger",
+            "-keyout", key, "-out", certificate)
+    key.chmod(0o600)
+    return certificate, key
+
+
+@pytest.fixture(scope="module")
+def ledger(tmp_path_factory):
+    """It takes what the TLS authorities of Org1 and Org2 have signed, and the identities of Org1."""
+    node = Embedded(tmp_path_factory.mktemp("node") / "ledger")
+    node.stop()
+    authorities = node.ca_file(1), node.ca_file(2), node.organisation(1) / "ca/ca.org1.ledgerline-cert.pem"
+    node.options = tuple(word for file in authorities for word in ("--tls-client-ca", file))
+    node.start()
+    yield node
+    node.stop()
+
+
+def config(ledger: Embedded, organisation: int, pair: tuple | None, more: str = "") -> str:
+    text = tables(ledger, organisation)
+    if pair:
+        text = text.replace("[ledger]\n", f'[ledger]\ntls_certificate = "{pair[0]}"\ntls_key = "{pair[1]}"\n')
+    return text + more
+
+
+def shows(ledger: Embedded, folder: pathlib.Path, organisation: int, pair: tuple | None) -> subprocess.CompletedProcess:
+    file = folder / "operator.toml"
+    file.write_text(config(ledger, organisation, pair).split("[[msp]]")[0])
+    return subprocess.run([BIN / "ledgerline-control", "--config", file, "show"], capture_output=True, text=True, timeout=PATIENCE_S)
+
+
+def lets_in(endpoint: str, pair: tuple | None) -> bool:
+    """By TLS alone. A server refuses a certificate only after the client's side of the handshake is done."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    context.set_alpn_protocols(["h2"])
+    if pair:
+        context.load_cert_chain(*pair)
+    host, port = endpoint.rsplit(":", 1)
+    try:
+        with socket.create_connection((host, int(port)), PATIENCE_S) as plain, context.wrap_socket(plain) as tls:
+            tls.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0")
+            return len(tls.recv(9)) > 0
+    except (ssl.SSLError, ConnectionError):
+        return False
+
+
+def test_each_endpoint_lets_nobody_in_without_a_certificate_of_its_authorities(ledger, tmp_path):
+    stranger = strangers_pair(tmp_path)
+    for endpoint in ledger.ready["peers"]:
+        assert not lets_in(endpoint, None) and not lets_in(endpoint, stranger) and not lets_in(endpoint, tls_pair(ledger, 3))
+        assert lets_in(endpoint, tls_pair(ledger, 1)) and lets_in(endpoint, own_pair(ledger, 1))
+
+
+def test_a_program_with_a_certificate_reads_and_one_without_is_refused(ledger, tmp_path):
+    for pair in (tls_pair(ledger, 1), own_pair(ledger, 1)):
+        shown = shows(ledger, tmp_path, 1, pair)
+        assert shown.returncode == 0 and "tello1" in shown.stdout, shown.stderr
+    for pair in (None, strangers_pair(tmp_path)):
+        shown = shows(ledger, tmp_path, 1, pair)
+        assert shown.returncode == 1 and "tello1" not in shown.stdout, shown.stdout
+
+
+def test_doctor_names_what_is_wrong_with_a_certificate_of_tls(ledger, tmp_path):
+    folder = tmp_path / "etc"
+    folder.mkdir()
+    drone = '[[drone]]\nname = "tello1"\n[dds]\nlocal_only = true\n'
+
+    def broken(pair: tuple | None) -> dict:
+        (folder / "ground.toml").write_text(config(ledger, 2, pair, drone))
+        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+        return {problem: each for problem, each in findings.of_doctor(done).items() if each["verdict"] == "broken"}
+
+    good, stranger = tls_pair(ledger, 2), strangers_pair(tmp_path)
+    assert not broken(good)
+    assert set(broken(None)) == {"tls_client_certificate"}
+    assert set(broken(stranger)) == set(broken(own_pair(ledger, 2))) == {"tls_pair_refused"}
+    assert set(broken((good[0], stranger[1]))) == {"tls_pair_wrong"}
+    assert set(broken((tmp_path / "none.pem", stranger[1]))) == {"tls_pair_wrong"}
+    copied = tmp_path / "open.key"
+    copied.write_text(good[1].read_text())
+    copied.chmod(0o644)
+    found = broken((good[0], copied))
+    assert set(found) == {"key_open"} and f"`chmod 600 {copied}`" in found["key_open"]["cure"], found
+    copied.chmod(0o600)
+    assert not broken((good[0], copied))
+
+
+def test_the_bridge_reads_blocks_with_a_certificate_and_none_without(ledger, tmp_path):
+    operator = tmp_path / "operator.toml"
+    operator.write_text(config(ledger, 2, tls_pair(ledger, 2)).split("[[msp]]")[0])
+
+    def reads_blocks(name: str, pair: tuple | None, within_s: float) -> bool:
+        """While blocks come: it keeps the newest one that it has read."""
+        file, checkpoint = tmp_path / f"{name}.toml", tmp_path / f"{name}.checkpoint"
+        file.write_text(config(ledger, 1, pair, f'[output]\ncheckpoint = "{checkpoint}"\n[dds]\nlocal_only = true\n[[topic]]\n'
+                                                'name = "/notes"\ntype = "std_msgs/msg/String"\nfrom = "*"\n'))
+        bridge = subprocess.Popen([BIN / "ledgerline-bridge", file], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                  preexec_fn=die_with_parent)
+        try:
+            until = time.monotonic() + within_s
+            while not checkpoint.exists() and time.monotonic() < until:
+                for word in ("acquire", "release"):
+                    subprocess.run([BIN / "ledgerline-control", "--config", operator, word, "tello1"], check=True, timeout=PATIENCE_S)
+                assert bridge.poll() is None
+            return checkpoint.exists()
+        finally:
+            bridge.terminate()
+            bridge.wait(PATIENCE_S)
+
+    assert reads_blocks("with", tls_pair(ledger, 1), PATIENCE_S)
+    assert not reads_blocks("without", None, 2)
+
+
+def test_an_authority_that_cannot_be_read_is_named_before_anything_starts(ledger, tmp_path):
+    wrong = tmp_path / "wrong.pem"
+    wrong.write_text("no certificate")
+    for file in (wrong, tmp_path / "none.pem"):
+        done = subprocess.run([BIN / "ledgerline-node", "--dir", tmp_path / "new", "--listen", "127.0.0.1:0", "--tls-client-ca", file],
+                              capture_output=True, text=True, timeout=PATIENCE_S)
+        assert done.returncode == 2 and str(file) in done.stderr and not (tmp_path / "new").exists(), done.stderr

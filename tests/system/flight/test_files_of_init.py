@@ -1,0 +1,124 @@
+"""The files that `ledgerline init --profile --channel` writes, as they are: doctor finds nothing wrong, and drones fly by them."""
+import json
+import os
+import pathlib
+import shutil
+import subprocess
+import time
+
+import findings
+import pytest
+from fabric import BIN
+from ledgers import Embedded
+from netns import die_with_parent
+
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
+READY_S, FLIGHT_S = 60, 240
+
+
+def init(*words) -> str:
+    done = subprocess.run([BIN / "ledgerline-init", *words], capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+class Network:
+    """Channels teleop and yard, an embedded node each, with the same organisations; and what strangers get of it. That of yard asks
+    its clients for a certificate of TLS: the identity's own will do."""
+
+    def __init__(self, directory: pathlib.Path):
+        self.directory = directory
+        self.teleop = Embedded(directory / "ledger", "--batch-count", "1")
+        shutil.copytree(self.teleop.directory / "crypto", directory / "yard" / "crypto")
+        authorities = [word for k in (1, 2, 3) for word in ("--tls-client-ca", self.teleop.organisation(k) / f"ca/ca.org{k}.ledgerline-cert.pem")]
+        self.yard = Embedded(directory / "yard", "--batch-count", "1", "--channel", "yard", *authorities)
+        nodes = {"teleop": self.teleop, "yard": self.yard}
+        authority = self.teleop.ca_file(1).read_text()
+        self.profile = directory / "profile.json"
+        self.profile.write_text(json.dumps({
+            "organizations": {f"Org{k}": {"mspid": f"Org{k}MSP", "peers": [f"{name}.org{k}" for name in nodes]} for k in (1, 2, 3)},
+            "peers": {f"{name}.org{k}": {"url": f"grpcs://{node.endpoint}", "tlsCACerts": {"pem": authority},
+                                         "grpcOptions": {"ssl-target-name-override": "localhost"}}
+                      for name, node in nodes.items() for k in (1, 2, 3)},
+            "channels": {name: {"peers": {f"{name}.org{k}": {} for k in (1, 2, 3)}} for name in nodes}}))
+
+    def host(self, name: str, role: str, organisation: int, user: str, *drones: str) -> pathlib.Path:
+        """A folder as /etc/ledgerline of a host, with what init writes and collects, and nothing else."""
+        folder, state = self.directory / name, self.directory / f"{name}-state"
+        state.mkdir()
+        for node in (self.teleop, self.yard):
+            init("--collect", node.directory, "--out", folder)
+        msp = self.teleop.msp_dir(organisation, user)
+        certificate, key = (next((msp / part).iterdir()) for part in ("signcerts", "keystore"))
+        said = init("--role", role, "--profile", self.profile, "--msp-id", f"Org{organisation}MSP", "--out", folder, "--state-dir", state,
+                    "--msp-dir", msp, "--tls-certificate", certificate, "--tls-key", key, *(word for drone in drones for word in ("--drone", drone)),
+                    "--channel", "yard=tello2")
+        assert all(pathlib.Path(file).exists() for file in said.splitlines())
+        return folder
+
+    def stop(self) -> None:
+        self.teleop.stop()
+        self.yard.stop()
+
+
+@pytest.fixture(scope="module")
+def hosts(tmp_path_factory):
+    """raven, desk and the administrator's."""
+    network = Network(tmp_path_factory.mktemp("network"))
+    yield (network.host("raven", "drone-host", 1, "User1", "tello1=127.0.0.2", "tello2=127.0.0.3"),
+           network.host("desk", "ground", 2, "User1", "tello1", "tello2"),
+           network.host("admin", "admin", 1, "Admin", "tello1", "tello2"))
+    network.stop()
+
+
+def test_doctor_finds_nothing_wrong_with_them(hosts):
+    for folder, files in zip(hosts, (("agent", "link"), ("ground", "operator", "operator-yard"), ("admin", "admin-yard"))):
+        assert sorted(file.stem for file in folder.glob("*.toml")) == sorted(files)
+        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=60)
+        assert not [each for each in findings.of_doctor(done).values() if each["verdict"] == "broken"], done.stdout
+
+
+class Programs:
+    """Started one after the other, ended the other way round."""
+
+    def __init__(self, folder: pathlib.Path):
+        self.folder, self.all = folder, []
+
+    def start(self, program: str, *words) -> subprocess.Popen:
+        said = self.folder / f"{program}.out"
+        with open(said, "wb") as out, open(said.with_suffix(".log"), "wb") as log:
+            process = subprocess.Popen([BIN / f"ledgerline-{program}", *words], stdout=out, stderr=log, preexec_fn=die_with_parent)
+        self.all.append(process)
+        deadline = time.monotonic() + READY_S
+        while '"ready":true' not in said.read_text():
+            assert process.poll() is None and time.monotonic() < deadline, said.with_suffix(".log").read_text()[-2000:]
+            time.sleep(0.05)
+        return process
+
+    def end(self) -> None:
+        for process in reversed(self.all):
+            process.terminate()
+            process.wait(30)
+
+
+@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+def test_drones_of_two_channels_fly_by_them(hosts, tmp_path):
+    raven, desk, admin = hosts
+    for channel, drone in (("", "tello1"), ("-yard", "tello2")):
+        shown = subprocess.run([BIN / "ledgerline-control", "--config", admin / f"admin{channel}.toml", "show"], capture_output=True,
+                               text=True, timeout=60)
+        assert shown.returncode == 0 and drone in shown.stdout, shown.stderr
+        subprocess.run([BIN / "ledgerline-control", "--config", desk / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
+    programs = Programs(tmp_path)
+    try:
+        programs.start("roudi")
+        programs.start("sim", "--drones", "2")
+        programs.start("link", "--config", raven / "link.toml")
+        programs.start("agent", "--config", raven / "agent.toml")
+        ground = subprocess.run([BIN / "ledgerline-ground", "--config", desk / "ground.toml"], capture_output=True, text=True,
+                                timeout=FLIGHT_S)
+        assert ground.returncode == 0, ground.stderr[-3000:] + (tmp_path / "agent.log").read_text()[-2000:]
+    finally:
+        programs.end()
+    last = json.loads([line for line in ground.stdout.splitlines() if line.startswith('{"ground"')][-1])["ground"]["drones"]
+    assert [(one["name"], one["channel"], one["phase"]) for one in last] == [("tello1", "teleop", "landed"), ("tello2", "yard", "landed")], last
