@@ -179,7 +179,7 @@ int main(int argc, char** argv) {
     std::fputs(problems_table().c_str(), stdout);
     return 0;
   }
-  std::signal(SIGPIPE, SIG_IGN);  // a server may close the connection while something is written to it
+  std::signal(SIGPIPE, SIG_IGN);          // a server may close the connection while something is written to it
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the lines
   const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * wish.patience_s));
   Configs configs = read_configs(wish.dir, wish.role);
