@@ -1,6 +1,7 @@
 #include "chaincode/shim/session.hpp"
 
 #include "common/common.pb.h"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/policy.hpp"
 #include "ledger/queryresult/kv_query_result.pb.h"
 #include "peer/chaincode.pb.h"
@@ -101,8 +102,7 @@ class RemoteStub final : public Stub {
       queryresult::KeyModification entry;
       if (!entry.ParseFromString(bytes)) return false;
       if (left_out++ < skip) return true;
-      found.push_back({entry.tx_id(), entry.value(), entry.timestamp().seconds() * ns_per_s + entry.timestamp().nanos(),
-                       entry.is_delete()});
+      found.push_back({entry.tx_id(), entry.value(), fabric::time_of(entry.timestamp()), entry.is_delete()});
       return true;
     });
     if (!status) return status.error();

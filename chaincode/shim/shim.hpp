@@ -22,7 +22,7 @@ struct KeyValue {
 struct KeyModification {
   std::string tx_id;
   std::string value;
-  TimeNs timestamp_ns = 0;  ///< as the client claimed it
+  TimeNs timestamp_ns = 0;  ///< as the client claimed it; 0: no time of our age
   bool is_delete = false;
 };
 

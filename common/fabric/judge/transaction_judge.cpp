@@ -7,6 +7,7 @@
 
 #include "common/fabric/judge/block_overlay.hpp"
 #include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "peer/chaincode_event.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/transaction.pb.h"

@@ -2,6 +2,7 @@
 
 #include "common/common.pb.h"
 #include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "peer/chaincode.pb.h"
 #include "peer/chaincode_event.pb.h"
@@ -172,14 +173,6 @@ std::string block_header_bytes(std::uint64_t number, std::string_view previous_h
 std::string block_header_hash(std::uint64_t number, std::string_view previous_hash, std::string_view data_hash) {
   const crypto::Digest digest = crypto::sha256(block_header_bytes(number, previous_hash, data_hash));
   return {digest.begin(), digest.end()};
-}
-
-/// A hostile client may claim any time; what is no time of our age counts as none.
-TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
-  constexpr std::int64_t last_s = 8'000'000'000;
-  if (timestamp.seconds() < 0 || timestamp.seconds() > last_s || timestamp.nanos() < 0 || timestamp.nanos() >= ns_per_s)
-    return 0;
-  return timestamp.seconds() * ns_per_s + timestamp.nanos();
 }
 
 std::string_view flags_of(const common::Block& block) {

@@ -9,8 +9,6 @@
 namespace ledgerline::fabric {
 
 Result<Block> decode_block(const common::Block& block);
-/// 0: none that can be.
-TimeNs time_of(const google::protobuf::Timestamp& timestamp);
 /// What a peer has flagged each transaction with (protos.TxValidationCode, a byte each), as long as `block` lives; empty:
 /// nothing, as in an orderer's block.
 std::string_view flags_of(const common::Block& block);

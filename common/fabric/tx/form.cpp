@@ -82,6 +82,13 @@ std::string proposal_hash(const std::string& channel_header, const std::string& 
   return {digest.begin(), digest.end()};
 }
 
+TimeNs time_of(const google::protobuf::Timestamp& timestamp) {
+  constexpr std::int64_t last_s = 8'000'000'000;
+  if (timestamp.seconds() < 0 || timestamp.seconds() > last_s || timestamp.nanos() < 0 || timestamp.nanos() >= ns_per_s)
+    return 0;
+  return timestamp.seconds() * ns_per_s + timestamp.nanos();
+}
+
 TransactionForm read_form(std::string_view bytes, const CreatorCheck& creator_check) {
   TransactionForm form;
   const auto wrong = [&](int code) {

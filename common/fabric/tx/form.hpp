@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/common.pb.h"
+#include "common/rt/clock.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -18,6 +19,9 @@ inline constexpr std::size_t id_digits = 64;  ///< of such an id: no valid trans
 /// What ties a response to its proposal. `payload`: ChaincodeProposalPayload without the transient map.
 std::string proposal_hash(const std::string& channel_header, const std::string& signature_header,
                           std::string_view payload);
+
+/// Since 1970, as a client claims it, who may claim anything; 0: what is no time of our age.
+TimeNs time_of(const google::protobuf::Timestamp& timestamp);
 
 struct TransactionForm {
   int code = 0;         ///< protos.TxValidationCode: VALID, or what is wrong with its form

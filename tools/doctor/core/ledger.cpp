@@ -2,7 +2,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
+#include "common/common.pb.h"
 #include "common/fabric/tx/both_ways.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 #include "tools/deployment/patience.hpp"
@@ -100,6 +104,15 @@ Findings judge(const HeightFacts& facts) {
                         fmt::format("by {} or less, by the newest block", ms(*facts.newest_age_ns))));
   if (out.empty()) out.push_back(fine(check, blocks));
   return out;
+}
+
+std::optional<TimeNs> age_of_block(const std::string& bytes, TimeNs real_ns) {
+  common::Block block;
+  if (!block.ParseFromString(bytes)) return std::nullopt;
+  TimeNs newest_ns = 0;
+  for (const std::string& transaction : block.data().data())
+    newest_ns = std::max(newest_ns, fabric::time_of(fabric::read_form(transaction).channel_header.timestamp()));
+  return newest_ns == 0 ? std::nullopt : std::optional(real_ns - newest_ns);
 }
 
 }  // namespace ledgerline::doctor

@@ -9,8 +9,8 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "tools/doctor/core/ledger.hpp"
 #include "tools/doctor/shell/ledger/channels.hpp"
-#include "tools/doctor/shell/ledger/ledger_probe.hpp"
 
 namespace ledgerline::status {
 namespace {
@@ -77,7 +77,7 @@ Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds pa
   const auto height = ledger.peers.front().height;
   if (!height) return ledger;
   const auto block = (*questions)->block(*height - 1);
-  if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block);
+  if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block, realtime_ns());
   const belief::Evaluate evaluate = [&](const fabric::Call& call) { return (*questions)->ask(client->where, call); };
   for (const doctor::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
   return ledger;

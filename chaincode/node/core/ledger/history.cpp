@@ -1,8 +1,7 @@
 #include "chaincode/node/core/ledger/history.hpp"
 
-#include <algorithm>
-
 #include "chaincode/node/core/tx/proposal.hpp"
+#include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::node {
 
@@ -20,10 +19,8 @@ Result<chaincode::KeyVersion> History::version_of(const std::string& key, Versio
   const kvrwset::KVRWSet set = set_of(fabric::read_sets(transaction.action.results()), contract_);
   for (const kvrwset::KVWrite& write : set.writes()) {
     if (write.key() != key) continue;
-    const auto& time = transaction.channel_header.timestamp();
-    constexpr std::int64_t max_s = 9'000'000'000;  // a client's word: beyond it nanoseconds would not fit
-    const std::int64_t seconds = std::clamp<std::int64_t>(time.seconds(), -max_s, max_s);
-    return chaincode::KeyVersion{transaction.channel_header.tx_id(), seconds * ns_per_s + time.nanos(), write.value()};
+    return chaincode::KeyVersion{transaction.channel_header.tx_id(),
+                                 fabric::time_of(transaction.channel_header.timestamp()), write.value()};
   }
   return Error{"transaction " + place + " does not write " + key};
 }

@@ -69,6 +69,7 @@ class FakePeer {
   }
   std::map<std::string, std::string> state;
   std::vector<std::pair<std::string, std::string>> range;  ///< what a query gives, two a page
+  std::int64_t claimed_s = 0;                              ///< when a history's values were written
   std::set<std::string> held;                              ///< transactions whose questions are not answered
   std::vector<Message::Type> asked;
   std::mutex mutex;
@@ -128,6 +129,7 @@ class FakePeer {
         queryresult::KeyModification entry;
         entry.set_tx_id(range[given_].first);
         entry.set_value(range[given_].second);
+        entry.mutable_timestamp()->set_seconds(claimed_s);
         bytes = entry.SerializeAsString();
       } else {
         queryresult::KV entry;
@@ -252,6 +254,17 @@ TEST(ShimSession, HistoryLeavesOutTheNewestAsAsked) {
   peer.range = {{"t5", "e"}, {"t4", "d"}, {"t3", "c"}, {"t2", "b"}};
   peer.transaction("tx1", {"history"});
   EXPECT_EQ(response_in(peer.end_of("tx1")).payload(), "t4 t3 ");
+}
+
+TEST(ShimSession, ATimeThatNobodyCanMeanIsNoneInAHistory) {
+  FakePeer peer([](Stub& stub) { return ok(std::to_string(stub.get_history("key", 0, 1)->front().timestamp_ns)); });
+  peer.range = {{"t1", "a"}};
+  peer.claimed_s = INT64_MAX;
+  peer.transaction("tx1", {"history"});
+  EXPECT_EQ(response_in(peer.end_of("tx1")).payload(), "0");
+  peer.claimed_s = 1'800'000'000;
+  peer.transaction("tx2", {"history"});
+  EXPECT_EQ(response_in(peer.end_of("tx2")).payload(), "1800000000000000000");
 }
 
 TEST(ShimSession, MoreThanCanWaitAreRefusedAtOnce) {

@@ -1,8 +1,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cstdint>
 #include <nlohmann/json.hpp>
 
+#include "common/common.pb.h"
 #include "tools/doctor/core/endorsement.hpp"
 #include "tools/doctor/core/host.hpp"
 #include "tools/doctor/core/identity.hpp"
@@ -258,6 +260,29 @@ TEST(DoctorChain, TellsClocksByTheNewestBlock) {
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = 60 * ns_per_s}), std::nullopt)
       << "a quiet ledger";
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .elsewhere = 50}), Problem::peer_lags);
+}
+
+std::string block_signed_at(std::initializer_list<std::int64_t> claimed_s) {
+  common::Block block;
+  for (const std::int64_t at_s : claimed_s) {
+    common::ChannelHeader channel;
+    channel.mutable_timestamp()->set_seconds(at_s);
+    common::Payload payload;
+    payload.mutable_header()->set_channel_header(channel.SerializeAsString());
+    common::Envelope envelope;
+    envelope.set_payload(payload.SerializeAsString());
+    block.mutable_data()->add_data(envelope.SerializeAsString());
+  }
+  return block.SerializeAsString();
+}
+
+TEST(DoctorChain, TakesNoTimeThatNobodyCanMeanForABlocks) {
+  const TimeNs now_ns = 1'800'000'000 * ns_per_s;
+  EXPECT_EQ(age_of_block(block_signed_at({1'799'999'990, 1'799'999'998}), now_ns), 2 * ns_per_s);
+  EXPECT_EQ(age_of_block(block_signed_at({1'799'999'998, INT64_MAX, INT64_MIN, 300'000'000'000}), now_ns), 2 * ns_per_s)
+      << "whoever signs a transaction may claim what he wants";
+  EXPECT_FALSE(age_of_block(block_signed_at({INT64_MAX}), now_ns));
+  EXPECT_FALSE(age_of_block("\xff", now_ns));
 }
 
 TEST(DoctorTrust, ComparesAuthoritiesByTheirCertificates) {

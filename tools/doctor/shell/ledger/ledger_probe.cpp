@@ -15,7 +15,6 @@
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/judge/channel_config.hpp"
-#include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
@@ -140,19 +139,6 @@ std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const cr
 
 }  // namespace
 
-std::optional<TimeNs> age_of_block(const std::string& bytes) {
-  common::Block block;
-  if (!block.ParseFromString(bytes)) return std::nullopt;
-  std::optional<TimeNs> newest_ns;
-  for (const std::string& transaction : block.data().data()) {
-    const auto& stamp = fabric::read_form(transaction).channel_header.timestamp();
-    const TimeNs at_ns = stamp.seconds() * ns_per_s + stamp.nanos();
-    newest_ns = std::max(newest_ns.value_or(at_ns), at_ns);
-  }
-  if (!newest_ns) return std::nullopt;
-  return realtime_ns() - *newest_ns;
-}
-
 Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
                     const std::vector<std::string>& drones, std::chrono::milliseconds patience) {
   Findings out;
@@ -176,7 +162,7 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
   std::this_thread::sleep_for(between_heights);
   HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
   if (auto later = peer->height()) facts.later = *later;
-  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block);
+  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block, realtime_ns());
   for (const ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
     auto second = Peer::create(client_at(other, *ledger));

@@ -1,6 +1,5 @@
 #pragma once
 #include <chrono>
-#include <optional>
 #include <string>
 
 #include "tools/doctor/core/ledger.hpp"
@@ -12,8 +11,5 @@ namespace ledgerline::doctor {
 /// written on the ledger. `embedded`: its contract is its own.
 Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
                     const std::vector<std::string>& drones, std::chrono::milliseconds patience);
-
-/// Since the newest transaction of a serialized common.Block was signed, by this host's clock; none: it cannot be read.
-std::optional<TimeNs> age_of_block(const std::string& block);
 
 }  // namespace ledgerline::doctor
