@@ -9,21 +9,29 @@
 
 namespace ledgerline::belief {
 
-Status read_all(const std::string& kind, const Evaluate& evaluate, const std::function<Status(const Asset&)>& take) {
+Status read_pages(const std::string& id, const Evaluate& evaluate, const std::function<Status(const Assets&)>& take) {
   QueryCall query;
-  query.set_id(kind + "/*");
+  query.set_id(id);
   do {
     const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
     if (!answer) return answer.error();
     Assets page;
     if (auto status = parse_message(*answer, page); !status) return status;
-    if (!page.bookmark().empty() && page.bookmark() == query.bookmark()) return Error{"the ledger's pages do not end"};
-    for (const Asset& asset : page.assets()) {
-      if (auto status = take(asset); !status) return status;
-    }
+    // Each is the last id of its page, and ids come in their order: a peer that goes in circles is seen.
+    if (!page.bookmark().empty() && page.bookmark() <= query.bookmark()) return Error{"the ledger's pages do not end"};
+    if (auto status = take(page); !status) return status;
     query.set_bookmark(page.bookmark());
   } while (!query.bookmark().empty());
   return done;
+}
+
+Status read_all(const std::string& kind, const Evaluate& evaluate, const std::function<Status(const Asset&)>& take) {
+  return read_pages(kind + "/*", evaluate, [&](const Assets& page) -> Status {
+    for (const Asset& asset : page.assets()) {
+      if (auto status = take(asset); !status) return status;
+    }
+    return done;
+  });
 }
 
 Result<Control> read_control(const std::string& drone, const Evaluate& evaluate) {

@@ -15,6 +15,8 @@ namespace ledgerline::belief {
 /// Asks the ledger without writing, as fabric::Client::evaluate.
 using Evaluate = std::function<Result<std::string>(const fabric::Call&)>;
 
+/// What `get` answers to an id, or to PREFIX/*, page by page; ends with the first error, of the ledger's or of `take`.
+Status read_pages(const std::string& id, const Evaluate& evaluate, const std::function<Status(const Assets&)>& take);
 /// Every record of a kind, page by page, as `get` answers to KIND/*; ends with the first error of `take`.
 Status read_all(const std::string& kind, const Evaluate& evaluate, const std::function<Status(const Asset&)>& take);
 /// The control record of a drone, by a call of the contract's `get`.

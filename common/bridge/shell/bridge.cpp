@@ -8,9 +8,8 @@
 
 #include "common/base/log.hpp"
 #include "common/belief/client.hpp"
+#include "common/belief/control_records.hpp"
 #include "common/fabric/config.hpp"
-#include "common/msg/contract.hpp"
-#include "common/msg/proto_json.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 
 namespace ledgerline::bridge {
@@ -111,7 +110,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
   };
   blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
   if (auto status = wait_for_stream(quit); !status) return status;
-  if (auto status = read_latched(); !status) return status;
+  if (auto status = read_latched(quit); !status) return status;
   if (auto status = open_named_topics(); !status) return status;
   auto discovery = dds::Discovery::create(participant_, [this](const dds::TopicSeen& seen) { on_seen(seen); });
   if (!discovery) return discovery.error();
@@ -131,24 +130,20 @@ Status Bridge::wait_for_stream(const std::atomic<bool>& quit) {
 }
 
 // Behind the start of the block stream, so that no newer value can be missed between the two.
-Status Bridge::read_latched() {
+Status Bridge::read_latched(const std::atomic<bool>& quit) {
+  const belief::Evaluate evaluate = [&](const fabric::Call& call) {
+    return quit ? Result<std::string>(Error{"asked to end"}) : client_->evaluate(call);
+  };
   for (const std::string& id : downlink_.latched()) {
-    QueryCall query;
-    query.set_id(id);
-    do {
-      const auto answer = client_->evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
-      if (!answer) {
-        if (answer.error().what.ends_with(": not found")) break;
-        return Error{fmt::format("latched values of {} cannot be read: {}", id, answer.error().what)};
-      }
-      Assets values;
-      if (auto status = parse_message(*answer, values); !status) return status;
+    const Status read = belief::read_pages(id, evaluate, [this](const Assets& values) {
       const std::lock_guard lock(down_mutex_);
       deliveries_.clear();
       downlink_.on_values(realtime_ns(), values, deliveries_);
       publish(deliveries_);
-      query.set_bookmark(values.bookmark());
-    } while (!query.bookmark().empty());
+      return done;
+    });
+    if (!read && !read.error().what.ends_with(": not found"))
+      return Error{fmt::format("latched values of {} cannot be read: {}", id, read.error().what)};
   }
   return done;
 }

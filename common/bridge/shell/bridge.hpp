@@ -53,7 +53,7 @@ class Bridge {
          dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
          fabric::KeptCheckpoint kept);
   Status wait_for_stream(const std::atomic<bool>& quit);
-  Status read_latched();
+  Status read_latched(const std::atomic<bool>& quit);
   Status open_named_topics();
   void on_seen(const dds::TopicSeen& seen);
   void take_seen();

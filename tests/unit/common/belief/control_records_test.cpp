@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 namespace ledgerline::belief {
 namespace {
 
@@ -33,6 +35,24 @@ TEST(ControlRecords, AreReadOfEveryDrone) {
   ASSERT_EQ(read->size(), 1U);
   EXPECT_EQ((*read)[0].epoch(), 7U);
   EXPECT_TRUE(read_controls({}, ledger_with("tello1"))->empty());
+}
+
+TEST(ControlRecords, PagesAreReadToTheirEndAndAPeerThatGoesInCirclesIsSeen) {
+  std::vector<std::string> bookmarks{"a/1", "a/2", ""};
+  const Evaluate pages = [&](const fabric::Call&) -> Result<std::string> {
+    Assets page;
+    page.add_assets();
+    page.set_bookmark(bookmarks.front());
+    std::rotate(bookmarks.begin(), bookmarks.begin() + 1, bookmarks.end());
+    return page.SerializeAsString();
+  };
+  int taken = 0;
+  const auto take = [&](const Assets&) -> Status { return ++taken < 20 ? done : Status(Error{"it goes on and on"}); };
+  EXPECT_TRUE(read_pages("a/*", pages, take));
+  EXPECT_EQ(taken, 3);
+  bookmarks = {"a/1", "a/2"};
+  EXPECT_THAT(read_pages("a/*", pages, take).error().what, HasSubstr("do not end"));
+  EXPECT_EQ(taken, 5);
 }
 
 TEST(ControlRecords, WhatIsNoRecordOfThisDroneIsAnError) {
