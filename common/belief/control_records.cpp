@@ -88,6 +88,16 @@ Result<ControlStart::Next> ControlStart::on_block(const fabric::Block& block) {
   return std::exchange(reading_, true) ? Next::hold : Next::read;
 }
 
+void ControlStart::forget() {
+  held_.clear();
+  forgotten_ = true;
+}
+
+void ControlStart::begin_anew() {
+  held_.clear();
+  reading_ = forgotten_ = false;
+}
+
 std::vector<fabric::Block> ControlStart::on_read() {
   known_ = true;
   return std::exchange(held_, {});

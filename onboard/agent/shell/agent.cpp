@@ -79,13 +79,6 @@ Status Agent::reach_channels() {
   return done;
 }
 
-void Agent::give_up(Slot& slot, const Error& why) {
-  spdlog::error("channel {}: {}. Its drones are not flown any more; agent ends, to be started again, when none flies",
-                slot.shell->channel(), why.what);
-  slot.problem = why;
-  slot.shell->close();
-}
-
 // Drones fly from here on, whatever is still waited for.
 void Agent::begin() {
   if (std::exchange(is_begun_, true)) return;
@@ -129,12 +122,9 @@ void Agent::take_link() {
 }
 
 Status Agent::turn() {
-  for (Slot& slot : channels_) {
+  for (const Slot& slot : channels_) {
     if (!slot.up()) continue;
-    const Status status = slot.shell->take_inputs(link_woke_);
-    if (status) continue;
-    if (channels_.size() == 1) return status;
-    give_up(slot, status.error());
+    if (auto status = slot.shell->take_inputs(link_woke_); !status) return status;
   }
   take_link();
   for (const Slot& slot : channels_) {
@@ -144,10 +134,7 @@ Status Agent::turn() {
 }
 
 // What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
-bool Agent::cut_off(TimeNs now) const {
-  const bool gone = std::any_of(channels_.begin(), channels_.end(), [](const Slot& slot) { return slot.problem; });
-  return (roudi_gone_ || gone) && now - flight_heard_ns_ > flight_silent_ns;
-}
+bool Agent::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
 
 void Agent::chores(TimeNs now) {
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
@@ -167,11 +154,7 @@ Status Agent::run() {
     chores(monotonic_ns());
   }
   drain();
-  if (auto status = write_summary(); !status) return status;
-  for (const Slot& slot : channels_) {
-    if (slot.problem) return Error{"channel " + slot.shell->channel() + ": " + slot.problem->what};
-  }
-  return done;
+  return write_summary();
 }
 
 void Agent::drain() {

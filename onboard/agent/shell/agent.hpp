@@ -28,8 +28,8 @@ class Agent {
   /// that is up are flown from then on. Of several channels one must be reached: the others are gone on without, are told,
   /// and join when they are.
   Status start();
-  /// Until `quit`; or until RouDi or one of several channels is gone, and link, too, or on the ground. Then waits a moment
-  /// for what is under way, and writes the summary.
+  /// Until `quit`; or until RouDi is gone, and link, too, or on the ground. Then waits a moment for what is under way, and
+  /// writes the summary.
   Status run();
   /// Has renewed certificates taken while it runs. Before start().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
@@ -38,15 +38,12 @@ class Agent {
   struct Slot {
     std::unique_ptr<AgentShell> shell;
     std::future<Status> reaching{};  ///< valid: another thread has the shell
-    std::optional<Error> problem{};  ///< it is gone
-    bool up() const { return shell && !reaching.valid() && !problem; }
+    bool up() const { return !reaching.valid(); }
   };
 
   void watch_roudi(const std::stop_token& stop);
   bool cut_off(TimeNs now) const;
   Status reach_channels();
-  /// Of several channels one is gone: the others' drones are flown on, and the agent ends when nothing flies.
-  void give_up(Slot& slot, const Error& why);
   void begin();
   void wait();
   Status turn();

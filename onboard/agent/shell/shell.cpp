@@ -100,7 +100,11 @@ Status AgentShell::take_block(fabric::Block block) {
   if (block.confirmed)
     confirmed_ = {block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)};
   const auto next = control_start_.on_block(block);
-  if (!next) return next.error();
+  if (!next && !several_) return next.error();
+  if (!next) {
+    control_start_.forget();
+    return done;
+  }
   if (*next == belief::ControlStart::Next::take) core_.on_block(monotonic_ns(), block, out_);
   if (*next == belief::ControlStart::Next::read)
     control_reader_ = std::jthread([this](const std::stop_token& stop) { read_records_again(stop); });
@@ -112,8 +116,17 @@ void AgentShell::set_records(const FirstRecords& records) {
   for (const Control& control : records.controls) core_.set_control(monotonic_ns(), control);
 }
 
+// Of several channels one whose records cannot be read ends nothing: the others' drones would be held on the ground by each
+// start of the agent.
 Status AgentShell::take_records(const RecordsRead& read) {
-  if (!read.records) return read.records.error();
+  if (!read.records && !several_) return read.records.error();
+  if (!read.records || control_start_.is_useless()) {
+    spdlog::error(
+        "{}{}. Its drones are not flown until they are read, which is tried again at its next block", label_,
+        read.records ? "too many blocks came while the control records were read" : read.records.error().what);
+    control_start_.begin_anew();
+    return done;
+  }
   set_records(*read.records);
   for (const fabric::Block& block : control_start_.on_read()) core_.on_block(monotonic_ns(), block, out_);
   return done;

@@ -61,7 +61,8 @@ class AgentShell {
   /// Readable when turn() has something to take.
   int wake_fd() const { return mailbox_.wake_fd(); }
   TimeNs due_ns() const { return core_.due_ns(); }
-  /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent.
+  /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent; there is none
+  /// where there are several channels.
   Status take_inputs(bool link_woke);
   /// Of a drone that flies() here.
   void take_state(const StateSample& sample);
@@ -122,7 +123,8 @@ class AgentShell {
   AgentOutputs out_;
   ipc::AgentEnd* end_ = nullptr;  ///< from start() on, as the next
   Recorder* recorder_ = nullptr;
-  std::string label_;  ///< begins what is said; empty: there is one channel
+  bool several_ = false;  ///< there are further channels
+  std::string label_;     ///< begins what is said; empty: there is one channel
   std::function<void(bool connected, const std::string& why)> tell_connection_;
   std::uint32_t beat_for_ = AgentBeat::all_drones;
   ShellCounters counters_;

@@ -28,6 +28,7 @@ Status AgentShell::keep_waiting(const std::string& what, const std::function<Sta
 Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
   end_ = &end;
   recorder_ = &recorder;
+  several_ = several;
   if (several) {
     label_ = fmt::format("channel {}: ", channel());
     beat_for_ = 0;
@@ -199,6 +200,8 @@ Status AgentShell::take_early_letters() {
       core_.tell_doubts(monotonic_ns(), out_);
       tell_doubts();
       out_.doubts.clear();
+    } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
+      if (auto status = take_records(*read); !status) return status;
     } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
     }

@@ -199,6 +199,33 @@ def test_a_start_without_one_channel_flies_the_drones_of_the_other_which_join_la
         ledgers.stop()
 
 
+@only_long
+def test_a_drone_that_is_enrolled_late_ends_no_agent_and_joins(tmp_path):
+    ledgers = Ledgers(tmp_path, fabric=False)
+    people = People(tmp_path, ledgers)
+    host = Host(tmp_path / "host1", ledgers.all, ledgers.tables(1), [Drone("tello1", 1), Drone("late", 2, "yard")])
+    file = host.directory / "agent.log"
+    log = lambda: file.read_text() if file.exists() else ""
+
+    def wait_for(words: str) -> None:
+        deadline = time.monotonic() + PATIENCE_S
+        while words not in log():
+            assert not (host.directory / "agent.json").exists() and time.monotonic() < deadline, log()[-3000:]
+            time.sleep(0.2)
+
+    try:
+        wait_for("ready")
+        people.enroll_operator("yard", 1)  # a block, at which the records are read, for a minute
+        wait_for("tried again at its next block")
+        people.done("yard", 1, "Admin", "enroll", "--msp", "Org1MSP", "--cert", people.cert(1, "User1"), "late")
+        time.sleep(3)
+    finally:
+        host.stop()
+        ledgers.stop()
+    teleop, yard = (one["drones"][0]["states"]["on_ledger"] for one in json.loads((host.directory / "agent.json").read_text())["channels"])
+    assert teleop > 500 and yard > 20, log()[-3000:]
+
+
 class OfGround(Station):
     """The station of a ground that no launcher started."""
 

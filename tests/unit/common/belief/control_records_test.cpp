@@ -102,6 +102,30 @@ TEST(ControlStart, TheFirstBlockAsksForTheRecordsAndWaitsForThemWithThoseBehindI
   EXPECT_TRUE(start.on_read().empty());
 }
 
+TEST(ControlStart, WhereTheRecordsCannotBeReadTheNextBlockAsksForThemAnew) {
+  ControlStart start;
+  EXPECT_EQ(*start.on_block(block(1)), ControlStart::Next::read);
+  start.begin_anew();
+  EXPECT_FALSE(start.known());
+  EXPECT_EQ(*start.on_block(block(2)), ControlStart::Next::read);
+  const auto held = start.on_read();
+  ASSERT_EQ(held.size(), 1U) << "what came before is in what was read";
+  EXPECT_EQ(held[0].number, 2U);
+  EXPECT_EQ(*start.on_block(block(3)), ControlStart::Next::take);
+}
+
+TEST(ControlStart, WhatIsReadWhileBlocksAreForgottenIsUselessAndNobodyReadsASecondTimeMeanwhile) {
+  ControlStart start(1);
+  EXPECT_EQ(*start.on_block(block(1)), ControlStart::Next::read);
+  EXPECT_FALSE(start.on_block(block(2)));
+  start.forget();
+  EXPECT_TRUE(start.is_useless());
+  EXPECT_EQ(*start.on_block(block(3)), ControlStart::Next::hold);
+  start.begin_anew();
+  EXPECT_FALSE(start.is_useless());
+  EXPECT_EQ(*start.on_block(block(4)), ControlStart::Next::read);
+}
+
 TEST(ControlStart, MoreBlocksThanCanBeHeldAreAnError) {
   ControlStart start(2);
   EXPECT_TRUE(start.on_block(block(1)));
