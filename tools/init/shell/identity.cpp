@@ -32,11 +32,13 @@ Status request_identity(const std::string& msp_dir, const std::string& request_f
   const fs::path new_key = fs::path(msp_dir) / key_name;
   if (crypto::key_file(msp_dir))
     return Error{fmt::format("{}/keystore has a key already; move it away for a new one", msp_dir)};
-  if (auto status = check_new({request_file}); !status) return status;
+  // Not found is not enough: a folder that cannot be read may have one.
+  if (auto status = check_new({new_key.string(), request_file}); !status) return status;
   auto made = crypto::make_request(asker);
   if (!made) return made.error();
   if (auto status = make_private_folder(new_key.parent_path()); !status) return status;
-  if (auto status = write_file(new_key, made->key_pem, 0600); !status) return status;
+  // On the disk before anybody has the request: a certificate of a lost key is of no use.
+  if (auto status = replace_file(new_key.string(), made->key_pem, 0600); !status) return status;
   return write_file(request_file, made->request_pem);
 }
 

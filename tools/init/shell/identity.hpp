@@ -7,7 +7,7 @@
 /// The identity of a host, made on it: MSP_DIR/keystore/priv_sk, which never leaves it, and MSP_DIR/signcerts/.
 namespace ledgerline::init {
 
-/// Makes the key (0600) where there is none, and writes the request to `request_file`. An error: either is there already.
+/// Makes the key (0600, on the disk when this returns) where there is none, and writes the request to `request_file`. An error: either is there already.
 Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Asker& asker);
 
 /// Puts a certificate beside the key, after a check that it is of this key and not expired; one that is there is

@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include <filesystem>
 
@@ -49,6 +50,21 @@ TEST_F(InitIdentity, TheKeyIsForItsOwnerAloneAndIsNeverReplaced) {
   ASSERT_FALSE(again);
   EXPECT_THAT(again.error().what, HasSubstr("has a key already"));
   EXPECT_EQ(*read_file(in("msp/keystore/priv_sk")), key);
+}
+
+TEST_F(InitIdentity, AKeyInAFolderThatCannotBeReadIsNotReplacedEither) {
+  constexpr uid_t nobody = 65'534;
+  ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), "the only copy", 0600));
+  fs::permissions(in("msp/keystore"), fs::perms::owner_write | fs::perms::owner_exec);
+  const bool root = ::geteuid() == 0;  // who may read every folder
+  for (const std::string& path : {dir_.string(), in("msp"), in("msp/keystore"), in("msp/keystore/priv_sk")})
+    ASSERT_TRUE(!root || ::chown(path.c_str(), nobody, nobody) == 0);
+  ASSERT_TRUE(!root || ::seteuid(nobody) == 0);
+  const Status refused = request_identity(in("msp"), in("raven.csr"), {.common_name = "raven"});
+  ASSERT_TRUE(!root || ::seteuid(0) == 0);
+  ASSERT_FALSE(refused);
+  EXPECT_THAT(refused.error().what, HasSubstr("priv_sk is there already"));
+  EXPECT_EQ(*read_file(in("msp/keystore/priv_sk")), "the only copy");
 }
 
 TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
