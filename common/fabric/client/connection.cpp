@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -23,6 +24,7 @@ constexpr int keepalive_ms = 60'000;
 // gRPC makes this TCP's user timeout as well: a connection that takes nothing any more is given up after it.
 constexpr int keepalive_timeout_ms = 5'000;
 constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout_ms = 2'000;
+constexpr TimeNs renew_again_ns = 1 * ns_per_s;
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
 
@@ -182,13 +184,16 @@ Connection::Connection(ClientConfig settings, std::shared_ptr<const GrpcChannels
 std::shared_ptr<const GrpcChannels> Connection::channels() const {
   const std::lock_guard lock(mutex_);
   const std::uint64_t renewals = config.tls_in_use ? config.tls_in_use->renewals() : 0;
-  if (renewals != renewals_) {
+  if (renewals == renewals_ || monotonic_ns() < renew_from_ns_) return channels_;
+  if (auto next = make_channels(config)) {
+    channels_ = std::move(*next);
     renewals_ = renewals;
-    if (auto next = make_channels(config)) {
-      channels_ = std::move(*next);
-    } else {
-      spdlog::error("the ledger's connections keep their old TLS certificates: {}", next.error().what);
-    }
+    problem_.clear();
+  } else {
+    // Such as an authority's file that is just being written.
+    renew_from_ns_ = monotonic_ns() + renew_again_ns;
+    if (std::exchange(problem_, next.error().what) != next.error().what)
+      spdlog::error("the ledger's connections keep their old TLS certificates, tried again each second: {}", problem_);
   }
   return channels_;
 }

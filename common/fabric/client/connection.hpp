@@ -52,6 +52,8 @@ class Connection {
   mutable std::mutex mutex_;
   mutable std::shared_ptr<const GrpcChannels> channels_;
   mutable std::uint64_t renewals_ = 0;  ///< of the config's, when channels_ was made
+  mutable TimeNs renew_from_ns_ = 0;    ///< after an attempt that failed
+  mutable std::string problem_;         ///< why it did, as told last
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

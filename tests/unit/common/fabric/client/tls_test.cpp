@@ -3,7 +3,9 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
 #include <filesystem>
+#include <thread>
 
 #include "common/base/file.hpp"
 #include "common/fabric/client/connection.hpp"
@@ -153,6 +155,32 @@ TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
   EXPECT_NE(before->peer_tls_hashes.at(0), after->peer_tls_hashes.at(0));
   EXPECT_TRUE(is_ready(after->peers.at(0)));
   EXPECT_TRUE(is_ready(before->peers.at(0))) << "who holds the old ones goes on over them";
+}
+
+TEST_F(ClientTls, ARenewedPairIsTakenWhenTheAuthoritiesFileCanBeReadAgain) {
+  const auto in_use = std::make_shared<TlsPairsInUse>();
+  ClientConfig config;
+  config.endpoint = here().endpoint;
+  config.tls_ca_file = here().tls_ca_file;
+  config.server_name = here().server_name;
+  config.tls_pair = pair();
+  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  config.tls_in_use = in_use;
+  const auto made = make_connection(config).value();
+  const auto before = made->channels();
+  const std::string authorities = read_file(config.tls_ca_file).value();
+  ASSERT_TRUE(write_file(config.tls_ca_file, "half a"));
+  const auto next = issue("drone1", {});
+  in_use->renew(pair().certificate_file, {next.certificate_pem, next.key_pem});
+  EXPECT_EQ(made->channels(), before);
+  ASSERT_TRUE(write_file(config.tls_ca_file, authorities));
+  auto after = made->channels();
+  for (int tried = 0; after == before && tried < 300; ++tried) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    after = made->channels();
+  }
+  ASSERT_NE(after, before) << "without another renewal the old pair would be used until it ends";
+  EXPECT_TRUE(is_ready(after->peers.at(0)));
 }
 
 TEST_F(ClientTls, APairIsWholeAndItsKeyPrivate) {
