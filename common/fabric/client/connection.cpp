@@ -11,6 +11,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/crypto/identities/renewal.hpp"
 #include "common/crypto/identities/request.hpp"
 #include "common/fabric/judge/block_judge.hpp"
 #include "gateway/gateway.pb.h"
@@ -41,13 +42,11 @@ Result<TlsPairsInUse::Pair> read_pair(const ClientConfig::TlsPair& files, const 
   if (in_use) {
     if (auto renewed = in_use->of(files.certificate_file)) return std::move(*renewed);
   }
-  auto certificate = certificates_in(files.certificate_file);
-  if (!certificate) return certificate.error();
-  auto key = crypto::read_key_file(files.key_file);
-  if (!key) return key.error();
-  if (Status fits = crypto::check_fits(*key, *certificate); !fits)
+  auto pair = crypto::read_pair({files.certificate_file, files.key_file});
+  if (!pair) return pair.error();
+  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
     return Error{fmt::format("{} and {}: {}", files.certificate_file, files.key_file, fits.error().what)};
-  return TlsPairsInUse::Pair{std::move(*certificate), std::move(*key)};
+  return TlsPairsInUse::Pair{std::move(pair->certificate_pem), std::move(pair->key_pem)};
 }
 
 Result<std::string> tls_hash_of(const ClientConfig::TlsPair& files, const TlsPairsInUse* in_use) {
