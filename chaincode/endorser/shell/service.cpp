@@ -50,7 +50,7 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
   };
   handlers.on_unbelievable = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
-  const std::lock_guard lock(self.mutex_);
+  const auto lock = self.lanes_.first();
   self.stream_ = self.begun_behind_
                      ? self.client_->blocks_behind({*self.begun_behind_, any_absence}, std::move(handlers))
                      : self.client_->blocks(0, std::move(handlers));
@@ -68,7 +68,7 @@ Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<vo
 
 Service::~Service() {
   {
-    const std::lock_guard lock(mutex_);
+    const auto lock = lanes_.first();
     stopping_ = true;
     checks_wake_.notify_all();
     checked_wakes_.notify_all();
@@ -101,7 +101,7 @@ Status Service::restore(const std::string& path) {
   return done;
 }
 
-/// What failed is not what another start is to begin with. With mutex_ held, or alone.
+/// What failed is not what another start is to begin with. With the lock held, or alone.
 void Service::keep() {
   if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
   keeper_->keep({place_, core_.height() - 1, core_.hash(), core_.snapshot()});
@@ -109,7 +109,7 @@ void Service::keep() {
 
 void Service::fail(const std::string& why) {
   {
-    const std::lock_guard lock(mutex_);
+    const auto lock = lanes_.first();
     if (readiness_.failed()) return;
     stop_signing();
   }
@@ -129,7 +129,7 @@ void Service::tell_failure(const std::string& why) {
 void Service::on_block(Feed::Source from, const fabric::Block& block, std::string_view raw) {
   Status taken = done;
   {
-    const std::lock_guard lock(mutex_);
+    const auto lock = lanes_.first();
     if (readiness_.failed()) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
@@ -145,7 +145,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
 }
 
 void Service::on_connection(Feed::Source from, bool connected, const std::string& why) {
-  const std::lock_guard lock(mutex_);
+  const auto lock = lanes_.first();
   if (from == Feed::Source::shared) feed_.shared_connected(connected);
   if (feed_.follows(from)) set_connected(connected, why);
 }
@@ -157,8 +157,8 @@ void Service::set_connected(bool connected, const std::string& why) {
   checks_wake_.notify_all();
 }
 
-node::Reply Service::process_proposal(const std::string& signed_proposal) {
-  std::unique_lock lock(mutex_);
+node::Reply Service::process_proposal(const std::string& signed_proposal, Asker asker) {
+  auto lock = asker == Asker::own ? lanes_.first() : lanes_.later();
   if (const std::string why = readiness_.why_not(core_.height()); !why.empty()) {
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, why, why, {}};
@@ -212,7 +212,7 @@ void Service::run_checks() {
   BackOff back_off(first_retry_ns, max_retry_ns);
   auto keep_at = std::chrono::steady_clock::now() + keep_every;
   Random random(seed());
-  std::unique_lock lock(mutex_);
+  auto lock = lanes_.first();
   while (!stopping_) {
     if (readiness_.wants_height()) {
       const std::uint64_t connection = readiness_.connection();
@@ -257,7 +257,7 @@ void Service::check(Check one) {
   for (int tried = 0; found == Comparison::other_state && tried < max_tries; ++tried) {
     if (tried > 0) {
       // One of the two had not taken a block yet: both once more.
-      std::unique_lock lock(mutex_);
+      auto lock = lanes_.first();
       checks_wake_.wait_for(lock, again_after, [&] { return stopping_; });
       node::Reply reply = core_.process_proposal(one.signed_proposal, {monotonic_ns(), realtime_ns()});
       if (stopping_ || readiness_.failed() || !readiness_.connected() || reply.code != node::Code::ok) return;
@@ -265,7 +265,7 @@ void Service::check(Check one) {
       one.defined_at = core_.defined_at();
     }
     const auto peers = peer_->propose(one.signed_proposal);
-    const std::lock_guard lock(mutex_);
+    const auto lock = lanes_.first();
     if (tried == 0) ++counts_.checked;
     if (!peers) {
       ++counts_.peer_refused;  // it has the transaction by now, or is not reached
@@ -277,7 +277,7 @@ void Service::check(Check one) {
   if (found == Comparison::other_state && peer_is_behind()) return;
   std::string why;
   {
-    const std::lock_guard lock(mutex_);
+    const auto lock = lanes_.first();
     if (found == Comparison::same) ++counts_.same;
     if (found == Comparison::differ) ++counts_.differ;
     if (found == Comparison::other_state) ++counts_.apart;
@@ -289,18 +289,18 @@ void Service::check(Check one) {
 /// By the orderers' blocks one may be ahead of the peer, by many where it is slow.
 bool Service::peer_is_behind() {
   const auto height = peer_->height();
-  const std::lock_guard lock(mutex_);
+  const auto lock = lanes_.first();
   return !height || *height < core_.height();
 }
 
 bool Service::wait_until_ready(double seconds) {
-  std::unique_lock lock(mutex_);
+  auto lock = lanes_.first();
   const auto ready = [&] { return readiness_.failed() || readiness_.ready(core_.height()); };
   return ready_wakes_.wait_for(lock, std::chrono::duration<double>(seconds), ready) && !readiness_.failed();
 }
 
 Service::Counts Service::counts() const {
-  const std::lock_guard lock(mutex_);
+  const auto lock = lanes_.first();
   return counts_;
 }
 

@@ -13,6 +13,7 @@
 #include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/feed.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
+#include "chaincode/endorser/shell/two_lanes.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/checkpoint/keeper.hpp"
@@ -36,7 +37,8 @@ class Service {
                                                 std::function<void(const std::string& why)> on_failure);
   ~Service();
 
-  node::Reply process_proposal(const std::string& signed_proposal);
+  enum class Asker { own, other };  ///< of this process, or whom it serves: who waits behind blocks and own proposals
+  node::Reply process_proposal(const std::string& signed_proposal, Asker asker);
   /// What a stream tells that this process reads anyway: once it has met the own one, that one is ended.
   void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
   void shared_connected(bool connected, const std::string& why) { on_connection(Feed::Source::shared, connected, why); }
@@ -60,21 +62,21 @@ class Service {
     std::string signed_proposal, answer;
     Readiness::DefinedAt defined_at{};
   };
-  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one. With mutex_ held.
+  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one. With the lock held.
   void take_renewed();
   void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
   void on_connection(Feed::Source from, bool connected, const std::string& why);
   void set_connected(bool connected, const std::string& why);
   bool agreed() const { return readiness_.agreed(core_.defined_at()); }
   bool choose_for_check(const std::string& signed_proposal, const std::string& answer);
-  /// Of the newest that was chosen: until the peer has answered it, or a while. With mutex_ held, as `lock`.
+  /// Of the newest that was chosen: until the peer has answered it, or a while. With the lock held, as `lock`.
   void await_check(std::unique_lock<std::mutex>& lock);
   void run_checks();
   Status restore(const std::string& path);
   void keep();
   void check(Check one);
   bool peer_is_behind();
-  /// With mutex_ held; then tell_failure() without it.
+  /// With the lock held; then tell_failure() without it.
   void stop_signing();
   void tell_failure(const std::string& why);
 
@@ -90,7 +92,7 @@ class Service {
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   std::optional<fabric::Checkpoint> begun_behind_;  ///< without its records
 
-  mutable std::mutex mutex_;  // guards what follows
+  mutable TwoLanes lanes_;  // its lock guards what follows; by the second lane come the proposals of others alone
   std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;
   std::shared_ptr<const crypto::SigningIdentity> seen_identity_;  ///< the newest of identity_; signs, or was refused
   Core core_;
