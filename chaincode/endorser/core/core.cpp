@@ -162,7 +162,7 @@ node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now n
   // What cannot be read is not for it either.
   if (!read || read->proposal.channel_header.channel_id() != setup_.where.channel ||
       read->proposal.contract != setup_.where.contract)
-    return ask_a_peer("the endorser answers for its contract alone");
+    return ask_a_peer(for_its_contract_alone);
   asks_for_blocks_ = false;
   node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0);
   if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");

@@ -13,6 +13,9 @@
 
 namespace ledgerline::endorser {
 
+/// What it says of any question that is not of its contract: it is no peer, and keeps no blocks.
+inline constexpr const char* for_its_contract_alone = "the endorser answers for its contract alone";
+
 /// An organisation's own endorser, without its I/O: the channel's blocks, from the first one on, and members' proposals
 /// in; answers out, byte for byte those of a peer of the organisation that has taken the same blocks (but for the
 /// signature). It runs the contract against the state that the blocks made, and keeps that state in memory: the keys of

@@ -60,9 +60,23 @@ def configs_of(ledger, directory: pathlib.Path) -> list[pathlib.Path]:
     return files
 
 
+def status_of(ledger, directory: pathlib.Path, endorser: Endorser) -> list[dict]:
+    """The peers that `ledgerline status` tells of who has the endorser in front of its peer."""
+    folder = directory / "status"
+    folder.mkdir()
+    config = folder / "operator.toml"
+    config.write_text(tables(ledger, 1, "User1").split("[[msp]]")[0] +
+                      f'[[endorser]]\nmsp_id = "Org1MSP"\nendpoint = "{endorser.endpoint}"\ntls_ca = "{ledger.ca_file(1)}"\n')
+    said = subprocess.run([BIN / "ledgerline-status", "--config-dir", folder, "--json"], capture_output=True, text=True, timeout=PATIENCE_S)
+    return next(one["peers"] for one in json.loads(said.stdout)["ledgers"] if one["config"] == str(config))
+
+
 def test_random_proposals_are_answered_byte_for_byte_as_by_the_peer(network, tmp_path):
     endorser = Endorser(network, tmp_path, "check_one_in = 10\n")
     configs = [word for file in configs_of(network, tmp_path) for word in ("--config", file)]
+    peer, own = status_of(network, tmp_path, endorser)
+    assert peer["height"] > 1 and not peer["endorser"], peer
+    assert own == {"endpoint": endorser.endpoint, "msp_id": "Org1MSP", "height": None, "endorser": True, "why": None}, "it is no peer that fails"
     ca = network.organisation(1) / "ca"
     done = subprocess.run([BIN / "test_random_proposals", *configs, "--endorser", endorser.endpoint, "--tls-ca", network.ca_file(1),
                            "--ca-key", ca / "priv_sk", "--ca-certificate", ca / "ca.org1.ledgerline-cert.pem",

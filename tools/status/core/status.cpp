@@ -45,7 +45,9 @@ std::string ledger_table(const Ledger& ledger) {
   Rows peers{{"peer", "organisation", "height"}};
   for (const Peer& peer : ledger.peers)
     peers.push_back({or_dash(peer.endpoint), or_dash(peer.msp_id),
-                     peer.height ? std::to_string(*peer.height) : printable(peer.why)});
+                     peer.height     ? std::to_string(*peer.height)
+                     : peer.endorser ? "an endorser, which keeps no blocks"
+                                     : printable(peer.why)});
   text += station::aligned(peers);
   if (ledger.drones.empty()) return text;
   Rows drones{{"drone", "state", "owner", "holder", "flown by", "stopped by"}};
@@ -89,6 +91,7 @@ std::string to_json(const Status& status) {
       peers.push_back({{"endpoint", printable(peer.endpoint)},
                        {"msp_id", text_or_null(peer.msp_id)},
                        {"height", peer.height ? nlohmann::json(*peer.height) : nlohmann::json()},
+                       {"endorser", peer.endorser},
                        {"why", text_or_null(peer.why)}});
     for (const Drone& drone : one.drones)
       drones.push_back({{"drone", printable(drone.name)},
@@ -111,7 +114,7 @@ std::string to_json(const Status& status) {
 bool all_answered(const Status& status) {
   return std::ranges::all_of(status.ledgers, [](const Ledger& ledger) {
     return ledger.why.empty() && !ledger.peers.empty() &&
-           std::ranges::all_of(ledger.peers, [](const Peer& peer) { return peer.height.has_value(); });
+           std::ranges::all_of(ledger.peers, [](const Peer& peer) { return peer.height || peer.endorser; });
   });
 }
 

@@ -13,7 +13,8 @@ namespace ledgerline::status {
 struct Peer {
   std::string endpoint, msp_id;  ///< msp_id: empty where the config does not say
   std::optional<std::uint64_t> height{};
-  std::string why{};  ///< it has none: the peer's words, or why it is not reached
+  std::string why{};      ///< it has none: the peer's words, or why it is not reached
+  bool endorser = false;  ///< it answers, as an organisation's own endorser, which keeps no blocks
 };
 
 struct Drone {
@@ -43,7 +44,7 @@ std::string words_of_age(TimeNs age_ns);
 /// Tables for people.
 std::string words(const Status& status);
 /// {"programs":[{"program","pid","user","unit"|null,"config"|null,"age_s","replaced"}],"ledgers":[{"config","channel",
-/// "newest_block_age_s"|null,"why"|null,"peers":[{"endpoint","msp_id"|null,"height"|null,"why"|null}],
+/// "newest_block_age_s"|null,"why"|null,"peers":[{"endpoint","msp_id"|null,"height"|null,"endorser","why"|null}],
 /// "drones":[{"drone","state_age_s"|null,"owner"|null,"holder"|null,"delegate"|null,"stopped_by"|null,"why"|null}]}]}
 std::string to_json(const Status& status);
 /// Whether every ledger answered.

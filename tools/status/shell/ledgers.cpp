@@ -1,7 +1,6 @@
 #include "tools/status/shell/ledgers.hpp"
 
-#include <algorithm>
-
+#include "chaincode/endorser/core/core.hpp"
 #include "common/belief/control_records.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
@@ -49,9 +48,10 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
   Peer peer{.endpoint = config.endpoint, .msp_id = msp_id};
   auto questions = fabric::PeerQuestions::create(config);
   const auto height = questions ? (*questions)->height() : Result<std::uint64_t>(questions.error());
+  peer.endorser = !height && height.error().what == endorser::for_its_contract_alone;
   if (height)
     peer.height = *height;
-  else
+  else if (!peer.endorser)
     peer.why = height.error().what;
   return peer;
 }

@@ -64,6 +64,16 @@ TEST(StatusTest, TablesSayWhoRunsAndHowOldWhatIs) {
   EXPECT_NE(words({}).find("No program"), std::string::npos);
 }
 
+TEST(StatusTest, AnEndorserThatAnswersIsToldAndIsNoPeerThatDoesNot) {
+  Status status = one_of_all();
+  status.ledgers[0].peers.push_back({.endpoint = "beside:7151", .msp_id = "Org1MSP", .endorser = true});
+  EXPECT_TRUE(all_answered(status));
+  EXPECT_NE(words(status).find("keeps no blocks"), std::string::npos);
+  const auto peers = nlohmann::json::parse(to_json(status))["ledgers"][0]["peers"];
+  EXPECT_TRUE(peers[1]["endorser"].get<bool>() && peers[1]["height"].is_null() && peers[1]["why"].is_null());
+  EXPECT_FALSE(peers[0]["endorser"].get<bool>());
+}
+
 TEST(StatusTest, APeerThatDoesNotAnswerIsToldAndCounts) {
   Status status = one_of_all();
   EXPECT_TRUE(all_answered(status));
