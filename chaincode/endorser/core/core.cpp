@@ -58,23 +58,17 @@ std::optional<node::Definition> Core::read_definition() const {
 
 std::optional<node::Version> Core::defined_at() const { return definition_ ? definition_->sequence : std::nullopt; }
 
-std::string Core::not_a_peer(const std::vector<crypto::MspRoot>& organisations,
-                             const crypto::SigningIdentity& identity) const {
-  const auto registry = setup_.make_registry(organisations);
+std::string Core::not_a_peer(const crypto::SigningIdentity& identity) const {
+  const auto registry = setup_.make_registry(organisations_);
   const auto self = registry->member(identity.serialized, std::nullopt);
   return !self ? self.error().what : (*self)->peer ? "" : "its certificate has not OU=peer";
 }
 
 Status Core::renew(crypto::SigningIdentity next) {
-  std::string why_not;
-  if (!config_block_.empty()) {
-    common::Block message;
-    if (!message.ParseFromString(config_block_)) return Error{"the newest configuration is not read"};
-    const auto config = fabric::read_channel_config(message);
-    if (!config) return config.error();
-    why_not = not_a_peer(config->organisations, next);
+  if (!organisations_.empty()) {
+    if (const std::string why_not = not_a_peer(next); !why_not.empty())
+      return Error{"no endorsement of it would count: " + why_not};
   }
-  if (!why_not.empty()) return Error{"no endorsement of it would count: " + why_not};
   not_a_peer_.clear();
   expires_s_ = expiry_of(next);
   endorser_.set_peer(0, next);
@@ -87,8 +81,9 @@ Status Core::configure(const common::Block& message) {
   if (!config) return config.error();
   if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition_; });
   embedded_node_ = config->embedded_node;
-  not_a_peer_ = not_a_peer(config->organisations, setup_.identity);
-  endorser_.set_members(node::MemberCheck(setup_.make_registry(std::move(config->organisations)), config_.channel));
+  organisations_ = std::move(config->organisations);
+  not_a_peer_ = not_a_peer(setup_.identity);
+  endorser_.set_members(node::MemberCheck(setup_.make_registry(organisations_), config_.channel));
   return done;
 }
 

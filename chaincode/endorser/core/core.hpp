@@ -4,6 +4,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "chaincode/node/core/endorser.hpp"
 #include "chaincode/node/core/ledger/ledger.hpp"
@@ -56,9 +57,8 @@ class Core {
  private:
   std::optional<node::Definition> read_definition() const;
   Status configure(const common::Block& message);
-  /// Why those organisations let nothing count that it endorses; empty: they do.
-  std::string not_a_peer(const std::vector<crypto::MspRoot>& organisations,
-                         const crypto::SigningIdentity& identity) const;
+  /// Why the channel's organisations let nothing count that it endorses; empty: they do.
+  std::string not_a_peer(const crypto::SigningIdentity& identity) const;
   bool counts(const fabric::Transaction& transaction, std::uint64_t block) const;
   void write(const std::string& envelope, node::Version at);
 
@@ -66,7 +66,8 @@ class Core {
   const node::CoreConfig config_;
   std::int64_t expires_s_;
   bool asks_for_blocks_ = false;
-  std::string config_block_;  ///< the newest with a configuration
+  std::string config_block_;                    ///< the newest with a configuration
+  std::vector<crypto::MspRoot> organisations_;  ///< as it has them; empty: there is none yet
   bool embedded_node_ = false;
   node::Ledger ledger_;
   node::State lifecycle_;                       ///< the keys of the namespace _lifecycle
