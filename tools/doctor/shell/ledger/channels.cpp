@@ -77,8 +77,11 @@ fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig clie
   client.endpoint = peer.endpoint;
   client.tls_ca_file = peer.tls_ca;
   client.server_name = peer.server_name;
-  client.other_peers.clear();
   if (!peer.tls_certificate.empty()) client.tls_pair = {peer.tls_certificate, peer.tls_key};
+  client.other_peers.clear();
+  client.orderers.clear();
+  client.endorsers.clear();
+  client.blocks = fabric::BlockSource::peer;
   return client;
 }
 

@@ -14,7 +14,7 @@ std::vector<ProgramConfig> of_each_channel(const ProgramConfig& one);
 /// The client's config of that channel, as the program makes it.
 Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConfig& one);
 
-/// That client, at another peer alone.
+/// That client, at another peer alone: with its TLS pair where it has one of its own.
 fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig client);
 
 }  // namespace ledgerline::doctor
