@@ -100,11 +100,11 @@ bool look_at_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map
 
 /// What was looked at already.
 struct Seen {
-  std::set<std::string> servers, identities;
-  std::map<std::string, bool> tls_pairs;  ///< whether each is in order
+  std::set<std::string> servers;
+  std::map<std::string, bool> identities, tls_pairs;  ///< whether each is in order
 };
 
-/// Each server once. True: the program's own peer is in order.
+/// Each server once, but for each program its own peer. True: the program's own peer is in order.
 bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patience, Seen& seen, Findings& all) {
   bool good = true;
   const auto look = [&](ServerKeys keys, const std::string& kind) {
@@ -145,9 +145,13 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     const IdentityFacts identity = read_identity(*one.ledger);
     Findings own;
     // By each channel's authorities; what is the same on all is told once.
-    if (seen.identities.insert(identity.msp_id + " " + identity.place + " " + identity.channel).second)
+    const auto [good, is_new] =
+        seen.identities.emplace(identity.msp_id + " " + identity.place + " " + identity.channel, true);
+    if (is_new) {
       own = judge(identity, anchor.organisations, realtime_ns() / ns_per_s);
-    const bool known = !anything_broken(own) && !anything_broken(trust);
+      good->second = !anything_broken(own);
+    }
+    const bool known = good->second && !anything_broken(trust);
     add_new(all, std::move(own));
     add(all, std::move(trust));
     const bool reached = look_at_servers(one, patience, seen, all);

@@ -296,6 +296,7 @@ def test_doctor_looks_at_each_channel(tmp_path):
     try:
         seen = findings(ledgers.tables(1))
         wrong = findings(ledgers.tables(1).replace("yard.block", "../ledger/teleop.block"))
+        keyless = findings(re.sub('msp_dir = ".*"', f'msp_dir = "{tmp_path}/none"', ledgers.tables(1)))
     finally:
         ledgers.stop()
     words = [one["what"] for one in seen if one["check"] == "contract"]
@@ -305,6 +306,7 @@ def test_doctor_looks_at_each_channel(tmp_path):
     assert unknown and unknown[0].startswith("channel yard: "), seen
     anchors = [one for one in wrong if one["problem"] == "anchor_wrong"]
     assert len(anchors) == 1 and "agent.toml, channel yard: it is of channel teleop" in anchors[0]["what"], anchors
+    assert [one["problem"] for one in keyless if one["check"] in ("identity", "ledger")] == ["key_missing", "certificate_missing"], "told once, not by each channel"
 
 
 def test_doctor_looks_at_the_file_of_each_channel_that_an_operator_or_administrator_has(tmp_path):
