@@ -154,12 +154,8 @@ struct NamedCertificate {
 Result<NamedCertificate> read_serialized(std::string_view serialized);
 Result<std::string> certificate_file(const std::string& msp_dir);
 Result<std::string> key_file(const std::string& msp_dir);
-/// The content of a private key's file, PEM or not. Refuses one that others may read: its mode must be 0600 or less, or
-/// root's own with reading, and no more, for a group of ours (0440, 0640: a Kubernetes secret with fsGroup).
+/// The content of a private key's file, PEM or not. Refuses one that others may read (is_private()).
 Result<std::string> read_key_file(const std::string& path);
-/// That rule of a file's mode and owners, with the groups of this process.
-bool key_is_private(unsigned mode, unsigned owner, unsigned group, const std::vector<unsigned>& own_groups);
-std::vector<unsigned> own_groups();
 /// The same of a key that a pass phrase locks (PKCS #8, "ENCRYPTED PRIVATE KEY"); one that is not locked is refused. Takes
 /// some hundred milliseconds, as the phrase is made costly to guess.
 Result<SigningIdentity> load_locked_identity(Library library, const std::string& msp_id, const std::string& msp_dir,

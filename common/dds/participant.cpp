@@ -7,6 +7,7 @@
 #include <cstdlib>
 #include <string>
 
+#include "common/base/files/private_file.hpp"
 #include "common/base/log.hpp"
 #include "common/dds/dds.hpp"
 #include "common/dds/domain.hpp"
@@ -33,7 +34,7 @@ Status check(const Security& files) {
     if (::access(path.c_str(), R_OK) != 0) return Error{"DDS Security: cannot read '" + path + "'"};
   }
   struct stat info {};
-  if (::stat(files.private_key.c_str(), &info) != 0 || (info.st_mode & 077) != 0)
+  if (::stat(files.private_key.c_str(), &info) != 0 || !is_private(info))
     return Error{"DDS Security: " + files.private_key + " may be read by others than its owner; run: chmod 600 " +
                  files.private_key};
   return done;

@@ -11,6 +11,8 @@
 #include <cstring>
 #include <iostream>
 
+#include "common/base/files/private_file.hpp"
+
 namespace ledgerline {
 
 Result<std::string> read_secret_file(const std::string& file, std::size_t max_bytes) {
@@ -19,7 +21,7 @@ Result<std::string> read_secret_file(const std::string& file, std::size_t max_by
   std::string text;
   struct stat info {};
   const bool regular = ::fstat(fd, &info) == 0 && S_ISREG(info.st_mode);
-  const bool own = (info.st_mode & 077) == 0;
+  const bool own = is_private(info);
   const bool fits = info.st_size <= static_cast<off_t>(max_bytes);
   ssize_t count = -1;
   if (regular && own && fits) {

@@ -196,7 +196,8 @@ service::ServiceSettings service_settings(Config& config) {
                    "PEM file of the page's certificate and those between it and its authority, taken anew when it "
                    "changes; none: no TLS"},
                   "");
-  settings.tls.key = config.text({"service.tls_key", "PEM file of its key, mode 0600"}, "");
+  settings.tls.key =
+      config.text({"service.tls_key", "PEM file of its key; the file as for `private_key` of [ledger]"}, "");
   settings.tls.authority =
       config.text({"service.tls_client_ca",
                    "PEM file of the authority whose certificates browsers and programs must have to connect; none: "

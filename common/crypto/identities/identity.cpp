@@ -9,6 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "common/base/files/private_file.hpp"
 #include "common/crypto/identities/request.hpp"
 #include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
@@ -36,7 +37,7 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
   Status status = done;
   if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode) || info.st_size > max_file_bytes) {
     status = Error{fmt::format("{} is not a file of keys or certificates", path.string())};
-  } else if (secret && !key_is_private(info.st_mode, info.st_uid, info.st_gid, own_groups())) {
+  } else if (secret && !is_private(info)) {
     status =
         Error{fmt::format("{} may be read by others than its owner; run: chmod 600 {}", path.string(), path.string())};
   } else {
@@ -195,18 +196,6 @@ Result<std::string> read_key_file(const std::string& path) {
   std::string text;
   if (auto s = read_file(path, true, text); !s) return s.error();
   return text;
-}
-
-std::vector<unsigned> own_groups() {
-  std::vector<gid_t> groups(static_cast<std::size_t>(std::max(0, ::getgroups(0, nullptr))));
-  groups.resize(static_cast<std::size_t>(std::max(0, ::getgroups(static_cast<int>(groups.size()), groups.data()))));
-  groups.push_back(::getegid());
-  return {groups.begin(), groups.end()};
-}
-
-bool key_is_private(unsigned mode, unsigned owner, unsigned group, const std::vector<unsigned>& own_groups) {
-  if ((mode & 077) == 0) return true;
-  return (mode & 037) == 0 && owner == 0 && std::find(own_groups.begin(), own_groups.end(), group) != own_groups.end();
 }
 
 }  // namespace ledgerline::crypto

@@ -21,7 +21,7 @@ std::optional<Security> security(Config& config) {
         "DDS Security: file of the authority's certificate; with the four below, or none of the five"},
        &files.identity_ca},
       {{"dds.certificate", "file of this program's own certificate"}, &files.certificate},
-      {{"dds.private_key", "file of its key, mode 0600"}, &files.private_key},
+      {{"dds.private_key", "file of its key; the file as for `private_key` of [ledger]"}, &files.private_key},
       {{"dds.governance", "file that says what is encrypted, signed by the authority"}, &files.governance},
       {{"dds.permissions", "file that says who may do what, signed by the authority"}, &files.permissions}};
   for (const auto& [key, file] : keys) *file = config.text(key, "");

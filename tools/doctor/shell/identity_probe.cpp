@@ -9,6 +9,7 @@
 #include <cstring>
 
 #include "common/base/file.hpp"
+#include "common/base/files/private_file.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/judge/channel_config.hpp"
 
@@ -17,8 +18,7 @@ namespace {
 
 bool is_open(const std::string& file) {
   struct stat info {};
-  return ::stat(file.c_str(), &info) == 0 &&
-         !crypto::key_is_private(info.st_mode & 07777, info.st_uid, info.st_gid, crypto::own_groups());
+  return ::stat(file.c_str(), &info) == 0 && !is_private(info);
 }
 
 std::string this_user() {

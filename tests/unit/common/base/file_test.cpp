@@ -7,6 +7,8 @@
 
 #include <filesystem>
 
+#include "common/base/files/private_file.hpp"
+
 namespace ledgerline {
 namespace {
 
@@ -54,6 +56,17 @@ TEST(ReplaceFile, IsWholeOrAsBeforeAndLeavesNothingBeside) {
   EXPECT_THAT(blocked.error().what, ::testing::HasSubstr("cannot write " + path));
   EXPECT_EQ(*read_file(path), "second");
   std::filesystem::remove_all(dir);
+}
+
+TEST(PrivateFile, IsForItsOwnerOrRootsForAGroupOfOurs) {
+  const std::vector<unsigned> ours{2000, 1000};
+  for (const unsigned mode : {0600U, 0400U}) EXPECT_TRUE(is_private(mode, 1000, 1000, ours));
+  for (const unsigned mode : {0440U, 0640U}) {
+    EXPECT_TRUE(is_private(mode, 0, 2000, ours)) << "a Kubernetes secret with fsGroup 2000";
+    EXPECT_FALSE(is_private(mode, 0, 3000, ours)) << "another group's";
+    EXPECT_FALSE(is_private(mode, 1000, 1000, ours)) << "whose group is everybody's on many hosts";
+  }
+  for (const unsigned mode : {0660U, 0450U, 0444U, 0604U, 0601U}) EXPECT_FALSE(is_private(mode, 0, 2000, ours));
 }
 
 }  // namespace

@@ -285,17 +285,6 @@ TEST_F(LoadIdentity, TwoFilesAreAnIdentityToo) {
   EXPECT_FALSE(read_key_file(key_file()));
 }
 
-TEST(KeyFile, IsForItsOwnerOrRootsForAGroupOfOurs) {
-  const std::vector<unsigned> ours{2000, 1000};
-  for (const unsigned mode : {0600U, 0400U}) EXPECT_TRUE(key_is_private(mode, 1000, 1000, ours));
-  for (const unsigned mode : {0440U, 0640U}) {
-    EXPECT_TRUE(key_is_private(mode, 0, 2000, ours)) << "a Kubernetes secret with fsGroup 2000";
-    EXPECT_FALSE(key_is_private(mode, 0, 3000, ours)) << "another group's";
-    EXPECT_FALSE(key_is_private(mode, 1000, 1000, ours)) << "whose group is everybody's on many hosts";
-  }
-  for (const unsigned mode : {0660U, 0450U, 0444U, 0604U, 0601U}) EXPECT_FALSE(key_is_private(mode, 0, 2000, ours));
-}
-
 TEST_F(LoadIdentity, ALockedKeyNeedsItsPassPhraseAndAnOpenOneIsRefused) {
   const auto load = [&](const std::string& phrase) {
     auto identity = load_locked_identity(Library::mbedtls, "Org1MSP", dir_, phrase);

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <openssl/ssl.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
@@ -48,9 +49,16 @@ TEST_F(TlsFromFiles, IsOneDotTwoAtLeastAndKeepsNoSessions) {
 }
 
 TEST_F(TlsFromFiles, RefusesAKeyThatOthersMayRead) {
-  ASSERT_EQ(::chmod(files.key.c_str(), 0640), 0);
+  ASSERT_EQ(::chmod(files.key.c_str(), 0644), 0);
   EXPECT_THAT(refused(), HasSubstr("chmod 600 " + files.key));
   EXPECT_THAT(client_tls(files).error().what, HasSubstr("chmod 600"));
+}
+
+TEST_F(TlsFromFiles, TakesAKeyThatRootGivesToAGroupOfOurs) {
+  if (::geteuid() != 0) GTEST_SKIP() << "needs root, as Kubernetes is when it mounts a secret";
+  ASSERT_EQ(::chown(files.key.c_str(), 0, ::getegid()), 0);
+  ASSERT_EQ(::chmod(files.key.c_str(), 0440), 0);
+  EXPECT_TRUE(server_tls(files)) << refused();
 }
 
 TEST_F(TlsFromFiles, SaysWhichFileIsWrong) {
