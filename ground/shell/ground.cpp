@@ -43,7 +43,8 @@ Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size
       participant_(std::move(participant)),
       refusals_(names_),
       streams_(channels_.size()),
-      lost_(channels_.size()) {}
+      lost_(channels_.size()),
+      news_unpublished_(channels_.size()) {}
 
 Ground::~Ground() {
   mailbox_.close();
@@ -286,11 +287,11 @@ void Ground::act(std::size_t index, FlightOutputs& out) {
   recorder_.add(out.traces);
   for (DroneNews& news : out.news) {
     news.drone = view_.drone_at({index, news.drone});
-    publish(news);
+    publish(index, news);
   }
 }
 
-void Ground::publish(const DroneNews& news) {
+void Ground::publish(std::size_t channel, const DroneNews& news) {
   const std::string& drone = names_[news.drone];
   for (std::size_t i = 0; i < drone_topics.size(); ++i) {
     const DroneTopic& topic = drone_topics[i];
@@ -298,7 +299,7 @@ void Ground::publish(const DroneNews& news) {
     Status published = message ? done : Status(message.error());
     if (message && !message->empty()) published = writers_[i][topic.of_all ? 0 : news.drone].publish(*message);
     if (published) continue;
-    ++news_unpublished_;
+    ++news_unpublished_[channel];
     if (monotonic_ns() < next_warning_ns_) continue;
     next_warning_ns_ = monotonic_ns() + warning_gap_ns;
     spdlog::warn("{}: {}", topic_of(topic, drone), published.error().what);
@@ -317,7 +318,7 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
     pilot.dds_refused += refused.total();
   }
   counters.confirmed_after_ms = channels_[channel]->confirmed_after_ms();
-  counters.news_unpublished = news_unpublished_;
+  counters.news_unpublished = news_unpublished_[channel];
   return counters;
 }
 

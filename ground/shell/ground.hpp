@@ -99,7 +99,7 @@ class Ground {
   void tell_certificates(TimeNs now_ns);
   /// For whoever looks at the page: what a block holds.
   void note(const fabric::Block& block);
-  void publish(const DroneNews& news);
+  void publish(std::size_t channel, const DroneNews& news);
   Status wait_for_block_streams(const std::atomic<bool>& quit);
   std::optional<Letter> next_letter(TimeNs timeout_ns);
   /// What of a letter is for the cores, whose inputs these are; an error ends the flight.
@@ -122,7 +122,6 @@ class Ground {
   Recorder recorder_;
   dds::ParticipantPtr participant_;
   std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
-  std::uint64_t news_unpublished_ = 0;
   TimeNs next_status_ns_ = 0, next_show_ns_ = 0;
   service::Board board_;
   std::vector<service::Event> unshown_;                ///< of this board, not handed to the server yet
@@ -136,10 +135,11 @@ class Ground {
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
   std::mutex wishes_mutex_;
-  std::vector<PilotWish> wishes_;              ///< at most one for each drone and operator
-  std::atomic<bool> flying_{false};            ///< run() is
-  std::vector<Channel::StreamState> streams_;  ///< of each channel
-  std::vector<bool> lost_;                     ///< likewise: what it says cannot be taken any more
+  std::vector<PilotWish> wishes_;                ///< at most one for each drone and operator
+  std::atomic<bool> flying_{false};              ///< run() is
+  std::vector<Channel::StreamState> streams_;    ///< of each channel
+  std::vector<bool> lost_;                       ///< likewise: what it says cannot be taken any more
+  std::vector<std::uint64_t> news_unpublished_;  ///< likewise
 
   service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;
