@@ -1,5 +1,6 @@
 #include "common/fabric/asking/peer_questions.hpp"
 
+#include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/client/connection.hpp"
 #include "common/ledger.pb.h"
@@ -34,7 +35,7 @@ Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Ca
   if (!answer) return answer.error();
   protos::ProposalResponse response;
   response.ParseFromString(*answer);
-  if (response.response().status() != 200) return Error{response.response().message()};
+  if (response.response().status() != 200) return Error{printable(response.response().message(), max_words)};
   return std::move(*response.mutable_response()->mutable_payload());
 }
 

@@ -2,6 +2,7 @@
 
 #include <future>
 
+#include "common/base/printable.hpp"
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
@@ -44,7 +45,7 @@ class GatewayClient final : public Client {
           ->ProcessProposal(&context, request, &response);
     });
     if (!asked) return asked.error();
-    if (response.response().status() >= 400) return Error{response.response().message()};
+    if (response.response().status() >= 400) return Error{printable(response.response().message(), max_words)};
     return std::move(*response.mutable_response()->mutable_payload());
   }
 

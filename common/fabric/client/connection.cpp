@@ -11,6 +11,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/base/printable.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/crypto/identities/request.hpp"
 #include "common/fabric/judge/block_judge.hpp"
@@ -234,7 +235,7 @@ std::string describe(const grpc::Status& status) {
   // google.rpc.Status, whose field 3 is the list of details; no package has its C++ without more of googleapis.
   google::protobuf::Empty wrapper;
   std::string text;
-  if (!wrapper.ParseFromString(status.error_details())) return status.error_message();
+  if (!wrapper.ParseFromString(status.error_details())) return printable(status.error_message(), max_words);
   const auto& fields = wrapper.GetReflection()->GetUnknownFields(wrapper);
   for (int i = 0; i < fields.field_count(); ++i) {
     google::protobuf::Any any;
@@ -248,7 +249,7 @@ std::string describe(const grpc::Status& status) {
     }
     text += (text.empty() ? "" : "; ") + detail.message();
   }
-  return text.empty() ? status.error_message() : text;
+  return printable(text.empty() ? status.error_message() : text, max_words);
 }
 
 Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,

@@ -60,7 +60,7 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 /// The ledger was not reached, or is too busy; asking again may help.
 bool may_pass(const grpc::Status& status);
 
-/// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing.
+/// What the peers said (gateway.ErrorDetail), or gRPC's own message where they said nothing; printable.
 std::string describe(const grpc::Status& status);
 
 /// The peer's own answer to somebody's protos.SignedProposal, waiting at most `deadline`.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/base/printable.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
 #include "peer/proposal.pb.h"
@@ -23,7 +24,8 @@ Gathering::Answer answer_of(const std::string& organisation, const grpc::Status&
   if (response.response().status() >= 400) {
     return {organisation,
             {},
-            fmt::format("chaincode response {}, {}", response.response().status(), response.response().message())};
+            fmt::format("chaincode response {}, {}", response.response().status(),
+                        printable(response.response().message(), max_words))};
   }
   return {organisation, {}, {}, response.payload(), response.SerializeAsString()};
 }

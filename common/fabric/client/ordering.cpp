@@ -1,5 +1,7 @@
 #include "common/fabric/client/ordering.hpp"
 
+#include "common/base/printable.hpp"
+
 namespace ledgerline::fabric {
 namespace {
 
@@ -89,11 +91,12 @@ void Ordering::on_acknowledged(bool ok) {
       back_off_.succeeded();
       return finish(Ended::acknowledged, {});
     case common::SERVICE_UNAVAILABLE:  // no leader, or too busy: it was not taken
-      return go_on(response.info());
+      return go_on(printable(response.info(), max_words));
     default:
       // Orderers end the stream after a refusal.
       drop_stream();
-      return finish(Ended::refused, common::Status_Name(response.status()) + ": " + response.info());
+      return finish(Ended::refused,
+                    common::Status_Name(response.status()) + ": " + printable(response.info(), max_words));
   }
 }
 

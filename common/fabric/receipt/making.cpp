@@ -2,6 +2,7 @@
 
 #include <map>
 
+#include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"
@@ -39,7 +40,7 @@ Result<Said> read_response(const PeerAnswer& from, const std::string& hash) {
   protos::ProposalResponse response;
   msp::SerializedIdentity identity;
   if (!parse(response, from.response)) return wrong("cannot be parsed");
-  if (response.response().status() != 200) return wrong("is a refusal: " + response.response().message());
+  if (response.response().status() != 200) return wrong("is a refusal: " + printable(response.response().message()));
   if (!response.has_endorsement() || !parse(identity, response.endorsement().endorser())) return wrong("is not signed");
   const auto said = read_answer(response.payload(), hash);
   if (!said) return wrong(said.error().what);

@@ -1,3 +1,4 @@
+#include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
@@ -137,7 +138,7 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
     if (!parse(response, bytes)) return Error{"a peer's answer is malformed"};
     if (response.response().status() >= 400) {
       return Error{"chaincode response " + std::to_string(response.response().status()) + ", " +
-                   response.response().message()};
+                   printable(response.response().message(), max_words)};
     }
     if (!response.has_endorsement()) return Error{"a peer's answer has no endorsement"};
     if (result.empty()) result = response.payload();

@@ -37,6 +37,10 @@ struct Call {
   std::optional<EndorsementNeed> need{};
 };
 
+/// What a peer, an orderer or a contract says of a call becomes one printable line of so many bytes at most: it goes to logs
+/// and terminals. A refusal that names each drone of an organisation fits.
+inline constexpr std::size_t max_words = 8'000;
+
 struct ChannelAndContract {
   std::string channel = "teleop";
   std::string contract = "ledgerline";

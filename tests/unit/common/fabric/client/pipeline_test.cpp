@@ -93,6 +93,18 @@ TEST(Pipeline, ARefusalCarriesTheContractsReason) {
   EXPECT_EQ(gateway.submit_calls(), 0);
 }
 
+TEST(Pipeline, WhatAServerSaysIsOneLineThatATerminalCanShow) {
+  const std::string words = "no such id\n12:00:00 error agent: all is lost \x1b[2J";
+  const std::string shown = "no such id?12:00:00 error agent: all is lost ?[2J";
+  FakeGateway gateway({.endorse = [&](const Call& call, int) {
+    const bool plain = call.function == "plain";
+    return FakeStatus{grpc::StatusCode::ABORTED, plain ? words : "x", plain ? "" : words};
+  }});
+  const auto client = client_of(gateway);
+  EXPECT_EQ(client->submit_and_wait({"plain", {}}).message, shown);
+  EXPECT_EQ(client->submit_and_wait({"detailed", {}}).message, shown);
+}
+
 TEST(Pipeline, AnInvalidatedTransactionSaysWhy) {
   FakeGateway gateway({.flag = [](const Call&) { return '\x0b'; }});
   const Outcome outcome = client_of(gateway)->submit_and_wait({"set", {}});
