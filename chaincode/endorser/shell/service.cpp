@@ -104,7 +104,16 @@ Status Service::restore(const std::string& path) {
 /// What failed is not what another start is to begin with. With the lock held, or alone.
 void Service::keep() {
   if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
-  keeper_->keep({place_, core_.height() - 1, core_.hash(), core_.snapshot()});
+  write(keeping_.offer({place_, core_.height() - 1, core_.hash(), core_.snapshot()}));
+}
+
+void Service::write(std::optional<fabric::Checkpoint> due) {
+  if (keeper_ && due) keeper_->keep(std::move(*due));
+}
+
+void Service::confirm_shared(std::uint64_t number, const std::string& hash) {
+  const auto lock = lanes_.first();
+  if (!readiness_.failed()) write(keeping_.told(number, hash));
 }
 
 void Service::fail(const std::string& why) {
@@ -133,6 +142,8 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     if (readiness_.failed()) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
+    if (taken && block.confirmed)
+      write(keeping_.told(block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();
     if (feed_.joins(core_.height())) {
       counts_.joined = true;

@@ -12,6 +12,7 @@
 
 #include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/feed.hpp"
+#include "chaincode/endorser/core/keeping.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
 #include "chaincode/endorser/shell/two_lanes.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
@@ -41,6 +42,8 @@ class Service {
   node::Reply process_proposal(const std::string& signed_proposal, Asker asker);
   /// What a stream tells that this process reads anyway: once it has met the own one, that one is ended.
   void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
+  /// The peer has told a block, too, that the shared stream told as an orderer did (Block::confirmed).
+  void confirm_shared(std::uint64_t number, const std::string& hash);
   void shared_connected(bool connected, const std::string& why) { on_connection(Feed::Source::shared, connected, why); }
   /// It must not go on.
   void fail(const std::string& why);
@@ -74,6 +77,7 @@ class Service {
   void run_checks();
   Status restore(const std::string& path);
   void keep();
+  void write(std::optional<fabric::Checkpoint> due);
   void check(Check one);
   bool peer_is_behind();
   /// With the lock held; then tell_failure() without it.
@@ -97,6 +101,7 @@ class Service {
   std::shared_ptr<const crypto::SigningIdentity> seen_identity_;  ///< the newest of identity_; signs, or was refused
   Core core_;
   Feed feed_;
+  Keeping keeping_;
   Readiness readiness_;
   bool stopping_ = false;
   std::deque<Check> checks_;

@@ -55,6 +55,10 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
       if (then) then(connected, why);
       self->service_->shared_connected(connected, why);
     };
+    handlers.on_confirmed = [self, then = std::move(handlers.on_confirmed)](const auto& confirmed) {
+      if (then) then(confirmed);
+      self->service_->confirm_shared(confirmed.number, confirmed.hash);
+    };
     handlers.on_contradiction = [self, then = std::move(handlers.on_contradiction)](const std::string& what) {
       if (then) then(what);
       self->service_->fail(what);
@@ -85,10 +89,6 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   if (settings.msp_dir.empty()) return done;
   if (ledger.orderers.empty())
     return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
-  if (!settings.checkpoint.empty() && ledger.blocks == fabric::BlockSource::ordered)
-    return Error{
-        "own_endorser.checkpoint: does not go with ledger.blocks = \"ordered\", whose newest blocks the peer has not "
-        "told yet"};
   fabric::ClientConfig own = ledger;
   own.blocks = fabric::BlockSource::peer;
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);

@@ -127,8 +127,18 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("is not whole"));
   ::chmod(file.c_str(), 0640);
   EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("chmod 600"));
-  with.blocks = fabric::BlockSource::ordered;
-  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("the peer has not told"));
+}
+
+TEST_F(WithinTest, WithBlocksAsTheyAreOrderedItsCheckpointIsOfABlockThatThePeerHasTold) {
+  const auto identity = organisation() / "peers/peer0.org1.ledgerline/msp";
+  const std::string file = organisation() / "endorser.checkpoint";
+  const auto first = send_states(identity, fabric::BlockSource::ordered, file);
+  EXPECT_EQ(first["joined"], true);
+  const auto second = send_states(identity, fabric::BlockSource::ordered, file);
+  EXPECT_GE(second["restored"], count) << second;
+  EXPECT_GT(second["answered"], count / 2) << second;
+  EXPECT_EQ(second["differ"], 0);
+  EXPECT_EQ(second["apart"], 0);
 }
 
 TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
