@@ -51,9 +51,7 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m) {
       for (const auto& [x, y] : {std::pair{0, 0}, {1, 0}, {1, 1}, {0, 1}}) add(x, y);
       break;
     case Shape::triangle:
-      add(0, 0);
-      add(1, 0);
-      add(0.5, std::sqrt(3.0) / 2);
+      for (const auto& [x, y] : {std::pair{0.0, 0.0}, {1.0, 0.0}, {0.5, std::sqrt(3.0) / 2}}) add(x, y);
       break;
     case Shape::x:
       for (const auto& [x, y] : {std::pair{0, 0}, {1, 1}, {1, 0}, {0, 1}}) add(x, y);
