@@ -1,4 +1,4 @@
-#include "tools/doctor/shell/channels.hpp"
+#include "tools/doctor/shell/ledger/channels.hpp"
 
 #include <gtest/gtest.h>
 
