@@ -142,7 +142,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     if (readiness_.failed()) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
-    if (taken && block.confirmed)
+    if (taken && keeper_ && block.confirmed)
       write(keeping_.told(block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();
     if (feed_.joins(core_.height())) {
