@@ -4,16 +4,16 @@ import os
 import pathlib
 import shutil
 import subprocess
-import time
 
 import findings
 import pytest
 from fabric import BIN
 from ledgers import Embedded
 from netns import die_with_parent
+from running import Failed, Program
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-READY_S, FLIGHT_S = 60, 240
+READY_S, END_S, FLIGHT_S = 60, 30, 240
 
 
 def init(*words) -> str:
@@ -78,27 +78,16 @@ def test_doctor_finds_nothing_wrong_with_them(hosts):
         assert not [each for each in findings.of_doctor(done).values() if each["verdict"] == "broken"], done.stdout
 
 
-class Programs:
-    """Started one after the other, ended the other way round."""
-
-    def __init__(self, folder: pathlib.Path):
-        self.folder, self.all = folder, []
-
-    def start(self, program: str, *words) -> subprocess.Popen:
-        said = self.folder / f"{program}.out"
-        with open(said, "wb") as out, open(said.with_suffix(".log"), "wb") as log:
-            process = subprocess.Popen([BIN / f"ledgerline-{program}", *words], stdout=out, stderr=log, preexec_fn=die_with_parent)
-        self.all.append(process)
-        deadline = time.monotonic() + READY_S
-        while '"ready":true' not in said.read_text():
-            assert process.poll() is None and time.monotonic() < deadline, said.with_suffix(".log").read_text()[-2000:]
-            time.sleep(0.05)
-        return process
-
-    def end(self) -> None:
-        for process in reversed(self.all):
-            process.terminate()
-            process.wait(30)
+def start(folder: pathlib.Path, program: str, *words) -> Program:
+    """Ready."""
+    started = Program(lambda *command, **to: subprocess.Popen(command, preexec_fn=die_with_parent, **to),
+                      [BIN / f"ledgerline-{program}", *words], folder / f"{program}.log")
+    try:
+        started.wait_ready(READY_S)
+    except Failed:
+        started.end(END_S)
+        raise
+    return started
 
 
 @pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
@@ -109,16 +98,15 @@ def test_drones_of_two_channels_fly_by_them(hosts, tmp_path):
                                text=True, timeout=60)
         assert shown.returncode == 0 and drone in shown.stdout, shown.stderr
         subprocess.run([BIN / "ledgerline-control", "--config", desk / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
-    programs = Programs(tmp_path)
+    programs = []
     try:
-        programs.start("roudi")
-        programs.start("sim", "--drones", "2")
-        programs.start("link", "--config", raven / "link.toml")
-        programs.start("agent", "--config", raven / "agent.toml")
+        for words in (("roudi",), ("sim", "--drones", "2"), ("link", "--config", raven / "link.toml"), ("agent", "--config", raven / "agent.toml")):
+            programs.append(start(tmp_path, *words))
         ground = subprocess.run([BIN / "ledgerline-ground", "--config", desk / "ground.toml"], capture_output=True, text=True,
                                 timeout=FLIGHT_S)
         assert ground.returncode == 0, ground.stderr[-3000:] + (tmp_path / "agent.log").read_text()[-2000:]
     finally:
-        programs.end()
+        for program in reversed(programs):
+            assert program.end(END_S) is not None, f"{program.log.stem} had to be killed"
     last = json.loads([line for line in ground.stdout.splitlines() if line.startswith('{"ground"')][-1])["ground"]["drones"]
     assert [(one["name"], one["channel"], one["phase"]) for one in last] == [("tello1", "teleop", "landed"), ("tello2", "yard", "landed")], last

@@ -42,6 +42,16 @@ class ClientTls : public testing::Test {
     server_->Shutdown();
     std::filesystem::remove_all(dir_);
   }
+  /// Of a client of this server, with its own pair.
+  ClientConfig client_config() const {
+    ClientConfig config;
+    config.endpoint = here().endpoint;
+    config.tls_ca_file = here().tls_ca_file;
+    config.server_name = here().server_name;
+    config.tls_pair = pair();
+    config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+    return config;
+  }
   crypto::KeyAndCertificate issue(const std::string& name, std::vector<std::string> sans) const {
     return crypto::issue(
                authority_,
@@ -115,15 +125,10 @@ TEST_F(ClientTls, OneOfSeveralAuthoritiesSuffices) {
 }
 
 TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
-  ClientConfig config;
-  config.endpoint = here().endpoint;
-  config.tls_ca_file = here().tls_ca_file;
-  config.server_name = here().server_name;
-  config.tls_pair = pair();
+  ClientConfig config = client_config();
   config.orderers = {here()};
   config.other_peers = {here()};
   config.endorsers = {{"Org2MSP", here().endpoint, here().tls_ca_file, here().server_name}};
-  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
   const auto made = make_connection(config).value();
   EXPECT_TRUE(is_ready(made->channels()->orderers.at(0)));
   EXPECT_TRUE(is_ready(made->channels()->peers.at(1)));
@@ -134,12 +139,7 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
 
 TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
   const auto in_use = std::make_shared<TlsPairsInUse>();
-  ClientConfig config;
-  config.endpoint = here().endpoint;
-  config.tls_ca_file = here().tls_ca_file;
-  config.server_name = here().server_name;
-  config.tls_pair = pair();
-  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  ClientConfig config = client_config();
   config.tls_in_use = in_use;
   const auto made = make_connection(config).value();
   const auto before = made->channels();
@@ -159,12 +159,7 @@ TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
 
 TEST_F(ClientTls, ARenewedPairIsTakenWhenTheAuthoritiesFileCanBeReadAgain) {
   const auto in_use = std::make_shared<TlsPairsInUse>();
-  ClientConfig config;
-  config.endpoint = here().endpoint;
-  config.tls_ca_file = here().tls_ca_file;
-  config.server_name = here().server_name;
-  config.tls_pair = pair();
-  config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
+  ClientConfig config = client_config();
   config.tls_in_use = in_use;
   const auto made = make_connection(config).value();
   const auto before = made->channels();
