@@ -13,6 +13,7 @@
 #include "common/crypto/identities/validity.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
+#include "ground/service/shell/answers.hpp"
 #include "ground/service/shell/hub.hpp"
 #include "ground/service/shell/sessions.hpp"
 
@@ -35,6 +36,7 @@ class BeastServer final : public Server {
   ~BeastServer() override {
     io_.stop();
     if (thread_.joinable()) thread_.join();
+    answers_.close();
   }
 
   Status listen(const ServiceSettings& settings, const std::string& token) {
@@ -142,18 +144,19 @@ class BeastServer final : public Server {
       // Beyond the bound a connection is closed at once; the pages that are open go on.
       if (hub_.connections() < max_connections) {
         web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);
-        serve_http(std::move(wire), hub_, *guard_);
+        serve_http(std::move(wire), hub_, answers_, *guard_);
       }
       accept();
     });
   }
 
-  // Before io_, whose end ends the connections that still wait: they speak to both.
+  // Before io_, whose end ends the connections that are still open: they speak to both.
   Hub hub_;
   const std::function<void(Level, std::string)> tell_;
   std::optional<web::RenewedTls> tls_;
   std::optional<Guard> guard_;
   asio::io_context io_{1};
+  Answers answers_{io_};
   tcp::acceptor acceptor_;
   asio::steady_timer again_, each_second_;
   bool near_end_said_ = false;

@@ -47,7 +47,7 @@ class Server {
   static constexpr std::size_t max_connections = 64, max_events = 1000;
   /// Of connections that have not shown the token: beyond it the oldest one of them makes room.
   static constexpr std::size_t max_strangers = 32;
-  /// What stands behind it, and must outlive it. Called on the server's thread.
+  /// What stands behind it, and must outlive it; an answer behind the server's end is dropped. Called on the server's thread.
   struct Behind {
     /// A pilot's word; the error says why it is not taken now.
     std::function<Status(const PilotWish&)> take;

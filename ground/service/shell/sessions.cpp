@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <boost/asio/post.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
@@ -223,8 +222,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
 
 class HttpSession final : public Hub::Stranger, public std::enable_shared_from_this<HttpSession> {
  public:
-  HttpSession(web::Wire&& wire, Hub& hub, const Guard& guard)
-      : wire_(std::move(wire)), hub_(hub), guard_(guard), place_(hub), budget_(requests_per_s) {}
+  HttpSession(web::Wire&& wire, Hub& hub, Answers& answers, const Guard& guard)
+      : wire_(std::move(wire)), hub_(hub), answers_(answers), guard_(guard), place_(hub), budget_(requests_per_s) {}
 
   void start() {
     if (!wire_.tls()) return read();
@@ -333,11 +332,10 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     if (!early.empty()) return respond(parser_->get(), refusal(429, early));
     hub_.sign_ins().failed(now, asked.who);  // until it is seen to be right, so that many at once are many
     wire_.tcp().expires_never();
-    hub_.keys().unlock(
-        asked.who, std::move(asked.pass_phrase), [self = shared_from_this(), who = asked.who](Status unlocked) {
-          boost::asio::post(self->wire_.get_executor(),
-                            [self, who, unlocked = std::move(unlocked)] { self->signed_in(who, unlocked); });
-        });
+    hub_.keys().unlock(asked.who, std::move(asked.pass_phrase),
+                       answers_.expect<Status>([self = shared_from_this(), who = asked.who](const Status& unlocked) {
+                         self->signed_in(who, unlocked);
+                       }));
     return std::nullopt;
   }
 
@@ -350,11 +348,9 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   template <typename Asked>
   std::optional<Response> ask(const std::function<void(Asked, std::function<void(ApiAnswer)>)>& whom, Asked asked) {
     wire_.tcp().expires_never();
-    whom(std::move(asked), [self = shared_from_this()](ApiAnswer made) {
-      boost::asio::post(self->wire_.get_executor(), [self, made = std::move(made)]() mutable {
-        self->write(respond(self->parser_->get(), std::move(made)));
-      });
-    });
+    whom(std::move(asked), answers_.expect<ApiAnswer>([self = shared_from_this()](ApiAnswer made) {
+      self->write(respond(self->parser_->get(), std::move(made)));
+    }));
     return std::nullopt;
   }
 
@@ -401,6 +397,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   web::Wire wire_;
   Hub& hub_;
+  Answers& answers_;
   const Guard& guard_;
   Hub::Place place_;
   Budget budget_;
@@ -411,8 +408,8 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
 }  // namespace
 
-void serve_http(web::Wire wire, Hub& hub, const Guard& guard) {
-  const auto session = std::make_shared<HttpSession>(std::move(wire), hub, guard);
+void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard) {
+  const auto session = std::make_shared<HttpSession>(std::move(wire), hub, answers, guard);
   hub.join(std::shared_ptr<Hub::Stranger>(session));
   session->start();
 }

@@ -9,6 +9,7 @@
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
+#include <future>
 #include <mutex>
 #include <nlohmann/json.hpp>
 #include <set>
@@ -69,6 +70,7 @@ class StationServer : public testing::Test {
       });
     };
     const auto ask_faults = [this](const FaultAsk& asked, std::function<void(ApiAnswer)> answer) {
+      if (asked.name == "slow") return late.set_value(std::move(answer));
       threads.emplace_back([asked, answer = std::move(answer)] { answer({200, command_of(asked)}); });
     };
     auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
@@ -130,6 +132,7 @@ class StationServer : public testing::Test {
   std::vector<PilotWish> wishes;
   std::atomic<bool> reached{true};
   std::vector<std::jthread> threads;
+  std::promise<std::function<void(ApiAnswer)>> late;  ///< of who asks for "slow"
   ServiceSettings settings;
   std::unique_ptr<Server> server;
   std::string place, token;
@@ -373,6 +376,26 @@ TEST_F(StationServer, FaultsAreToldWhenTheyChangeAndSwitchedBesideTheFlight) {
   const std::string on = R"({"name":"silent","on":true})";
   EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", "", on).result_int(), 401U);
   EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", token, on).body(), "on silent");
+}
+
+TEST_F(StationServer, AnAnswerBehindTheServersEndIsDropped) {
+  auto client = stream();
+  server->publish_faults({.switches = {{.name = "slow", .drone = "tello1", .label = "Slow", .words = "w"}}});
+  while (read(*client).value("op", "") != "faults") continue;
+  tcp::socket asking = dial();
+  http::request<http::string_body> request{http::verb::post, "/api/v1/faults", 11};
+  request.set(http::field::host, place);
+  request.set(http::field::authorization, "Bearer " + token);
+  request.body() = R"({"name":"slow","on":true})";
+  request.prepare_payload();
+  http::write(asking, request);
+  const std::function<void(ApiAnswer)> answer = late.get_future().get();
+  server.reset();
+  answer({200, "too late"});
+  beast::flat_buffer buffer;
+  http::response<http::string_body> response;
+  EXPECT_THROW(http::read(asking, buffer, response), boost::system::system_error)
+      << "its connection ends with the server";
 }
 
 TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
