@@ -174,7 +174,7 @@ void ServerSide::serve(TimeNs now, std::span<const pollfd> polled) {
     }
     const bool good = (client.revents == 0 || c.to.read(now)) && (server.revents == 0 || c.from.read(now)) &&
                       c.to.write(now) && c.from.write(now);
-    if (!good) ++resets_;
+    if (!good && resets_++ == 0) first_reset_ = now;
     if (!good || (c.to.end_sent && c.from.end_sent)) close(c, !good);
   }
   std::erase_if(connections_, [](const auto& c) { return c->client < 0; });
@@ -254,9 +254,16 @@ nlohmann::json ServerSide::summary() const {
   const auto counts = [](const LineCounts& c) {
     return nlohmann::json{{"bytes_in", c.bytes_in}, {"bytes_out", c.bytes_out}};
   };
-  return {{"name", route_.name},   {"connections", taken_},   {"open", connections_.size()},
-          {"too_many", too_many_}, {"unreached", unreached_}, {"resets", resets_},
-          {"cut", cut_},           {"not_taken", not_taken_}, {"to", counts(to)},
+  return {{"name", route_.name},
+          {"connections", taken_},
+          {"open", connections_.size()},
+          {"too_many", too_many_},
+          {"unreached", unreached_},
+          {"resets", resets_},
+          {"first_reset_ns", first_reset_},
+          {"cut", cut_},
+          {"not_taken", not_taken_},
+          {"to", counts(to)},
           {"from", counts(from)}};
 }
 

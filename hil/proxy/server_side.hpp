@@ -58,7 +58,7 @@ class ServerSide {
   std::vector<std::unique_ptr<Connection>> connections_;
   LineCounts to_counts_, from_counts_;  ///< of connections that ended
   std::uint64_t taken_ = 0, too_many_ = 0, unreached_ = 0, resets_ = 0, cut_ = 0, not_taken_ = 0;
-  TimeNs accept_from_ = 0;
+  TimeNs accept_from_ = 0, first_reset_ = 0;
 };
 
 }  // namespace ledgerline::hil::proxy
