@@ -8,6 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/crypto/unhex.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -25,24 +26,16 @@ std::optional<std::string_view> take_line(std::string_view& text, std::string_vi
   return value;
 }
 
-template <typename Number>
-std::optional<Number> number_of(std::optional<std::string_view> text, int base = 10) {
-  Number out = 0;
+std::optional<std::uint64_t> number_of(std::optional<std::string_view> text) {
+  std::uint64_t out = 0;
   if (!text || text->empty()) return std::nullopt;
   const char* const end = text->data() + text->size();
-  const auto [at, error] = std::from_chars(text->data(), end, out, base);
+  const auto [at, error] = std::from_chars(text->data(), end, out);
   return error == std::errc() && at == end ? std::optional(out) : std::nullopt;
 }
 
-std::optional<std::string> bytes_of(std::optional<std::string_view> hex) {
-  if (!hex || hex->size() != 2 * hash_bytes) return std::nullopt;
-  std::string bytes;
-  for (std::size_t i = 0; i < hex->size(); i += 2) {
-    const auto byte = number_of<unsigned char>(hex->substr(i, 2), 16);
-    if (!byte) return std::nullopt;
-    bytes.push_back(static_cast<char>(*byte));
-  }
-  return bytes;
+std::optional<std::string> hash_of(std::optional<std::string_view> hex) {
+  return hex && hex->size() == 2 * hash_bytes ? crypto::unhex(*hex) : std::nullopt;
 }
 
 }  // namespace
@@ -63,9 +56,9 @@ Result<Checkpoint> checkpoint_from(std::string_view text) {
     return damaged;
   std::string_view rest = text.substr(first_line.size(), sum_at - first_line.size());
   const auto channel = take_line(rest, "channel ");
-  const auto number = number_of<std::uint64_t>(take_line(rest, "block "));
-  auto hash = bytes_of(take_line(rest, "hash "));
-  const auto size = number_of<std::size_t>(take_line(rest, "records "));
+  const auto number = number_of(take_line(rest, "block "));
+  auto hash = hash_of(take_line(rest, "hash "));
+  const auto size = number_of(take_line(rest, "records "));
   if (!channel || !number || !hash || !size || *size != rest.size()) return damaged;
   return Checkpoint{std::string(*channel), *number, std::move(*hash), std::string(rest)};
 }
