@@ -6,7 +6,8 @@
 namespace ledgerline::endorser {
 namespace {
 
-constexpr std::string_view kind = "ledgerline endorser 1\n";
+constexpr std::string_view kind = "ledgerline endorser 2\n";
+constexpr std::string_view kind_of_before = "ledgerline endorser 1\n";  // always of the whole chain
 
 class Writer {
  public:
@@ -91,7 +92,7 @@ void write(Writer& to, const node::State& state) {
   }
 }
 
-node::State read_state(Reader& from) {
+node::State::Parts read_state(Reader& from) {
   node::State::Parts parts;
   for (std::uint64_t left = from.count(48); left > 0 && from.whole(); --left) {
     std::string key = from.text();
@@ -115,7 +116,7 @@ node::State read_state(Reader& from) {
     const std::uint64_t block = from.number(), code = from.number();
     from.expect(code < 256 && parts.txs.emplace(std::move(id), node::State::Tx{block, static_cast<int>(code)}).second);
   }
-  return node::State(std::move(parts));
+  return parts;
 }
 
 }  // namespace
@@ -128,18 +129,23 @@ std::string to_bytes(const node::ChainEnd& end, std::string_view config_block, c
   to.text(config_block);
   write(to, contract);
   write(to, lifecycle);
+  to.number(contract.parts().history_since);
   return std::move(to.out);
 }
 
 Result<Snapshot> snapshot_from(std::string_view bytes) {
-  if (!bytes.starts_with(kind)) return Error{"it is no endorser's state, or of another version"};
+  const bool of_before = bytes.starts_with(kind_of_before);
+  if (!of_before && !bytes.starts_with(kind)) return Error{"it is no endorser's state, or of another version"};
   Reader from(bytes.substr(kind.size()));
   Snapshot out;
   out.end.height = from.number();
   out.end.hash = from.text();
   out.config_block = from.text();
-  out.contract = read_state(from);
-  out.lifecycle = read_state(from);
+  node::State::Parts contract = read_state(from);
+  out.lifecycle = node::State(read_state(from));
+  if (!of_before) contract.history_since = from.number();
+  from.expect(contract.history_since <= out.end.height);
+  out.contract = node::State(std::move(contract));
   if (!from.whole() || !from.at_end() || out.end.height == 0) return Error{"an endorser's state is not whole"};
   return out;
 }

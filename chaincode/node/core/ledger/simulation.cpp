@@ -61,13 +61,17 @@ Result<std::vector<chaincode::KeyVersion>> Simulation::get_history(const std::st
                                                                    std::size_t limit) {
   std::vector<chaincode::KeyVersion> found;
   const std::vector<Version>* versions = state_.history(key);
-  if (versions == nullptr) return found;
-  for (std::size_t i = skip; i < versions->size() && found.size() < limit; ++i) {
-    auto version = read_version_(key, (*versions)[versions->size() - 1 - i]);
+  const std::size_t known = versions == nullptr ? 0 : versions->size();
+  for (std::size_t i = skip; i < known && found.size() < limit; ++i) {
+    auto version = read_version_(key, (*versions)[known - 1 - i]);
     if (!version) return version.error();
     found.push_back(std::move(*version));
   }
-  return found;
+  const std::uint64_t since = state_.parts().history_since;
+  if (since == 0 || found.size() == limit) return found;
+  // Older ones may lie in blocks that nobody here has read.
+  const auto older = read_version_(key, {since - 1, 0});
+  return older ? Error{"what was written before block " + std::to_string(since) + " is not known"} : older.error();
 }
 
 void Simulation::set_event(const std::string& name, const std::string& payload) {

@@ -36,6 +36,8 @@ class State {
     Values values{};
     std::map<std::string, std::vector<Version>> history{};
     std::unordered_map<std::string, Tx> txs{};  ///< looked up, or taken in any order
+    /// The history has what was written from this block on, and nothing of before.
+    std::uint64_t history_since = 0;
   };
   State() = default;
   explicit State(Parts parts);
@@ -43,7 +45,7 @@ class State {
 
   const Value* find(const std::string& key) const;
   const Values& values() const { return parts_.values; }
-  /// Oldest first; nullptr: never written.
+  /// Oldest first; nullptr: never written, since Parts::history_since.
   const std::vector<Version>* history(const std::string& key) const;
   /// What a transaction of a member of `writer` does to keys (fabric::effects_of).
   void write(const kvrwset::KVRWSet& set, Version version, const std::string& writer = {});

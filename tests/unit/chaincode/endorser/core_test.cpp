@@ -195,6 +195,21 @@ TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
   }
 }
 
+TEST_F(OwnEndorserTest, AStateAsItWasKeptBeforeIsReadAsOfTheWholeChain) {
+  net.submit(net.host, "set", note("tello1/a"));
+  follow();
+  // Without the number of the first block that the history has.
+  const std::string now = core.snapshot(), head = "ledgerline endorser ";
+  const std::string before =
+      head + "1" + now.substr(head.size() + 1, now.size() - head.size() - 1 - sizeof(std::uint64_t));
+  Core other{{{}, identity, test_members()}};
+  ASSERT_TRUE(other.restore(before).ok());
+  EXPECT_EQ(other.snapshot().size(), now.size());
+  const auto proposal = net.propose(net.host, "get", "tello1/a");
+  EXPECT_EQ(compare(other.process_proposal(proposal.signed_proposal, net.now).bytes, ask(proposal).bytes),
+            Comparison::same);
+}
+
 TEST_F(OwnEndorserTest, ASnapshotThatIsNotWholeIsRefused) {
   for (int i = 0; i < 5; ++i) net.submit(net.host, "set", note("tello1/a" + std::to_string(i)));
   follow();
