@@ -3,9 +3,11 @@
 #include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/snapshot.hpp"
 #include "tests/fuzz/entry.hpp"
+#include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// An endorser's own state, as its checkpoint keeps it: a failing disk, another version, or whoever may write the file.
+/// An endorser's own state, as its checkpoint keeps it, and a peer's snapshot that it may begin with: a failing disk, another
+/// version, or whoever may write the files.
 namespace ledgerline::fuzz::endorser_part {
 namespace {
 
@@ -52,7 +54,9 @@ class SnapshotEntry final : public Entry {
       return core.height() == 0 && core.hash().empty() ? refused(restored.error().what) : refused("");
     const std::string again = core.snapshot();
     const auto first = endorser::snapshot_from(bytes), second = endorser::snapshot_from(again);
-    if (!first || !second || first->end.height != second->end.height || again.size() != bytes.size())
+    // The one of before did not say since when its history is.
+    const std::size_t added = bytes.starts_with("ledgerline endorser 1") ? sizeof(std::uint64_t) : 0;
+    if (!first || !second || first->end.height != second->end.height || again.size() != bytes.size() + added)
       return refused("");
     (void)core.process_proposal(proposal_, net_->now);
     return accepted();
@@ -63,8 +67,67 @@ class SnapshotEntry final : public Entry {
   std::string proposal_;
 };
 
+/// A peer's snapshot whose files somebody changed, who wrote their hashes, too: each file behind its length.
+class PeerSnapshotEntry final : public Entry {
+ public:
+  std::vector<std::string> seeds() override {
+    node::State::Parts contract;
+    contract.values["a"] = {"1", {1, 0}, "policy"};
+    contract.values["b"] = {std::string(300, 'b'), {2, 300}};
+    for (const char digit : {'0', 'a', 'f'}) contract.txs[std::string(64, digit)] = {};
+    common::Payload payload;
+    common::Envelope envelope;
+    common::Block config;
+    payload.set_data("configuration");
+    envelope.set_payload(payload.SerializeAsString());
+    config.mutable_data()->add_data(envelope.SerializeAsString());
+    endorser::Snapshot known{{3, std::string(32, 'h')}, config.SerializeAsString(), node::State(contract), {}};
+    const endorser::PeerSnapshotFiles files = endorser::snapshot_of(known);
+    std::string all;
+    for (const std::string* one : {&files.states, &files.states_counts, &files.ids, &files.ids_count})
+      all += std::string{static_cast<char>(one->size() & 255), static_cast<char>(one->size() >> 8)} + *one;
+    return {all};
+  }
+
+  Outcome feed(std::string_view bytes) override {
+    endorser::PeerSnapshotFiles files;
+    for (std::string* one : {&files.states, &files.states_counts, &files.ids, &files.ids_count}) {
+      if (bytes.size() < 2) break;
+      const std::size_t size = static_cast<unsigned char>(bytes[0]) | static_cast<unsigned char>(bytes[1]) << 8;
+      *one = bytes.substr(2, size);
+      bytes.remove_prefix(std::min(bytes.size(), 2 + size));
+    }
+    endorser::seal(files, {3, std::string(32, 'h')});
+    return outcome_of(endorser::read_peer_snapshot(files, {}, {}));
+  }
+};
+
+/// What a peer's snapshot says of itself.
+class DescriptionEntry final : public Entry {
+ public:
+  DescriptionEntry() {
+    endorser::put_states(files_, {{"", {endorser::state_record("CHANNEL_CONFIG_ENV_BYTES", {"c", {0, 0}})}}});
+    endorser::put_ids(files_, {});
+    endorser::seal(files_, {3, std::string(32, 'h')});
+  }
+  std::vector<std::string> seeds() override { return {files_.description}; }
+  Outcome feed(std::string_view bytes) override {
+    endorser::PeerSnapshotFiles files = files_;
+    files.description = bytes;
+    files.description_hash = R"({"snapshot_hash":")" + crypto::hex(crypto::sha256(bytes)) + R"("})";
+    return outcome_of(endorser::read_peer_snapshot(files, {}, {}));
+  }
+
+ private:
+  endorser::PeerSnapshotFiles files_;
+};
+
 // A spoilt value or hash is a state like another: only who wrote it knows (the file is 0600).
 const Registration snapshot({"endorser.snapshot", Kind::bytes, [] { return std::make_unique<SnapshotEntry>(); }});
+const Registration peer_snapshot({"endorser.peer_snapshot", Kind::bytes,
+                                  [] { return std::make_unique<PeerSnapshotEntry>(); }});
+const Registration description({"endorser.peer_snapshot_description", Kind::json,
+                                [] { return std::make_unique<DescriptionEntry>(); }});
 
 }  // namespace
 }  // namespace ledgerline::fuzz::endorser_part

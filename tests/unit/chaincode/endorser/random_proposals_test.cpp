@@ -6,10 +6,12 @@
 
 #include "chaincode/endorser/core/comparison.hpp"
 #include "chaincode/endorser/core/core.hpp"
+#include "chaincode/endorser/core/first_state.hpp"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/chaincode/endorser/channel.hpp"
+#include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/endorser/random_calls.hpp"
 
 namespace ledgerline::endorser {
@@ -47,11 +49,29 @@ class RandomProposals : public ::testing::Test {
   }
 
   void follow() {
-    for (; core_.height() < channel_.blocks.size();) {
-      const std::string& raw = channel_.blocks[core_.height()];
-      const Status taken = core_.take(*fabric::decode_block(raw), raw);
+    for (; core_->height() < channel_.blocks.size();) {
+      const std::string& raw = channel_.blocks[core_->height()];
+      const Status taken = core_->take(*fabric::decode_block(raw), raw);
       ASSERT_TRUE(taken.ok()) << taken.error().what;
     }
+  }
+  static std::unique_ptr<Core> make_core() {
+    return std::make_unique<Core>(
+        Core::Setup{{}, people().endorsers[0].identity, fabric::BlockJudge::registry_of(library)});
+  }
+  /// With what the peer's snapshot of now says, in place of all blocks.
+  void begin_anew() {
+    const auto said = read_peer_snapshot(snapshot_of(*snapshot_from(core_->snapshot())), {}, {});
+    ASSERT_TRUE(said.ok()) << said.error().what;
+    auto judge = fabric::BlockJudge::from(channel_.blocks[0], "teleop", library);
+    const auto config = confirm(*said, *judge, [this](std::uint64_t number) {
+      common::Block block;
+      block.ParseFromString(channel_.blocks.at(number));
+      return block;
+    });
+    ASSERT_TRUE(config.ok()) << config.error().what;
+    core_ = make_core();
+    ASSERT_TRUE(core_->restore(to_bytes(said->end, *config, said->contract, said->lifecycle)).ok());
   }
   /// By all three organisations' peers; what they refuse is not ordered.
   void order(const crypto::SigningIdentity& who, const fabric::Proposal& proposal, bool must) {
@@ -69,7 +89,7 @@ class RandomProposals : public ::testing::Test {
   /// Both are asked; false: they do not say the same.
   void ask_both(const fabric::Proposal& proposal, const std::string& function, Tally& tally) {
     ++tally.asked;
-    const Reply own = core_.process_proposal(proposal.signed_proposal, now_);
+    const Reply own = core_->process_proposal(proposal.signed_proposal, now_);
     if (own.code == Code::unavailable) {
       ++tally.left_to_the_peer;
       EXPECT_TRUE(function == "get" || function == "verify") << function << " looks into no old block: " << own.message;
@@ -125,6 +145,16 @@ class RandomProposals : public ::testing::Test {
     follow();
   }
 
+  void ask_many(int count) {
+    for (int i = 0; i < count && !HasFatalFailure(); ++i) {
+      if (i % 50 == 0) {
+        for (const CallOf& one : usual_calls(names_)) commit(one, false);
+        follow();
+      }
+      ask_one(calls_.next_kind());
+    }
+  }
+
   /// Of more than one organisation, in the order of Who.
   const std::vector<Member> members_{people().hosts[0],
                                      people().admin,
@@ -137,7 +167,7 @@ class RandomProposals : public ::testing::Test {
   const std::vector<crypto::IdentityName> names_ = names_of(members_);
   node::Now now_{ns_per_s, realtime_ns() + two_days_ns};  // behind the end of the one that expires
   Channel channel_;
-  Core core_{{{}, people().endorsers[0].identity, fabric::BlockJudge::registry_of(library)}};
+  std::unique_ptr<Core> core_ = make_core();
   int nonces_ = 0;
   std::string last_nonce_;
   std::vector<std::pair<const crypto::SigningIdentity*, std::string>> used_;
@@ -147,13 +177,7 @@ class RandomProposals : public ::testing::Test {
 
 TEST_F(RandomProposals, AreAnsweredAsByThePeer) {
   const int count = slow ? 200 : seeds(1'000, 10'000);
-  for (int i = 0; i < count && !HasFatalFailure(); ++i) {
-    if (i % 50 == 0) {
-      for (const CallOf& one : usual_calls(names_)) commit(one, false);
-      follow();
-    }
-    ask_one(calls_.next_kind());
-  }
+  ask_many(count);
   for (const Share& share : shares) {
     const Tally& tally = tallies_[share.kind];
     std::printf("%s: %d asked, %d endorsed, %d refused, %d unanswered, %d left to the peer\n", share.name, tally.asked,
@@ -167,6 +191,17 @@ TEST_F(RandomProposals, AreAnsweredAsByThePeer) {
   for (const Kind kind : {Kind::used_id, Kind::wrong_creator, Kind::expired_creator})
     EXPECT_EQ(tallies_[kind].unanswered, tallies_[kind].asked) << name_of(kind);
   EXPECT_EQ(tallies_[Kind::command].left_to_the_peer + tallies_[Kind::state].left_to_the_peer, 0);
+}
+
+TEST_F(RandomProposals, BehindAPeersSnapshotAreAnsweredAsByThePeer) {
+  const int count = slow ? 60 : seeds(200, 2'000);
+  for (int snapshots = 0; snapshots < 3 && !HasFatalFailure(); ++snapshots) {
+    ask_many(count);
+    begin_anew();
+  }
+  ask_many(count);
+  EXPECT_GT(tallies_[Kind::command].endorsed, 0);
+  EXPECT_EQ(tallies_[Kind::used_id].unanswered, tallies_[Kind::used_id].asked) << "of before the snapshot, too";
 }
 
 }  // namespace
