@@ -114,7 +114,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
     ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
-  [own_endorser] msp_dir, check_one_in, checkpoint, listen, tls_certificate, tls_key, summary (docs/endorser.md)
+  [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [service] listen, token_file, tls_certificate, tls_key, tls_client_ca, names, operators, session_idle_s, faults
     (a page to fly from: docs/station.md)
   [mission] folder, approvals, approvers, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)

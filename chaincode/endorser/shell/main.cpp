@@ -37,8 +37,9 @@ int run(Config& config) {
   if (!certificates) return fail(certificates.error(), exit_usage);
   std::atomic<bool> failed{false};
   const auto tls = ledger->tls_in_use;
-  auto service = endorser::Service::start(std::move(*ledger), {settings.check_one_in, settings.checkpoint},
-                                          [&](const std::string&) { failed = true; });
+  auto service =
+      endorser::Service::start(std::move(*ledger), {settings.check_one_in, settings.checkpoint, settings.first_state},
+                               [&](const std::string&) { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
   auto served = endorser::serve(**service, settings.serve, "serve.", tls);
   if (!served) return fail(served.error());
@@ -75,6 +76,7 @@ const std::string notes =
 endorser.toml:
 )" + ledger_table_help +
     R"(  [serve] listen, tls_certificate, tls_key; check_one_in: how often the peer is asked whether it answers the same
+  [start]  first_state, first_state_hash: a peer's snapshot to begin with, in place of all blocks
 [ledger] names a peer of the organisation, an identity of its own with OU=peer, and config_block, which it needs. Prints
 {"ready":true,"endpoint":...} when it has all blocks. Agent and ground name it as an [[endorser]] before the peer.
 Exit codes: 0 ended by a signal; 1 it differs from its peer, or its blocks cannot be believed; 2 bad usage or config)";

@@ -7,8 +7,11 @@
 #include <chrono>
 
 #include "chaincode/endorser/core/comparison.hpp"
+#include "chaincode/endorser/core/snapshot.hpp"
+#include "chaincode/endorser/shell/first_state_folder.hpp"
 #include "common/base/log.hpp"
 #include "common/base/random.hpp"
+#include "common/common.pb.h"
 #include "common/rt/clock.hpp"
 #include "common/rt/retry/back_off.hpp"
 
@@ -35,26 +38,31 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
   if (!peer) return peer.error();
   auto client = fabric::Client::create(ledger);
   if (!client) return client.error();
-  std::unique_ptr<Service> service(new Service(std::move(ledger), options.check_one_in, std::move(on_failure)));
+  std::unique_ptr<Service> service(new Service(ledger, options.check_one_in, std::move(on_failure)));
   Service& self = *service;
   self.peer_ = std::move(*peer);
   if (Status s = self.restore(options.checkpoint); !s) return s.error();
+  if (Status s = self.read_first_state(options.first_state, ledger); !s) return s.error();
   self.client_ = std::move(*client);
+  const bool begins_at_once = !self.first_state_;
   self.checker_ = std::thread([&self] { self.run_checks(); });
-  fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [&self](const fabric::Block& block, std::string_view raw) {
-    self.on_block(Feed::Source::own, block, raw);
-  };
-  handlers.on_connection = [&self](bool connected, const std::string& why) {
-    self.on_connection(Feed::Source::own, connected, why);
-  };
-  handlers.on_unbelievable = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
-  handlers.on_contradiction = [&self](const std::string& what) { self.fail("the peer's blocks: " + what); };
   const auto lock = self.lanes_.first();
-  self.stream_ = self.begun_behind_
-                     ? self.client_->blocks_behind({*self.begun_behind_, any_absence}, std::move(handlers))
-                     : self.client_->blocks(0, std::move(handlers));
+  if (begins_at_once) self.begin_stream();
   return service;
+}
+
+void Service::begin_stream() {
+  fabric::Client::StreamHandlers handlers;
+  handlers.on_block = [this](const fabric::Block& block, std::string_view raw) {
+    on_block(Feed::Source::own, block, raw);
+  };
+  handlers.on_connection = [this](bool connected, const std::string& why) {
+    on_connection(Feed::Source::own, connected, why);
+  };
+  handlers.on_unbelievable = [this](const std::string& what) { fail("the peer's blocks: " + what); };
+  handlers.on_contradiction = [this](const std::string& what) { fail("the peer's blocks: " + what); };
+  stream_ = begun_behind_ ? client_->blocks_behind({*begun_behind_, any_absence}, std::move(handlers))
+                          : client_->blocks(0, std::move(handlers));
 }
 
 Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
@@ -101,6 +109,62 @@ Status Service::restore(const std::string& path) {
   return done;
 }
 
+Status Service::read_first_state(const FirstStateSettings& settings, const fabric::ClientConfig& ledger) {
+  if (settings.folder.empty())
+    return settings.hash.empty() ? Status(done) : Error{"first_state_hash without first_state"};
+  if (begun_behind_) {
+    spdlog::info("endorser: it goes on behind its checkpoint: first_state is not read");
+    return done;
+  }
+  auto said = read_first_state_folder(settings, ledger.where);
+  if (!said) return said.error();
+  auto judge = fabric::BlockJudge::from(ledger.config_block, ledger.where.channel, ledger.verifier);
+  if (!judge) return judge.error();
+  first_state_.emplace(FirstState{std::move(*said), std::move(*judge)});
+  return done;
+}
+
+bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
+  bool reached = true;
+  const auto fetch = [&](std::uint64_t number) -> Result<common::Block> {
+    const auto bytes = peer_->block(number);
+    common::Block block;
+    if (bytes && block.ParseFromString(*bytes)) return block;
+    reached = false;
+    return Error{fmt::format("the peer does not give block {}: {}", number,
+                             bytes ? "its answer is no block" : bytes.error().what)};
+  };
+  lock.unlock();
+  const auto config_block = confirm(first_state_->said, first_state_->judge, fetch);
+  lock.lock();
+  if (!config_block && !reached) {
+    if (std::exchange(first_state_->problem, config_block.error().what) != config_block.error().what)
+      spdlog::warn("endorser: first_state is not begun with yet: {}", config_block.error().what);
+    return false;
+  }
+  const Status taken = config_block ? take_first_state(*config_block) : config_block.error();
+  first_state_.reset();
+  if (taken) {
+    spdlog::info("endorser: it begins with the peer's snapshot of block {}", core_.height() - 1);
+    begin_stream();
+  } else {
+    lock.unlock();
+    fail(refused_first_state(taken.error().what));
+    lock.lock();
+  }
+  return true;
+}
+
+/// As from a checkpoint, from here on.
+Status Service::take_first_state(const std::string& config_block) {
+  const PeerSnapshot& said = first_state_->said;
+  const Status restored = core_.restore(to_bytes(said.end, config_block, said.contract, said.lifecycle));
+  if (!restored) return restored;
+  counts_.blocks = counts_.restored = core_.height();
+  begun_behind_ = fabric::Checkpoint{place_, core_.height() - 1, core_.hash(), {}};
+  return done;
+}
+
 /// What failed is not what another start is to begin with. With the lock held, or alone.
 void Service::keep() {
   if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
@@ -139,7 +203,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
   Status taken = done;
   {
     const auto lock = lanes_.first();
-    if (readiness_.failed()) return;
+    if (readiness_.failed() || first_state_) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
     if (taken && keeper_ && block.confirmed)
@@ -225,7 +289,12 @@ void Service::run_checks() {
   Random random(seed());
   auto lock = lanes_.first();
   while (!stopping_) {
-    if (readiness_.wants_height()) {
+    if (first_state_) {
+      if (begin_with_first_state(lock))
+        back_off.succeeded();
+      else
+        checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
+    } else if (readiness_.wants_height()) {
       const std::uint64_t connection = readiness_.connection();
       lock.unlock();
       const auto height = peer_->height();

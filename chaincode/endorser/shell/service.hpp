@@ -12,8 +12,10 @@
 
 #include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/feed.hpp"
+#include "chaincode/endorser/core/first_state.hpp"
 #include "chaincode/endorser/core/keeping.hpp"
 #include "chaincode/endorser/core/readiness.hpp"
+#include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/endorser/shell/two_lanes.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
@@ -32,6 +34,7 @@ class Service {
   struct Options {
     int check_one_in = 100;
     std::string checkpoint{};  ///< a file: what it knew, written now and then and at the end; empty: none
+    FirstStateSettings first_state{};
   };
   /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
   static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Options& options,
@@ -76,6 +79,18 @@ class Service {
   void await_check(std::unique_lock<std::mutex>& lock);
   void run_checks();
   Status restore(const std::string& path);
+  /// A peer's snapshot, until the peer's chain says that it is of it.
+  struct FirstState {
+    PeerSnapshot said;
+    fabric::BlockJudge judge;
+    std::string problem{};  ///< why the peer was not reached, as the log has it
+  };
+  Status read_first_state(const FirstStateSettings& settings, const fabric::ClientConfig& ledger);
+  /// Asks the peer's chain, without the lock meanwhile; with it before and after, as `lock`. False: once more.
+  bool begin_with_first_state(std::unique_lock<std::mutex>& lock);
+  Status take_first_state(const std::string& config_block);
+  /// With the lock held.
+  void begin_stream();
   void keep();
   void write(std::optional<fabric::Checkpoint> due);
   void check(Check one);
@@ -95,6 +110,7 @@ class Service {
   std::unique_ptr<fabric::PeerQuestions> peer_;
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   std::optional<fabric::Checkpoint> begun_behind_;  ///< without its records
+  std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
   mutable TwoLanes lanes_;  // its lock guards what follows; by the second lane come the proposals of others alone
   std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;

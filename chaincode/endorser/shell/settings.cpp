@@ -26,6 +26,24 @@ std::string checkpoint(Config& config, const std::string& table) {
                      "");
 }
 
+FirstStateSettings first_state(Config& config, const std::string& table) {
+  FirstStateSettings out;
+  out.folder = config.text(
+      {table + "first_state",
+       "folder of a snapshot that a peer of Fabric made (`peer snapshot submitrequest`): a start without a checkpoint "
+       "begins behind it. What the contract's keys hold is then [the peer's word]"
+       "(endorser.md#a-first-start-from-a-peers-snapshot)",
+       "none: such a start reads all blocks"},
+      "");
+  out.hash = config.text(
+      {table + "first_state_hash",
+       "the snapshot's `snapshot_hash` as another organisation's peer has it of the same block: a snapshot with "
+       "another one is refused",
+       "none: the folder is believed"},
+      "");
+  return out;
+}
+
 }  // namespace
 
 Settings read_settings(Config& config) {
@@ -36,6 +54,7 @@ Settings read_settings(Config& config) {
   out.serve.tls_key = config.text({"serve.tls_key", "PEM file of that certificate's key"});
   out.serve.tls_client_ca = client_ca(config, "serve.");
   out.check_one_in = check_one_in(config, "serve.", out.check_one_in);
+  out.first_state = first_state(config, "start.");
   out.checkpoint = checkpoint(config, "output.");
   out.summary = config.text({"output.summary", "JSON file that is written at the end", "none"}, "");
   return out;
@@ -52,6 +71,7 @@ WithinSettings read_within_settings(Config& config) {
       "");
   out.check_one_in = check_one_in(config, "own_endorser.", out.check_one_in);
   out.checkpoint = checkpoint(config, "own_endorser.");
+  out.first_state = first_state(config, "own_endorser.");
   out.serve.listen = config.text({"own_endorser.listen",
                                   "ADDRESS:PORT where it serves other programs, too, as `ledgerline endorser` does; "
                                   "with tls_certificate and tls_key",

@@ -104,8 +104,8 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   auto certificates = fabric::CertificateWatch::create(watched, nullptr, served);
   if (!certificates) return Error{"own_endorser.tls_certificate and tls_key: " + certificates.error().what};
   own.identity = watched.identity;
-  auto service =
-      Service::start(std::move(own), {settings.check_one_in, settings.checkpoint}, [](const std::string&) {});
+  auto service = Service::start(std::move(own), {settings.check_one_in, settings.checkpoint, settings.first_state},
+                                [](const std::string&) {});
   if (!service) return Error{"own_endorser: " + service.error().what};
   auto within = std::make_shared<Within>(std::move(*service), settings.summary, std::move(*certificates));
   if (!settings.serve.listen.empty()) {

@@ -9,8 +9,11 @@
 #include <atomic>
 #include <nlohmann/json.hpp>
 
+#include "chaincode/endorser/core/snapshot.hpp"
+#include "common/base/file.hpp"
 #include "common/fabric/checkpoint/checkpoint.hpp"
 #include "common/fabric/client/own_endorser.hpp"
+#include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
 
 /// An endorser in the client's process, against the embedded node, which is its peer and orderer.
@@ -68,22 +71,23 @@ class WithinTest : public ::testing::Test {
   }
   /// Sends many states through a client with this endorser, with a block stream; what the endorser says it did.
   nlohmann::json send_states(const std::filesystem::path& msp_dir, fabric::BlockSource blocks,
-                             const std::string& checkpoint = "") {
+                             const std::string& checkpoint = "", const FirstStateSettings& first_state = {},
+                             int states = count) {
     const std::filesystem::path summary = organisation() / "within.json";
     fabric::ClientConfig with = config();
     with.blocks = blocks;
-    const Status begun = endorse_within({msp_dir, 10, summary, checkpoint, {}}, with);
+    const Status begun = endorse_within({msp_dir, 10, summary, checkpoint, {}, first_state}, with);
     EXPECT_TRUE(begun.ok()) << begun.error().what;
     {
       const auto client = fabric::Client::create(std::move(with)).value();
       std::atomic<int> seen{0};
       const auto stream = client->blocks(std::nullopt, {.on_block = [&](const auto&, auto) { ++seen; },
                                                         .on_connection = [](bool, const std::string&) {}});
-      for (int i = 0; i < count; ++i) {
+      for (int i = 0; i < states; ++i) {
         const auto outcome = client->submit_and_wait(state("tello1/a"));
         EXPECT_EQ(outcome.kind, Kind::committed) << outcome.message;
       }
-      EXPECT_GT(seen, count / 2) << "the stream's own reader has its blocks, too";
+      EXPECT_GT(seen, states - count / 2) << "the stream's own reader has its blocks, too";
     }
     with = {};
     return nlohmann::json::parse(node::text_of(summary), nullptr, false);
@@ -128,6 +132,59 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("is not whole"));
   ::chmod(file.c_str(), 0640);
   EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("chmod 600"));
+}
+
+/// As a peer of Fabric would write it that has what is in this checkpoint.
+void write_snapshot(const std::filesystem::path& folder, const std::string& checkpoint, const std::string& hash = "") {
+  auto known = snapshot_from(fabric::read_checkpoint(checkpoint, "teleop/ledgerline").value()->records).value();
+  if (!hash.empty()) known.end.hash = hash;
+  const PeerSnapshotFiles files = snapshot_of(known);
+  for (const auto& [name, content] : {std::pair{peer_snapshot_file::description, &files.description},
+                                      {peer_snapshot_file::description_hash, &files.description_hash},
+                                      {peer_snapshot_file::states, &files.states},
+                                      {peer_snapshot_file::states_counts, &files.states_counts},
+                                      {peer_snapshot_file::ids, &files.ids},
+                                      {peer_snapshot_file::ids_count, &files.ids_count}})
+    ASSERT_TRUE(write_file(folder / name, *content).ok());
+}
+
+TEST_F(WithinTest, AFirstStartGoesOnBehindAPeersSnapshot) {
+  const auto identity = organisation() / "peers/peer0.org1.ledgerline/msp";
+  const std::string file = organisation() / "endorser.checkpoint", another = organisation() / "another.checkpoint";
+  const std::filesystem::path folder = organisation() / "snapshot", states = folder / peer_snapshot_file::states;
+  const auto refused = [&](const FirstStateSettings& first_state, const std::string& checkpoint = "") {
+    fabric::ClientConfig with = config();
+    const Status begun = endorse_within({identity, 10, "", checkpoint, {}, first_state}, with);
+    return begun ? "it begins" : begun.error().what;
+  };
+  (void)send_states(identity, fabric::BlockSource::peer, file);
+  write_snapshot(folder, file);
+  const auto first = send_states(identity, fabric::BlockSource::peer, another, {folder});
+  EXPECT_GE(first["restored"], count) << first;
+  EXPECT_GT(first["answered"], count / 2) << first;
+  EXPECT_EQ(first["differ"], 0) << first;
+  EXPECT_EQ(first["apart"], 0) << first;
+
+  EXPECT_THAT(refused({folder, std::string(64, '0')}), HasSubstr("it is another snapshot"));
+  EXPECT_THAT(refused({"", std::string(64, '0')}), HasSubstr("first_state_hash without first_state"));
+  ::chmod(states.c_str(), 0664);
+  EXPECT_THAT(refused({folder}), HasSubstr("chmod go-w"));
+  ::chmod(states.c_str(), 0644);
+  std::string content = node::text_of(states);
+  content.back() ^= 1;
+  ASSERT_TRUE(write_file(states, content).ok());
+  EXPECT_THAT(refused({folder}), HasSubstr("public_state.data: its SHA-256 is not"));
+  EXPECT_THAT(refused({folder}), HasSubstr("peer snapshot submitrequest")) << "what to do";
+  EXPECT_EQ(refused({folder}, another), "it begins") << "behind its own checkpoint, which is newer";
+  std::filesystem::remove(states);
+  EXPECT_THAT(refused({folder}), HasSubstr("public_state.data: there is no such file"));
+  std::filesystem::remove_all(folder);
+  EXPECT_THAT(refused({folder}), HasSubstr("there is no such folder"));
+
+  write_snapshot(folder, file, std::string(32, 'x'));
+  const auto other = send_states(identity, fabric::BlockSource::peer, "", {folder}, 10);
+  EXPECT_EQ(other["answered"], 0) << "of another chain: it never signs";
+  EXPECT_EQ(other["restored"], 0) << other;
 }
 
 TEST_F(WithinTest, WithBlocksAsTheyAreOrderedItsCheckpointIsOfABlockThatThePeerHasTold) {
