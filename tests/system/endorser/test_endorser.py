@@ -11,34 +11,11 @@ from fabric import BIN, FABRIC, PATIENCE_S, needs_fabric
 from flights import fly, no_flight_outlives_its_test, pid_of, printed, wait_for_flight
 from ledgers import CUTTING, Authority, Fabric, tables
 from netns import die_with_parent
+from own_endorser import Endorser, ask_random_proposals
 from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 COUNT = 10_000 if LONG else 500
-
-
-class Endorser:
-    """`ledgerline endorser` of Org1, as it is ready."""
-
-    def __init__(self, ledger, directory: pathlib.Path, more: str = ""):
-        own = ledger.organisation(1) / "peers" / "endorser0.org1.ledgerline"
-        endpoint, ca_file = ledger.peer(1)
-        self.summary_file = directory / "endorser.json"
-        self.log_file = directory / "endorser.log"
-        config = directory / "endorser.toml"
-        config.write_text(f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca_file}"\nmsp_id = "Org1MSP"\nmsp_dir = "{own}/msp"\n'
-                          f'config_block = "{ledger.directory}/teleop.block"\n[serve]\ntls_certificate = "{own}/tls/server.crt"\n'
-                          f'tls_key = "{own}/tls/server.key"\n{more}[output]\nsummary = "{self.summary_file}"\n')
-        self.process = subprocess.Popen([BIN / "ledgerline-endorser", config], stdout=subprocess.PIPE,
-                                        stderr=open(self.log_file, "ab"), text=True, preexec_fn=die_with_parent)
-        ready = self.process.stdout.readline()
-        assert ready, self.log_file.read_text()
-        self.endpoint = json.loads(ready)["endpoint"]
-
-    def stop(self) -> dict:
-        self.process.terminate()
-        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log_file.read_text()
-        return json.loads(self.summary_file.read_text())
 
 
 @pytest.fixture
@@ -47,17 +24,6 @@ def network(tmp_path):
     ledger = Fabric(tmp_path / "network", *CUTTING)
     yield ledger
     assert ledger.stop() == 0, ledger.log()
-
-
-def configs_of(ledger, directory: pathlib.Path) -> list[pathlib.Path]:
-    """The drones' host, administrators, and people of two organisations, as `endorser::Who` has them."""
-    files = []
-    for organisation, user in ((1, "User1"), (1, "Admin"), (2, "Admin"), (2, "User1"), (2, "User2"), (1, "User2")):
-        file = directory / f"{user}{organisation}.toml"
-        # Who calls for another organisation's drones is endorsed by its peer.
-        file.write_text(tables(ledger, organisation, user, endorsers=True).split("[[msp]]")[0])
-        files.append(file)
-    return files
 
 
 def status_of(ledger, directory: pathlib.Path, endorser: Endorser) -> list[dict]:
@@ -73,16 +39,10 @@ def status_of(ledger, directory: pathlib.Path, endorser: Endorser) -> list[dict]
 
 def test_random_proposals_are_answered_byte_for_byte_as_by_the_peer(network, tmp_path):
     endorser = Endorser(network, tmp_path, "check_one_in = 10\n")
-    configs = [word for file in configs_of(network, tmp_path) for word in ("--config", file)]
     peer, own = status_of(network, tmp_path, endorser)
     assert peer["height"] > 1 and not peer["endorser"], peer
     assert own == {"endpoint": endorser.endpoint, "msp_id": "Org1MSP", "height": None, "endorser": True, "why": None}, "it is no peer that fails"
-    ca = network.organisation(1) / "ca"
-    done = subprocess.run([BIN / "test_random_proposals", *configs, "--endorser", endorser.endpoint, "--tls-ca", network.ca_file(1),
-                           "--ca-key", ca / "priv_sk", "--ca-certificate", ca / "ca.org1.ledgerline-cert.pem",
-                           "--count", str(COUNT)], capture_output=True, text=True, timeout=PATIENCE_S * 40)
-    assert done.returncode == 0, done.stderr
-    said = json.loads(done.stdout)
+    said = ask_random_proposals(network, tmp_path, endorser, COUNT)
     print(json.dumps(said, indent=1))
     assert said["differ"] == 0, said["first_difference"]
     assert said["committed"] > COUNT / 50 and said["invalid"] == 0
