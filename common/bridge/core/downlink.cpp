@@ -118,6 +118,9 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     std::size_t index = 0;
     if (known != by_id_.end()) {
       index = known->second;
+    } else if (!is_ledger_id(asset.id)) {
+      ++unbelievable_transactions_;
+      return;
     } else {
       const Match found = match(asset.id);
       if (!found.rule) continue;
@@ -222,6 +225,7 @@ std::vector<std::string> Downlink::latched() const {
 void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out) {
   for (const Asset& value : values.assets()) {
     const AssetView asset = view_of(value);
+    if (!is_ledger_id(asset.id)) continue;
     const Match found = match(asset.id);
     if (!found.rule || !found.rule->latched || asset.origin.writer == config_.writer || by_id_.contains(asset.id))
       continue;

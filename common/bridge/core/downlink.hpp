@@ -97,7 +97,8 @@ class Downlink {
 
   const std::deque<Topic>& topics() const { return topics_; }
   std::uint64_t malformed_frames() const { return malformed_frames_; }
-  /// Not what their flags say (fabric::Transaction::problem), or of an event that is not what its writer asked for.
+  /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of an
+  /// id that no honest peer endorses (is_ledger_id).
   std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }
 
  private:

@@ -6,6 +6,8 @@
 #include <array>
 #include <cstring>
 
+#include "common/msg/contract.hpp"
+
 namespace ledgerline::bridge {
 namespace {
 
@@ -233,6 +235,11 @@ bool matches(std::string_view pattern, std::string_view text) {
     }
   }
   return pattern.substr(p).find_first_not_of('*') == std::string_view::npos;
+}
+
+bool is_ledger_id(std::string_view id) {
+  return id.size() <= contract::max_id_chars &&
+         std::all_of(id.begin(), id.end(), [](char c) { return is_name_char(c) || c == '/' || c == '.' || c == '-'; });
 }
 
 std::string_view first_segment(std::string_view id) { return id.substr(0, id.find('/')); }

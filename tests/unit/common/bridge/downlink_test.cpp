@@ -4,6 +4,7 @@
 
 #include <numeric>
 
+#include "common/bridge/core/report.hpp"
 #include "common/msg/proto_json.hpp"
 #include "tests/unit/common/bridge/world.hpp"
 
@@ -11,6 +12,7 @@ namespace ledgerline::bridge {
 namespace {
 
 using namespace testing;
+using ::testing::Each;
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
@@ -256,6 +258,23 @@ TEST_F(DownlinkTest, EventsInJsonAreTakenToo) {
   damaged.event_payload = "{\"assets\":";
   EXPECT_THAT(take({damaged, tx}), ElementsAre("/a=1"));
   EXPECT_EQ(downlink->malformed_frames(), 1U);
+}
+
+// The contract lets none such through, but an organisation's own peer may endorse them all the same.
+TEST_F(DownlinkTest, AnIdThatTheContractRefusesIsNotKeptAndSpoilsNoReport) {
+  Rule all = rule("/*");
+  all.latched = true;
+  make({all});
+  const std::string long_id = "Org2MSP/" + std::string(200, 'a');
+  for (const std::string& id : {std::string("Org2MSP/\xff"), std::string("Org2MSP/a\nb"), long_id}) {
+    EXPECT_THAT(take({set({asset(id, 1)}), set({asset("Org2MSP/a", 1)})}), Each("/a=1"));
+    Assets values;
+    *values.add_assets() = asset(id, 1);
+    downlink->on_values(real_now, values, out);
+  }
+  EXPECT_EQ(downlink->topics().size(), 1U);
+  EXPECT_EQ(downlink->unbelievable_transactions(), 3U);
+  EXPECT_NO_THROW((void)report(*downlink).dump());
 }
 
 TEST_F(DownlinkTest, LatchedValuesAreReadByThoseWhoComeLateAndNotTwice) {
