@@ -17,10 +17,11 @@ class Limit {
   /// `service`: its name, for the refusal.
   Limit(std::string service, int max_open) : service_(std::move(service)), max_open_(max_open) {}
 
-  /// Held until the last copy is gone; nullptr when all are taken. The limit outlives its places.
+  /// Held until the last copy is gone; nullptr when all are taken. A place may outlive the limit: whatever thread has a stream
+  /// last ends it, the block feed's, too.
   Slot take() {
-    if (open_.fetch_add(1) < max_open_) return {this, [this](void*) { --open_; }};
-    --open_;
+    if (open_->fetch_add(1) < max_open_) return {open_.get(), [open = open_](void*) { --*open; }};
+    --*open_;
     return nullptr;
   }
   /// In Fabric's words.
@@ -31,7 +32,7 @@ class Limit {
  private:
   const std::string service_;
   const int max_open_;
-  std::atomic<int> open_{0};
+  const std::shared_ptr<std::atomic<int>> open_ = std::make_shared<std::atomic<int>>(0);
 };
 
 /// Streams of which no member is known yet, and from which nothing has come that somebody looks at: whoever opened them may

@@ -9,6 +9,7 @@
 #include <fstream>
 #include <thread>
 
+#include "chaincode/node/server/limit.hpp"
 #include "chaincode/node/shell/block_view.hpp"
 #include "chaincode/node/shell/node.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -106,6 +107,19 @@ class Reader final : public BlockFeed::Waiter, public std::enable_shared_from_th
   std::mutex mutex_;
   std::uint64_t next_ = 0;
 };
+
+// The feed's thread may hold a stream, and with it its place, when the service with its limit has ended.
+TEST(Limit, APlaceMayOutliveIt) {
+  auto limit = std::make_unique<Limit>("service", 1);
+  Limit::Slot place = limit->take();
+  ASSERT_TRUE(place);
+  EXPECT_FALSE(limit->take());
+  place.reset();
+  place = limit->take();
+  ASSERT_TRUE(place);
+  limit.reset();
+  place.reset();
+}
 
 TEST_F(ShellTest, ANewLedgerHasItsConfigAndFirstCalls) {
   EXPECT_EQ(node->feed().height(), 4U);
