@@ -25,6 +25,7 @@ int main(int argc, char** argv) {
   CommandLine line("chaincode", "Ledgerline's contract as a chaincode service", notes);
   if (const auto end = line.parse(argc, argv)) return *end;
   const sigset_t signals = block_signals();
+  outlive_readers();
   const auto options = shim::options_from_environment();
   if (!options) return fail(options.error(), exit_usage);
   const auto server = shim::Server::start(*options, chaincode::invoke_on_fabric);

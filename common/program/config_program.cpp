@@ -11,6 +11,7 @@ int run_with_config(int argc, char** argv, const ConfigProgram& program, const s
   line.option(program.argument, file, "TOML file").required();
   if (const auto end = line.parse(argc, argv)) return *end;
   catch_stop_signals();
+  outlive_readers();
   auto config = Config::load(file);
   return config ? run(*config) : fail(config.error(), exit_usage);
 }

@@ -21,7 +21,7 @@ int fail(const Error& error, int exit_code = exit_failed);
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
-/// A line of results, which are read as they come.
+/// A line of results, which are read as they come, or by nobody any more: that is no error.
 void print_line(const std::string& line);
 
 /// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.
@@ -33,7 +33,7 @@ struct ConfigProgram {
 };
 
 /// main() of such a program: command line, log, SIGINT and SIGTERM (stop_signals.hpp), and the file; then `run`, which
-/// returns the exit code.
+/// returns the exit code. It outlives who reads its output (outlive_readers).
 int run_with_config(int argc, char** argv, const ConfigProgram& program, const std::function<int(Config&)>& run);
 
 }  // namespace ledgerline

@@ -20,6 +20,10 @@ inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIG
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
+/// For a program that runs until it is asked to end: whoever reads what it prints or logs may go, and writing to him fails from
+/// then on. Else a `tee` that is gone would end a link in the air. A tool is to end with its reader.
+inline void outlive_readers() { std::signal(SIGPIPE, SIG_IGN); }
+
 /// Blocks these signals in this thread and those that it starts, so that sigwait() alone sees them; returns them.
 inline sigset_t block_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
   sigset_t blocked;

@@ -3,10 +3,10 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <iterator>
 
 #include "common/base/log.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 #include "ledgerline.pb.h"
 
@@ -324,8 +324,7 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
 
 void Ground::write_status(TimeNs now_ns) {
   next_status_ns_ = now_ns + output_.status_period_ns;
-  fmt::print("{}\n", status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
-  std::fflush(stdout);
+  print_line(status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
 }
 
 Status Ground::write_summary() {

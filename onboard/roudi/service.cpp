@@ -51,6 +51,7 @@ std::string summary(const LeakWatch::Chunks& used, const LeakWatch& watch) {
 }
 
 int run(const std::string& summary_file) {
+  outlive_readers();
   const int results = keep_results_apart();
   auto manager = ServiceManager::from_environment();
   if (!manager) return fail(manager.error());

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <thread>
 
 #include "common/base/log.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "common/msg/ros.hpp"
+#include "common/program/program.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 
 namespace ledgerline::hil {
@@ -140,8 +140,7 @@ Result<bool> LocalShell::run() {
     }
     if (output_.status_period_ns == 0 || now_ns < next_status_ns_) continue;
     next_status_ns_ = now_ns + output_.status_period_ns;
-    fmt::print("{}\n", ground::status_line(core_));
-    std::fflush(stdout);
+    print_line(ground::status_line(core_));
   }
   if (poses_implausible_ > 0)
     spdlog::warn("{} mocap poses had stamps or orientations that are not believed", poses_implausible_);

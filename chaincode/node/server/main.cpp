@@ -71,6 +71,7 @@ int main(int argc, char** argv) {
   if (!authorities) return fail(Error{"--tls-client-ca: " + authorities.error().what}, exit_usage);
   // Before any thread is made, so that all inherit it and the signal waits for us below.
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGUSR1});
+  outlive_readers();
   const std::string dir = options.dir;
   auto opened = node::Node::open(std::move(options));
   if (!opened) return fail(opened.error());

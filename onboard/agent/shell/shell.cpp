@@ -3,13 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/ros.hpp"
+#include "common/program/program.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -295,8 +295,7 @@ void AgentShell::keep_checkpoint() {
 }
 
 void AgentShell::write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const {
-  fmt::print("{}\n", status_line(core_, channel(), now, certificate_days));
-  std::fflush(stdout);
+  print_line(status_line(core_, channel(), now, certificate_days));
 }
 
 std::string AgentShell::end() {

@@ -6,7 +6,6 @@
 
 #include <algorithm>
 #include <csignal>
-#include <cstdio>
 #include <ctime>
 #include <future>
 #include <optional>
@@ -14,7 +13,9 @@
 
 #include "common/base/log.hpp"
 #include "common/msg/names.hpp"
+#include "common/program/program.hpp"
 #include "common/program/service_manager.hpp"
+#include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/link_summary.hpp"
 #include "onboard/link/shell/memory/local_stops.hpp"
@@ -53,8 +54,7 @@ class Housekeeping {
     for (SerialTold told; loop_.serials().pop(told);) log_serial(told);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
-      fmt::print("{}\n", status_line(settings_.link, newest_));
-      std::fflush(stdout);
+      print_line(status_line(settings_.link, newest_));
     }
     if (ends_.needs_roudi && now >= next_roudi_ns_) watch_roudi(now);
     if (now >= next_tend_ns_) {
@@ -205,20 +205,11 @@ void tell_transitions(const LinkCore& core) {
   }
 }
 
-int fail(const Error& error) {
-  spdlog::error("{}", error.what);
-  return 1;
-}
-
 }  // namespace
 
 int run_link(const ShellSettings& settings) {
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGTERM);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGUSR1);
-  ::pthread_sigmask(SIG_BLOCK, &signals, nullptr);
+  outlive_readers();
+  const sigset_t signals = block_signals({SIGTERM, SIGINT, SIGUSR1});
 
   std::optional<TraceWriter> trace;
   if (!settings.trace.empty()) {
@@ -251,8 +242,7 @@ int run_link(const ShellSettings& settings) {
   });
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
-  fmt::print("{{\"ready\":true,\"program\":\"ledgerline-link\",\"drones\":{}}}\n", settings.link.drones.size());
-  std::fflush(stdout);
+  print_line(fmt::format(R"({{"ready":true,"program":"ledgerline-link","drones":{}}})", settings.link.drones.size()));
   if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
   while (!loop->ended()) {

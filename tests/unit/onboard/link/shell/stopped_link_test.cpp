@@ -1,0 +1,125 @@
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <csignal>
+#include <fstream>
+#include <optional>
+#include <string>
+
+#include "onboard/shim/drones_end.hpp"
+
+/// The real ledgerline-link is asked to end, whatever has become of who reads its output. In lockstep: this test moves its
+/// clock, and stands in for a drone that says nothing, which link tells to land all the same. Argument: link.
+namespace ledgerline::link {
+namespace {
+
+std::string link_program;
+
+class StoppedLink : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto opened = drone_shim::DronesEnd::open("/dev/shm/" + name, true);
+    ASSERT_TRUE(opened) << opened.error().what;
+    drones.emplace(std::move(*opened));
+    std::ofstream(config) << "[tello]\ntransport = \"shim\"\n[shim]\nmemory = \"/dev/shm/" << name
+                          << "\"\nlockstep = true\n"
+                             "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
+                             "[state]\nlisten = \"127.0.0.1:8890\"\n[realtime]\npriority = 0\n";
+  }
+  void TearDown() override {
+    if (link > 0) {
+      ::kill(link, SIGKILL);
+      ::waitpid(link, nullptr, 0);
+    }
+    close_output();
+    ::unlink(config.c_str());
+  }
+
+  /// Until it says that it is ready.
+  void start() {
+    ASSERT_EQ(::pipe2(output.data(), O_CLOEXEC), 0);
+    link = ::fork();
+    if (link == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      std::signal(SIGPIPE, SIG_DFL);
+      ::dup2(output[1], STDOUT_FILENO);
+      ::dup2(output[1], STDERR_FILENO);
+      ::execl(link_program.c_str(), link_program.c_str(), "--config", config.c_str(), nullptr);
+      ::_exit(127);
+    }
+    std::string said;
+    while (said.find("\"ready\":true") == std::string::npos) {
+      const std::string more = read_output(10'000);
+      ASSERT_FALSE(more.empty()) << said;
+      said += more;
+    }
+  }
+  std::string read_output(int patience_ms) const {
+    std::array<char, 4096> part{};
+    pollfd readable{output[0], POLLIN, 0};
+    if (output[0] < 0 || ::poll(&readable, 1, patience_ms) <= 0) return "";
+    const ssize_t count = ::read(output[0], part.data(), part.size());
+    return {part.data(), count > 0 ? static_cast<std::size_t>(count) : 0};
+  }
+  void close_output() {
+    for (int& end : output) {
+      if (end >= 0) ::close(end);
+      end = -1;
+    }
+  }
+
+  bool make_turn() {
+    drones->ask_turn(now += ns_per_ms);
+    const bool made = drones->wait_turn(ns_per_s) == drone_shim::DronesEnd::Turn::made;
+    for (drone_shim::Datagram told; drones->take(told);) told_to_land = told_to_land || told.view() == "land";
+    return made;
+  }
+  /// Whether its loop ends, within 10 s, and has told the drone to land by then.
+  bool lands() {
+    told_to_land = false;
+    for (const TimeNs until = monotonic_ns() + 10 * ns_per_s; monotonic_ns() < until;) {
+      if (!make_turn()) return told_to_land;
+    }
+    return false;
+  }
+  /// As waitpid gives it.
+  int wait() {
+    int status = 0;
+    while (::waitpid(link, &status, WNOHANG) == 0) (void)read_output(10);
+    link = 0;
+    return status;
+  }
+
+  const std::string name = "ledgerline_stopped_link_test_" + std::to_string(::getpid());
+  const std::string config = ::testing::TempDir() + name + ".toml";
+  std::optional<drone_shim::DronesEnd> drones;
+  std::array<int, 2> output{-1, -1};  ///< its standard output and its log: here, and where link writes
+  pid_t link = 0;
+  TimeNs now = ns_per_s;
+  bool told_to_land = false;
+};
+
+// Ctrl-C at `ledgerline link ... 2>&1 | tee log` ends both.
+TEST_F(StoppedLink, LandsThoughNobodyReadsItsOutputAnyMore) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_TRUE(make_turn());
+  close_output();
+  ::kill(link, SIGINT);
+  EXPECT_TRUE(lands());
+  EXPECT_EQ(wait(), 0);
+}
+
+}  // namespace
+}  // namespace ledgerline::link
+
+int main(int argc, char** argv) {
+  ::testing::InitGoogleTest(&argc, argv);
+  if (argc != 2) return 2;
+  ledgerline::link::link_program = argv[1];
+  return RUN_ALL_TESTS();
+}
