@@ -10,7 +10,7 @@ int run_with_config(int argc, char** argv, const ConfigProgram& program, const s
   std::string file;
   line.option(program.argument, file, "TOML file").required();
   if (const auto end = line.parse(argc, argv)) return *end;
-  catch_stop_signals();
+  catch_stop_signals_of_service();
   outlive_readers();
   auto config = Config::load(file);
   return config ? run(*config) : fail(config.error(), exit_usage);

@@ -32,8 +32,8 @@ struct ConfigProgram {
   std::string argument = "--config";
 };
 
-/// main() of such a program: command line, log, SIGINT and SIGTERM (stop_signals.hpp), and the file; then `run`, which
-/// returns the exit code. It outlives who reads its output (outlive_readers).
+/// main() of such a program: command line, log, SIGINT, SIGTERM and SIGHUP (stop_signals.hpp), and the file; then
+/// `run`, which returns the exit code. It outlives who reads its output (outlive_readers).
 int run_with_config(int argc, char** argv, const ConfigProgram& program, const std::function<int(Config&)>& run);
 
 }  // namespace ledgerline

@@ -20,7 +20,16 @@ inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIG
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
-/// For a program that runs until it is asked to end: whoever reads what it prints or logs may go, and writing to him fails from
+/// catch_stop_signals() for a program that runs until it is asked to end. When its terminal is closed it ends in its own way, too,
+/// unless it was started to outlive that (nohup).
+inline void catch_stop_signals_of_service() {
+  catch_stop_signals();
+  struct sigaction hangup {};
+  ::sigaction(SIGHUP, nullptr, &hangup);
+  if (hangup.sa_handler != SIG_IGN) catch_stop_signals({SIGHUP});
+}
+
+/// For the same: whoever reads what it prints or logs may go, and writing to him fails from
 /// then on. Else a `tee` that is gone would end a link in the air. A tool is to end with its reader.
 inline void outlive_readers() { std::signal(SIGPIPE, SIG_IGN); }
 

@@ -30,20 +30,21 @@ struct LoopFigures {
 /// (tests/unit/onboard/link/shell/real_link_test.cpp watches it). What others want to see leaves through wait-free rings.
 class LinkLoop {
  public:
-  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, Transport& transport)
-      : settings_(settings),
+  /// `stop`: see run(). Any thread sets it, or a signal's handler.
+  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, Transport& transport,
+           const std::atomic<bool>& stop)
+      : stop_(stop),
+        settings_(settings),
         core_(core),
         end_(end),
         courier_(courier),
         transport_(transport),
         local_stops_(bits(core.local_stops())) {}
 
-  /// Runs in the calling thread until request_stop(), and then until all drones are on the ground or were told to land
+  /// Runs in the calling thread until `stop` is set, and then until all drones are on the ground or were told to land
   /// long enough, or the bound is over; or until the clock is lost.
   void run(LoopClock& clock) noexcept;
 
-  /// Any thread.
-  void request_stop() noexcept { stop_.store(true, std::memory_order_relaxed); }
   /// Any thread: somebody at this host lifts the local stops.
   void resume_local() noexcept { resume_local_.store(true, std::memory_order_relaxed); }
   /// Any thread: the drones that the local stop key keeps down, as of the newest turn.
@@ -72,6 +73,7 @@ class LinkLoop {
   void turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept;
   void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
 
+  const std::atomic<bool>& stop_;
   const ShellSettings& settings_;
   LinkCore& core_;
   ipc::LinkEnd& end_;
@@ -85,7 +87,6 @@ class LinkLoop {
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialTold, 64> serials_;
   LoopFigures figures_;
-  std::atomic<bool> stop_{false};
   std::atomic<bool> resume_local_{false};
   std::atomic<std::uint32_t> local_stops_;
   std::atomic<bool> ended_{false};

@@ -10,6 +10,7 @@
 #include <future>
 #include <optional>
 #include <thread>
+#include <utility>
 
 #include "common/base/log.hpp"
 #include "common/msg/names.hpp"
@@ -155,10 +156,10 @@ class Housekeeping {
   bool roudi_lives_ = true;
 };
 
-// Signals are blocked in every thread; this one picks them up, or waits a turn: then 0.
-int wait_for_signal(const sigset_t& signals) {
+// SIGUSR1 is blocked in every thread; this one picks it up, or waits a turn at most: then false.
+bool wait_for_resume(const sigset_t& resume) {
   const timespec turn{0, housekeeping_period_ns};
-  return std::max(::sigtimedwait(&signals, nullptr, &turn), 0);
+  return ::sigtimedwait(&resume, nullptr, &turn) == SIGUSR1;
 }
 
 // Who cannot know which drones are stopped stops all of them.
@@ -209,7 +210,8 @@ void tell_transitions(const LinkCore& core) {
 
 int run_link(const ShellSettings& settings) {
   outlive_readers();
-  const sigset_t signals = block_signals({SIGTERM, SIGINT, SIGUSR1});
+  catch_stop_signals_of_service();
+  const sigset_t ending = block_signals({SIGTERM, SIGINT, SIGHUP}), resume = block_signals({SIGUSR1});
 
   std::optional<TraceWriter> trace;
   if (!settings.trace.empty()) {
@@ -230,7 +232,7 @@ int run_link(const ShellSettings& settings) {
   LocalStopsFile stops(settings.local_stops, settings.link.drones);
   auto core =
       std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings), stops_of_before(settings, stops));
-  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, **courier, *ends->drones);
+  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, **courier, *ends->drones, stop_requested);
   Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops, *ends);
 
   std::promise<RealTime> entered;
@@ -240,23 +242,23 @@ int run_link(const ShellSettings& settings) {
     entered.set_value(enter_real_time(settings.priority, settings.cpu));
     loop->run(*ends->clock(settings));
   });
+  // In this thread alone, and their handler tells the loop: this one may wait for a disk, or for who reads its log.
+  ::pthread_sigmask(SIG_UNBLOCK, &ending, nullptr);
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
   print_line(fmt::format(R"({{"ready":true,"program":"ledgerline-link","drones":{}}})", settings.link.drones.size()));
   if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
 
-  while (!loop->ended()) {
-    const int signal = wait_for_signal(signals);
-    if (signal == SIGUSR1) {
-      spdlog::info("asked to lift the local stops");
+  for (bool told = false; !loop->ended();) {
+    if (wait_for_resume(resume)) {
       loop->resume_local();
-    } else if (signal != 0) {
+      spdlog::info("asked to lift the local stops");
+    }
+    if (stop_requests > 0 && !std::exchange(told, true))
       spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",
                    to_seconds(settings.landing_bound_ns));
-      loop->request_stop();
-    }
     housekeeping.once(monotonic_ns());
-    if (housekeeping.must_start_anew()) loop->request_stop();
+    if (housekeeping.must_start_anew()) stop_requested = true;
   }
   thread.join();
   core->finish();

@@ -40,13 +40,14 @@ class StoppedLink : public ::testing::Test {
     ::unlink(config.c_str());
   }
 
-  /// Until it says that it is ready.
-  void start() {
+  /// Until it says that it is ready. `hangup`: SIG_IGN as nohup has it.
+  void start(void (*hangup)(int) = SIG_DFL) {
     ASSERT_EQ(::pipe2(output.data(), O_CLOEXEC), 0);
     link = ::fork();
     if (link == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       std::signal(SIGPIPE, SIG_DFL);
+      std::signal(SIGHUP, hangup);
       ::dup2(output[1], STDOUT_FILENO);
       ::dup2(output[1], STDERR_FILENO);
       ::execl(link_program.c_str(), link_program.c_str(), "--config", config.c_str(), nullptr);
@@ -65,6 +66,13 @@ class StoppedLink : public ::testing::Test {
     if (output[0] < 0 || ::poll(&readable, 1, patience_ms) <= 0) return "";
     const ssize_t count = ::read(output[0], part.data(), part.size());
     return {part.data(), count > 0 ? static_cast<std::size_t>(count) : 0};
+  }
+  /// From here on who writes waits.
+  void fill_output() const {
+    ::fcntl(output[1], F_SETFL, O_NONBLOCK);
+    while (::write(output[1], "x", 1) == 1) {
+    }
+    ::fcntl(output[1], F_SETFL, 0);
   }
   void close_output() {
     for (int& end : output) {
@@ -110,6 +118,34 @@ TEST_F(StoppedLink, LandsThoughNobodyReadsItsOutputAnyMore) {
   ASSERT_TRUE(make_turn());
   close_output();
   ::kill(link, SIGINT);
+  EXPECT_TRUE(lands());
+  EXPECT_EQ(wait(), 0);
+}
+
+TEST_F(StoppedLink, LandsThoughWhoeverReadsItsLogStandsStill) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_TRUE(make_turn());
+  fill_output();
+  ::kill(link, SIGUSR1);  // which it logs
+  ::usleep(100'000);      // ten times as long as its main thread needs to come to it
+  ::kill(link, SIGTERM);
+  EXPECT_TRUE(lands());
+  EXPECT_EQ(wait(), 0);
+}
+
+TEST_F(StoppedLink, LandsWhenItsTerminalIsClosedUnlessItIsToOutliveThat) {
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_TRUE(make_turn());
+  ::kill(link, SIGHUP);
+  EXPECT_TRUE(lands());
+  EXPECT_EQ(wait(), 0);
+
+  close_output();
+  ASSERT_NO_FATAL_FAILURE(start(SIG_IGN));
+  ASSERT_TRUE(make_turn());
+  ::kill(link, SIGHUP);
+  for (int i = 0; i < 20; ++i, ::usleep(10'000)) ASSERT_TRUE(make_turn());
+  ::kill(link, SIGTERM);
   EXPECT_TRUE(lands());
   EXPECT_EQ(wait(), 0);
 }
