@@ -32,8 +32,10 @@ constexpr int log_lines = 8;
 constexpr Restarts::Limits onboard_limits{6, 15 * ns_per_s, 50 * ns_per_ms, 500 * ns_per_ms};
 
 // RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
-// Fabric's network ends its own processes.
-int death_signal(const std::string& name) { return name == "roudi" || name == "fabric" ? SIGTERM : SIGKILL; }
+// Fabric's network ends its own processes. Real drones stay in the air without their link: it lands them first.
+int death_signal(const std::string& name, bool real_drones) {
+  return name == "roudi" || name == "fabric" || (name == "link" && real_drones) ? SIGTERM : SIGKILL;
+}
 
 // That live through the flight.
 std::vector<std::string> programs_of(const Options& options) {
@@ -119,7 +121,7 @@ Status Launcher::start(const std::string& name, std::vector<std::string> argumen
   // control-enroll and control-acquire are one program.
   const std::string program = other_program.empty() ? name.substr(0, name.find('-')) : other_program;
   arguments.insert(arguments.begin(), programs_ + "/ledgerline-" + program);
-  return children_.start({name, std::move(arguments), files_.log(name), death_signal(name)});
+  return children_.start({name, std::move(arguments), files_.log(name), death_signal(name, options_.own.has_value())});
 }
 
 Status Launcher::goes_well_so_far() const {

@@ -414,6 +414,25 @@ TEST_F(FakePrograms, NothingOutlivesALauncherThatIsKilled) {
   EXPECT_THAT(lines("ended"), testing::ElementsAre("roudi")) << "it alone has shared memory to remove";
 }
 
+TEST_F(FakePrograms, TheLinkOfRealDronesIsAskedToLandWhereTheLauncherIsKilled) {
+  write("link", "touch link.flies\n" + stays);
+  const pid_t launcher = ::fork();
+  if (launcher == 0) {
+    Options options;
+    options.own.emplace();
+    options.own->pose_source = "mocap";
+    options.own->drones.push_back({"tello1", "192.168.10.1", "", ""});
+    options.own->flight.wait_ns = patience_s * ns_per_s;
+    (void)Launcher(options, files, files.directory, false, interrupts).run();
+    ::_exit(0);
+  }
+  EXPECT_TRUE(eventually([&] { return fs::exists(files.in("link.flies")); }));
+  ::kill(launcher, SIGKILL);
+  ::waitpid(launcher, nullptr, 0);
+  EXPECT_TRUE(eventually([&] { return all_gone(); }));
+  EXPECT_THAT(lines("ended"), testing::UnorderedElementsAre("link", "roudi"));
+}
+
 TEST_F(FakePrograms, ASecondRunIsToldWhoFlies) {
   const std::string file = files.in("lock");
   const auto first = RunLock::take(file, "process 123, into /somewhere");
