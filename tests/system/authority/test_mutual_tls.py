@@ -1,4 +1,5 @@
-"""An embedded ledger that asks its clients for a certificate of TLS: who has none, or a stranger's, is not let in; who has one reads."""
+"""An embedded ledger, and an endorser beside it, that ask their clients for a certificate of TLS: who has none, or a stranger's, is not let in; who has one is answered."""
+import json
 import pathlib
 import socket
 import ssl
@@ -7,6 +8,7 @@ import time
 
 import findings
 import pytest
+from endorsers import Endorser
 from fabric import BIN
 from ledgers import Embedded, openssl, tables
 from netns import die_with_parent
@@ -43,6 +45,14 @@ def ledger(tmp_path_factory):
     node.start()
     yield node
     node.stop()
+
+
+@pytest.fixture(scope="module")
+def endorser(ledger, tmp_path_factory):
+    """It takes what the TLS authority of Org1 has signed, and nobody else: not all whom the ledger takes."""
+    running = Endorser(ledger, tmp_path_factory.mktemp("endorser"), f'tls_client_ca = "{ledger.ca_file(1)}"\n', tls_pair(ledger, 1))
+    yield running
+    assert running.stop()["differ"] == 0
 
 
 def config(ledger: Embedded, organisation: int, pair: tuple | None, more: str = "") -> str:
@@ -114,6 +124,44 @@ def test_doctor_names_what_is_wrong_with_a_certificate_of_tls(ledger, tmp_path):
     assert set(found) == {"key_open"} and f"`chmod 600 {copied}`" in found["key_open"]["cure"], found
     copied.chmod(0o600)
     assert not broken((good[0], copied))
+
+
+def test_an_endorser_answers_who_shows_a_certificate_of_its_authority_and_nobody_else(ledger, endorser, tmp_path):
+    def asks(endpoint: str, pair: tuple | None, deadline_ms: int) -> subprocess.CompletedProcess:
+        file = tmp_path / "host.toml"
+        text = config(ledger, 1, pair).split("[[msp]]")[0].replace(ledger.endpoint, endpoint)
+        file.write_text(f"{text}deadline_ms = {deadline_ms}\n")
+        return subprocess.run([BIN / "test_ask_peer", "--config", file, "get", "control/tello1"], capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+
+    for pair in (None, strangers_pair(tmp_path), tls_pair(ledger, 2)):
+        assert not lets_in(endorser.endpoint, pair)
+        refused = asks(endorser.endpoint, pair, 500)
+        assert refused.returncode == 1 and not refused.stdout and refused.stderr, refused
+    assert lets_in(endorser.endpoint, tls_pair(ledger, 1))
+    answered = asks(endorser.endpoint, tls_pair(ledger, 1), 20_000)
+    assert answered.returncode == 0, answered
+    assert json.loads(answered.stdout) == json.loads(asks(ledger.endpoint, tls_pair(ledger, 1), 20_000).stdout), "as the peer answers"
+
+
+def test_doctor_names_whose_certificate_an_endorser_does_not_take(ledger, endorser, tmp_path):
+    folder = tmp_path / "etc"
+    folder.mkdir()
+
+    def broken(own: tuple | None, shown: tuple | None) -> set[str]:
+        """What is wrong with the endorser: `own` is of [ledger], `shown` of [[endorser]], for which without it the other one counts."""
+        table = f'[[endorser]]\nmsp_id = "Org1MSP"\nendpoint = "{endorser.endpoint}"\ntls_ca = "{ledger.ca_file(1)}"\n'
+        if shown:
+            table += f'tls_certificate = "{shown[0]}"\ntls_key = "{shown[1]}"\n'
+        (folder / "ground.toml").write_text(config(ledger, 2, own, f'{table}[[drone]]\nname = "tello1"\n[dds]\nlocal_only = true\n'))
+        done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
+                              timeout=PATIENCE_S)
+        return {check["problem"] for check in json.loads(done.stdout)["checks"]
+                if check["verdict"] == "broken" and endorser.endpoint in check["what"]}
+
+    assert broken(None, None) == {"tls_client_certificate"}
+    assert broken(tls_pair(ledger, 2), None) == broken(tls_pair(ledger, 2), strangers_pair(tmp_path)) == {"tls_pair_refused"}
+    assert not broken(tls_pair(ledger, 2), tls_pair(ledger, 1))
 
 
 def test_the_bridge_reads_blocks_with_a_certificate_and_none_without(ledger, tmp_path):

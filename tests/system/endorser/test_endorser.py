@@ -7,6 +7,7 @@ import subprocess
 import time
 
 import pytest
+from endorsers import Endorser
 from fabric import BIN, FABRIC, PATIENCE_S, needs_fabric
 from flights import fly, no_flight_outlives_its_test, pid_of, printed, wait_for_flight
 from ledgers import CUTTING, Authority, Fabric, tables
