@@ -59,25 +59,32 @@ using Blocks = protos::Deliver;
 class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks::WithRawCallbackMethod_DeliverFiltered<
                                  Blocks::WithRawCallbackMethod_DeliverWithPrivateData<Blocks::Service>>> {
  public:
-  explicit DeliverService(Node& node)
+  DeliverService(Node& node, bool mutual_tls)
       : node_(node),
+        mutual_tls_(mutual_tls),
         whole_(view_of(node.feed(), fill_peer)),
         filtered_(view_of(node.feed(), fill_filtered)),
         with_private_data_(view_of(node.feed(), fill_with_private_data)) {}
 
-  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, strangers_, whole_);
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext* context) override {
+    return start(*context, whole_);
   }
-  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverFiltered(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, strangers_, filtered_);
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverFiltered(
+      grpc::CallbackServerContext* context) override {
+    return start(*context, filtered_);
   }
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* DeliverWithPrivateData(
-      grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, strangers_, with_private_data_);
+      grpc::CallbackServerContext* context) override {
+    return start(*context, with_private_data_);
   }
 
  private:
+  DeliverStream* start(const grpc::CallbackServerContext& context, DeliverStream::View& view) {
+    return DeliverStream::start(node_, limit_, strangers_, view, shown_hash(context, mutual_tls_));
+  }
+
   Node& node_;
+  const bool mutual_tls_;
   Limit limit_{"/protos.Deliver", max_peer_calls};
   Strangers strangers_{max_strangers};
   DeliverStream::View whole_, filtered_, with_private_data_;
@@ -147,16 +154,18 @@ using Ordering = orderer::AtomicBroadcast;
 class OrdererService final
     : public Ordering::WithRawCallbackMethod_Broadcast<Ordering::WithRawCallbackMethod_Deliver<Ordering::Service>> {
  public:
-  explicit OrdererService(Node& node) : node_(node), ordered_(view_of(node.feed(), fill_orderer)) {}
+  OrdererService(Node& node, bool mutual_tls)
+      : node_(node), mutual_tls_(mutual_tls), ordered_(view_of(node.feed(), fill_orderer)) {}
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Broadcast(grpc::CallbackServerContext*) override {
     return BroadcastStream::start(node_, limit_, strangers_);
   }
-  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext*) override {
-    return DeliverStream::start(node_, limit_, strangers_, ordered_);
+  grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext* context) override {
+    return DeliverStream::start(node_, limit_, strangers_, ordered_, shown_hash(*context, mutual_tls_));
   }
 
  private:
   Node& node_;
+  const bool mutual_tls_;
   Limit limit_{"/orderer.AtomicBroadcast", max_peer_calls};
   Strangers strangers_{max_strangers};
   DeliverStream::View ordered_;
@@ -167,7 +176,11 @@ class OrdererService final
 std::unique_ptr<grpc::Service> make_endorser_service(Node& node, std::size_t peer) {
   return std::make_unique<EndorserService>(node, peer);
 }
-std::unique_ptr<grpc::Service> make_deliver_service(Node& node) { return std::make_unique<DeliverService>(node); }
-std::unique_ptr<grpc::Service> make_orderer_service(Node& node) { return std::make_unique<OrdererService>(node); }
+std::unique_ptr<grpc::Service> make_deliver_service(Node& node, bool mutual_tls) {
+  return std::make_unique<DeliverService>(node, mutual_tls);
+}
+std::unique_ptr<grpc::Service> make_orderer_service(Node& node, bool mutual_tls) {
+  return std::make_unique<OrdererService>(node, mutual_tls);
+}
 
 }  // namespace ledgerline::node

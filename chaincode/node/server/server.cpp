@@ -45,11 +45,12 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
 
 Status Server::serve(Node& node, std::size_t peer, const std::string& address, const std::string& port) {
   const std::size_t before = services_.size();
+  const bool mutual_tls = !client_authorities_.empty();
   services_.push_back(make_endorser_service(node, peer));
-  services_.push_back(make_deliver_service(node));
+  services_.push_back(make_deliver_service(node, mutual_tls));
   if (peer == 0) {
     services_.push_back(make_gateway_service(node));
-    services_.push_back(make_orderer_service(node));
+    services_.push_back(make_orderer_service(node, mutual_tls));
   }
 
   const auto& own = node.identities().tls.at(peer);

@@ -15,8 +15,9 @@ namespace ledgerline::node {
 std::unique_ptr<grpc::Service> make_gateway_service(Node& node);
 /// `peer`: the organisation, from 0, whose peer endorses here.
 std::unique_ptr<grpc::Service> make_endorser_service(Node& node, std::size_t peer);
-std::unique_ptr<grpc::Service> make_deliver_service(Node& node);
-std::unique_ptr<grpc::Service> make_orderer_service(Node& node);
+/// `mutual_tls`: clients have shown a certificate of TLS, and Deliver takes requests alone that name it.
+std::unique_ptr<grpc::Service> make_deliver_service(Node& node, bool mutual_tls);
+std::unique_ptr<grpc::Service> make_orderer_service(Node& node, bool mutual_tls);
 
 /// All of them behind one TLS endpoint, with the certificate of Org1's peer. Those of the other organisations have endpoints
 /// of their own, with endorser and deliver alone: for who asks peers for their endorsement.

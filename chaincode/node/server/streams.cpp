@@ -1,6 +1,10 @@
 #include "chaincode/node/server/streams.hpp"
 
+#include <grpc/grpc_security_constants.h>
+
 #include <limits>
+
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {
 namespace {
@@ -55,6 +59,7 @@ Result<SeekRequest> read_seek(const common::Envelope& envelope) {
   request.creator = signature_header.creator();
   request.payload = envelope.payload();
   request.signature = envelope.signature();
+  request.tls_hash = channel_header.tls_cert_hash();
   // Half of what fits, so that its distance from now can be computed.
   constexpr std::int64_t farthest_s = INT64_MAX / ns_per_s / 2;
   const std::int64_t sent_s = channel_header.timestamp().seconds();
@@ -68,8 +73,21 @@ bool is_fresh(const SeekRequest& request, TimeNs real_ns) {
   return request.sent_ns && std::abs(*request.sent_ns - real_ns) <= time_window_ns;
 }
 
-DeliverStream* DeliverStream::start(Node& node, Limit& limit, Strangers& strangers, View& view) {
-  auto stream = std::make_shared<DeliverStream>(node, limit, strangers, view);
+bool is_bound(const SeekRequest& request, const std::optional<std::string>& shown) {
+  return !shown || (!request.tls_hash.empty() && request.tls_hash == *shown);
+}
+
+std::optional<std::string> shown_hash(const grpc::CallbackServerContext& context, bool mutual_tls) {
+  if (!mutual_tls) return std::nullopt;
+  const auto pem = context.auth_context()->FindPropertyValues(GRPC_X509_PEM_CERT_PROPERTY_NAME);
+  if (pem.empty()) return std::string();
+  const auto hash = crypto::certificate_hash({pem[0].data(), pem[0].size()});
+  return hash ? std::string(hash->begin(), hash->end()) : std::string();
+}
+
+DeliverStream* DeliverStream::start(Node& node, Limit& limit, Strangers& strangers, View& view,
+                                    std::optional<std::string> shown) {
+  auto stream = std::make_shared<DeliverStream>(node, limit, strangers, view, std::move(shown));
   if (admit(stream)) stream->StartRead(&stream->request_);
   return stream.get();
 }
@@ -80,7 +98,8 @@ void DeliverStream::OnReadDone(bool ok) {
   common::Envelope envelope;
   if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
   const auto request = read_seek(envelope);
-  if (!request || !is_fresh(*request, read_now().real_ns)) return send_status(common::BAD_REQUEST);
+  if (!request || !is_fresh(*request, read_now().real_ns) || !is_bound(*request, shown_hash_))
+    return send_status(common::BAD_REQUEST);
   if (request->channel != node_.config().channel) return send_status(common::NOT_FOUND);
   const bool taken = node_.post([self = shared_from_this(), request = *request](NodeCore& core) {
     const auto signer = core.check_signer(request.creator, request.payload, request.signature, read_now());

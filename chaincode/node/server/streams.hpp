@@ -1,9 +1,12 @@
 #pragma once
+#include <grpcpp/server_context.h>
 #include <grpcpp/support/server_callback.h>
 
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
+#include <string>
 
 #include "chaincode/node/server/grpc_status.hpp"
 #include "chaincode/node/server/proto_bytes.hpp"
@@ -30,11 +33,18 @@ struct SeekRequest {
   std::string channel;
   std::string creator, payload, signature;
   std::optional<TimeNs> sent_ns;  ///< real time, by the client's clock
+  std::string tls_hash;           ///< of the TLS certificate that the client says it shows
   orderer::SeekInfo seek;
 };
 Result<SeekRequest> read_seek(const common::Envelope& envelope);
 /// One that somebody has kept, or that tells no time, is refused (Fabric's authentication.timewindow).
 bool is_fresh(const SeekRequest& request, TimeNs real_ns);
+/// Under mutual TLS a request names the certificate of its own connection, as in Fabric: who has another one's request reads
+/// nothing by it over a connection of his own. `shown`: shown_hash() of the call.
+bool is_bound(const SeekRequest& request, const std::optional<std::string>& shown);
+/// SHA-256 of the TLS certificate that the client of a call has shown; empty, of which no request is: it cannot be read.
+/// nullopt: without mutual TLS, where none is asked for.
+std::optional<std::string> shown_hash(const grpc::CallbackServerContext& context, bool mutual_tls);
 
 /// peer Deliver and DeliverFiltered, orderer Deliver. One seek after the other.
 class DeliverStream final
@@ -46,9 +56,11 @@ class DeliverStream final
     ViewCache blocks;
     std::function<grpc::ByteBuffer(common::Status)> status;
   };
-  static DeliverStream* start(Node& node, Limit& limit, Strangers& strangers, View& view);
-  DeliverStream(Node& node, Limit& limit, Strangers& strangers, View& view)
-      : ServedStream(limit, strangers), node_(node), view_(view) {}
+  /// `shown`: shown_hash() of its call.
+  static DeliverStream* start(Node& node, Limit& limit, Strangers& strangers, View& view,
+                              std::optional<std::string> shown);
+  DeliverStream(Node& node, Limit& limit, Strangers& strangers, View& view, std::optional<std::string> shown)
+      : ServedStream(limit, strangers), node_(node), view_(view), shown_hash_(std::move(shown)) {}
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -64,6 +76,7 @@ class DeliverStream final
 
   Node& node_;
   View& view_;
+  const std::optional<std::string> shown_hash_;
   grpc::ByteBuffer request_;
 
   // Guarded by the mutex:

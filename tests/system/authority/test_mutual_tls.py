@@ -9,7 +9,7 @@ import time
 import findings
 import pytest
 from endorsers import Endorser
-from fabric import BIN
+from fabric import BIN, Peer, needs_fabric
 from ledgers import Embedded, openssl, tables
 from netns import die_with_parent
 
@@ -188,6 +188,19 @@ def test_the_bridge_reads_blocks_with_a_certificate_and_none_without(ledger, tmp
 
     assert reads_blocks("with", tls_pair(ledger, 1), PATIENCE_S)
     assert not reads_blocks("without", None, 2)
+
+
+@pytest.mark.parametrize("source", ["peer", "orderer"])
+def test_fabrics_own_program_reads_blocks_by_the_certificate_that_it_shows(ledger, tmp_path, source):
+    """Each request names the certificate's hash: the node's unit tests have those that name another."""
+    needs_fabric()
+    certificate, key = tls_pair(ledger, 1)
+    peer = Peer(ledger.directory, ledger.endpoint, 1, ledger.endpoint, ca_files=(ledger.ca_file(1), ledger.ca_file(1)))
+    peer.environment |= {"CORE_PEER_TLS_CLIENTAUTHREQUIRED": "true", "CORE_PEER_TLS_CLIENTCERT_FILE": str(certificate),
+                         "CORE_PEER_TLS_CLIENTKEY_FILE": str(key)}
+    ordering = [*peer.ordering, "--clientauth", "--certfile", certificate, "--keyfile", key] if source == "orderer" else []
+    fetched = peer.run("channel", "fetch", "0", tmp_path / "first.block", "-c", "teleop", *ordering)
+    assert fetched.returncode == 0 and (tmp_path / "first.block").stat().st_size > 0, fetched.stderr
 
 
 def test_an_authority_that_cannot_be_read_is_named_before_anything_starts(ledger, tmp_path):

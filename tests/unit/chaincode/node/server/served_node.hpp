@@ -26,8 +26,12 @@ inline std::string text_of(const std::filesystem::path& path) {
 /// The node behind its TLS endpoint, on a free port, in this process, with a ledger of its own on disk.
 class ServedNode {
  public:
-  explicit ServedNode(CoreConfig core = settings())
-      : dir_(std::filesystem::temp_directory_path() / ("ledgerline_served_" + std::to_string(::getpid()))) {
+  /// Whether clients must show a certificate of TLS of Org1's authority.
+  enum class Clients { any, with_certificate };
+
+  explicit ServedNode(CoreConfig core = settings(), Clients clients = Clients::any)
+      : clients_(clients),
+        dir_(std::filesystem::temp_directory_path() / ("ledgerline_served_" + std::to_string(::getpid()))) {
     std::filesystem::remove_all(dir_);
     Node::Options options;
     options.dir = dir_;
@@ -35,7 +39,8 @@ class ServedNode {
     auto opened = Node::open(options);
     EXPECT_TRUE(opened.ok()) << opened.error().what;
     node_ = std::move(*opened);
-    auto started = Server::start(*node_, "127.0.0.1:0");
+    auto started =
+        Server::start(*node_, "127.0.0.1:0", clients == Clients::any ? std::string() : text_of(tls_ca_file()));
     EXPECT_TRUE(started.ok()) << started.error().what;
     server_ = std::move(*started);
   }
@@ -53,10 +58,14 @@ class ServedNode {
     return core;
   }
 
-  /// A connection of its own.
+  /// A connection of its own; of Org1's User1, where a certificate must be shown.
   std::shared_ptr<grpc::Channel> connect() const {
     grpc::SslCredentialsOptions tls;
     tls.pem_root_certs = text_of(tls_ca_file());
+    if (clients_ == Clients::with_certificate) {
+      tls.pem_cert_chain = text_of(tls_of_user("User1") / "client.crt");
+      tls.pem_private_key = text_of(tls_of_user("User1") / "client.key");
+    }
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
     return grpc::CreateCustomChannel(server_->endpoint(), grpc::SslCredentials(tls), arguments);
@@ -88,6 +97,10 @@ class ServedNode {
   }
 
   std::string tls_ca_file() const { return organisation(1) / "tlsca" / "tlsca.org1.ledgerline-cert.pem"; }
+  /// Org1's: client.crt and client.key.
+  std::filesystem::path tls_of_user(const std::string& name) const {
+    return organisation(1) / "users" / (name + "@org1.ledgerline") / "tls";
+  }
   const std::string& endpoint() const { return server_->endpoint(); }
   Node& node() { return *node_; }
   const CoreConfig& config() const { return node_->config(); }
@@ -97,6 +110,7 @@ class ServedNode {
     return dir_ / "crypto" / "peerOrganizations" / ("org" + std::to_string(number) + ".ledgerline");
   }
 
+  const Clients clients_;
   std::filesystem::path dir_;
   std::unique_ptr<Node> node_;
   std::unique_ptr<Server> server_;

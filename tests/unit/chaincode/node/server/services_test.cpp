@@ -33,6 +33,9 @@ Ended ended(const grpc::Status& status) {
 
 class ServicesTest : public ::testing::Test {
  protected:
+  explicit ServicesTest(ServedNode::Clients clients = ServedNode::Clients::any)
+      : served(ServedNode::settings(), clients) {}
+
   static std::unique_ptr<grpc::ClientContext> within(int seconds = 20) {
     auto context = std::make_unique<grpc::ClientContext>();
     context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(seconds));
@@ -181,6 +184,16 @@ class ServicesTest : public ::testing::Test {
     context = within();
     statuses.push_back(read_to_status<orderer::DeliverResponse>(ordering->Deliver(context.get()), envelope));
     return statuses;
+  }
+
+  /// With the certificate's hash in it, as who shows one of TLS says which.
+  common::Envelope naming(const common::Envelope& seek, const std::string& tls_hash) {
+    return changed(seek, [&](common::Header& header) {
+      common::ChannelHeader channel_header;
+      channel_header.ParseFromString(header.channel_header());
+      channel_header.set_tls_cert_hash(tls_hash);
+      header.set_channel_header(channel_header.SerializeAsString());
+    });
   }
 
   ServedNode served;
@@ -411,6 +424,32 @@ TEST_F(ServicesTest, AStatusThatNeverComesIsNotAnswered) {
 TEST_F(ServicesTest, BlocksAreDeliveredUpToTheStop) {
   EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));
   EXPECT_EQ(blocks, 4 * 2);
+}
+
+TEST_F(ServicesTest, WithoutMutualTlsACertificatesHashIsNotCompared) {
+  EXPECT_THAT(deliver_everywhere(naming(seek(host), "any")), ::testing::Each(common::SUCCESS));
+}
+
+class MutualTlsTest : public ServicesTest {
+ protected:
+  MutualTlsTest() : ServicesTest(ServedNode::Clients::with_certificate) {}
+
+  std::string hash_of(const std::string& user) const {
+    const auto hash = crypto::certificate_hash(text_of(served.tls_of_user(user) / "client.crt"));
+    return {hash->begin(), hash->end()};
+  }
+};
+
+/// The connection is User1's: a request of another one's, sent on over it, brings no blocks.
+TEST_F(MutualTlsTest, BlocksAreDeliveredByTheConnectionAloneThatTheRequestNames) {
+  const std::string own = hash_of("User1");
+  EXPECT_THAT(deliver_everywhere(naming(seek(host), own)), ::testing::Each(common::SUCCESS));
+  EXPECT_EQ(blocks, 4 * 2);
+  for (const std::string& other : {hash_of("User2"), std::string(), own.substr(1), own + "x"}) {
+    EXPECT_THAT(deliver_everywhere(naming(seek(host), other)), ::testing::Each(common::BAD_REQUEST));
+    EXPECT_EQ(blocks, 0);
+  }
+  EXPECT_EQ(endorse(propose(host)).code, grpc::StatusCode::OK) << "as in Fabric: Deliver alone is bound";
 }
 
 /// More than the limit of open calls, by somebody who has no certificate: silent ones, and ones that were refused.
