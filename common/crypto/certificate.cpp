@@ -3,6 +3,7 @@
 
 #include <ctime>
 
+#include "common/base/file.hpp"
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
@@ -98,6 +99,14 @@ Result<Certificate> parse_certificate(const std::string& pem) {
   auto certificate = read_certificate(pem);
   if (!certificate) return certificate.error();
   return describe(certificate->get());
+}
+
+Result<std::string> read_certificate_file(const std::string& path) {
+  auto pem = read_file(path);
+  if (!pem) return pem.error();
+  if (const auto certificate = read_certificate(*pem); !certificate)
+    return Error{path + ": " + certificate.error().what};
+  return pem;
 }
 
 }  // namespace ledgerline::crypto

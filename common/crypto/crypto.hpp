@@ -62,6 +62,8 @@ struct Certificate {
   std::int64_t not_before_s = 0, not_after_s = 0;  ///< Unix time
 };
 Result<Certificate> parse_certificate(const std::string& pem);
+/// The text of a PEM file that begins with a certificate, such as one with authorities. An error names the file.
+Result<std::string> read_certificate_file(const std::string& path);
 /// SHA-256 of the first certificate's DER: its fingerprint.
 Result<Digest> certificate_hash(const std::string& pem);
 

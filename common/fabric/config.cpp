@@ -2,9 +2,6 @@
 
 #include <fmt/format.h>
 
-#include <fstream>
-#include <sstream>
-
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/stream/connection_words.hpp"
@@ -180,14 +177,9 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   if (!complete) return incomplete;
   std::vector<crypto::MspRoot> roots;
   for (const auto& [id, path] : named) {
-    std::ifstream file(path);
-    std::stringstream pem;
-    pem << file.rdbuf();
-    if (!file) return Error{fmt::format("cannot read the CA certificate {} of {}", path, id)};
-    if (auto certificate = crypto::parse_certificate(pem.str()); !certificate) {
-      return Error{fmt::format("{}: {}", path, certificate.error().what)};
-    }
-    roots.push_back({id, pem.str()});
+    auto pem = crypto::read_certificate_file(path);
+    if (!pem) return Error{fmt::format("[[msp]] {}: {}", id, pem.error().what)};
+    roots.push_back({id, std::move(*pem)});
   }
   return crypto::make_msp_registry(verifier, std::move(roots));
 }

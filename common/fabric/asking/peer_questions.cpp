@@ -1,6 +1,5 @@
 #include "common/fabric/asking/peer_questions.hpp"
 
-#include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/client/connection.hpp"
 #include "common/ledger.pb.h"
@@ -35,7 +34,7 @@ Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Ca
   if (!answer) return answer.error();
   protos::ProposalResponse response;
   response.ParseFromString(*answer);
-  if (response.response().status() != 200) return Error{printable(response.response().message(), max_words)};
+  if (response.response().status() != 200) return Error{words_of_peer(response.response().message())};
   return std::move(*response.mutable_response()->mutable_payload());
 }
 

@@ -2,7 +2,6 @@
 
 #include <future>
 
-#include "common/base/printable.hpp"
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
@@ -45,7 +44,7 @@ class GatewayClient final : public Client {
           ->ProcessProposal(&context, request, &response);
     });
     if (!asked) return asked.error();
-    if (response.response().status() >= 400) return Error{printable(response.response().message(), max_words)};
+    if (response.response().status() >= 400) return Error{words_of_peer(response.response().message())};
     return std::move(*response.mutable_response()->mutable_payload());
   }
 

@@ -9,9 +9,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/base/printable.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/crypto/identities/request.hpp"
 #include "common/fabric/judge/block_judge.hpp"
@@ -29,14 +27,6 @@ constexpr int first_reconnect_ms = 50, max_reconnect_ms = 1'000, connect_timeout
 constexpr TimeNs renew_again_ns = 1 * ns_per_s;
 // As Fabric's own clients: a block may hold an envelope of many megabytes.
 constexpr int max_message_bytes = 100 * 1024 * 1024;
-
-Result<std::string> certificates_in(const std::string& path) {
-  auto pem = read_file(path);
-  if (!pem) return Error{"a certificate: " + pem.error().what};
-  if (auto certificate = crypto::parse_certificate(*pem); !certificate)
-    return Error{fmt::format("{}: {}", path, certificate.error().what)};
-  return pem;
-}
 
 /// As it was renewed, else as its files have it.
 Result<TlsPairsInUse::Pair> read_pair(const ClientConfig::TlsPair& files, const TlsPairsInUse* in_use) {
@@ -78,8 +68,8 @@ Result<std::vector<std::string>> tls_hashes(const std::vector<ClientConfig::Serv
 
 Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server, const TlsPairsInUse* in_use) {
   if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
-  auto authorities = certificates_in(server.tls_ca_file);
-  if (!authorities) return authorities.error();
+  auto authorities = crypto::read_certificate_file(server.tls_ca_file);
+  if (!authorities) return Error{fmt::format("tls_ca of {}: {}", server.endpoint, authorities.error().what)};
   grpc::SslCredentialsOptions tls;
   tls.pem_root_certs = std::move(*authorities);
   const ClientConfig::TlsPair& own = server.tls_pair;
@@ -235,7 +225,7 @@ std::string describe(const grpc::Status& status) {
   // google.rpc.Status, whose field 3 is the list of details; no package has its C++ without more of googleapis.
   google::protobuf::Empty wrapper;
   std::string text;
-  if (!wrapper.ParseFromString(status.error_details())) return printable(status.error_message(), max_words);
+  if (!wrapper.ParseFromString(status.error_details())) return words_of_peer(status.error_message());
   const auto& fields = wrapper.GetReflection()->GetUnknownFields(wrapper);
   for (int i = 0; i < fields.field_count(); ++i) {
     google::protobuf::Any any;
@@ -249,7 +239,7 @@ std::string describe(const grpc::Status& status) {
     }
     text += (text.empty() ? "" : "; ") + detail.message();
   }
-  return printable(text.empty() ? status.error_message() : text, max_words);
+  return words_of_peer(text.empty() ? status.error_message() : text);
 }
 
 Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,

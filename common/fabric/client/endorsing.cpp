@@ -2,7 +2,6 @@
 
 #include <algorithm>
 
-#include "common/base/printable.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
 #include "peer/proposal.pb.h"
@@ -25,7 +24,7 @@ Gathering::Answer answer_of(const std::string& organisation, const grpc::Status&
     return {organisation,
             {},
             fmt::format("chaincode response {}, {}", response.response().status(),
-                        printable(response.response().message(), max_words))};
+                        words_of_peer(response.response().message()))};
   }
   return {organisation, {}, {}, response.payload(), response.SerializeAsString()};
 }

@@ -1,7 +1,5 @@
 #include "common/fabric/client/ordering.hpp"
 
-#include "common/base/printable.hpp"
-
 namespace ledgerline::fabric {
 namespace {
 
@@ -91,12 +89,11 @@ void Ordering::on_acknowledged(bool ok) {
       back_off_.succeeded();
       return finish(Ended::acknowledged, {});
     case common::SERVICE_UNAVAILABLE:  // no leader, or too busy: it was not taken
-      return go_on(printable(response.info(), max_words));
+      return go_on(words_of_peer(response.info()));
     default:
       // Orderers end the stream after a refusal.
       drop_stream();
-      return finish(Ended::refused,
-                    common::Status_Name(response.status()) + ": " + printable(response.info(), max_words));
+      return finish(Ended::refused, common::Status_Name(response.status()) + ": " + words_of_peer(response.info()));
   }
 }
 

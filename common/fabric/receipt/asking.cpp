@@ -2,7 +2,6 @@
 
 #include <fmt/format.h>
 
-#include "common/base/printable.hpp"
 #include "common/fabric/client/connection.hpp"
 
 namespace ledgerline::fabric {
@@ -31,7 +30,7 @@ std::vector<Peer> peers_to_ask(const Connection& connection) {
 Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chrono::milliseconds deadline) {
   const auto response = ask_peer(peer.channel, question, deadline);
   if (!response) return response.error();
-  if (response->response().status() != 200) return Error{printable(response->response().message(), max_words)};
+  if (response->response().status() != 200) return Error{words_of_peer(response->response().message())};
   return PeerAnswer{peer.name, response->SerializeAsString()};
 }
 

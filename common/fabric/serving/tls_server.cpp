@@ -3,7 +3,6 @@
 #include <grpcpp/resource_quota.h>
 #include <grpcpp/server_builder.h>
 
-#include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 
 namespace ledgerline::fabric {
@@ -11,10 +10,8 @@ namespace ledgerline::fabric {
 Result<std::string> read_client_authorities(const std::vector<std::string>& files) {
   std::string all;
   for (const std::string& file : files) {
-    const auto pem = read_file(file);
+    const auto pem = crypto::read_certificate_file(file);
     if (!pem) return pem.error();
-    if (const auto certificate = crypto::parse_certificate(*pem); !certificate)
-      return Error{file + ": " + certificate.error().what};
     all += *pem + "\n";
   }
   return all;

@@ -87,6 +87,11 @@ Status check_event(const Proposal& proposal, const std::string& asked_channel_he
 
 }  // namespace
 
+std::string words_of_peer(std::string_view text) {
+  constexpr std::size_t max_words = 8'000;
+  return printable(text, max_words);
+}
+
 std::string proposal_bytes(const common::SignatureHeader& who, const ChannelAndContract& where, const Call& call,
                            const google::protobuf::Timestamp& time) {
   protos::ChaincodeHeaderExtension extension;
@@ -138,7 +143,7 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
     if (!parse(response, bytes)) return Error{"a peer's answer is malformed"};
     if (response.response().status() >= 400) {
       return Error{"chaincode response " + std::to_string(response.response().status()) + ", " +
-                   printable(response.response().message(), max_words)};
+                   words_of_peer(response.response().message())};
     }
     if (!response.has_endorsement()) return Error{"a peer's answer has no endorsement"};
     if (result.empty()) result = response.payload();

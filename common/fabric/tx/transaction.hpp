@@ -37,9 +37,9 @@ struct Call {
   std::optional<EndorsementNeed> need{};
 };
 
-/// What a peer, an orderer or a contract says of a call becomes one printable line of so many bytes at most: it goes to logs
-/// and terminals. A refusal that names each drone of an organisation fits.
-inline constexpr std::size_t max_words = 8'000;
+/// What a peer, an orderer or a contract says of a call, for logs and terminals: one printable line, of a length into which a
+/// refusal fits that names each drone of an organisation.
+std::string words_of_peer(std::string_view text);
 
 struct ChannelAndContract {
   std::string channel = "teleop";
