@@ -41,6 +41,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline fabric logs --dir /tmp/net peer1
   ledgerline fabric up --dir /tmp/netca --ca                identities from fabric-ca, one server an organisation
   ledgerline fabric revoke --dir /tmp/netca --org 2 --user User1
+  ledgerline fabric revoke --dir /tmp/netca --org 2 --certificate stolen.pem
   ledgerline fabric upgrade --dir /tmp/net                  after an update: this version's contract, while drones fly
   ledgerline fabric down --dir /tmp/net                     ends it; the directory stays, and `up` goes on with it
   ledgerline fabric run --dir /tmp/net                      the same in the foreground, until SIGINT or SIGTERM
@@ -241,8 +242,18 @@ int make_identities(Options options) {
   return network.down() ? 0 : fail(Error{"a process had to be killed"});
 }
 
-/// Takes a user of a running network out of it, or whom the list in `file` names.
-int revoke(Options options, int organisation, const std::string& user, const std::string& file) {
+/// What a command line asks for.
+struct Wish {
+  Options options;
+  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
+  std::vector<std::string> organisations, orderers;
+  std::string config, summary, process, user, certificate, list;
+  int organisation = 0;
+};
+
+/// Takes a user of a running network out of it, or one of its certificates, or whom a list names.
+int revoke(const Wish& wish) {
+  Options options = wish.options;
   const auto running = RunFile(options.dir).read();
   if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
@@ -257,15 +268,26 @@ int revoke(Options options, int organisation, const std::string& user, const std
       all->push_back(std::move(*place));
     }
   }
-  if (file.empty()) {
-    if (Status s = fabric_network::revoke(options, places, organisation, user); !s) return fail(s.error());
-    std::printf("%s of organisation %d is revoked\n", user.c_str(), organisation);
+  const int organisation = wish.organisation;
+  if (!wish.list.empty()) {
+    const auto list = fabric_network::read_list(options, organisation, wish.list);
+    if (!list) return fail(list.error());
+    if (Status s = fabric_network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
+    std::printf("whom %s names is revoked in organisation %d\n", wish.list.c_str(), organisation);
     return 0;
   }
-  const auto list = fabric_network::read_list(options, organisation, file);
-  if (!list) return fail(list.error());
-  if (Status s = fabric_network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
-  std::printf("whom %s names is revoked in organisation %d\n", file.c_str(), organisation);
+  fabric_network::Revoked revoked{wish.user};
+  if (!wish.certificate.empty()) {
+    auto pem = crypto::read_certificate_file(wish.certificate);
+    if (!pem) return fail(pem.error());
+    revoked.certificate_pem = std::move(*pem);
+  }
+  if (Status s = fabric_network::revoke(options, places, organisation, revoked); !s) return fail(s.error());
+  if (wish.user.empty()) {
+    std::printf("the certificate in %s is revoked in organisation %d\n", wish.certificate.c_str(), organisation);
+  } else {
+    std::printf("%s of organisation %d is revoked\n", wish.user.c_str(), organisation);
+  }
   return 0;
 }
 
@@ -298,15 +320,6 @@ Status add_places(Options& options, const std::vector<std::string>& organisation
   if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
   return fabric_network::check(options);
 }
-
-/// What a command line asks for.
-struct Wish {
-  Options options;
-  double batch_timeout_ms = to_ms(options.batch_timeout_ns);
-  std::vector<std::string> organisations, orderers;
-  std::string config, summary, process, user, list;
-  int organisation = 0;
-};
 
 void add_network_options(Verb verb, Wish& wish) {
   Options& options = wish.options;
@@ -363,7 +376,9 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
   revoke.option("--org", wish.organisation, "Number of the user's organisation")
       .required()
       .within(1, identities::organisations);
-  revoke.option("--user", wish.user, "User1, ... or endorser0, of a network with --ca");
+  revoke.option("--user", wish.user, "User1, ... or endorser0, of a network with --ca: all certificates that it has");
+  revoke.option("--certificate", wish.certificate,
+                "In place of --user: one certificate (PEM); a renewed one of the same user goes on");
   revoke.option("--list", wish.list,
                 "In place of --user: a revocation list (PEM) of its authority, with all it revoked");
   return verbs;
@@ -390,9 +405,9 @@ int carry_out(const std::string& verb, Wish& wish) {
   if (verb == "logs") return logs(options.dir, wish.process);
   if (Status s = add_places(options, wish.organisations, wish.orderers); !s) return fail(s.error(), exit_usage);
   find_programs(options);
-  if (verb == "revoke" && wish.user.empty() == wish.list.empty())
-    return fail(Error{"revoke: give one of --user and --list"}, exit_usage);
-  if (verb == "revoke") return revoke(options, wish.organisation, wish.user, wish.list);
+  if (verb == "revoke" && !wish.user.empty() + !wish.certificate.empty() + !wish.list.empty() != 1)
+    return fail(Error{"revoke: give one of --user, --certificate and --list"}, exit_usage);
+  if (verb == "revoke") return revoke(wish);
   if (verb == "up") return up(options);
   if (verb == "upgrade") return renew(options);
   if (verb == "identities") return make_identities(options);

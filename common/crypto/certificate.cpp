@@ -95,6 +95,18 @@ Result<Digest> certificate_hash(const std::string& pem) {
   return hash;
 }
 
+Result<CertificateNumber> certificate_number(const std::string& pem) {
+  auto certificate = read_certificate(pem);
+  if (!certificate) return certificate.error();
+  const ASN1_OCTET_STRING* key = X509_get0_authority_key_id(certificate->get());
+  if (!key) return Error{"the certificate does not say which key of its authority has signed it"};
+  const auto digits = [](const ASN1_STRING* text) {
+    return hex({reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
+                static_cast<std::size_t>(ASN1_STRING_length(text))});
+  };
+  return CertificateNumber{digits(X509_get0_serialNumber(certificate->get())), digits(key)};
+}
+
 Result<Certificate> parse_certificate(const std::string& pem) {
   auto certificate = read_certificate(pem);
   if (!certificate) return certificate.error();

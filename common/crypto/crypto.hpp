@@ -66,6 +66,11 @@ Result<Certificate> parse_certificate(const std::string& pem);
 Result<std::string> read_certificate_file(const std::string& path);
 /// SHA-256 of the first certificate's DER: its fingerprint.
 Result<Digest> certificate_hash(const std::string& pem);
+/// By what an authority tells the certificates apart that it has made, in hexadecimal. An error: it names no authority's key.
+struct CertificateNumber {
+  std::string serial, authority_key;
+};
+Result<CertificateNumber> certificate_number(const std::string& pem);
 
 /// Who signs: MSP id and certificate subject, so that it survives renewal.
 struct IdentityName {
@@ -115,6 +120,8 @@ Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem
 /// The one list, as PEM, that Fabric reads in an entry of a configuration (Go's x509.ParseCRL): the first of a PEM text that
 /// begins with it, or DER. An error: none can be read, with which Fabric takes no configuration.
 Result<std::string> list_of_entry(const std::string& entry);
+/// Whether one of these lists names the certificate, whoever has signed them. An error: it cannot be read.
+Result<bool> is_listed(const std::string& lists_pem, const std::string& certificate_pem);
 /// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
 

@@ -76,6 +76,19 @@ Result<std::string> list_of_entry(const std::string& entry) {
   return text_of(out.get());
 }
 
+Result<bool> is_listed(const std::string& lists_pem, const std::string& certificate_pem) {
+  const auto certificate = read_certificate(certificate_pem);
+  if (!certificate) return certificate.error();
+  const BioPtr text = bio_of(lists_pem);
+  bool found = false;
+  while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)}) {
+    X509_REVOKED* entry = nullptr;
+    found = found || X509_CRL_get0_by_cert(list.get(), &entry, certificate->get()) == 1;
+  }
+  ERR_clear_error();  // the end of the PEM text
+  return found;
+}
+
 bool lists_name_key(const std::string& pem) {
   const BioPtr text = bio_of(pem);
   bool all = true;

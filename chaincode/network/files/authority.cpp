@@ -110,6 +110,25 @@ std::vector<Command> issuing_commands(const Authorities& authorities, int organi
   return commands;
 }
 
+/// A call of fabric-ca-client.
+struct Revoking {
+  std::string what;
+  std::vector<std::string> words;
+};
+
+Result<Revoking> revoking_user(int organisation, const std::string& user) {
+  // As chaincode/identities names them: a peer has a host's name.
+  const std::string name = user + (user == "endorser0" ? "." : "@") + domain_of(organisation);
+  return Revoking{"revoking " + name, {"revoke", "--revoke.name", name}};
+}
+
+Result<Revoking> revoking_certificate(const std::string& pem) {
+  const auto number = crypto::certificate_number(pem);
+  if (!number) return number.error();
+  return Revoking{"revoking certificate " + number->serial,
+                  {"revoke", "--revoke.serial", number->serial, "--revoke.aki", number->authority_key}};
+}
+
 Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
   std::error_code error;
   fs::path key;
@@ -196,16 +215,25 @@ Result<std::vector<identities::Issued>> issue_by_authorities(
   return all;
 }
 
-Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const std::string& user) {
+Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const Revoked& revoked) {
   const fs::path own = home_of(authorities.dir, organisation) / registrar;
-  // As chaincode/identities names them: a peer has a host's name.
-  const std::string name = user + (user == "endorser0" ? "." : "@") + domain_of(organisation);
-  const auto ran =
-      run_lanes({{client_command(authorities, organisation, "revoking " + name, own, {"revoke", "--revoke.name", name}),
-                  client_command(authorities, organisation, "listing what is revoked", own, {"gencrl"})}},
-                authorities.dir + "/logs/revocation");
-  if (!ran) return ran.error();
-  return read_file(own / "msp" / "crls" / "crl.pem");
+  const std::string log = authorities.dir + "/logs/revocation-at-authority.log";
+  const bool one = !revoked.certificate_pem.empty();
+  const auto revoking = one ? revoking_certificate(revoked.certificate_pem) : revoking_user(organisation, revoked.user);
+  if (!revoking) return revoking.error();
+  const auto ran = run_command(client_command(authorities, organisation, revoking->what, own, revoking->words), log);
+  // Of a certificate that is revoked already the server says so by an error: the list tells.
+  if (!ran && !one) return ran.error();
+  const auto made =
+      run_command(client_command(authorities, organisation, "listing what is revoked", own, {"gencrl"}), log);
+  if (!made) return made.error();
+  auto list = read_file(own / "msp" / "crls" / "crl.pem");
+  if (!list || !one) return list;
+  const auto listed = crypto::is_listed(*list, revoked.certificate_pem);
+  if (!listed) return listed.error();
+  if (*listed) return list;
+  return ran ? Error{"the authority lists no certificate that has ended, and peers refuse those as they are"}
+             : ran.error();
 }
 
 }  // namespace ledgerline::fabric_network

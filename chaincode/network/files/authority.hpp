@@ -39,8 +39,13 @@ bool authority_listens(const Authorities& authorities, int organisation);
 Result<std::vector<identities::Issued>> issue_by_authorities(
     const Authorities& authorities, const std::vector<std::vector<identities::Wanted>>& wanted);
 
-/// Revokes a user's certificates at the running server, and what its revocation list (PEM) then is. Again for one who
-/// is revoked already: just the list.
-Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const std::string& user);
+/// What is to be revoked: one of the two.
+struct Revoked {
+  std::string user{};             ///< "User1", "endorser0": all certificates that it has
+  std::string certificate_pem{};  ///< this one alone: its owner goes on with a renewed one
+};
+/// Revokes at the running server, and what its revocation list (PEM) then is. Again for what is revoked already: just the
+/// list. An error: the list does not name the certificate.
+Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const Revoked& revoked);
 
 }  // namespace ledgerline::fabric_network

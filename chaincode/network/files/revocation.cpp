@@ -4,12 +4,13 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <filesystem>
 
 #include "chaincode/network/commands.hpp"
-#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
+#include "common/base/printable.hpp"
 #include "common/base/random.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
@@ -150,6 +151,28 @@ Status update_channel(const Where& where, int organisation, int number, const st
   return done;
 }
 
+constexpr const char* admin_signs = "Admin cannot be revoked: it signs for its organisation, and there is one alone";
+
+/// A certificate of a network with fabric-ca.
+Status check_revocable(const Options& options, int organisation, const std::string& pem) {
+  const auto certificate = crypto::parse_certificate(pem);
+  if (!certificate) return certificate.error();
+  constexpr std::array roles{"client", "peer", "admin"};
+  if (std::none_of(certificate->units.begin(), certificate->units.end(),
+                   [&](const std::string& unit) { return std::find(roles.begin(), roles.end(), unit) != roles.end(); }))
+    return Error{
+        fmt::format("{} is no member's certificate (OU=client, peer or admin): Fabric looks up no other one, such "
+                    "as those of TLS, in a revocation list",
+                    printable(certificate->subject))};
+  const auto admins = crypto::identity_files(identities::user_dir(options.dir, organisation, "Admin") / "msp");
+  if (!admins) return admins.error();
+  const auto in_use = crypto::read_certificate_file(admins->certificate);
+  if (!in_use) return in_use.error();
+  const auto own = crypto::certificate_hash(pem), its = crypto::certificate_hash(*in_use);
+  if (own && its && *own == *its) return Error{admin_signs};
+  return done;
+}
+
 Status check_known(const Where& where, int organisation, const std::string& msp_id, const std::string& list) {
   const auto block = fetch_config(where, organisation, {});
   if (!block) return block.error();
@@ -212,10 +235,13 @@ Result<std::string> read_list(const Options& options, int organisation, const st
   return list;
 }
 
-Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user) {
-  if (user == "Admin") return Error{"Admin cannot be revoked: it signs for its organisation, and there is one alone"};
+Status revoke(const Options& options, const ListenAddresses& places, int organisation, const Revoked& revoked) {
+  if (revoked.user == "Admin") return Error{admin_signs};
   if (!has_authorities(options.dir)) return Error{options.dir + " has no fabric-ca: it was not begun with --ca"};
-  const auto list = revoke_at_authority(authorities(options, places), organisation, user);
+  if (revoked.user.empty()) {
+    if (Status s = check_revocable(options, organisation, revoked.certificate_pem); !s) return s;
+  }
+  const auto list = revoke_at_authority(authorities(options, places), organisation, revoked);
   if (!list) return list.error();
   return publish_list(options, places, organisation, *list);
 }

@@ -2,6 +2,7 @@
 #include <string>
 #include <string_view>
 
+#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/options.hpp"
 #include "common/base/result.hpp"
 
@@ -20,8 +21,9 @@ Status publish_list(const Options& options, const ListenAddresses& places, int o
 /// A file with a revocation list (PEM) that the organisation's authority has signed.
 Result<std::string> read_list(const Options& options, int organisation, const std::string& file);
 
-/// Revokes a user ("User1"), or the organisation's "endorser0", of a running network: at its fabric-ca, then by
-/// publish_list(). From then on peers refuse it, and what it endorses is invalid; what stands on the ledger stays.
-Status revoke(const Options& options, const ListenAddresses& places, int organisation, const std::string& user);
+/// Revokes a user ("User1"), or the organisation's "endorser0", of a running network, or one certificate of any of them: at
+/// its fabric-ca, then by publish_list(). From then on peers refuse it, and what it endorses is invalid; what stands on the
+/// ledger stays. An error: what is not looked up in lists, or what the organisation's administrator signs with.
+Status revoke(const Options& options, const ListenAddresses& places, int organisation, const Revoked& revoked);
 
 }  // namespace ledgerline::fabric_network

@@ -10,8 +10,10 @@ import subprocess
 import time
 
 import pytest
-from fabric import FABRIC, Peer, needs_fabric
+from fabric import FABRIC, Peer, fabric, needs_fabric
 from programs import BIN, ask, organisation, user_msp
+
+LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 
 
 def needs_ca() -> None:
@@ -89,9 +91,9 @@ class Network:
             "CORE_PEER_TLS_ENABLED": "true",
             "CORE_PEER_TLS_ROOTCERT_FILE": str(home / "peers/peer0.org1.ledgerline/tls/ca.crt")})
 
-    def revoke(self, number: int, user: str) -> subprocess.CompletedProcess:
-        return subprocess.run([BIN / "ledgerline-fabric", "revoke", "--dir", self.directory, "--tools", FABRIC,
-                               "--org", str(number), "--user", user], capture_output=True, text=True, timeout=120)
+    def revoke(self, number: int, user: str | None = None, certificate: pathlib.Path | None = None) -> subprocess.CompletedProcess:
+        which = ["--user", user] if user else ["--certificate", certificate]
+        return fabric("revoke", "--dir", self.directory, "--tools", FABRIC, "--org", str(number), *which)
 
 
 def note(key: str, data: str = "") -> tuple[str, ...]:
@@ -208,6 +210,44 @@ def test_an_identity_is_enrolled_renewed_and_revoked_by_the_page(network, tmp_pa
     refused = writes("revoked")
     assert refused.returncode == 1 and "access denied" in refused.stderr, refused.stdout + refused.stderr
     assert network.ask(1, "Admin", "evaluate", "get").returncode == 0
+
+
+@pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
+def test_one_certificate_is_revoked_and_the_renewed_one_of_its_owner_goes_on(network, tmp_path):
+    home = network.directory / "ca" / "org1.ledgerline"
+    msp, stolen = tmp_path / "etc" / "msp", tmp_path / "stolen"
+    identity("enroll", "crow", *of_authority(home), "--secret-file", registered(home, "crow", tmp_path), "--subject", "O=org1.ledgerline",
+             "--msp-dir", msp)
+    shutil.copytree(msp, stolen)
+    identity("renew", *of_authority(home), "--msp-dir", msp)
+
+    def writes(whose: pathlib.Path) -> subprocess.CompletedProcess:
+        return ask(network.endpoint, network.directory, 1, whose, *note("Org1MSP/crow"))
+
+    assert writes(stolen).returncode == 0 and writes(msp).returncode == 0
+    certificate = next((stolen / "signcerts").iterdir())
+    elsewhere = network.revoke(2, certificate=certificate)
+    assert elsewhere.returncode == 1 and "was not found" in elsewhere.stderr, "another organisation's authority knows it not"
+    assert writes(stolen).returncode == 0
+    for _ in range(2):  # it may be repeated
+        revoked = network.revoke(1, certificate=certificate)
+        assert revoked.returncode == 0 and str(certificate) in revoked.stdout, revoked.stderr
+        refused = writes(stolen)
+        assert refused.returncode == 1 and "access denied" in refused.stderr, refused.stdout + refused.stderr
+        assert writes(msp).returncode == 0, "the owner goes on"
+    identity("renew", *of_authority(home), "--msp-dir", msp)
+    assert writes(msp).returncode == 0
+
+
+def test_a_certificate_that_is_in_no_list_or_signs_for_all_is_not_revoked(network, tmp_path):
+    home = organisation(network.directory, 1)
+    of_tls = network.revoke(1, certificate=home / "users/User2@org1.ledgerline/tls/client.crt")
+    assert of_tls.returncode == 1 and "no member's certificate" in of_tls.stderr, of_tls.stderr
+    admins = network.revoke(1, certificate=next((user_msp(network.directory, 1, "Admin") / "signcerts").iterdir()))
+    assert admins.returncode == 1 and "signs for its organisation" in admins.stderr, admins.stderr
+    none = network.revoke(1, certificate=tmp_path / "none.pem")
+    assert none.returncode == 1 and "none.pem" in none.stderr, none.stderr
+    network.good(1, "Admin", "evaluate", "get")
 
 
 def test_who_cannot_be_revoked_is_said(network):

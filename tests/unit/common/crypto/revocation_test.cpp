@@ -69,6 +69,36 @@ TEST_F(Revocation, AListThatSomebodyHandedOverNeedsToNameNoKey) {
   EXPECT_EQ(said_of(peer_, other, ListsFrom::hand), "accepted");
 }
 
+TEST_F(Revocation, AListNamesACertificateOrDoesNot) {
+  const std::string list = list_of(ca_, peer_.certificate_pem);
+  EXPECT_TRUE(*is_listed(list, peer_.certificate_pem));
+  EXPECT_FALSE(*is_listed(list, next_.certificate_pem));
+  EXPECT_TRUE(*is_listed(list + list_of(ca_, next_.certificate_pem), next_.certificate_pem));
+  EXPECT_FALSE(*is_listed(list, user_of(*make_ca("ca.org2.ledgerline", "org2.ledgerline"), "peer0").certificate_pem));
+  EXPECT_FALSE(*is_listed("no list", peer_.certificate_pem));
+  EXPECT_FALSE(is_listed(list, "no certificate"));
+}
+
+// As `openssl x509 -noout -serial -ext authorityKeyIdentifier` has them.
+TEST_F(Revocation, ACertificateSaysItsNumberAndItsAuthoritysKey) {
+  const auto number = certificate_number(R"(-----BEGIN CERTIFICATE-----
+MIIBPDCB4qADAgECAgwKvN4BI0VniavN7wAwCgYIKoZIzj0EAwIwDTELMAkGA1UE
+AwwCY2EwIBcNMjYxMTI3MTQ1NjIzWhgPMjEyNjExMDMxNDU2MjNaMBAxDjAMBgNV
+BAMMBXJhdmVuMFkwEwYHKoZIzj0CAQYIKoZIzj0DAQcDQgAECxVWwfR22c4LoECO
+A2b8fZH7moCI53JLunU3Ob/a+NpUTJyOREhTJ0NtzMdNCcRQq4OO9gJEJJqWU9Ts
+0q4YwqMjMCEwHwYDVR0jBBgwFoAUbkj0pai8q0JYhBf1ApRSiM9siIQwCgYIKoZI
+zj0EAwIDSQAwRgIhAIqXzWXI4uXGf6k9Zfqa/4AFk3zfTWTXBra0nrDDJlA1AiEA
+7FSc1MtxqEpXAeoOjnUxGU3rIp2xdMVYo4ZKjymbONk=
+-----END CERTIFICATE-----
+)");
+  ASSERT_TRUE(number) << number.error().what;
+  EXPECT_EQ(number->serial, "0abcde0123456789abcdef00");
+  EXPECT_EQ(number->authority_key, "6e48f4a5a8bcab42588417f502945288cf6c8884");
+  EXPECT_NE(certificate_number(peer_.certificate_pem)->serial, certificate_number(next_.certificate_pem)->serial);
+  EXPECT_FALSE(certificate_number(ca_.certificate_pem)) << "it names no key of another authority's";
+  EXPECT_FALSE(certificate_number("no certificate"));
+}
+
 TEST_F(Revocation, AnEntryOfAConfigurationIsReadAsFabricReadsIt) {
   const std::string list = list_of(ca_, peer_.certificate_pem), other = list_of(ca_, next_.certificate_pem);
   EXPECT_EQ(list_of_entry(list).value(), list);
