@@ -10,7 +10,7 @@ import subprocess
 from collections.abc import Callable
 
 from breakages import ORG1, PEER, changed, edited, taken
-from walk import Machines
+from walk import END_S, Machines
 
 ORG2 = ORG1.replace("org1", "org2")
 # The user of a service, as far as other users' files go.
@@ -112,8 +112,7 @@ def firewall_drops_states(machines: Machines):
     finally:
         machines.run("raven", "iptables -F INPUT")
         machines.running.remove(sim)
-        sim.terminate()
-        sim.wait(20)
+        assert sim.end(END_S) is not None, "it had to be killed"
 
 
 def server_of(endpoint: str, whose: str) -> str:
@@ -158,9 +157,7 @@ def measure_and_lower(machines: Machines, says: str) -> None:
 @contextlib.contextmanager
 def on_loopback_alone(machines: Machines):
     def start(address: str):
-        node = machines.running[0]
-        node.terminate()
-        node.wait(20)
+        assert machines.running[0].end(END_S) is not None, "it had to be killed"
         machines.running[0] = machines.start("tower", START_NODE.format(address))
         machines.running.pop()
 
@@ -210,8 +207,7 @@ def nobody_tracks(machines: Machines):
     finally:
         if machines.tracks:
             machines.running.remove(machines.tracks)
-            machines.tracks.terminate()
-            machines.tracks.wait(20)
+            assert machines.tracks.end(END_S) is not None, "it had to be killed"
 
 
 def start_motion_capture(machines: Machines, says: str) -> None:

@@ -4,19 +4,20 @@ LEDGERLINE_INSTALLED names a Debian root with all packages installed: each host 
 packages that the page gives it, and the commands run there as they stand on the page. Without it the build's programs run, and
 folders of the test stand for /etc/ledgerline and /var/lib.
 """
+import functools
 import os
 import pathlib
 import re
 import subprocess
-import time
 
 import findings
 from netns import Namespace
+from running import Program
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 PAGE = pathlib.Path(__file__).resolve().parents[3] / "docs/three-machines.md"
 HOSTS = {"raven": "10.77.0.1", "tower": "10.77.0.2", "desk": "10.77.0.3"}
-READY_S, STEP_S = 60, 180
+READY_S, END_S, STEP_S = 60, 20, 180
 INSTALLED = os.environ.get("LEDGERLINE_INSTALLED")
 # What the page does not give a host. dpkg refuses to take away what another package needs.
 WITHOUT = {"raven": [], "tower": ["tools", "onboard", "dev"], "desk": ["tools", "onboard", "ledger", "dev"]}
@@ -45,7 +46,7 @@ def blocks() -> list[tuple[str, bool, str]]:
 class Machines:
     def __init__(self, root: pathlib.Path) -> None:
         self.root = root
-        self.running: list[subprocess.Popen] = []
+        self.running: list[Program] = []
         self.spaces = {host: Namespace() for host in HOSTS}
         ip = lambda *words: subprocess.run(["ip", *words], check=True)
         ip("link", "add", "machines", "type", "bridge")
@@ -108,17 +109,13 @@ class Machines:
         assert code is None or done.returncode == code, f"{host}: {commands}\n{done.stdout}{done.stderr}"
         return done.stdout
 
-    def start(self, host: str, commands: str) -> subprocess.Popen:
-        said = self.root / f"{host}.{len(self.running)}.out"
-        with open(said, "wb") as out, open(said.with_suffix(".log"), "wb") as log:
-            process = self.spaces[host].popen(*self.on(host, "exec " + commands.strip())[2:], stdout=out, stderr=log,
-                                              cwd=self.root / host / "home")
-        self.running.append(process)
-        until = time.monotonic() + READY_S
-        while '"ready":true' not in said.read_text():
-            assert process.poll() is None and time.monotonic() < until, said.with_suffix(".log").read_text()[-2000:]
-            time.sleep(0.05)
-        return process
+    def start(self, host: str, commands: str) -> Program:
+        """Ready."""
+        start = functools.partial(self.spaces[host].popen, cwd=self.root / host / "home")
+        program = Program(start, self.on(host, "exec " + commands.strip())[2:], self.root / f"{host}.{len(self.running)}.log")
+        self.running.append(program)
+        program.wait_ready(READY_S)
+        return program
 
     def walk(self, wanted) -> None:
         """The page's blocks for which wanted(commands) is true."""
@@ -133,14 +130,10 @@ class Machines:
         return findings.of_doctor(done)
 
     def close(self) -> None:
-        for process in reversed(self.running):
-            process.terminate()
-        for process in reversed(self.running):
-            try:
-                process.wait(20)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        for program in reversed(self.running):
+            program.process.terminate()
+        for program in reversed(self.running):
+            program.end(END_S)
         for space in self.spaces.values():
             space.close()
         for host in HOSTS if INSTALLED else ():
