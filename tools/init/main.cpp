@@ -63,7 +63,7 @@ Result<init::ProfilePlan> plan_by_deployment(const Wish& wish) {
 Result<init::ProfilePlan> plan_by_profile(const Wish& wish) {
   auto text = read_file(wish.profile);
   if (!text) return text.error();
-  auto planned = init::plan_of_profile(*text, wish.msp_id, wish.host, wish.folders);
+  auto planned = init::plan_of_profile(*text, wish.msp_id, wish.host, wish.folders, wish.channels);
   if (!planned) return planned.error();
   auto drones = drones_of(wish.drones);
   if (!drones) return drones.error();
@@ -109,8 +109,10 @@ void role_options(CommandLine& line, Wish& wish) {
   line.option("--msp-id", wish.msp_id, "with --profile: the own organisation");
   line.option("--drone", wish.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
       .one_at_a_time();
-  line.option("--channel", wish.channels,
-              "NAME=DRONE,DRONE: a further channel of Fabric, and who is on it; its anchor is OUT/NAME.block")
+  line.option(
+          "--channel", wish.channels,
+          "NAME=DRONE,DRONE: a further channel of Fabric, and who is on it; its anchor is OUT/NAME.block. NAME: the "
+          "first, where a profile has several")
       .one_at_a_time();
   line.flag("--direct", wish.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");

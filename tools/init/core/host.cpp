@@ -88,6 +88,7 @@ Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
   if (plan.ledger != deployment::LedgerKind::fabric)
     return Error{"--channel: the embedded ledger has one channel; several are of Fabric (docs/channels.md)"};
   for (const std::string& text : texts) {
+    if (text == plan.channel) continue;
     const std::size_t at = text.find('=');
     const std::string channel = text.substr(0, at);
     if (!fabric::is_channel_name(channel) || at == std::string::npos || at + 1 == text.size())

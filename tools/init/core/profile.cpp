@@ -1,9 +1,12 @@
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 
+#include "common/fabric/channels.hpp"
 #include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
@@ -75,8 +78,38 @@ class Reader {
   std::map<std::pair<std::string, std::string>, Server> servers_;  ///< by kind and name
 };
 
-/// Who of these peers of the own organisation serves each channel that the profile lists peers for.
-Status read_channels(const json& profile, const std::vector<std::string>& own_peers, Reader& reader, HostPlan& plan) {
+/// The one that is wanted as a bare NAME; else the only one of `channels` that is not wanted for some drones alone, and that
+/// is not known to be without the own organisation. A profile without channels leaves it at the plan's.
+Result<std::string> first_channel(const json& channels, const HostPlan& plan, const std::vector<std::string>& wanted) {
+  std::vector<std::string> named, left;
+  std::set<std::string> further;
+  for (const std::string& text : wanted) {
+    const std::size_t at = text.find('=');
+    if (at == std::string::npos) named.push_back(text);
+    further.insert(text.substr(0, at));
+  }
+  if (named.size() > 1)
+    return Error{
+        fmt::format("--channel {} and --channel {}: one is the first; further ones are NAME=DRONE or "
+                    "NAME=DRONE,DRONE",
+                    named[0], named[1])};
+  if (named.size() == 1) return named[0];
+  if (channels.empty()) return plan.channel;
+  for (const auto& [name, _] : channels.items()) {
+    if (!further.contains(name) && !plan.own_of(name).endpoint.empty()) left.push_back(name);
+  }
+  if (left.size() == 1) return left[0];
+  if (left.empty())
+    return Error{fmt::format("the profile lists no peer of {} for a channel that --channel does not give drones to",
+                             plan.msp_id)};
+  return Error{fmt::format("the profile has the channels {}: --channel NAME says which one is the first",
+                           fmt::join(left, ", "))};
+}
+
+/// Who of these peers of the own organisation serves each channel that the profile lists peers for, and which one is the
+/// first.
+Status read_channels(const json& profile, const std::vector<std::string>& own_peers,
+                     const std::vector<std::string>& wanted, Reader& reader, HostPlan& plan) {
   json channels = part(profile, "channels");
   if (!channels.is_object()) channels = json::object();
   for (const auto& [name, channel] : channels.items()) {
@@ -90,6 +123,11 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
     if (!server) return server.error();
     serves = std::move(*server);
   }
+  auto channel = first_channel(channels, plan, wanted);
+  if (!channel) return channel.error();
+  if (!fabric::is_channel_name(*channel))
+    return Error{fmt::format("\"{}\" is no channel's name: a-z first, then a-z, 0-9, . and -", *channel)};
+  plan.channel = std::move(*channel);
   if (plan.own_of(plan.channel).endpoint.empty())
     return Error{fmt::format("the profile lists no peer of {} for channel {}", plan.msp_id, plan.channel)};
   return done;
@@ -98,7 +136,7 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
 }  // namespace
 
 Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::string& msp_id, const std::string& host,
-                                    const Folders& folders) {
+                                    const Folders& folders, const std::vector<std::string>& channels) {
   const json profile = json::parse(profile_json, nullptr, false);
   if (!profile.is_object()) return Error{"the profile is no JSON object"};
   HostPlan plan{.host = host, .msp_id = msp_id, .ledger = deployment::LedgerKind::fabric, .folders = folders};
@@ -122,7 +160,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     }
   }
   if (plan.own.endpoint.empty()) return Error{fmt::format("the profile has no peer of an organisation {}", msp_id)};
-  if (auto status = read_channels(profile, own_peers, reader, plan); !status) return status.error();
+  if (auto status = read_channels(profile, own_peers, channels, reader, plan); !status) return status.error();
   json orderers = part(profile, "orderers");
   if (!orderers.is_object()) orderers = json::object();
   for (const auto& [name, _] : orderers.items()) {

@@ -309,7 +309,7 @@ constexpr const char* profile_of_two_channels = R"({
   "channels": {"teleop": {"peers": {"a.org1": {}, "a.org2": {}}}, "yard": {"peers": {"b.org1": {}}}, "lake": {"peers": {"a.org2": {}}}}})";
 
 HostPlan of_profile(const std::vector<HostDrone>& flown, const std::vector<std::string>& channels) {
-  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{});
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{}, channels);
   EXPECT_TRUE(planned) << planned.error().what;
   planned->plan.drones = flown;
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
@@ -342,19 +342,62 @@ TEST(InitProfile, NamesForEachChannelThePeerThatServesIt) {
 }
 
 TEST(InitProfile, TakesThePeerOfLedgerForAChannelOfWhichItSaysNothing) {
-  const std::string agent = text_of(
-      *files_of(Role::drone_host, of_profile({{"tello1", "10.0.0.9", 1}, {"tello2", "10.0.0.8", 2}}, {"pond=tello2"})),
-      "agent.toml");
+  const std::string agent =
+      text_of(*files_of(Role::drone_host,
+                        of_profile({{"tello1", "10.0.0.9", 1}, {"tello2", "10.0.0.8", 2}}, {"teleop", "pond=tello2"})),
+              "agent.toml");
   EXPECT_THAT(without_comments(agent),
               HasSubstr("[[channel]]\nname = \"pond\"\nconfig_block = \"/etc/ledgerline/pond.block\"\n[["));
 }
 
 TEST(InitProfile, RefusesAChannelThatNoPeerOfTheOrganisationServes) {
-  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{});
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{}, {"teleop"});
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
   const Status added = add_channels(planned->plan, {"lake=tello2"});
   ASSERT_FALSE(added);
   EXPECT_THAT(added.error().what, HasSubstr("lists no peer of Org1MSP"));
+}
+
+/// Of Org1 with one peer, whose `channels` is this JSON; or why there is none.
+std::string first_channel(const std::string& channels, const std::vector<std::string>& wanted = {}) {
+  const auto planned = plan_of_profile(R"({
+    "organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["p"]}, "Org2": {"mspid": "Org2MSP", "peers": ["q"]}},
+    "peers": {"p": {"url": "grpcs://p:7051", "tlsCACerts": {"pem": "P"}}, "q": {"url": "grpcs://q:7051", "tlsCACerts": {"pem": "Q"}}},
+    "channels": )" + channels + "}",
+                                       "Org1MSP", "", Folders{}, wanted);
+  return planned ? planned->plan.channel : planned.error().what;
+}
+
+TEST(InitProfile, HasTheChannelThatTheProfileNames) {
+  EXPECT_EQ(first_channel("{}"), "teleop") << "it names none";
+  EXPECT_EQ(first_channel("null"), "teleop");
+  EXPECT_EQ(first_channel(R"({"mychannel": {}})"), "mychannel");
+  EXPECT_EQ(first_channel(R"({"mychannel": {"peers": {"p": {}, "q": {}}}})"), "mychannel");
+  EXPECT_EQ(first_channel(R"({"air": {"peers": {"q": {}}}, "mychannel": {"peers": {"p": {}}}})"), "mychannel")
+      << "Org1 is on no other";
+  EXPECT_EQ(first_channel(R"({"air": {}, "mychannel": {}})", {"air=tello2"}), "mychannel");
+  EXPECT_THAT(first_channel(R"({"air": {"peers": {"q": {}}}})"), HasSubstr("lists no peer of Org1MSP"));
+}
+
+TEST(InitProfile, NamesTheChannelsAmongWhichItDoesNotChoose) {
+  const std::string several = R"({"air": {}, "mychannel": {}, "teleop": {}})";
+  EXPECT_THAT(first_channel(several), HasSubstr("channels air, mychannel, teleop: --channel NAME says"));
+  EXPECT_THAT(first_channel(several, {"air=tello2"}), HasSubstr("channels mychannel, teleop:"));
+  EXPECT_EQ(first_channel(several, {"air"}), "air");
+  EXPECT_EQ(first_channel(several, {"air=tello2", "mychannel"}), "mychannel");
+  EXPECT_EQ(first_channel("{}", {"mychannel"}), "mychannel");
+  EXPECT_THAT(first_channel(several, {"air", "teleop"}),
+              HasSubstr("--channel air and --channel teleop: one is the first"));
+  EXPECT_THAT(first_channel(several, {"Air"}), HasSubstr("\"Air\" is no channel's name"));
+  EXPECT_THAT(first_channel(R"({"../air": {}})"), HasSubstr("\"../air\" is no channel's name"));
+  EXPECT_THAT(first_channel(R"({"air": {"peers": {"q": {}}}})", {"air"}),
+              HasSubstr("lists no peer of Org1MSP for channel air"));
+}
+
+TEST(InitProfile, PutsTheFirstChannelIntoEachConfig) {
+  const auto files = *files_of(Role::ground, of_profile({}, {"yard"}));
+  EXPECT_THAT(without_comments(text_of(files, "ground.toml")), HasSubstr("\nchannel = \"yard\"\n"));
+  EXPECT_THAT(text_of(files, "operator.toml"), HasSubstr("endpoint = \"b:7051\""));
 }
 
 TEST(InitProfile, RefusesWhatItCannotUse) {
