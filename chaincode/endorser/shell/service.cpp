@@ -201,6 +201,7 @@ void Service::tell_failure(const std::string& why) {
 
 void Service::on_block(Feed::Source from, const fabric::Block& block, std::string_view raw) {
   Status taken = done;
+  bool begins = false;
   {
     const auto lock = lanes_.first();
     if (readiness_.failed() || first_state_) return;
@@ -211,34 +212,52 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     counts_.blocks = core_.height();
     if (feed_.joins(core_.height())) {
       counts_.joined = true;
-      set_connected(true, "");
+      begins = set_connected(true);
       checks_wake_.notify_all();  // ends the own stream
     }
     ready_wakes_.notify_all();
   }
+  if (begins) tell_connection(true, "");
   if (!taken) tell_failure(taken.error().what);
 }
 
 void Service::on_connection(Feed::Source from, bool connected, const std::string& why) {
-  const auto lock = lanes_.first();
-  if (from == Feed::Source::shared) feed_.shared_connected(connected);
-  if (feed_.follows(from)) set_connected(connected, why);
+  bool changes = false;
+  {
+    const auto lock = lanes_.first();
+    if (from == Feed::Source::shared) feed_.shared_connected(connected);
+    changes = feed_.follows(from) && set_connected(connected);
+  }
+  if (changes) tell_connection(connected, why);
 }
 
-void Service::set_connected(bool connected, const std::string& why) {
-  if (readiness_.connected() == connected) return;
-  spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
+bool Service::set_connected(bool connected) {
+  if (readiness_.connected() == connected) return false;
   readiness_.on_connection(connected);
   checks_wake_.notify_all();
+  return true;
+}
+
+void Service::tell_connection(bool connected, const std::string& why) {
+  spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
 }
 
 node::Reply Service::process_proposal(const std::string& signed_proposal, Asker asker) {
+  Status renewed = done;
+  node::Reply reply = process_locked(signed_proposal, asker, renewed);
+  if (!renewed)
+    spdlog::error("endorser: it goes on signing with its old certificate, the renewed one is refused: {}",
+                  renewed.error().what);
+  return reply;
+}
+
+node::Reply Service::process_locked(const std::string& signed_proposal, Asker asker, Status& renewed) {
   auto lock = asker == Asker::own ? lanes_.first() : lanes_.later();
   if (const std::string why = readiness_.why_not(core_.height()); !why.empty()) {
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, why, why, {}};
   }
-  take_renewed();
+  renewed = take_renewed();
   node::Reply reply = core_.process_proposal(signed_proposal, {monotonic_ns(), realtime_ns()});
   if (reply.code == node::Code::unavailable) {
     ++counts_.sent_to_the_peer;
@@ -258,13 +277,11 @@ node::Reply Service::process_proposal(const std::string& signed_proposal, Asker 
   return reply;
 }
 
-void Service::take_renewed() {
+Status Service::take_renewed() {
   auto now = identity_->now();
-  if (now == seen_identity_) return;
+  if (now == seen_identity_) return done;
   seen_identity_ = std::move(now);
-  if (const Status renewed = core_.renew(*seen_identity_); !renewed)
-    spdlog::error("endorser: it goes on signing with its old certificate, the renewed one is refused: {}",
-                  renewed.error().what);
+  return core_.renew(*seen_identity_);
 }
 
 bool Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
@@ -298,6 +315,7 @@ void Service::run_checks() {
       const std::uint64_t connection = readiness_.connection();
       lock.unlock();
       const auto height = peer_->height();
+      if (!height) spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
       lock.lock();
       if (connection != readiness_.connection()) {
         // It is of before.
@@ -306,7 +324,6 @@ void Service::run_checks() {
         back_off.succeeded();
         ready_wakes_.notify_all();
       } else {
-        spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
         checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
       }
     } else if (feed_.joined() && stream_) {

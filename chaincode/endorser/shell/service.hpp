@@ -68,11 +68,16 @@ class Service {
     std::string signed_proposal, answer;
     Readiness::DefinedAt defined_at{};
   };
-  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one. With the lock held.
-  void take_renewed();
+  /// process_proposal() under the lock. `renewed`: what take_renewed() said.
+  node::Reply process_locked(const std::string& signed_proposal, Asker asker, Status& renewed);
+  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused. With
+  /// the lock held.
+  Status take_renewed();
   void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
   void on_connection(Feed::Source from, bool connected, const std::string& why);
-  void set_connected(bool connected, const std::string& why);
+  /// With the lock held; true: then tell_connection() without it, since a log may be slow.
+  bool set_connected(bool connected);
+  static void tell_connection(bool connected, const std::string& why);
   bool agreed() const { return readiness_.agreed(core_.defined_at()); }
   bool choose_for_check(const std::string& signed_proposal, const std::string& answer);
   /// Of the newest that was chosen: until the peer has answered it, or a while. With the lock held, as `lock`.
