@@ -75,9 +75,10 @@ Downlink::Match Downlink::match(std::string_view id) {
 }
 
 // Ids beyond the bounds share one topic, which only counts them.
-std::size_t Downlink::topic_of(std::string_view id, const Match& match) {
+std::size_t Downlink::topic_of(std::string_view id, const Match& match, bool strange) {
   const auto of_one = ids_of_.find(first_segment(id));
-  const bool beyond = by_id_.size() == max_ids || (of_one != ids_of_.end() && of_one->second == max_ids_of_one);
+  const bool beyond = by_id_.size() == max_ids || (of_one != ids_of_.end() && of_one->second == max_ids_of_one) ||
+                      (strange && strange_ids_ == max_strange_ids);
   if (beyond && further_) return *further_;
   topics_.push_back({.name = beyond ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
                      .id = beyond ? "" : std::string(id),
@@ -91,6 +92,7 @@ std::size_t Downlink::topic_of(std::string_view id, const Match& match) {
     further_ = index;
   } else {
     by_id_.emplace(id, index);
+    if (strange) ++strange_ids_;
     ++ids_of_[std::string(first_segment(id))];
   }
   return index;
@@ -111,6 +113,11 @@ void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& 
   signer.believed = fabric::creator_signed(tx, *(*member)->verifier);
 }
 
+bool Downlink::may_write(const Signer& signer, std::string_view id) {
+  const std::string_view owner = first_segment(id);
+  return !is_msp_id(owner) || owner == signer.name.msp_id;
+}
+
 void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out) {
   Signer signer;
   for (const AssetView& asset : set.assets) {
@@ -124,7 +131,8 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     } else {
       const Match found = match(asset.id);
       if (!found.rule) continue;
-      index = topic_of(asset.id, found);
+      if (!signer.known) identify(real_now, tx, signer);
+      index = topic_of(asset.id, found, !signer.believed || !may_write(signer, asset.id));
     }
     Topic& topic = topics_[index];
     Slot& slot = slots_[index];
@@ -136,12 +144,11 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
       continue;
     }
     if (!signer.known) identify(real_now, tx, signer);
-    const std::string_view owner = first_segment(asset.id);
     if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
       refuse(topic, Refusal::echo);
     } else if (!signer.believed) {
       refuse(topic, Refusal::unbelieved);
-    } else if (is_msp_id(owner) && owner != signer.name.msp_id) {
+    } else if (!may_write(signer, asset.id)) {
       refuse(topic, Refusal::wrong_writer);
     } else if (index == further_) {
       refuse(topic, Refusal::too_many);
@@ -229,7 +236,7 @@ void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Deli
     const Match found = match(asset.id);
     if (!found.rule || !found.rule->latched || asset.origin.writer == config_.writer || by_id_.contains(asset.id))
       continue;
-    const std::size_t index = topic_of(asset.id, found);
+    const std::size_t index = topic_of(asset.id, found, false);
     Topic& topic = topics_[index];
     ++topic.counters.taken;
     if (topic.withheld) {

@@ -67,6 +67,9 @@ class Downlink {
   /// Of one first segment, so that no organisation fills the ids of all. A host has some ten topics a drone, and 16
   /// drones.
   static constexpr std::size_t max_ids_of_one = 256;
+  /// Of those that somebody told first who may not write them: they show what is refused, and leave an organisation room for its
+  /// own.
+  static constexpr std::size_t max_strange_ids = 64;
   static constexpr std::size_t max_writers = 16;  ///< of one id
 
   /// What came under one id.
@@ -129,9 +132,11 @@ class Downlink {
     bool withheld = false;
   };
   Match match(std::string_view id);
-  std::size_t topic_of(std::string_view id, const Match& match);
+  /// `strange`: who tells it may not write it.
+  std::size_t topic_of(std::string_view id, const Match& match, bool strange);
   bool has_type(std::size_t topic, std::string_view type) const;
   void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
+  static bool may_write(const Signer& signer, std::string_view id);
   bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
   void deliver(TimeNs real_now, std::size_t topic, const AssetView& asset, std::vector<Delivery>& out);
   void refuse(Topic& topic, Refusal why) { ++topic.counters.refusals[static_cast<std::size_t>(why)]; }
@@ -143,6 +148,7 @@ class Downlink {
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_id_;
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> ids_of_;       ///< how many, by first segment
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_ros_name_;  ///< whose type it has
+  std::size_t strange_ids_ = 0;
   std::optional<std::size_t> further_;  ///< the topic of all ids beyond the bounds
   std::uint64_t malformed_frames_ = 0;
   std::uint64_t unbelievable_transactions_ = 0;

@@ -295,6 +295,16 @@ TEST_F(DownlinkTest, LatchedValuesAreReadByThoseWhoComeLateAndNotTwice) {
   EXPECT_THAT(out, IsEmpty()) << "a newer one has come in a block";
 }
 
+TEST_F(DownlinkTest, WhoMayNotWriteAnOrganisationsIdsLeavesItRoomForThem) {
+  const crypto::IdentityName rival{"Org1MSP", "CN=rival"}, stranger{"Org9MSP", "CN=stranger"};
+  for (std::size_t i = 0; i < Downlink::max_ids_of_one; ++i) {
+    for (const auto& by : {rival, stranger}) take({set({asset("Org2MSP/t" + std::to_string(i), 1)}, by)});
+  }
+  EXPECT_THAT(take({set({asset("Org2MSP/a", 1), asset("Org2MSP/t1", 1)})}), ElementsAre("/a=1", "/t1=1"));
+  EXPECT_EQ(refused(Refusal::wrong_writer), Downlink::max_ids_of_one);
+  EXPECT_EQ(refused(Refusal::unbelieved), Downlink::max_ids_of_one);
+}
+
 TEST_F(DownlinkTest, IdsAndWritersAreBounded) {
   const auto id = [](std::size_t i) {
     return "robot" + std::to_string(i / Downlink::max_ids_of_one) + "/t" + std::to_string(i);
