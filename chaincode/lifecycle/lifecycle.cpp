@@ -3,9 +3,11 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <random>
 #include <thread>
 
 #include "common/base/printable.hpp"
+#include "common/rt/retry/back_off.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
 
@@ -19,7 +21,8 @@ constexpr std::chrono::milliseconds limit{60'000};
 // late for the call; so it is asked again.
 constexpr std::chrono::milliseconds transaction_limit{15'000};
 constexpr std::chrono::seconds patience{60};
-constexpr std::chrono::milliseconds pause{500};
+// With jitter, so that administrators whose transactions met in one block do not meet again.
+constexpr TimeNs first_pause_ns = 250 * ns_per_ms, max_pause_ns = 1 * ns_per_s;
 // A peer that has just started does not know the others' yet.
 constexpr const char* no_peers_yet = "can satisfy the endorsement policy";
 
@@ -74,7 +77,10 @@ Result<std::string> Lifecycle::ask(const std::string& channel, const std::string
 
 Status Lifecycle::submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
                          const std::function<Result<bool>()>& is_done) {
-  for (const auto until = std::chrono::steady_clock::now() + patience;; std::this_thread::sleep_for(pause)) {
+  BackOff pauses(first_pause_ns, max_pause_ns);
+  Random random(std::random_device{}());
+  for (const auto until = std::chrono::steady_clock::now() + patience;;
+       std::this_thread::sleep_for(std::chrono::nanoseconds(pauses.next(random)))) {
     fabric::Call call{function, {argument}};
     call.need = need;
     const fabric::Outcome outcome = client_->submit_and_wait(std::move(call));

@@ -5,16 +5,19 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <filesystem>
+#include <random>
+#include <thread>
 
 #include "chaincode/network/commands.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
-#include "common/base/random.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
+#include "common/rt/retry/back_off.hpp"
 #include "msp/msp_config.pb.h"
 
 namespace ledgerline::fabric_network {
@@ -113,15 +116,15 @@ Status write_lists(const Options& options, int organisation, const std::string& 
   return done;
 }
 
-/// Tries until it succeeds, with growing waits of which a random half is left out; after so long, its last error.
+/// Tries until it succeeds; after so long, its last error.
 template <typename Try>
 Status try_for_a_while(const Try& attempt) {
-  Random random(static_cast<std::uint64_t>(monotonic_ns()));
-  const TimeNs until = monotonic_ns() + patience_ns;
-  for (TimeNs wait = 50 * ns_per_ms;; wait = std::min(2 * wait, ns_per_s)) {
+  BackOff waits(50 * ns_per_ms, 1 * ns_per_s);
+  Random random(std::random_device{}());
+  for (const TimeNs until = monotonic_ns() + patience_ns;;) {
     const Status status = attempt();
     if (status || monotonic_ns() > until) return status;
-    ::usleep(static_cast<useconds_t>(static_cast<double>(wait) * (0.5 + 0.5 * random.uniform()) / ns_per_us));
+    std::this_thread::sleep_for(std::chrono::nanoseconds(waits.next(random)));
   }
 }
 
