@@ -127,7 +127,7 @@ class Client {
     struct Confirmed {
       std::uint64_t number = 0;
       std::string hash;                         ///< block_header_hash
-      TimeNs ordered_ns = 0, confirmed_ns = 0;  ///< when either came, CLOCK_MONOTONIC
+      TimeNs ordered_ns = 0, confirmed_ns = 0;  ///< when either was taken, in this order, CLOCK_MONOTONIC
     };
     std::function<void(const Confirmed&)> on_confirmed = {};
     /// Whether an orderer's stream is there, where one is read, or withholds what the peer has told; the peer's stream

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "common/base/printable.hpp"
 #include "common/fabric/tx/decode.hpp"
 
@@ -77,9 +79,10 @@ BlockHandOver::Told BlockHandOver::confirm(const common::Block& message, TimeNs 
         "block {}: {} of its transactions, taken as they were ordered, are invalid: their ids were used before; "
         "their creators' clocks are wrong, or they did it on purpose",
         message.header().number(), *confirmed));
-  const auto ordered = ordered_at_.extract(message.header().number());
+  const TimeNs ordered = ordered_at_.extract(message.header().number()).mapped();
+  // `now` is from before this thread waited for the mutex, maybe for the orderer's.
   if (handlers_.on_confirmed)
-    handlers_.on_confirmed({message.header().number(), header_hash(message.header()), ordered.mapped(), now});
+    handlers_.on_confirmed({message.header().number(), header_hash(message.header()), ordered, std::max(ordered, now)});
   return {.end_orderer = !take_ordered(now).empty()};  // where the bound was reached, more may be taken now
 }
 
