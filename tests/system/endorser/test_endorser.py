@@ -12,7 +12,7 @@ from fabric import BIN, FABRIC, PATIENCE_S, needs_fabric
 from flights import fly, no_flight_outlives_its_test, pid_of, printed, wait_for_flight
 from ledgers import CUTTING, Authority, Fabric, tables
 from netns import die_with_parent
-from own_endorser import Endorser, ask_random_proposals
+from random_proposals import ask_random_proposals
 from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"

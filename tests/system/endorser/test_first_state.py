@@ -7,9 +7,10 @@ import subprocess
 import time
 
 import pytest
+from endorsers import Endorser, write_config
 from fabric import BIN, PATIENCE_S, Peer, needs_fabric
 from ledgers import CUTTING, Fabric
-from own_endorser import Endorser, ask_random_proposals, write_config
+from random_proposals import ask_random_proposals
 
 pytestmark = pytest.mark.skipif(os.environ.get("LEDGERLINE_LONG") != "1", reason="LEDGERLINE_LONG=1 runs it")
 COUNT = 1_000
