@@ -1,5 +1,8 @@
 #include "common/program/program.hpp"
 
+#include <poll.h>
+#include <unistd.h>
+
 #include <cstdio>
 
 #include "common/base/log.hpp"
@@ -25,6 +28,12 @@ int exit_code(const Result<bool>& ended) {
 void print_line(const std::string& line) {
   std::printf("%s\n", line.c_str());
   std::fflush(stdout);
+}
+
+void print_status(const std::string& line) {
+  pollfd output{STDOUT_FILENO, POLLOUT, 0};
+  // An error, as of a reader who is gone, is not waited for, either.
+  if (::poll(&output, 1, 0) == 1) print_line(line);
 }
 
 }  // namespace ledgerline

@@ -324,7 +324,7 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
 
 void Ground::write_status(TimeNs now_ns) {
   next_status_ns_ = now_ns + output_.status_period_ns;
-  print_line(status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
+  print_status(status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
 }
 
 Status Ground::write_summary() {

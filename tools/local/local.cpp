@@ -140,7 +140,7 @@ Result<bool> LocalShell::run() {
     }
     if (output_.status_period_ns == 0 || now_ns < next_status_ns_) continue;
     next_status_ns_ = now_ns + output_.status_period_ns;
-    print_line(ground::status_line(core_));
+    print_status(ground::status_line(core_));
   }
   if (poses_implausible_ > 0)
     spdlog::warn("{} mocap poses had stamps or orientations that are not believed", poses_implausible_);

@@ -295,7 +295,7 @@ void AgentShell::keep_checkpoint() {
 }
 
 void AgentShell::write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const {
-  print_line(status_line(core_, channel(), now, certificate_days));
+  print_status(status_line(core_, channel(), now, certificate_days));
 }
 
 std::string AgentShell::end() {

@@ -55,7 +55,7 @@ class Housekeeping {
     for (SerialTold told; loop_.serials().pop(told);) log_serial(told);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
-      print_line(status_line(settings_.link, newest_));
+      print_status(status_line(settings_.link, newest_));
     }
     if (ends_.needs_roudi && now >= next_roudi_ns_) watch_roudi(now);
     if (now >= next_tend_ns_) {

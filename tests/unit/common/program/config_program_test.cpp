@@ -52,5 +52,29 @@ TEST(ConfigProgram, GoesOnThoughNobodyReadsItsOutputAnyMore) {
   EXPECT_EQ(WEXITSTATUS(status), 7);
 }
 
+TEST(PrintStatus, WaitsForNoReaderWhoStandsStillAndGoesOnWithHim) {
+  const pid_t child = ::fork();
+  if (child == 0) {
+    std::array<int, 2> output{};
+    std::array<char, 4096> read{};
+    if (::pipe2(output.data(), O_CLOEXEC) != 0) ::_exit(127);
+    ::dup2(output[1], STDOUT_FILENO);
+    ::alarm(10);
+    for (int i = 0; i < 1'000; ++i) print_status(std::string(1'000, 'x'));  // a pipe takes 65,536 bytes
+    std::string all;
+    while (all.size() < 20'000) all.append(read.data(), static_cast<std::size_t>(::read(output[0], read.data(), 4096)));
+    print_status("the newest");
+    ::close(output[1]);
+    ::close(STDOUT_FILENO);
+    for (ssize_t n; (n = ::read(output[0], read.data(), read.size())) > 0;)
+      all.append(read.data(), static_cast<std::size_t>(n));
+    ::_exit(all.ends_with("x\nthe newest\n") ? 0 : 1);
+  }
+  int status = -1;
+  ::waitpid(child, &status, 0);
+  ASSERT_TRUE(WIFEXITED(status)) << "by signal " << WTERMSIG(status);
+  EXPECT_EQ(WEXITSTATUS(status), 0);
+}
+
 }  // namespace
 }  // namespace ledgerline
