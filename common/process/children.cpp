@@ -29,6 +29,13 @@ constexpr std::size_t max_line = 1 << 20;
   prctl(PR_SET_PDEATHSIG, death_signal);
   if (getppid() != parent) _exit(127);
   setpgid(0, 0);
+  // The launcher's handlers are for the launcher. What it ignores stays ignored.
+  struct sigaction usual {};
+  usual.sa_handler = SIG_DFL;
+  for (int signal = 1; signal < NSIG; ++signal) {
+    struct sigaction has {};
+    if (sigaction(signal, nullptr, &has) == 0 && has.sa_handler != SIG_IGN) sigaction(signal, &usual, nullptr);
+  }
   sigset_t none;
   sigemptyset(&none);
   sigprocmask(SIG_SETMASK, &none, nullptr);
@@ -118,10 +125,15 @@ Status Children::start(const Program& program) {
   for (char** own = environ; *own != nullptr; ++own) environment.push_back(*own);
   environment.push_back(nullptr);
   const pid_t parent = ::getpid();
+  // A signal to the child before it is the program would be swallowed by the launcher's handler: it waits until then.
+  sigset_t all, before;
+  sigfillset(&all);
+  ::pthread_sigmask(SIG_SETMASK, &all, &before);
   const pid_t pid = ::fork();
   if (pid == 0) {
     become(command.data(), environment.data(), pipe[1], log, program.death_signal, program.scheduling, parent);
   }
+  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
   ::close(pipe[1]);
   ::close(log);
   if (pid < 0) {

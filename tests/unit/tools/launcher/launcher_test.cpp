@@ -14,6 +14,7 @@
 #include <fstream>
 #include <thread>
 
+#include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {
@@ -470,6 +471,18 @@ TEST_F(FakePrograms, TheTimeOfAProcessThatIsJustEndingIsNoError) {
       children.poll(0);
     }
   }
+}
+
+TEST(Children, ASignalThatComesBeforeTheProgramBeginsEndsItAllTheSame) {
+  struct sigaction before {};
+  ::sigaction(SIGTERM, nullptr, &before);
+  catch_stop_signals({SIGTERM});
+  Children children({});
+  for (int i = 0; i < 100; ++i) {
+    ASSERT_TRUE(children.start({"early", {"/bin/sleep", "60"}, "/dev/null", SIGKILL}));
+    ASSERT_TRUE(children.stop("early", 5 * ns_per_s)) << i;
+  }
+  ::sigaction(SIGTERM, &before, nullptr);
 }
 
 TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsPatience) {
