@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "common/base/files/byte_reader.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/unhex.hpp"
@@ -28,11 +29,10 @@ constexpr std::string_view config_key = "CHANNEL_CONFIG_ENV_BYTES";  // in the n
 
 Error wrong(std::string_view name, std::string_view what) { return Error{fmt::format("{}: {}", name, what)}; }
 
-/// Numbers as Go's encoding/binary has them (Uvarint), texts behind their length. Once something is missing all that
-/// follows is empty.
-class GoReader {
+/// Numbers as Go's encoding/binary has them (Uvarint), texts behind their length.
+class GoReader : public ByteReader {
  public:
-  explicit GoReader(std::string_view bytes) : left_(bytes) {}
+  using ByteReader::ByteReader;
 
   std::uint64_t number() {
     std::uint64_t value = 0;
@@ -42,26 +42,10 @@ class GoReader {
       value |= static_cast<std::uint64_t>(bits & 0x7fU) << shift;
       if (bits < 0x80 && (shift < 63 || bits <= 1)) return value;
     }
-    whole_ = false;
+    expect(false);
     return 0;
   }
   std::string_view text() { return take(number()); }
-  bool whole() const { return whole_; }
-  bool at_end() const { return left_.empty(); }
-  std::size_t left() const { return left_.size(); }
-
- private:
-  std::string_view take(std::uint64_t size) {
-    if (!whole_ || size > left_.size()) {
-      whole_ = false;
-      return {};
-    }
-    const std::string_view taken = left_.substr(0, size);
-    left_.remove_prefix(size);
-    return taken;
-  }
-  std::string_view left_;
-  bool whole_ = true;
 };
 
 /// Behind the byte of the format.

@@ -3,6 +3,8 @@
 #include <cstring>
 #include <utility>
 
+#include "common/base/files/byte_reader.hpp"
+
 namespace ledgerline::endorser {
 namespace {
 
@@ -27,10 +29,9 @@ class Writer {
   std::string out{kind};
 };
 
-/// Once something is missing all that follows is empty.
-class Reader {
+class Reader : public ByteReader {
  public:
-  explicit Reader(std::string_view bytes) : left_(bytes) {}
+  using ByteReader::ByteReader;
 
   std::uint64_t number() {
     const std::string_view bytes = take(8);
@@ -47,25 +48,9 @@ class Reader {
   /// Of entries that have at least so many bytes each.
   std::uint64_t count(std::size_t min_bytes) {
     const std::uint64_t value = number();
-    if (value > left_.size() / min_bytes) whole_ = false;
-    return whole_ ? value : 0;
+    expect(value <= left() / min_bytes);
+    return whole() ? value : 0;
   }
-  void expect(bool holds) { whole_ = whole_ && holds; }
-  bool whole() const { return whole_; }
-  bool at_end() const { return left_.empty(); }
-
- private:
-  std::string_view take(std::uint64_t size) {
-    if (!whole_ || size > left_.size()) {
-      whole_ = false;
-      return {};
-    }
-    const std::string_view taken = left_.substr(0, size);
-    left_.remove_prefix(size);
-    return taken;
-  }
-  std::string_view left_;
-  bool whole_ = true;
 };
 
 void write(Writer& to, const node::State& state) {
