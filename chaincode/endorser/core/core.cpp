@@ -91,13 +91,16 @@ std::string Core::snapshot() const { return to_bytes(ledger_.end(), config_block
 
 Status Core::restore(std::string_view bytes) {
   auto known = snapshot_from(bytes);
-  if (!known) return known.error();
+  return known ? restore(std::move(*known)) : known.error();
+}
+
+Status Core::restore(Snapshot known) {
   common::Block config;
-  if (!config.ParseFromString(known->config_block)) return Error{"an endorser's state has no configuration"};
+  if (!config.ParseFromString(known.config_block)) return Error{"an endorser's state has no configuration"};
   if (Status configured = configure(config); !configured) return configured;
-  config_block_ = std::move(known->config_block);
-  ledger_.restore(std::move(known->contract), std::move(known->end));
-  lifecycle_ = std::move(known->lifecycle);
+  config_block_ = std::move(known.config_block);
+  ledger_.restore(std::move(known.contract), std::move(known.end));
+  lifecycle_ = std::move(known.lifecycle);
   definition_ = read_definition();
   return done;
 }

@@ -6,6 +6,7 @@
 #include <string_view>
 #include <vector>
 
+#include "chaincode/endorser/core/snapshot.hpp"
 #include "chaincode/node/core/endorser.hpp"
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/types.hpp"
@@ -43,6 +44,7 @@ class Core {
   /// Before the first block: what a core of the same channel and contract knew. An error, and nothing has changed: the
   /// bytes are not whole. Whoever may write them decides what is endorsed, so they are kept as the key is.
   Status restore(std::string_view bytes);
+  Status restore(Snapshot known);
   /// Where the definition that counts was committed; none on the embedded node, which has no definitions.
   std::optional<node::Version> defined_at() const;
 

@@ -157,8 +157,9 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
 
 /// As from a checkpoint, from here on.
 Status Service::take_first_state(const std::string& config_block) {
-  const PeerSnapshot& said = first_state_->said;
-  const Status restored = core_.restore(to_bytes(said.end, config_block, said.contract, said.lifecycle));
+  PeerSnapshot& said = first_state_->said;
+  const Status restored =
+      core_.restore({std::move(said.end), config_block, std::move(said.contract), std::move(said.lifecycle)});
   if (!restored) return restored;
   counts_.blocks = counts_.restored = core_.height();
   begun_behind_ = fabric::Checkpoint{place_, core_.height() - 1, core_.hash(), {}};

@@ -71,7 +71,7 @@ class RandomProposals : public ::testing::Test {
     });
     ASSERT_TRUE(config.ok()) << config.error().what;
     core_ = make_core();
-    ASSERT_TRUE(core_->restore(to_bytes(said->end, *config, said->contract, said->lifecycle)).ok());
+    ASSERT_TRUE(core_->restore({said->end, *config, said->contract, said->lifecycle}).ok());
   }
   /// By all three organisations' peers; what they refuse is not ordered.
   void order(const crypto::SigningIdentity& who, const fabric::Proposal& proposal, bool must) {

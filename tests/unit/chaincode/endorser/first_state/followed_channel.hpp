@@ -68,7 +68,7 @@ class FollowedChannel : public ::testing::Test {
     const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
     if (!config) return config.error();
     auto begun = std::make_unique<Core>(setup());
-    const Status restored = begun->restore(to_bytes(said->end, *config, said->contract, said->lifecycle));
+    const Status restored = begun->restore({said->end, *config, said->contract, said->lifecycle});
     if (!restored) return restored.error();
     return begun;
   }
