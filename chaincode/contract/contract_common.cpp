@@ -7,11 +7,6 @@
 namespace ledgerline::chaincode {
 namespace {
 
-bool is_id_char(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
-         c == '/' || c == '-';
-}
-
 std::string name_hash(const crypto::IdentityName& name) {
   return crypto::hex(crypto::sha256(name.msp_id + "\n" + name.subject));
 }
@@ -65,7 +60,7 @@ Status check_id(const std::string& id) {
     return Error{id.substr(0, contract::max_id_chars) + "...: the id has " + std::to_string(id.size()) +
                  " characters; the limit is " + std::to_string(contract::max_id_chars)};
   }
-  if (!std::all_of(id.begin(), id.end(), is_id_char)) {
+  if (!std::all_of(id.begin(), id.end(), contract::is_id_char)) {
     return Error{"an id has characters other than [A-Za-z0-9_./-]"};
   }
   for (std::size_t at = 0; at <= id.size();) {

@@ -238,8 +238,7 @@ bool matches(std::string_view pattern, std::string_view text) {
 }
 
 bool is_ledger_id(std::string_view id) {
-  return id.size() <= contract::max_id_chars &&
-         std::all_of(id.begin(), id.end(), [](char c) { return is_name_char(c) || c == '/' || c == '.' || c == '-'; });
+  return id.size() <= contract::max_id_chars && std::all_of(id.begin(), id.end(), contract::is_id_char);
 }
 
 std::string_view first_segment(std::string_view id) { return id.substr(0, id.find('/')); }
