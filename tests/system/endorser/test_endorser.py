@@ -19,14 +19,6 @@ LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 COUNT = 10_000 if LONG else 500
 
 
-@pytest.fixture
-def network(tmp_path):
-    needs_fabric()
-    ledger = Fabric(tmp_path / "network", *CUTTING)
-    yield ledger
-    assert ledger.stop() == 0, ledger.log()
-
-
 def status_of(ledger, directory: pathlib.Path, endorser: Endorser) -> list[dict]:
     """The peers that `ledgerline status` tells of who has the endorser in front of its peer."""
     folder = directory / "status"

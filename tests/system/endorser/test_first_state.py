@@ -8,20 +8,11 @@ import time
 
 import pytest
 from endorsers import Endorser, write_config
-from fabric import BIN, PATIENCE_S, Peer, needs_fabric
-from ledgers import CUTTING, Fabric
+from fabric import BIN, PATIENCE_S, Peer
 from random_proposals import ask_random_proposals
 
 pytestmark = pytest.mark.skipif(os.environ.get("LEDGERLINE_LONG") != "1", reason="LEDGERLINE_LONG=1 runs it")
 COUNT = 1_000
-
-
-@pytest.fixture
-def network(tmp_path):
-    needs_fabric()
-    ledger = Fabric(tmp_path / "network", *CUTTING)
-    yield ledger
-    assert ledger.stop() == 0, ledger.log()
 
 
 def newest_block(network, organisation: int) -> int:

@@ -8,6 +8,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/der.hpp"
+#include "common/crypto/unhex.hpp"
 
 namespace ledgerline::crypto {
 namespace {
@@ -44,17 +45,10 @@ constexpr char sample_s_low[] = "0834e36ad29a83bf2bc9385e491d6099c8fdf9d1ed67aa7
 constexpr char test_r[] = "f1abb023518351cd71d881567b1ea663ed3efcf6c5132b354f28d3b0b7d38367";
 constexpr char test_s[] = "019f4113742a2b14bd25926b49c649155f267e60d3814b4c0cc84250e46f0083";
 
-std::string unhex(std::string_view text) {
-  std::string out;
-  for (std::size_t i = 0; i + 1 < text.size(); i += 2)
-    out.push_back(static_cast<char>(std::stoi(std::string(text.substr(i, 2)), nullptr, 16)));
-  return out;
-}
-
 /// DER as the RFC's numbers give it, without lowering s.
 std::string der_of(std::string_view r_hex, std::string_view s_hex) {
   std::string body;
-  for (const auto& number : {unhex(r_hex), unhex(s_hex)}) {
+  for (const std::string& number : {unhex(r_hex).value(), unhex(s_hex).value()}) {
     const bool pad = (static_cast<unsigned char>(number[0]) & 0x80) != 0;
     body += std::string{0x02, static_cast<char>(number.size() + (pad ? 1 : 0))} + (pad ? std::string(1, '\0') : "") +
             number;
