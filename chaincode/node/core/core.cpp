@@ -1,5 +1,7 @@
 #include "chaincode/node/core/core.hpp"
 
+#include "peer/transaction.pb.h"
+
 namespace ledgerline::node {
 NodeCore::NodeCore(CoreConfig config, const std::shared_ptr<crypto::MspRegistry>& registry,
                    const std::vector<crypto::SigningIdentity>& peers, crypto::SigningIdentity orderer,
@@ -8,7 +10,8 @@ NodeCore::NodeCore(CoreConfig config, const std::shared_ptr<crypto::MspRegistry>
       members_(registry, config_.channel),
       ledger_(std::move(read_block)),
       endorser_(config_, members_, peers, ledger_),
-      orderer_(config_, members_, std::move(orderer)),
+      orderer_(config_, members_, std::move(orderer),
+               [this](const std::string& tx_id) { return ledger_.state().find_tx(tx_id).has_value(); }),
       committer_(config_, registry, ledger_) {}
 
 Result<crypto::IdentityName> NodeCore::check_signer(std::string_view serialized, std::string_view message,
@@ -25,6 +28,11 @@ std::optional<CutBlock> NodeCore::cut(Now now) {
   auto block = orderer_.cut(now, ledger_.end());
   if (!block) return std::nullopt;
   return committer_.validate(std::move(*block));
+}
+
+Applied NodeCore::apply(const CutBlock& block) {
+  for (const TxStatus& one : block.transactions) orderer_.settle(one.tx_id, one.code == protos::VALID);
+  return committer_.apply(block);
 }
 
 }  // namespace ledgerline::node

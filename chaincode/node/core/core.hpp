@@ -59,7 +59,7 @@ class NodeCore {
   /// permission_denied for FORBIDDEN, unavailable for SERVICE_UNAVAILABLE, not_found for BAD_REQUEST as well, but the
   /// gateway tells it apart: an unknown channel.
   Reply order(std::string_view envelope, Now now) { return orderer_.order(envelope, now); }
-  /// Whether the disk is nearly full: then order() takes nothing but commands, stops and who may do what.
+  /// Whether the disk is nearly full: then order() takes nothing but endorsed commands, stops and who may do what.
   void keep_room(bool nearly_full) { orderer_.keep_room(nearly_full); }
   /// Checks a signed request of a member: `signature` of `message` by `serialized` (a msp.SerializedIdentity).
   Result<crypto::IdentityName> check_signer(std::string_view serialized, std::string_view message,
@@ -71,7 +71,7 @@ class NodeCore {
   /// Makes the next block if one is due: full, or the oldest envelope's time is up.
   std::optional<CutBlock> cut(Now now);
   /// Commits the block that cut() or genesis() gave. Only after it is on disk.
-  Applied apply(const CutBlock& block) { return committer_.apply(block); }
+  Applied apply(const CutBlock& block);
 
   /// A transaction's status if it is committed; otherwise `waiter` (a name that the caller chose) gets it from apply().
   std::optional<TxStatus> watch(const std::string& tx_id, std::uint64_t waiter) {

@@ -4,6 +4,7 @@
 
 #include "chaincode/node/core/tx/proposal.hpp"
 #include "common/base/printable.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
 #include "msp/identities.pb.h"
 #include "peer/transaction.pb.h"
@@ -19,24 +20,41 @@ bool has_expired(const std::string& serialized, Now now) {
   return certificate && certificate->not_after_s < now.real_ns / ns_per_s;
 }
 
-/// Commands, stops, and who may do what. It is what the sender says: whether it is true shows at validation.
-bool asks_urgently(const common::Payload& payload, const std::string& contract) {
+Reply refuse_order(Code code, const std::string& status, const std::string& info) {
+  return {code, info, "received unsuccessful response from orderer: status=" + status + ", info=" + info, {}};
+}
+
+/// Whose share an envelope takes. Anybody may send the envelope of another member again, once it is in a block: what is
+/// sent so takes one share for all, not its creator's.
+crypto::IdentityName sent_again() { return {"", "sent again"}; }
+
+}  // namespace
+
+/// Commands, stops, and who may do what, as the sender says.
+Urgency Orderer::claimed_urgency(const common::Payload& payload) const {
   constexpr std::size_t max_urgent_bytes = 64'000;
   protos::Transaction transaction;
   protos::ChaincodeActionPayload action;
   if (payload.data().size() > max_urgent_bytes || !transaction.ParseFromString(payload.data()) ||
       transaction.actions_size() != 1 || !action.ParseFromString(transaction.actions(0).payload())) {
-    return false;
+    return Urgency::none;
   }
   const auto called = read_called(action.chaincode_proposal_payload());
-  return called && called->contract == contract && contract::is_urgent(called->function);
+  if (!called || called->contract != config_.contract || !contract::is_urgent(called->function)) return Urgency::none;
+  return called->function == contract::stop ? Urgency::stop : Urgency::control;
 }
 
-Reply refuse_order(Code code, const std::string& status, const std::string& info) {
-  return {code, info, "received unsuccessful response from orderer: status=" + status + ", info=" + info, {}};
+/// Whether the first of its endorsements is one of a peer of the channel, of this proposal and no other one. One
+/// signature is checked whatever comes, so that a flood of false ones costs no more than their creators' signatures do.
+bool Orderer::is_endorsed(std::string_view envelope, Now now) const {
+  const fabric::TransactionForm form = fabric::read_form(envelope);
+  if (form.code != protos::VALID || form.endorsements.empty()) return false;
+  const protos::Endorsement& first = form.endorsements.front();
+  const auto peer = members_.check(first.endorser(), form.response_payload + first.endorser(), first.signature(), now);
+  if (!peer || !(*peer)->peer) return false;
+  return std::ranges::any_of(config_.organisations,
+                             [&](const crypto::MspRoot& one) { return one.msp_id == (*peer)->name.msp_id; });
 }
-
-}  // namespace
 
 Reply Orderer::order(std::string_view bytes, Now now) {
   common::Envelope envelope;
@@ -68,12 +86,19 @@ Reply Orderer::order(std::string_view bytes, Now now) {
     return refuse_order(Code::invalid_argument, "BAD_REQUEST", "broadcast client identity expired");
   }
   if (!member) return refuse_order(Code::permission_denied, "FORBIDDEN", member.error().what);
-  const bool urgent = asks_urgently(payload, config_.contract);
-  if (nearly_full_ && !urgent) {
+  const std::string& tx_id = channel_header.tx_id();
+  const bool again = is_committed_(tx_id);
+  Sender sender{again ? sent_again() : (*member)->name, again ? Urgency::none : claimed_urgency(payload)};
+  if (sender.urgency != Urgency::none &&
+      (!is_endorsed(bytes, now) || !budget_.reserve(tx_id, sender.name, now.monotonic_ns))) {
+    sender.urgency = Urgency::none;
+  }
+  if (nearly_full_ && sender.urgency == Urgency::none) {
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE",
                         "the disk is nearly full: commands, stops and control alone are ordered");
   }
-  if (const auto why = waiting_.add({(*member)->name, urgent}, std::string(bytes), now.monotonic_ns)) {
+  if (const auto why = waiting_.add(sender, std::string(bytes), now.monotonic_ns)) {
+    if (sender.urgency != Urgency::none) budget_.settle(tx_id, true);
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE", *why);
   }
   return {};

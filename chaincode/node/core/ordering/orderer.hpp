@@ -1,10 +1,12 @@
 #pragma once
 #include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
 
 #include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/ordering/urgent_budget.hpp"
 #include "chaincode/node/core/ordering/waiting.hpp"
 #include "chaincode/node/core/tx/block.hpp"
 #include "chaincode/node/core/types.hpp"
@@ -18,13 +20,22 @@ struct OrderedBlock {
   std::string warning;  ///< not empty: the block has no orderer's signature, and why
 };
 
-/// The channel's ordering service: takes members' envelopes, at most so many at a time, and cuts them into signed blocks
-/// by count, bytes and time; who is first, and how much is whose, says Waiting. Of a transaction it looks at the called
-/// function alone. `config` must outlive it. One thread at a time.
+/// The channel's ordering service: takes members' envelopes, at most so many at a time, and cuts them into signed
+/// blocks by count, bytes and time; who is first, and how much is whose, says Waiting. Urgency is earned: a transaction
+/// has it whose result a peer of the channel has endorsed for this very proposal, and whose creator has places left in
+/// UrgentBudget; what a sender merely says of itself counts for nothing. `config` must outlive it. One thread at a
+/// time.
 class Orderer {
  public:
-  Orderer(const CoreConfig& config, MemberCheck members, crypto::SigningIdentity identity)
-      : config_(config), members_(std::move(members)), identity_(std::move(identity)), waiting_(config_) {}
+  /// `is_committed`: whether a transaction of this id is in a block already.
+  Orderer(const CoreConfig& config, MemberCheck members, crypto::SigningIdentity identity,
+          std::function<bool(const std::string& tx_id)> is_committed)
+      : config_(config),
+        members_(std::move(members)),
+        identity_(std::move(identity)),
+        is_committed_(std::move(is_committed)),
+        waiting_(config_),
+        budget_(config_) {}
 
   /// The config block, as number 0.
   OrderedBlock genesis() const;
@@ -36,14 +47,20 @@ class Orderer {
   std::optional<TimeNs> next_cut() const;
   /// The block that follows `end`, if one is due.
   std::optional<OrderedBlock> cut(Now now, const ChainEnd& end);
+  /// A transaction is in a block. A valid one gives its urgent place back.
+  void settle(const std::string& tx_id, bool valid) { budget_.settle(tx_id, valid); }
 
  private:
+  Urgency claimed_urgency(const common::Payload& payload) const;
+  bool is_endorsed(std::string_view envelope, Now now) const;
   OrderedBlock sign(common::Block block) const;
 
   const CoreConfig& config_;
   const MemberCheck members_;
   const crypto::SigningIdentity identity_;
+  const std::function<bool(const std::string& tx_id)> is_committed_;
   Waiting waiting_;
+  UrgentBudget budget_;
   bool nearly_full_ = false;
 };
 

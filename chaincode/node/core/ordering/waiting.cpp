@@ -6,8 +6,13 @@ namespace ledgerline::node {
 namespace {
 
 constexpr std::size_t max_members = 1'024;  // that are remembered though nothing of theirs waits
+/// Urgent ones that leave before one that is not. With 1 a flood of states would halve what commands get; with 16 a
+/// flood of valid commands would leave a fleet's states less than 20 a second of a slow disk's 300 blocks.
+constexpr std::size_t urgent_weight = 4;
 
 std::string megabytes(double bytes) { return std::to_string(static_cast<std::int64_t>(bytes / 1e6)) + " MB"; }
+
+std::size_t kind_of(Urgency urgency) { return urgency == Urgency::none ? 1 : 0; }
 
 }  // namespace
 
@@ -17,18 +22,27 @@ double Waiting::spent(const Member& member, TimeNs now_ns) const {
   return std::max(0.0, member.spent_bytes - back);
 }
 
-std::optional<std::string> Waiting::refusal(const Member& member, bool urgent, std::size_t size) const {
-  // In sixteenths: of all places an identity may have a quarter, and with urgent ones that quarter's quarter, since they
-  // delay the urgent ones of all others; all that is not urgent may have three quarters.
+std::optional<std::string> Waiting::refusal(const Sender& sender, const Share& own, std::size_t size) const {
+  // In sixteenths: of all places an identity may have a quarter, and with urgent ones that quarter's quarter, since
+  // they delay the urgent ones of all others; all that is not urgent may have three quarters, of which one organisation
+  // may have half, however many identities it has.
   const auto places = [&](std::size_t share) { return config_.max_waiting * share / 16; };
   const auto room = [&](std::size_t share) { return config_.max_waiting_bytes * share / 16; };
-  const std::size_t own = member.count[urgent ? 0 : 1];
-  if (own > 0 && (own >= places(urgent ? 1 : 4) || member.bytes + size > room(4))) {
-    return std::to_string(own) + " envelopes of this identity wait for a block already";
+  const std::size_t kind = kind_of(sender.urgency);
+  const bool urgent = kind == 0;
+  const std::size_t count = own.count[kind], bytes = own.bytes[0] + own.bytes[1];
+  if (count > 0 && (count >= places(urgent ? 1 : 4) || bytes + size > room(4))) {
+    return std::to_string(count) + " envelopes of this identity wait for a block already";
+  }
+  const auto known = organisations_.find(sender.name.msp_id);
+  const Share all = known == organisations_.end() ? Share{} : known->second;
+  if (all.count[kind] > 0 &&
+      (all.count[kind] >= places(urgent ? 2 : 6) || all.bytes[kind] + size > room(urgent ? 2 : 6))) {
+    return std::to_string(all.count[kind]) + " envelopes of " + sender.name.msp_id + " wait for a block already";
   }
   const std::size_t share = urgent ? 16 : 12;
-  if (!empty() && (count() >= places(share) || bytes_ + size > room(share))) {
-    return std::to_string(count()) + " envelopes wait for a block already";
+  if (!empty() && (this->count() >= places(share) || bytes_ + size > room(share))) {
+    return std::to_string(this->count()) + " envelopes wait for a block already";
   }
   return std::nullopt;
 }
@@ -36,55 +50,65 @@ std::optional<std::string> Waiting::refusal(const Member& member, bool urgent, s
 std::optional<std::string> Waiting::add(const Sender& sender, std::string envelope, TimeNs now_ns) {
   if (members_.size() >= max_members) forget_idle(now_ns);
   Member& member = members_[sender.name];
-  const std::size_t size = envelope.size();
-  if (auto why = refusal(member, sender.urgent, size)) return why;
+  const std::size_t size = envelope.size(), kind = kind_of(sender.urgency);
+  if (auto why = refusal(sender, member.waiting, size)) return why;
   const double spent_bytes = spent(member, now_ns), allowance = static_cast<double>(config_.identity_burst_bytes);
-  if (!sender.urgent && spent_bytes > 0 && spent_bytes + static_cast<double>(size) > allowance) {
+  if (kind == 1 && spent_bytes > 0 && spent_bytes + static_cast<double>(size) > allowance) {
     return "this identity has sent " + megabytes(spent_bytes) + ", and may send " +
            megabytes(static_cast<double>(config_.identity_bytes_per_s)) + " a second";
   }
   member.spent_bytes = spent_bytes + static_cast<double>(size);
   member.spent_at_ns = now_ns;
-  const std::size_t lane = sender.urgent ? 0 : 1;
-  ++member.count[lane];
-  member.bytes += size;
-  Place place{0, turns_++};
-  if (!sender.urgent) {
-    place.tag = std::max(member.tag, clock_);
-    member.tag = place.tag + static_cast<double>(size);
+  for (Share* share : {&member.waiting, &organisations_[sender.name.msp_id]}) {
+    ++share->count[kind];
+    share->bytes[kind] += size;
   }
-  lanes_[lane].emplace(place, Held{std::move(envelope), &member, now_ns});
+  lanes_[static_cast<std::size_t>(sender.urgency)].add({std::move(envelope), sender.name, now_ns, turns_++});
   arrivals_.insert(now_ns);
   bytes_ += size;
   return std::nullopt;
 }
 
-std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_bytes) {
-  std::vector<std::string> taken;
-  std::size_t bytes = 0;
-  for (std::size_t lane = 0; lane < lanes_.size(); ++lane) {
-    while (!lanes_[lane].empty() && taken.size() < max_count) {
-      auto& [place, held] = *lanes_[lane].begin();
-      const std::size_t size = held.envelope.size();
-      if (!taken.empty() && bytes + size > max_bytes) return taken;
-      bytes += size;
-      if (lane == 1) clock_ = place.tag;
-      --held.member->count[lane];
-      held.member->bytes -= size;
-      arrivals_.erase(arrivals_.find(held.arrived_ns));
-      bytes_ -= size;
-      taken.push_back(std::move(held.envelope));
-      lanes_[lane].erase(lanes_[lane].begin());
-    }
+std::size_t Waiting::next_lane() const {
+  const auto waits = [&](Urgency urgency) { return !lanes_[static_cast<std::size_t>(urgency)].empty(); };
+  const bool others_turn = urgent_in_a_row_ >= urgent_weight && waits(Urgency::none);
+  for (const Urgency urgency : {Urgency::stop, Urgency::control}) {
+    if (waits(urgency) && !others_turn) return static_cast<std::size_t>(urgency);
   }
-  return taken;
+  return static_cast<std::size_t>(Urgency::none);
+}
+
+std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_bytes) {
+  std::vector<FairLane::Held> taken;
+  std::size_t bytes = 0;
+  while (!empty() && taken.size() < max_count) {
+    const std::size_t lane = next_lane(), size = lanes_[lane].front().envelope.size();
+    if (!taken.empty() && bytes + size > max_bytes) break;
+    FairLane::Held& held = taken.emplace_back(lanes_[lane].pop());
+    const std::size_t kind = kind_of(static_cast<Urgency>(lane));
+    urgent_in_a_row_ = kind == 0 ? urgent_in_a_row_ + 1 : 0;
+    for (Share* share : {&members_[held.sender].waiting, &organisations_[held.sender.msp_id]}) {
+      --share->count[kind];
+      share->bytes[kind] -= size;
+    }
+    arrivals_.erase(arrivals_.find(held.arrived_ns));
+    bytes += size;
+    bytes_ -= size;
+  }
+  std::ranges::sort(taken, {}, &FairLane::Held::turn);
+  std::vector<std::string> envelopes;
+  for (FairLane::Held& held : taken) envelopes.push_back(std::move(held.envelope));
+  return envelopes;
 }
 
 /// Whoever has nothing waiting and its whole allowance is as one who never came, but for a tag ahead of the clock,
 /// which is no more than it has sent in its last allowance.
 void Waiting::forget_idle(TimeNs now_ns) {
   std::erase_if(members_, [&](const auto& one) {
-    return one.second.count == std::array<std::size_t, 2>{} && spent(one.second, now_ns) <= 0;
+    const Member& member = one.second;
+    if (member.waiting.count != std::array<std::size_t, 2>{} || spent(member, now_ns) > 0) return false;
+    for (FairLane& lane : lanes_) lane.forget(one.first);
+    return true;
   });
 }
 

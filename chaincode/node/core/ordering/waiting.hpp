@@ -1,6 +1,5 @@
 #pragma once
 #include <array>
-#include <compare>
 #include <cstddef>
 #include <cstdint>
 #include <map>
@@ -9,28 +8,38 @@
 #include <string>
 #include <vector>
 
+#include "chaincode/node/core/ordering/fair_lane.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {
 
+/// Whom an envelope may overtake: each its own lane.
+enum class Urgency : std::uint8_t {
+  stop,     ///< overtakes all others
+  control,  ///< commands, and who may do what
+  none,
+};
+
 /// Who sent an envelope, and what it is.
 struct Sender {
   crypto::IdentityName name;  ///< one for all certificates of an identity, and for every layout of one
-  bool urgent = false;        ///< a call of the contract's that commands, stops, or says who may
+  Urgency urgency = Urgency::none;
 };
 
-/// Envelopes that wait for a block, with a share for each identity. Urgent ones leave first, in the order in which they
-/// came, and a quarter of all places is theirs alone. Of the others whoever sends much waits behind who sends little, by
-/// bytes (start-time fair queueing: Goyal, Vin, Cheng, 1996); those of one identity keep their order. One thread at a
-/// time. `config` must outlive it.
+/// Envelopes that wait for a block, with a share for each organisation and each identity. Of five that leave four may
+/// be urgent, stops first; one is not, so that no flood of one kind keeps the other out. A quarter of all places is for
+/// urgent ones alone. In each lane whoever sends much waits behind who sends little (FairLane). One thread at a time.
+/// `config` must outlive it.
 class Waiting {
  public:
   explicit Waiting(const CoreConfig& config) : config_(config) {}
 
-  /// nullopt: it waits. Otherwise why not: too many wait, or this identity has sent more than its share.
+  /// nullopt: it waits. Otherwise why not: too many wait, or this identity or organisation has sent more than its
+  /// share.
   std::optional<std::string> add(const Sender& sender, std::string envelope, TimeNs now_ns);
-  /// The next ones, at most so many and so many bytes together (the first one whatever its size).
+  /// The next ones, at most so many and so many bytes together (the first one whatever its size); among themselves in
+  /// the order in which they came.
   std::vector<std::string> take(std::size_t max_count, std::size_t max_bytes);
 
   bool empty() const { return count() == 0; }
@@ -42,35 +51,27 @@ class Waiting {
   TimeNs oldest_ns() const { return *arrivals_.begin(); }
 
  private:
-  struct Place {
-    double tag = 0;          ///< the sender's bytes so far, on the clock; of urgent ones 0
-    std::uint64_t turn = 0;  ///< of equal tags the older one first
-    auto operator<=>(const Place&) const = default;
+  struct Share {
+    std::array<std::size_t, 2> count{}, bytes{};  ///< waiting: urgent, others
   };
   struct Member {
-    std::array<std::size_t, 2> count{};  ///< waiting, by lane
-    std::size_t bytes = 0;               ///< of both
-    double tag = 0;                      ///< behind its newest that is not urgent
-    double spent_bytes = 0;              ///< of its allowance: flows back with time
+    Share waiting;
+    double spent_bytes = 0;  ///< of its allowance: flows back with time
     TimeNs spent_at_ns = 0;
   };
-  struct Held {
-    std::string envelope;
-    Member* member;
-    TimeNs arrived_ns;
-  };
-  using Lane = std::map<Place, Held>;
 
-  std::optional<std::string> refusal(const Member& member, bool urgent, std::size_t size) const;
+  std::optional<std::string> refusal(const Sender& sender, const Share& own, std::size_t size) const;
+  std::size_t next_lane() const;
   void forget_idle(TimeNs now_ns);
   double spent(const Member& member, TimeNs now_ns) const;
 
   const CoreConfig& config_;
-  std::array<Lane, 2> lanes_;                       ///< urgent, all others
-  double clock_ = 0;                                ///< the tag of the one that left last and was not urgent
-  std::map<crypto::IdentityName, Member> members_;  ///< one with something waiting stays where it is
-  std::multiset<TimeNs> arrivals_;                  ///< of all that wait
+  std::array<FairLane, 3> lanes_;  ///< by Urgency
+  std::map<crypto::IdentityName, Member> members_;
+  std::map<std::string, Share> organisations_;  ///< as many as the channel has
+  std::multiset<TimeNs> arrivals_;              ///< of all that wait
   std::uint64_t turns_ = 0;
+  std::size_t urgent_in_a_row_ = 0;
   std::size_t bytes_ = 0;
 };
 

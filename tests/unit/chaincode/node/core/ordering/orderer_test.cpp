@@ -23,7 +23,8 @@ class OrdererTest : public ::testing::Test {
     restart();
   }
   void restart() {
-    orderer.emplace(config, MemberCheck(crypto::make_test_registry({"Org1MSP"}), config.channel), identity);
+    orderer.emplace(config, MemberCheck(crypto::make_test_registry({"Org1MSP"}), config.channel), identity,
+                    [](const std::string&) { return false; });
   }
 
   std::string unsigned_envelope(const std::string& channel = "teleop") const {

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
+
 namespace ledgerline::node {
 namespace {
 
@@ -10,10 +12,19 @@ using ::testing::HasSubstr;
 
 class WaitingTest : public ::testing::Test {
  protected:
-  std::optional<std::string> add(const std::string& who, std::string envelope, bool urgent = false) {
-    return waiting.add({{"Org1MSP", who}, urgent}, std::move(envelope), now_ns);
+  std::optional<std::string> add(const std::string& who, std::string envelope, Urgency urgency = Urgency::none) {
+    return add_of("Org1MSP", who, std::move(envelope), urgency);
   }
-  std::vector<std::string> all() { return waiting.take(1'000, 1'000'000'000); }
+  std::optional<std::string> add_of(const std::string& msp_id, const std::string& who, std::string envelope,
+                                    Urgency urgency = Urgency::none) {
+    return waiting.add({{msp_id, who}, urgency}, std::move(envelope), now_ns);
+  }
+  /// As they leave, each in a block of its own.
+  std::vector<std::string> all() {
+    std::vector<std::string> left;
+    while (!waiting.empty()) left.push_back(waiting.take(1, 1).at(0));
+    return left;
+  }
 
   CoreConfig config;
   Waiting waiting{config};
@@ -51,23 +62,66 @@ TEST_F(WaitingTest, AFloodDelaysEachEnvelopeOfAnotherByOneOfItsOwnAtMost) {
   EXPECT_LE(worst, 1);
 }
 
-TEST_F(WaitingTest, UrgentOnesLeaveFirst) {
+TEST_F(WaitingTest, UrgentOnesLeaveFirstAndStopsBeforeThem) {
   add("one", "state");
-  add("one", std::string(1'000, 'c'), true);
-  add("two", "stop", true);
-  add("one", "resume", true);
-  EXPECT_THAT(all(), ElementsAre(std::string(1'000, 'c'), "stop", "resume", "state")) << "each in its turn";
+  add("one", std::string(1'000, 'c'), Urgency::control);
+  add("two", "acquire", Urgency::control);
+  add("one", "resume", Urgency::control);
+  add("two", "stop", Urgency::stop);
+  EXPECT_THAT(all(), ElementsAre("stop", std::string(1'000, 'c'), "acquire", "resume", "state")) << "each in its turn";
+}
+
+TEST_F(WaitingTest, OfFiveThatLeaveOneIsNotUrgent) {
+  for (int i = 0; i < 20; ++i) {
+    add("one", "command", i % 2 == 0 ? Urgency::control : Urgency::stop);
+    add("two", "state");
+  }
+  const auto taken = all();
+  EXPECT_EQ(std::count(taken.begin(), taken.begin() + 20, "state"), 4);
+  EXPECT_EQ(taken[4], "state");
+}
+
+TEST_F(WaitingTest, WithinABlockTheyAreInTheOrderInWhichTheyCame) {
+  add("one", "state");
+  add("two", "acquire", Urgency::control);
+  add("one", "stop", Urgency::stop);
+  add("two", "later");
+  EXPECT_THAT(waiting.take(3, 1'000), ElementsAre("state", "acquire", "stop"));
 }
 
 TEST_F(WaitingTest, AQuarterOfThePlacesIsKeptForUrgentOnes) {
   config.max_waiting = 100;
   int taken = 0;
-  for (int who = 0; who < 20; ++who) {
-    for (int i = 0; i < 20; ++i) taken += !add("member" + std::to_string(who), "x");
+  for (int who = 0; who < 30; ++who) {
+    for (int i = 0; i < 20; ++i) taken += !add_of("Org" + std::to_string(who % 3) + "MSP", std::to_string(who), "x");
   }
   EXPECT_EQ(taken, 75);
   EXPECT_THAT(add("other", "x").value_or(""), HasSubstr("75 envelopes wait"));
-  EXPECT_EQ(add("other", "stop", true), std::nullopt);
+  EXPECT_EQ(add("other", "stop", Urgency::stop), std::nullopt);
+}
+
+TEST_F(WaitingTest, AnOrganisationFillsHalfOfTheRestHoweverManyIdentitiesItHas) {
+  config.max_waiting = 1'600;
+  int taken = 0;
+  for (int i = 0; i < 2'000; ++i) taken += !add_of("Org3MSP", "sybil" + std::to_string(i), "x");
+  EXPECT_EQ(taken, 600);
+  EXPECT_THAT(add_of("Org3MSP", "one more", "x").value_or(""), HasSubstr("600 envelopes of Org3MSP wait"));
+  EXPECT_EQ(add_of("Org1MSP", "host", "x"), std::nullopt);
+  for (int i = 0; i < 2'000; ++i) add_of("Org3MSP", "sybil" + std::to_string(i), "x", Urgency::control);
+  EXPECT_EQ(add_of("Org1MSP", "pilot", "x", Urgency::control), std::nullopt);
+}
+
+TEST_F(WaitingTest, AnOrganisationThatMintsIdentitiesLeavesNoFasterByThem) {
+  for (int i = 0; i < 500; ++i) {
+    add_of("Org3MSP", "sybil" + std::to_string(i), std::string(500, 's'));
+    add_of("Org3MSP", "sybil" + std::to_string(i), std::string(500, 's'), Urgency::control);
+  }
+  for (const Urgency urgency : {Urgency::control, Urgency::none}) {
+    add_of("Org1MSP", "host", std::string(500, 'h'), urgency);
+    int before = 0;
+    while (waiting.take(1, 1'000).at(0)[0] != 'h') ++before;
+    EXPECT_LE(before, urgency == Urgency::control ? 2 : 10) << "one of the other organisation, in its lane";
+  }
 }
 
 TEST_F(WaitingTest, OneIdentityFillsAQuarterAndNoMore) {
@@ -75,7 +129,7 @@ TEST_F(WaitingTest, OneIdentityFillsAQuarterAndNoMore) {
   int taken = 0;
   for (int i = 0; i < 100; ++i) taken += !add("one", "x");
   EXPECT_EQ(taken, 25);
-  for (int i = 0; i < 100; ++i) taken += !add("one", "stop", true);
+  for (int i = 0; i < 100; ++i) taken += !add("one", "stop", Urgency::stop);
   EXPECT_EQ(taken, 25 + 6) << "a sixteenth";
   EXPECT_THAT(add("one", "x").value_or(""), HasSubstr("of this identity"));
   EXPECT_EQ(add("two", "x"), std::nullopt);
@@ -86,7 +140,7 @@ TEST_F(WaitingTest, TheSameHoldsForBytesButOneAloneIsAlwaysTaken) {
   EXPECT_EQ(add("one", std::string(900, 'x')), std::nullopt);
   EXPECT_NE(add("one", "x"), std::nullopt);
   EXPECT_NE(add("two", "x"), std::nullopt);
-  EXPECT_EQ(add("two", "x", true), std::nullopt);
+  EXPECT_EQ(add("two", "x", Urgency::control), std::nullopt);
 }
 
 TEST_F(WaitingTest, WhoHasSpentItsAllowanceGetsItBackWithTime) {
@@ -96,7 +150,7 @@ TEST_F(WaitingTest, WhoHasSpentItsAllowanceGetsItBackWithTime) {
   all();
   EXPECT_THAT(add("one", std::string(1'000, 'x')).value_or(""), HasSubstr("may send"));
   EXPECT_EQ(add("two", std::string(1'000, 'x')), std::nullopt);
-  EXPECT_EQ(add("one", "stop", true), std::nullopt) << "what is urgent is not held back for it";
+  EXPECT_EQ(add("one", "stop", Urgency::stop), std::nullopt) << "what is urgent is not held back for it";
   now_ns += ns_per_s + 10 * ns_per_ms;
   EXPECT_EQ(add("one", std::string(1'000, 'x')), std::nullopt);
   EXPECT_NE(add("one", std::string(1'000, 'x')), std::nullopt);
@@ -110,7 +164,7 @@ TEST_F(WaitingTest, OneLargerThanTheAllowanceIsTakenFromWhoHasSpentNothing) {
 TEST_F(WaitingTest, TheOldestIsKnownWhoeverLeaves) {
   add("one", "a");
   now_ns += 5;
-  add("one", "b", true);
+  add("one", "b", Urgency::control);
   EXPECT_EQ(waiting.oldest_ns(), ns_per_s);
   EXPECT_THAT(waiting.take(1, 100), ElementsAre("b"));
   EXPECT_EQ(waiting.oldest_ns(), ns_per_s);
