@@ -32,6 +32,9 @@ inline constexpr std::size_t max_drone_requests = 16;  ///< identities that ask 
 inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
 inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
 inline constexpr std::size_t max_page_bytes = 1'000'000;
+/// That one `get` looks at, deleted ones too: some 2 ms of a node's only thread. With ten times as many each asker
+/// would delay a stop by more than its two-way takes; with a tenth a Fabric's 10,000 keys would need 200 calls.
+inline constexpr std::size_t max_page_keys = 500;
 inline constexpr TimeNs max_plan_ns = 2 * ns_per_s;
 inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 
@@ -64,7 +67,11 @@ inline constexpr std::array<std::string_view, 12> control_functions{enroll,    r
 constexpr bool is_control(std::string_view function) {
   return std::ranges::find(control_functions, function) != control_functions.end();
 }
-/// Those and commands: what a full or busy ledger takes first.
+/// The functions that write nothing.
+constexpr bool is_question(std::string_view function) {
+  return function == get || function == history || function == verify;
+}
+/// Control functions and commands: what a full or busy ledger takes first.
 constexpr bool is_urgent(std::string_view function) { return function == command || is_control(function); }
 
 /// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.

@@ -22,7 +22,8 @@ class EndorserService final
   grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                             grpc::ByteBuffer* response) override {
     return answer_on_core<protos::SignedProposal>(
-        node_, limit_, context, *request, Node::Turn::first,
+        node_, limits_, context, *request,
+        [this](const protos::SignedProposal& proposal) { return node_.place_of(proposal.SerializeAsString()); },
         [response, peer = peer_](NodeCore& core, const protos::SignedProposal& proposal) {
           const Reply reply = core.process_proposal(proposal.SerializeAsString(), read_now(), peer);
           if (reply.code != Code::ok) return make_status(grpc::StatusCode::UNKNOWN, reply.message);
@@ -34,7 +35,7 @@ class EndorserService final
  private:
   Node& node_;
   const std::size_t peer_;
-  Limit limit_{"/protos.Endorser", max_peer_calls};
+  ServiceLimits limits_{"/protos.Endorser", max_peer_calls};
 };
 
 template <typename Response>
@@ -106,13 +107,14 @@ class BroadcastStream final
     is_looked_at();
     common::Envelope envelope;
     if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
-    const bool taken = node_.post([self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
+    const auto order = [self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
       const Reply reply = core.order(bytes, read_now());
       // What is taken was signed by a member.
       if (reply.code == Code::ok && !self->is_of_member()) return;
       if (reply.code != Code::ok) self->is_of_nobody();
       self->acknowledge(reply);
-    });
+    };
+    const bool taken = node_.post(order, Node::Turn::first, node_.sender_of(envelope));
     if (taken) return;
     is_of_nobody();
     acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});

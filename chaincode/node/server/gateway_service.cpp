@@ -41,7 +41,11 @@ class GatewayService final : public RawGateway {
   grpc::ServerUnaryReactor* Evaluate(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                      grpc::ByteBuffer* response) override {
     return answer_on_core<gateway::EvaluateRequest>(
-        node_, limit_, context, *request, Node::Turn::later,
+        node_, limits_, context, *request,
+        [this](const gateway::EvaluateRequest& call) {
+          return Node::Place{Node::Turn::later,
+                             node_.place_of(call.proposed_transaction().SerializeAsString()).requester};
+        },
         [response](NodeCore& core, const gateway::EvaluateRequest& call) {
           const Reply reply = core.evaluate(call.proposed_transaction().SerializeAsString(), read_now());
           gateway::EvaluateResponse message;
@@ -54,7 +58,10 @@ class GatewayService final : public RawGateway {
   grpc::ServerUnaryReactor* Endorse(grpc::CallbackServerContext* context, const grpc::ByteBuffer* request,
                                     grpc::ByteBuffer* response) override {
     return answer_on_core<gateway::EndorseRequest>(
-        node_, limit_, context, *request, Node::Turn::first,
+        node_, limits_, context, *request,
+        [this](const gateway::EndorseRequest& call) {
+          return node_.place_of(call.proposed_transaction().SerializeAsString());
+        },
         [response](NodeCore& core, const gateway::EndorseRequest& call) {
           const Reply reply = core.endorse(call.proposed_transaction().SerializeAsString(), read_now());
           gateway::EndorseResponse message;
@@ -70,7 +77,11 @@ class GatewayService final : public RawGateway {
                                    grpc::ByteBuffer* response) override {
     *response = to_buffer(gateway::SubmitResponse());
     return answer_on_core<gateway::SubmitRequest>(
-        node_, limit_, context, *request, Node::Turn::first, [](NodeCore& core, const gateway::SubmitRequest& call) {
+        node_, limits_, context, *request,
+        [this](const gateway::SubmitRequest& call) {
+          return Node::Place{Node::Turn::first, node_.sender_of(call.prepared_transaction())};
+        },
+        [](NodeCore& core, const gateway::SubmitRequest& call) {
           const Reply reply = core.order(call.prepared_transaction().SerializeAsString(), read_now());
           switch (reply.code) {
             case Code::ok:
@@ -89,13 +100,20 @@ class GatewayService final : public RawGateway {
                                          grpc::ByteBuffer* response) override {
     Limit::Slot place = waiting_limit_.take();
     if (!place) return refuse(context, too_many(waiting_limit_));
-    gateway::SignedCommitStatusRequest request;
-    if (!parse(*bytes, request)) return refuse(context, unparsable(request.GetTypeName()));
+    gateway::SignedCommitStatusRequest signed_request;
+    if (!parse(*bytes, signed_request)) return refuse(context, unparsable(signed_request.GetTypeName()));
+    gateway::CommitStatusRequest request;
+    if (!request.ParseFromString(signed_request.request()))
+      return refuse(context, {grpc::StatusCode::INVALID_ARGUMENT, "the status request does not parse"});
     const std::uint64_t id = next_waiter_++;
-    auto* reactor = new CommitWaiter(
-        std::move(place), [this, id] { node_.post_always([this, id](NodeCore& core) { cancel(core, id); }); });
-    const bool taken = node_.post(
-        [this, id, reactor, request, response](NodeCore& core) { begin(core, id, reactor, request, response); });
+    const Requester requester = node_.requester_of(request.identity());
+    auto* reactor = new CommitWaiter(std::move(place), [this, id, requester] {
+      node_.post_always([this, id](NodeCore& core) { cancel(core, id); }, requester);
+    });
+    const auto begin_waiting = [this, id, reactor, request, signed_request, response](NodeCore& core) {
+      begin(core, id, reactor, request, signed_request, response);
+    };
+    const bool taken = node_.post(begin_waiting, Node::Turn::first, requester);
     if (!taken) reactor->Finish(overloaded());
     return reactor;
   }
@@ -121,12 +139,8 @@ class GatewayService final : public RawGateway {
     return to_buffer(message);
   }
 
-  void begin(NodeCore& core, std::uint64_t id, CommitWaiter* reactor,
+  void begin(NodeCore& core, std::uint64_t id, CommitWaiter* reactor, const gateway::CommitStatusRequest& request,
              const gateway::SignedCommitStatusRequest& signed_request, grpc::ByteBuffer* response) {
-    gateway::CommitStatusRequest request;
-    if (!request.ParseFromString(signed_request.request())) {
-      return reactor->Finish({grpc::StatusCode::INVALID_ARGUMENT, "the status request does not parse"});
-    }
     const auto signer =
         core.check_signer(request.identity(), signed_request.request(), signed_request.signature(), read_now());
     if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
@@ -160,7 +174,7 @@ class GatewayService final : public RawGateway {
   }
 
   Node& node_;
-  Limit limit_{"/gateway.Gateway", max_gateway_calls};
+  ServiceLimits limits_{"/gateway.Gateway", max_gateway_calls};
   Limit waiting_limit_{"/gateway.Gateway (calls that wait)", max_gateway_waiting};
   ViewCache events_;
   std::atomic<std::uint64_t> next_waiter_{1};

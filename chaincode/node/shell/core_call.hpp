@@ -17,20 +17,33 @@ inline grpc::ServerUnaryReactor* refuse(grpc::CallbackServerContext* context, co
   return reactor;
 }
 
-/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call.
-template <typename Request, typename Work>
-grpc::ServerUnaryReactor* answer_on_core(Node& node, Limit& limit, grpc::CallbackServerContext* context,
-                                         const grpc::ByteBuffer& bytes, Node::Turn turn, Work work) {
-  const Limit::Slot place = limit.take();
-  if (!place) return refuse(context, too_many(limit));
+/// How many calls of a service may be open. Questions have a limit of their own, so that they take no place of
+/// commands'.
+struct ServiceLimits {
+  ServiceLimits(const std::string& service, int max_open) : calls(service, max_open), questions(service, max_open) {}
+  Limit calls, questions;
+};
+
+/// A unary call: parsed here, then `work(core, request)` on the core's thread, whose status ends the call. `place_of`
+/// says of a request when its turn is, and whose it is.
+template <typename Request, typename PlaceOf, typename Work>
+grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc::CallbackServerContext* context,
+                                         const grpc::ByteBuffer& bytes, PlaceOf place_of, Work work) {
+  Limit::Slot slot = limits.calls.take();
+  if (!slot) return refuse(context, too_many(limits.calls));
   const auto request = std::make_shared<Request>();
   if (!parse(bytes, *request)) return refuse(context, unparsable(request->GetTypeName()));
+  const Node::Place place = place_of(*request);
+  if (place.turn == Node::Turn::later) {
+    slot = limits.questions.take();
+    if (!slot) return refuse(context, too_many(limits.questions));
+  }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
   const auto task = [=](NodeCore& core) {
-    (void)place;  // held until the task is done
+    (void)slot;  // held until the task is done
     reactor->Finish(work(core, *request));
   };
-  if (!node.post(task, turn)) reactor->Finish(overloaded());
+  if (!node.post(task, place.turn, place.requester)) reactor->Finish(overloaded());
   return reactor;
 }
 

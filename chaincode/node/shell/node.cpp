@@ -1,11 +1,15 @@
 #include "chaincode/node/shell/node.hpp"
 
+#include <algorithm>
+
 #include "chaincode/identities/first_calls.hpp"
+#include "chaincode/node/core/tx/proposal.hpp"
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
+#include "msp/identities.pb.h"
 
 namespace ledgerline::node {
 namespace {
@@ -105,21 +109,45 @@ Status Node::enroll_first() {
   return done;
 }
 
-bool Node::post(Task task, Turn turn) {
+Requester Node::requester_of(const std::string& serialized) const {
+  msp::SerializedIdentity identity;
+  if (!identity.ParseFromString(serialized)) return {};
+  const auto is_its = [&](const crypto::MspRoot& one) { return one.msp_id == identity.mspid(); };
+  if (std::ranges::none_of(config_.organisations, is_its)) return {};
+  return {identity.mspid(), serialized};
+}
+
+Node::Place Node::place_of(std::string_view signed_proposal) const {
+  const auto read = read_signed_proposal(signed_proposal);
+  if (!read) return {};
+  const ProposalParts& proposal = read->proposal;
+  const bool writes = proposal.contract == config_.contract && !contract::is_question(proposal.function);
+  return {writes ? Turn::first : Turn::later, requester_of(proposal.signature_header.creator())};
+}
+
+Requester Node::sender_of(const common::Envelope& envelope) const {
+  common::Payload payload;
+  common::SignatureHeader header;
+  if (!payload.ParseFromString(envelope.payload()) || !header.ParseFromString(payload.header().signature_header()))
+    return {};
+  return requester_of(header.creator());
+}
+
+bool Node::post(Task task, Turn turn, const Requester& requester) {
   {
     const std::lock_guard lock(mutex_);
-    std::deque<Task>& queue = turn == Turn::first ? tasks_ : later_;
+    TaskTurns<Task>& queue = turn == Turn::first ? tasks_ : later_;
     if (queue.size() >= max_tasks || stopping_) return false;
-    queue.push_back(std::move(task));
+    queue.push(requester, std::move(task));
   }
   core_wakes_.notify_one();
   return true;
 }
 
-void Node::post_always(Task task) {
+void Node::post_always(Task task, const Requester& requester) {
   {
     const std::lock_guard lock(mutex_);
-    tasks_.push_back(std::move(task));
+    tasks_.push(requester, std::move(task));
   }
   core_wakes_.notify_one();
 }
@@ -154,9 +182,7 @@ void Node::run_core() {
       // Now and then a question has its turn though others wait, so that it is answered at all.
       const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= max_in_a_row);
       if (question) in_a_row = 0;
-      std::deque<Task>& queue = question ? later_ : tasks_;
-      task = std::move(queue.front());
-      queue.pop_front();
+      task = (question ? later_ : tasks_).pop();
     }
     const bool may_cut = !failed_;
     lock.unlock();

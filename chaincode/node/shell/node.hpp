@@ -1,7 +1,6 @@
 #pragma once
 #include <atomic>
 #include <condition_variable>
-#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -12,6 +11,7 @@
 #include "chaincode/node/core/core.hpp"
 #include "chaincode/node/shell/block_feed.hpp"
 #include "chaincode/node/shell/identities.hpp"
+#include "chaincode/node/shell/task_turns.hpp"
 #include "chaincode/node/storage/block_store.hpp"
 #include "common/rt/histogram.hpp"
 
@@ -38,11 +38,22 @@ class Node {
   using Task = std::function<void(NodeCore&)>;
   /// Who waits for commands and states goes first; who only asks comes after them (but is not kept waiting for ever).
   enum class Turn { first, later };
-  /// Any thread. False: the queue is full, the task was not taken.
-  bool post(Task task, Turn turn = Turn::first);
+  /// Any thread. In each turn requesters take turns. False: the queue is full, the task was not taken.
+  bool post(Task task, Turn turn = Turn::first, const Requester& requester = {});
+  /// Of a proposal that nobody has checked: one that asks only is for later, whatever service brings it. What cannot be
+  /// read is for later, too: it is refused.
+  struct Place {
+    Turn turn = Turn::later;
+    Requester requester;
+  };
+  Place place_of(std::string_view signed_proposal) const;
+  /// `serialized`: msp.SerializedIdentity.
+  Requester requester_of(const std::string& serialized) const;
+  /// Of whom an envelope says that it is.
+  Requester sender_of(const common::Envelope& envelope) const;
   /// The same without a limit: for what ends something (a cancelled call), which must never be lost. There is one for
-  /// each open call at most.
-  void post_always(Task task);
+  /// each open call at most. It comes behind what the requester has posted before.
+  void post_always(Task task, const Requester& requester = {});
 
   BlockFeed& feed() { return *feed_; }
   const Identities& identities() const { return identities_; }
@@ -92,7 +103,7 @@ class Node {
 
   std::mutex mutex_;  // guards what follows
   std::condition_variable core_wakes_, writer_wakes_;
-  std::deque<Task> tasks_, later_;
+  TaskTurns<Task> tasks_, later_;
   std::optional<CutBlock> to_write_, written_;
   bool writing_ = false, failed_ = false, stopping_ = false, core_ended_ = false;
 

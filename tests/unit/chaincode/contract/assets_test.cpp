@@ -241,6 +241,51 @@ TEST_F(AssetsTest, LongListsComeInPagesThatTogetherAreWhole) {
   EXPECT_EQ(pages, 5);
 }
 
+TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfKeysAndGoesOnInTheNextPage) {
+  std::vector<std::string> expected;
+  for (int call = 0; call < 21; ++call) {
+    std::vector<Asset> assets;
+    for (int i = 0; i < 1'000; ++i)
+      assets.push_back(asset("Org3MSP/" + std::to_string(100'000 + call * 1'000 + i), ""));
+    ASSERT_EQ(set(other, assets).status, 200);
+    if (call % 7 != 3) {  // what is left of the others is tombstones
+      for (const Asset& one : assets) expected.push_back(one.id());
+      continue;
+    }
+    for (const Asset& one : assets) ASSERT_EQ(stub.call(other, "delete", {one.id()}).status, 200);
+  }
+  for (const char* id : {"Org3MSP/*", "*"}) {
+    std::vector<std::string> found;
+    QueryCall query;
+    query.set_id(id);
+    do {
+      const Response response = stub.call(other, "get", query);
+      ASSERT_EQ(response.status, 200);
+      EXPECT_LE(stub.ranges.size(), contract::max_page_keys / 16 + 4);
+      const auto page = parsed<Assets>(response.payload);
+      for (const Asset& one : page.assets()) found.push_back(one.id());
+      ASSERT_TRUE(page.bookmark().empty() || page.bookmark() > query.bookmark());
+      query.set_bookmark(page.bookmark());
+    } while (!query.bookmark().empty());
+    EXPECT_EQ(found, expected) << id;
+  }
+}
+
+TEST_F(AssetsTest, AListingOfRecordsCountsWhatBelongsToThem) {
+  std::vector<std::string> drones, found;
+  for (int i = 0; i < 200; ++i) drones.push_back("fleet" + std::to_string(1'000 + i));
+  ASSERT_EQ(enroll(admin1, host, drones, ROLE_NONE).status, 200);
+  QueryCall query;
+  query.set_id("control/*");
+  do {
+    const auto page = parsed<Assets>(stub.call(other, "get", query).payload);
+    EXPECT_LE(stub.reads.size() + stub.ranges.size(), contract::max_page_keys + 16 * 4);
+    for (const Asset& one : page.assets()) found.push_back(one.id());
+    query.set_bookmark(page.bookmark());
+  } while (!query.bookmark().empty());
+  EXPECT_EQ(found.size(), 202U);
+}
+
 TEST_F(AssetsTest, AListingLooksAtABoundedNumberOfOldFramesAndGoesOnInTheNextPage) {
   std::vector<std::string> expected;
   for (int i = 1; i <= 5; ++i) {  // ids that streamed once, long ago

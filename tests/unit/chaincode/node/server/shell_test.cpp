@@ -13,6 +13,7 @@
 #include "chaincode/node/shell/block_view.hpp"
 #include "chaincode/node/shell/node.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "msp/identities.pb.h"
 
 /// The node with its threads and a real directory, without gRPC.
 namespace ledgerline::node {
@@ -240,6 +241,46 @@ TEST_F(ShellTest, TheQueueToTheCoreIsBounded) {
   gate->unlock();
   EXPECT_LT(taken, 10'000U);
   EXPECT_GT(taken, 1'000U);
+}
+
+TEST_F(ShellTest, WhoOnlyAsksComesLaterWhateverServiceBringsIt) {
+  const auto user = *crypto::load_identity(crypto::Library::libcrypto, "Org3MSP", user_msp_dir(dir_, 3, "User1"));
+  const auto place = [&](const fabric::ChannelAndContract& where, const std::string& function) {
+    const auto proposal =
+        *fabric::make_proposal(user, where, {function, {"tello1"}}, realtime_ns(), crypto::random_bytes(24));
+    return node->place_of(proposal.signed_proposal);
+  };
+  for (const char* function : {"get", "history", "verify"}) {
+    EXPECT_EQ(place({}, function).turn, Node::Turn::later) << function;
+  }
+  EXPECT_EQ(place({"teleop", "qscc"}, "GetBlockByNumber").turn, Node::Turn::later);
+  for (const char* function : {"set", "command", "stop", "acquire", "anchor"}) {
+    EXPECT_EQ(place({}, function).turn, Node::Turn::first) << function;
+  }
+  EXPECT_EQ(place({}, "stop").requester.msp_id, "Org3MSP");
+  EXPECT_EQ(place({}, "stop").requester.identity, user.serialized);
+  EXPECT_EQ(node->place_of("garbage").turn, Node::Turn::later);
+  msp::SerializedIdentity made_up;
+  made_up.set_mspid("Org9MSP");
+  EXPECT_EQ(node->requester_of(made_up.SerializeAsString()).msp_id, "")
+      << "made-up organisations have one line together";
+}
+
+TEST_F(ShellTest, QuestionsOfOneIdentityKeepNoOtherWaiting) {
+  const auto gate = std::make_shared<std::mutex>();
+  gate->lock();
+  node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
+  Inbox<std::string> done;
+  const auto ask = [&](const std::string& msp_id, const std::string& who) {
+    node->post([&done, who](NodeCore&) { done.put(who); }, Node::Turn::later, {msp_id, who});
+  };
+  for (int i = 0; i < 100; ++i) ask("Org3MSP", "sybil" + std::to_string(i % 50));
+  ask("Org1MSP", "pilot");
+  node->post([&done](NodeCore&) { done.put("stop"); });
+  gate->unlock();
+  const auto order = done.wait_for(102);
+  EXPECT_EQ(order[0], "stop");
+  EXPECT_LE(std::ranges::find(order, "pilot") - order.begin(), 2);
 }
 
 TEST_F(ShellTest, ServicesShowABlockInTheirOwnWay) {
