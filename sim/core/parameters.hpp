@@ -36,12 +36,30 @@ struct ControlParameters {
   double takeoff_height_m = 1.0;        ///< [T] gazebo stand-in: to 1.0 m
   double takeoff_mps = 0.5;             ///< [T] gazebo stand-in: at 0.5 m/s
   double spin_up_s = 1.0;               ///< [A] motors before lift-off
+  bool follows_floor = false;           ///< [A] over a table it climbs, as tof says that it sank
+  double takeoff_drift_m = 0;           ///< [T] it goes away sideways by some 0.3 m as it rises; 0: it does not
+  double imu_ready_s = 0;               ///< [A] after switching on; `takeoff` answers `error No valid imu` before [T]
   double takeoff_limit_s = 10.0;        ///< [A] what is not up by then is broken off: it lands, the answer is `error`
   double landing_mps = 0.5;             ///< [A] as takeoff
   double touchdown_mps = 0.25;          ///< [A] below 0.3 m
   double position_gain_per_s = 1.5;     ///< [A] hover and moves: velocity per metre of error
+  double hold_after_s = 1.0;            ///< [A] sticks are centred for so long: it holds its position, at rest or not
+  double hold_integral_per_s2 = 0.7;    ///< [A] learns in 2 s or so what pushes; 4 and more would swing (lag 0.3 s)
+  double attitude_after_s = 0.5;        ///< [A] without flow for so long: attitude mode
+  double attitude_full_rad = 0.33;      ///< [A] the lean of full sticks there: what the velocity loop asks for at rest
   double move_acceleration_mps2 = 1.5;  ///< [A] forward 500 must end within djitellopy's 7 s [T]
   double crash_tilt_rad = 1.2;          ///< [A] beyond it (and no flip) the motors stop: `error Motor stop` [T]
+};
+
+/// The air that rotors move. [J] arXiv 2403.13321: the jet of a small quadrotor stays a free one for 2.5 diameters.
+struct AirParameters {
+  double jet_mps = 4.0;               ///< below a drone that hovers; momentum theory says 4.2. 0: no downwash
+  double jet_radius_m = 0.09;         ///< [A] of the four rotors' jet together
+  double jet_core_m = 0.45;           ///< [J] it keeps its speed until here, then it widens and slows
+  double thrust_lost_per_mps = 0.04;  ///< [A] share of a rotor's thrust by the speed of the air that comes from above
+  double turbulence = 0.25;           ///< [A] standard deviation of the jet's speed, as a share of it
+  /// Ground effect by Cheeseman and Bennett: thrust by 1 / (1 - (R / 4z)^2). [A] 0.09 for this size; 0: none.
+  double ground_effect_radius_m = 0;
 };
 
 /// Gusts: an Ornstein-Uhlenbeck process a horizontal axis, one third of it vertically [A].
@@ -59,6 +77,19 @@ struct BatteryParameters {
   double flip_above = 0.50;        ///< [T] flips are refused at about 50 %
   /// [A] voltage sags: below sag_below the percent falls so many times as fast as above; flight_s stays the whole.
   double sag_below = 0.2, sag_factor = 1.5;
+  /// [A] what the percent falls under the load of a hovering drone, and comes back without it; half a second late.
+  double load_sag = 0;
+};
+
+/// Where its temperature goes, and how fast [A]; "85~88C" in flight [T]. Users tell of drones that switch themselves
+/// off after some minutes on the ground, where no rotor cools them: with ground_c above shutdown_c.
+struct HeatParameters {
+  double start_c = 62;
+  double ground_c = 62;    ///< switched on, on the ground
+  double idling_c = 62;    ///< with `motoron`
+  double flight_c = 85.5;  ///< in the rotors' air
+  double time_s = 120;     ///< first order
+  double shutdown_c = 95;  ///< hotter than this it lands, and switches itself off; 0: never
 };
 
 /// Standard deviations where nothing else is said.
@@ -67,6 +98,7 @@ struct SensorParameters {
   double mocap_rad = 0.002;        ///< [A]
   double tof_m = 0.01;             ///< [A] VL53L0X class
   double tof_max_m = 8.0;          ///< [T] 8192 mm is the TT sensor's "nothing"; the Tello says 6553 cm
+  double tof_max_tilt_rad = 0.7;   ///< [A] leaning more, it sees nothing
   double baro_m = 0.15;            ///< [A]
   double accelerometer_g = 0.004;  ///< [A]
   double attitude_rad = 0.003;     ///< [A]
@@ -89,6 +121,7 @@ struct SensorParameters {
 struct Sensing {
   double light = 1;                       ///< 0 (dark) to 1
   double floor = 1;                       ///< what is to be seen on the floor: 0 (glossy, or of one colour) to 1
+  bool imu = true;                        ///< false: take-off is refused with `error No valid imu`
   bool tof = true;                        ///< false: it sees nothing, whatever the height
   bool pads = true;                       ///< false: mission pads are covered
   double baro_drift_mps = 0;              ///< the barometer's zero goes away at this rate
@@ -122,8 +155,10 @@ struct SdkParameters {
   bool keeps_rc = true;
   double rc_lasts_s = 0.5;
   bool command_counts = true;
-  int max_turn_deg = 360;  ///< SDK 1.3: 3600
-  int first_serial = 1;    ///< last digits of what tello1 answers to `sn?`; the others count up
+  double command_latency_s = 0;  ///< [A] from a datagram's arrival until the firmware acts; tens of ms are likely
+  double state_latency_s = 0;    ///< [A] how old a state text is when it leaves; tens of ms are likely
+  int max_turn_deg = 360;        ///< SDK 1.3: 3600
+  int first_serial = 1;          ///< last digits of what tello1 answers to `sn?`; the others count up
 };
 
 struct Parameters {
@@ -136,7 +171,9 @@ struct Parameters {
   BodyParameters body;
   ControlParameters control;
   WindParameters wind;
+  AirParameters air;
   BatteryParameters battery;
+  HeatParameters heat;
   SensorParameters sensors;
   SdkParameters sdk;
   Sensing sensing;  ///< of every drone until Simulator::set_sensing

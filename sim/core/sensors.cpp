@@ -7,17 +7,17 @@
 #include <cmath>
 #include <numbers>
 
+#include "sim/core/firmware/own_height.hpp"
+
 namespace ledgerline::sim {
 namespace {
 
 constexpr double degrees = 180 / std::numbers::pi;
-// "85~88C" in flight (docs/sources.md); the rest is assumed.
-constexpr double cool_c = 62, warm_c = 85.5, warming_s = 120;
 constexpr int temperature_spread_c = 3;
 constexpr int tof_on_ground_mm = 100;
 constexpr int tof_nothing_mm = 65530;  // the state then says 6553 cm
-constexpr double tof_max_tilt_rad = 0.7;
-constexpr int steps_per_walk = 100;  // the barometer's walk takes minutes
+constexpr int steps_per_walk = 100;    // the barometer's walk takes minutes
+constexpr double load_follows_s = 0.5;
 constexpr std::uint64_t later_seed = 0x73656e73;
 
 int rounded(double x) { return static_cast<int>(std::lround(x)); }
@@ -31,10 +31,11 @@ Sensors::Sensors(const Parameters& parameters, std::uint64_t seed)
       later_(seed ^ later_seed),
       sensing_(parameters.sensing),
       battery_(parameters.battery.start),
-      temperature_c_(cool_c),
+      temperature_c_(parameters.heat.start_c),
       barometer_zero_m_(300 * random_.uniform() - 150) {}
 
-void Sensors::step(bool flying) {
+void Sensors::step(const Use& use) {
+  const bool flying = use.flying;
   const BatteryParameters& b = p_.battery;
   const double share = flying ? 1.0 : b.idle_share;
   // Slower above sag_below by what it is faster below, so that all of it still lasts flight_s.
@@ -45,21 +46,18 @@ void Sensors::step(bool flying) {
   if (steps_++ % steps_per_walk == 0)
     barometer_drift_m_ += noise_.baro_walk_m * std::sqrt(steps_per_walk * step_s) * later_.normal();
   if (!flying) takeoff_drift_m_ = barometer_drift_m_;
-  temperature_c_ += ((flying ? warm_c : cool_c) - temperature_c_) * step_s / warming_s;
+  const HeatParameters& heat = p_.heat;
+  const double towards_c = flying ? heat.flight_c : use.idling ? heat.idling_c : heat.ground_c;
+  temperature_c_ += (towards_c - temperature_c_) * step_s / heat.time_s;
+  if (b.load_sag > 0) load_ += (use.thrust_by_weight - load_) * step_s / load_follows_s;
 }
 
 int Sensors::tof_mm(const Body& body) {
-  double below_m = 0;
-  for (const Table& table : p_.tables) {
-    const bool above = std::abs(body.position.x() - table.x_m) <= table.length_m / 2 &&
-                       std::abs(body.position.y() - table.y_m) <= table.width_m / 2 &&
-                       body.position.z() > table.height_m;
-    if (above) below_m = std::max(below_m, table.height_m);
-  }
+  const double below_m = floor_height_m(p_, body.position);
   const double tilt = tilt_of(body.attitude);
   const double distance =
       (body.position.z() - below_m) / std::max(0.1, std::cos(tilt)) + noise_.tof_m * random_.normal();
-  const bool seen = sensing_.tof && tilt < tof_max_tilt_rad && distance < noise_.tof_max_m;
+  const bool seen = sensing_.tof && tilt < noise_.tof_max_tilt_rad && distance < noise_.tof_max_m;
   return seen ? std::max(tof_on_ground_mm, rounded(distance * 1000)) : tof_nothing_mm;
 }
 
@@ -89,7 +87,7 @@ Telemetry Sensors::read(const Body& body, const Flown& flown) {
   t.tof_mm = tof_mm(body);
   const double height_error = noise_.height_baro_share * (barometer_drift_m_ - takeoff_drift_m_);
   t.height_dm = rounded((body.position.z() - flown.takeoff_z + height_error) * 10);
-  t.battery_percent = rounded(battery_ * 100);
+  t.battery_percent = rounded(battery() * 100);
   t.barometer_m = barometer_zero_m_ + barometer_drift_m_ + body.position.z() + noise_.baro_m * random_.normal();
   t.motor_time_s = static_cast<int>(flown.motor_s);
   const Vector g = body.specific_force / gravity_mps2;

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <optional>
 #include <string>
@@ -34,13 +35,20 @@ struct Flown {
   double motor_s = 0;
 };
 
+/// What a drone does, for Sensors::step.
+struct Use {
+  bool flying = false;
+  bool idling = false;  ///< its motors turn on the ground
+  double thrust_by_weight = 0;
+};
+
 /// Battery, temperature and the sensors' noise of one drone. One thread.
 class Sensors {
  public:
   Sensors(const Parameters& parameters, std::uint64_t seed);
 
   /// Every millisecond.
-  void step(bool flying);
+  void step(const Use& use);
   /// The drone is switched on, where it stands.
   void power_on(const Body& body) { power_on_yaw_rad_ = yaw_of(body.attitude); }
   void set_sensing(const Sensing& sensing) { sensing_ = sensing; }
@@ -50,7 +58,12 @@ class Sensors {
   /// What the camera that looks down sees now.
   std::optional<PadSight> pad(const Body& body);
 
-  double battery() const { return battery_; }  ///< 0..1
+  /// 0..1, as its voltage says under the load that it has; charge() is what is left in truth.
+  double battery() const { return std::max(0.0, battery_ - p_.battery.load_sag * load_); }
+  double charge() const { return battery_; }
+  double temperature_c() const { return temperature_c_; }
+  void set_temperature(double celsius) { temperature_c_ = celsius; }
+  bool overheated() const { return p_.heat.shutdown_c > 0 && temperature_c_ > p_.heat.shutdown_c; }
   void set_battery(double share) { battery_ = share; }
   /// So much of the whole a second beside what flying takes.
   void drain(double per_s) { drain_per_s_ = per_s; }
@@ -67,6 +80,7 @@ class Sensors {
   double power_on_yaw_rad_ = 0;
   double battery_;
   double drain_per_s_ = 0;
+  double load_ = 0;  ///< thrust by weight, as the voltage follows it
   double temperature_c_;
   double barometer_zero_m_;
   double barometer_drift_m_ = 0, takeoff_drift_m_ = 0;

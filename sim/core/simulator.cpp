@@ -20,6 +20,7 @@ struct Drone {
   Sensors sensors;
   Sdk sdk;
   bool propeller_lost = false;
+  double thrust_by_weight = 0;
 };
 
 // What is left when the right front propeller (x forward, y left) is gone: three quarters of the thrust, and its moment
@@ -43,8 +44,11 @@ struct Simulator::State {
         mocap_noise(seeds.next()),
         now(start),
         next_mocap(start) {
-    for (int i = 0; i < p.drones; ++i)
-      drones.emplace_back(p, static_cast<DroneNumber>(i + 1), seeds).sensors.power_on(world.body(i));
+    for (int i = 0; i < p.drones; ++i) {
+      Drone& drone = drones.emplace_back(p, static_cast<DroneNumber>(i + 1), seeds);
+      drone.sensors.power_on(world.body(i));
+      drone.sdk.restart(now);
+    }
   }
 
   Parameters p;
@@ -81,12 +85,15 @@ void Simulator::State::one_step() {
   for (int i = 0; i < p.drones; ++i) {
     Drone& drone = drones[static_cast<std::size_t>(i)];
     const Motors motors = drone.pilot.step(world.body(i), drone.sensors.sensing());
+    drone.thrust_by_weight = motors.thrust_n / (p.body.mass_kg * gravity_mps2);
     world.set_motors(i, drone.propeller_lost ? three_propellers(p.body, motors) : motors);
   }
   world.step();
   for (int i = 0; i < p.drones; ++i) {
     Drone& drone = drones[static_cast<std::size_t>(i)];
-    drone.sensors.step(drone.pilot.phase() != Pilot::Phase::off);
+    drone.sensors.step({.flying = drone.pilot.phase() != Pilot::Phase::off,
+                        .idling = drone.pilot.motors_on(),
+                        .thrust_by_weight = drone.thrust_by_weight});
     drone.sdk.step(now, parts(i), output.datagrams);
   }
   if (p.mocap_hz > 0 && now >= next_mocap) {
@@ -133,7 +140,7 @@ Truth Simulator::truth(DroneNumber number) const {
   }
   truth.yaw_rad = yaw_of(body.attitude);
   truth.tilt_rad = tilt_of(body.attitude);
-  truth.battery = drone.sensors.battery();
+  truth.battery = drone.sensors.charge();
   truth.motors_on = drone.pilot.motors_on();
   truth.in_flight = drone.pilot.phase() != Pilot::Phase::off && drone.pilot.phase() != Pilot::Phase::spinning_up;
   truth.crashed = drone.pilot.crashed();
@@ -152,6 +159,10 @@ void Simulator::drain_battery(DroneNumber drone, double per_s) {
   state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.drain(per_s);
 }
 
+void Simulator::set_temperature(DroneNumber drone, double celsius) {
+  state_->drones[static_cast<std::size_t>(state_->index(drone))].sensors.set_temperature(celsius);
+}
+
 void Simulator::lose_propeller(DroneNumber drone) {
   state_->drones[static_cast<std::size_t>(state_->index(drone))].propeller_lost = true;
 }
@@ -161,7 +172,7 @@ void Simulator::restart(DroneNumber number) {
   Drone& drone = state_->drones[static_cast<std::size_t>(i)];
   drone.pilot.cut();
   drone.sensors.power_on(state_->world.body(i));
-  drone.sdk.restart();
+  drone.sdk.restart(state_->now);
 }
 
 void Simulator::set_sensing(DroneNumber drone, const Sensing& sensing) {

@@ -7,6 +7,8 @@
 #include <mutex>
 #include <vector>
 
+#include "sim/core/physics/air.hpp"
+
 namespace ledgerline::sim {
 namespace {
 
@@ -15,6 +17,10 @@ constexpr int steps_per_gust = 10;
 // A body that lies still with its motors off for this long is left out of the physics until something moves it.
 constexpr int still_steps_to_sleep = 500;
 constexpr double still_mps = 0.01;
+// A jet 9 m below its drone is this wide; what is farther apart sideways is not asked.
+constexpr double jet_reach_m = 2;
+constexpr double turbulence_s = 0.1;  // [A] eddies of the jet's width at its speed
+constexpr double no_jet_mps = 1e-3;
 
 void start_ode() {
   // Once a process; ODE keeps its collision data per thread.
@@ -31,6 +37,7 @@ struct Drone {
   Motors wanted;
   double thrust_n = 0;
   Vector wind = Vector::Zero();
+  Vector jet = Vector::Zero(), eddy = Vector::Zero();  ///< from drones above; what of it comes and goes
   Vector last_velocity = Vector::Zero();
   int still_steps = 0;
   Body seen;
@@ -39,10 +46,11 @@ struct Drone {
 }  // namespace
 
 struct World::State {
-  explicit State(const Parameters& parameters) : p(parameters), random(parameters.seed ^ 0x77696e64) {}
+  explicit State(const Parameters& parameters)
+      : p(parameters), random(parameters.seed ^ 0x77696e64), eddies(parameters.seed ^ 0x65646479) {}
 
   Parameters p;
-  Random random;
+  Random random, eddies;
   dWorldID world = nullptr;
   dThreadingImplementationID threading = nullptr;
   dGeomID ground = nullptr;
@@ -53,6 +61,7 @@ struct World::State {
 
   void gusts();
   void forces(Drone& drone) const;
+  RotorLoss below_others(const Drone& drone) const;
   void touch(dGeomID a, dGeomID b);
   void collide();
   void look(Drone& drone) const;
@@ -126,6 +135,30 @@ void World::State::gusts() {
   for (Drone& drone : drones)
     for (int axis = 0; axis < 3; ++axis)
       drone.wind[axis] = keep * drone.wind[axis] + fresh * (axis == 2 ? 1.0 / 3 : 1.0) * random.normal();
+  // Drawn only in a jet, so that drones that are never below another fly as they would without.
+  const double lasts = std::exp(-dt / turbulence_s);
+  for (Drone& drone : drones) {
+    drone.eddy *= lasts;
+    const double speed_mps = drone.jet.norm();
+    if (speed_mps < no_jet_mps) continue;
+    const double new_mps = p.air.turbulence * speed_mps * std::sqrt(1 - lasts * lasts);
+    for (int axis = 0; axis < 3; ++axis) drone.eddy[axis] += new_mps * eddies.normal();
+  }
+}
+
+RotorLoss World::State::below_others(const Drone& drone) const {
+  const auto is_above = [&](const Drone& other) {
+    const Vector from = other.seen.position - drone.seen.position;
+    return &other != &drone && other.thrust_n > 0 && from.z() > 0 &&
+           from.head<2>().squaredNorm() < jet_reach_m * jet_reach_m;
+  };
+  if (p.air.jet_mps <= 0 || std::none_of(drones.begin(), drones.end(), is_above)) return {};
+  return rotor_loss(p, drone.seen, drone.thrust_n, [&](const Vector& at) {
+    Vector air = drone.eddy;
+    for (const Drone& other : drones)
+      if (is_above(other)) air += downwash(p, other.seen, other.thrust_n, at);
+    return air;
+  });
 }
 
 void World::State::forces(Drone& drone) const {
@@ -146,14 +179,18 @@ void World::State::forces(Drone& drone) const {
   }
   if (!dBodyIsEnabled(drone.body)) return;
 
-  const Vector through_air = drone.seen.velocity - drone.wind - steady_wind;
+  const RotorLoss loss = running ? below_others(drone) : RotorLoss{};
+  drone.jet = loss.air;
+  const Vector through_air = drone.seen.velocity - drone.wind - steady_wind - loss.air;
   const Vector drag = -b.mass_kg * Vector(b.drag_xy_per_s * through_air.x(), b.drag_xy_per_s * through_air.y(),
                                           b.drag_z_per_s * through_air.z());
   // Wind pushes what flies; what stands with its motors off is held by the ground.
   if (running) dBodyAddForce(drone.body, drag.x(), drag.y(), drag.z());
-  dBodyAddRelForce(drone.body, 0, 0, drone.thrust_n);
+  const double lift_n = (drone.thrust_n - loss.thrust_n) * ground_effect(p, drone.seen.position.z() + b.height_m);
+  dBodyAddRelForce(drone.body, 0, 0, lift_n);
   const Vector inertia(b.inertia_xy_kgm2, b.inertia_xy_kgm2, b.inertia_z_kgm2);
-  const Vector torque = drone.wanted.torque_nm - b.drag_angular_per_s * inertia.cwiseProduct(drone.seen.rates);
+  const Vector torque =
+      drone.wanted.torque_nm + loss.torque_nm - b.drag_angular_per_s * inertia.cwiseProduct(drone.seen.rates);
   dBodyAddRelTorque(drone.body, torque.x(), torque.y(), torque.z());
 }
 

@@ -16,6 +16,28 @@ Vector limited(const Vector& v, double horizontal, double vertical) {
   return out;
 }
 
+// Acceleration -> thrust and attitude -> torque.
+Motors fly_force(const Parameters& parameters, const Body& body, Vector force, double wanted_yaw_rate) {
+  const ControlParameters& c = parameters.control;
+  const BodyParameters& b = parameters.body;
+  const double max_sideways = force.z() * std::tan(c.max_tilt_rad);
+  const double sideways = std::hypot(force.x(), force.y());
+  if (sideways > max_sideways) force.head<2>() *= max_sideways / sideways;
+
+  const Vector up = body.attitude * Vector::UnitZ();
+  // Rotation axis times the sine of the angle between the thrust as it is and as it should be, in body axes.
+  const Vector error = body.attitude.conjugate() * up.cross(force.normalized());
+  const double w = c.attitude_rad_per_s;
+  const double yaw_rate = std::clamp(wanted_yaw_rate, -c.max_yaw_rate_radps, c.max_yaw_rate_radps);
+  Motors motors;
+  motors.thrust_n = std::max(0.0, force.dot(up));
+  motors.torque_nm = {
+      b.inertia_xy_kgm2 * (w * w * error.x() - 2 * w * body.rates.x()),
+      b.inertia_xy_kgm2 * (w * w * error.y() - 2 * w * body.rates.y()),
+      b.inertia_z_kgm2 * ((yaw_rate - body.rates.z()) / c.yaw_rate_lag_s + b.drag_angular_per_s * body.rates.z())};
+  return motors;
+}
+
 }  // namespace
 
 Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector& estimated_velocity,
@@ -28,23 +50,22 @@ Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector
   // Drag in still air is known to the controller; gusts are not.
   const Vector drag(b.drag_xy_per_s * estimated_velocity.x(), b.drag_xy_per_s * estimated_velocity.y(),
                     b.drag_z_per_s * estimated_velocity.z());
-  Vector force = b.mass_kg * (acceleration + drag + Vector(0, 0, gravity_mps2));
-  const double max_sideways = force.z() * std::tan(c.max_tilt_rad);
-  const double sideways = std::hypot(force.x(), force.y());
-  if (sideways > max_sideways) force.head<2>() *= max_sideways / sideways;
+  return fly_force(parameters, body, b.mass_kg * (acceleration + drag + Vector(0, 0, gravity_mps2)), setpoint.yaw_rate);
+}
 
-  const Vector up = body.attitude * Vector::UnitZ();
-  // Rotation axis times the sine of the angle between the thrust as it is and as it should be, in body axes.
-  const Vector error = body.attitude.conjugate() * up.cross(force.normalized());
-  const double w = c.attitude_rad_per_s;
-  const double yaw_rate = std::clamp(setpoint.yaw_rate, -c.max_yaw_rate_radps, c.max_yaw_rate_radps);
-  Motors motors;
-  motors.thrust_n = std::max(0.0, force.dot(up));
-  motors.torque_nm = {
-      b.inertia_xy_kgm2 * (w * w * error.x() - 2 * w * body.rates.x()),
-      b.inertia_xy_kgm2 * (w * w * error.y() - 2 * w * body.rates.y()),
-      b.inertia_z_kgm2 * ((yaw_rate - body.rates.z()) / c.yaw_rate_lag_s + b.drag_angular_per_s * body.rates.z())};
-  return motors;
+Motors fly_attitude(const Parameters& parameters, const Body& body, const Vector& estimated_velocity,
+                    const VelocitySetpoint& setpoint) {
+  const ControlParameters& c = parameters.control;
+  const BodyParameters& b = parameters.body;
+  Vector acceleration = Vector::Zero();
+  acceleration.z() = (std::clamp(setpoint.velocity.z(), -c.max_speed_mps, c.max_speed_mps) - estimated_velocity.z()) /
+                     c.velocity_lag_s;
+  acceleration.z() =
+      std::clamp(acceleration.z(), -c.max_vertical_mps2, c.max_vertical_mps2) + b.drag_z_per_s * estimated_velocity.z();
+  Eigen::Vector2d stick = setpoint.velocity.head<2>() / parameters.sdk.rc_full_mps;
+  if (const double length = stick.norm(); length > 1) stick /= length;
+  acceleration.head<2>() = stick * (acceleration.z() + gravity_mps2) * std::tan(c.attitude_full_rad);
+  return fly_force(parameters, body, b.mass_kg * (acceleration + Vector(0, 0, gravity_mps2)), setpoint.yaw_rate);
 }
 
 Motors fly_rates(const Parameters& parameters, const Body& body, const Vector& rates, double thrust_by_weight) {

@@ -16,6 +16,11 @@ struct VelocitySetpoint {
 Motors fly_velocity(const Parameters& parameters, const Body& body, const Vector& estimated_velocity,
                     const VelocitySetpoint& setpoint);
 
+/// Attitude mode: sideways the setpoint's velocity is a lean, as full a one as SdkParameters::rc_full_mps is full, and
+/// nothing slows the drone but the air; upward as fly_velocity. Pure.
+Motors fly_attitude(const Parameters& parameters, const Body& body, const Vector& estimated_velocity,
+                    const VelocitySetpoint& setpoint);
+
 /// A body rate instead of an attitude: for flips.
 Motors fly_rates(const Parameters& parameters, const Body& body, const Vector& rates, double thrust_by_weight);
 

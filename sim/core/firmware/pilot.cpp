@@ -8,8 +8,8 @@ namespace ledgerline::sim {
 namespace {
 
 // What no parameter describes. Sources as in parameters.hpp; all of these are [A], assumed: nobody published them.
-constexpr double hold_below_mps = 0.15;  // sticks are centred and the drone is about at rest: hold this place
-constexpr double reached_m = 0.08;       // a move's end
+constexpr double rest_mps = 0.15;   // a move's end: about at rest
+constexpr double reached_m = 0.08;  // and so near
 constexpr double reached_rad = 0.03;
 constexpr double settle_s = 1.0;              // a move ends this long after its profile in any case
 constexpr double floor_m = 0.2;               // the Tello does not fly lower unless it lands
@@ -18,12 +18,21 @@ constexpr int touchdown_steps = 50;           // at rest on the ground this long
 constexpr double turn_acceleration_radps2 = 6;
 constexpr double turn_gain_per_s = 3;
 constexpr double upright_rad = 0.3;
+constexpr std::uint64_t takeoff_seed = 0x74616b65;  // of random numbers beside flow's
+// On the cushion of its own air a drone may float above the ground: it presses down harder then, by so much a second for
+// each m/s that it sinks too slowly, until it touches.
+constexpr double floats_below = 0.5, press_per_s = 2, max_press_mps = 1;
 // A flip: climb, one turn with thrust only while the propellers point up, then back to where it began.
 constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, flip_recover_s = 3.0;
 
 }  // namespace
 
-Pilot::Pilot(const Parameters& parameters, std::uint64_t seed) : p_(parameters), flow_(parameters.sensors, seed) {}
+Pilot::Pilot(const Parameters& parameters, std::uint64_t seed)
+    : p_(parameters),
+      flow_(parameters.sensors, seed),
+      height_(parameters),
+      takeoffs_(seed ^ takeoff_seed),
+      hold_(parameters.control) {}
 
 bool Pilot::busy() const {
   return phase_ == Phase::spinning_up || phase_ == Phase::climbing || phase_ == Phase::landing ||
@@ -44,8 +53,7 @@ void Pilot::finish(End end) {
 void Pilot::begin_move() {
   stick_velocity_.setZero();
   stick_yaw_rate_ = 0;
-  hold_xy_.reset();
-  hold_z_.reset();
+  hold_.release();
   action_s_ = 0;
 }
 
@@ -53,10 +61,15 @@ bool Pilot::takeoff(const Body& body) {
   if (phase_ != Phase::off || tilt_of(body.attitude) > upright_rad) return false;
   crashed_ = false;
   idling_ = false;
+  height_.set_out();
   takeoff_z_ = body.position.z();
   phase_ = Phase::spinning_up;
   phase_s_ = 0;
   begin_move();
+  if (const double drift_m = p_.control.takeoff_drift_m; drift_m > 0) {
+    const double to_rad = 2 * std::numbers::pi * takeoffs_.uniform();
+    drift_by_climb_ = drift_m / p_.control.takeoff_height_m * Eigen::Vector2d(std::cos(to_rad), std::sin(to_rad));
+  }
   return true;
 }
 
@@ -68,10 +81,13 @@ bool Pilot::land() {
 }
 
 void Pilot::begin_landing() {
-  begin_move();
+  stick_velocity_.setZero();
+  stick_yaw_rate_ = 0;
+  action_s_ = 0;  // it goes on to hold the position that it holds, and what it has learned of the wind
   phase_ = Phase::landing;
   phase_s_ = 0;
   touching_steps_ = 0;
+  pressed_down_mps_ = 0;
 }
 
 Vector Pilot::to_map(const Vector& v) const {
@@ -105,8 +121,8 @@ bool Pilot::turn(double angle_rad, double rate_radps) {
 bool Pilot::flip(Flip direction) {
   if (!ready_for_move()) return false;
   begin_move();
-  hold_xy_ = odometry_.head<2>();
-  hold_z_ = odometry_.z();
+  hold_.hold(odometry_.head<2>());
+  hold_.hold_height(odometry_.z());
   Flipping flip;
   switch (direction) {
     case Flip::forward:
@@ -153,30 +169,29 @@ bool Pilot::idle_motors(bool on) {
 
 void Pilot::estimate(const Body& body, const Sensing& sensing) {
   estimate_ = flow_.step(body, sensing);
+  flow_lost_s_ = flow_.lost() ? flow_lost_s_ + step_s : 0;
   odometry_.head<2>() += estimate_.head<2>() * step_s;
-  odometry_.z() = body.position.z();
+  odometry_.z() = height_.step(body, sensing);
   yaw_ += std::remainder(yaw_of(body.attitude) - yaw_, 2 * std::numbers::pi);
 }
 
-VelocitySetpoint Pilot::hold(const VelocitySetpoint& wanted, const Body& body) {
+double Pilot::above_floor(double upward_mps) const {
+  return std::max(upward_mps, -2 * (odometry_.z() - takeoff_z_ - floor_m));
+}
+
+VelocitySetpoint Pilot::hold(const VelocitySetpoint& wanted) {
   VelocitySetpoint out = wanted;
-  const double gain = p_.control.position_gain_per_s;
-  if (wanted.velocity.head<2>().squaredNorm() > 0) {
-    hold_xy_.reset();
+  if (in_attitude_mode()) {
+    hold_.release_sideways();  // there is nothing to hold by
   } else {
-    if (!hold_xy_ && std::hypot(estimate_.x(), estimate_.y()) < hold_below_mps)
-      hold_xy_ = odometry_.head<2>() + estimate_.head<2>() * p_.control.velocity_lag_s;
-    if (hold_xy_) out.velocity.head<2>() = gain * (*hold_xy_ - odometry_.head<2>());
+    out.velocity.head<2>() = hold_.sideways(wanted.velocity.head<2>(), odometry_, estimate_);
   }
-  if (wanted.velocity.z() != 0) {
-    hold_z_.reset();
-  } else {
-    if (!hold_z_ && std::abs(estimate_.z()) < hold_below_mps)
-      hold_z_ = odometry_.z() + estimate_.z() * p_.control.velocity_lag_s;
-    if (hold_z_) out.velocity.z() = gain * (*hold_z_ - odometry_.z());
-  }
-  out.velocity.z() = std::max(out.velocity.z(), -2 * (body.position.z() - takeoff_z_ - floor_m));
+  out.velocity.z() = above_floor(hold_.upward(wanted.velocity.z(), odometry_, estimate_));
   return out;
+}
+
+Motors Pilot::steer(const Body& body, const VelocitySetpoint& setpoint) const {
+  return in_attitude_mode() ? fly_attitude(p_, body, estimate_, setpoint) : fly_velocity(p_, body, estimate_, setpoint);
 }
 
 VelocitySetpoint Pilot::follow(const Move& move) {
@@ -187,10 +202,10 @@ VelocitySetpoint Pilot::follow(const Move& move) {
   out.velocity = along.speed * point.tangent + p_.control.position_gain_per_s * error;
   out.acceleration = along.acceleration * point.tangent + along.speed * along.speed * point.normal_curvature;
   const double over = action_s_ - move.profile.duration_s();
-  if (over > settle_s || (over > 0 && error.norm() < reached_m && estimate_.norm() < hold_below_mps)) {
+  if (over > settle_s || (over > 0 && error.norm() < reached_m && estimate_.norm() < rest_mps)) {
     if (error.norm() < 2 * reached_m) {
-      hold_xy_ = point.position.head<2>();
-      hold_z_ = point.position.z();
+      hold_.hold(point.position.head<2>());
+      hold_.hold_height(point.position.z());
     }
     finish(End::reached);
   }
@@ -207,11 +222,36 @@ VelocitySetpoint Pilot::rotate(const Turn& turn) {
   return out;
 }
 
-VelocitySetpoint Pilot::fly(const Body& body) {
+VelocitySetpoint Pilot::climb() {
+  const double left_m = takeoff_z_ + p_.control.takeoff_height_m - odometry_.z();
+  hold_.shift(drift_by_climb_ * estimate_.z() * step_s);
+  VelocitySetpoint wanted = hold({});
+  wanted.velocity.z() = std::min(p_.control.takeoff_mps, p_.control.position_gain_per_s * left_m);
+  if (std::abs(left_m) < 0.05 && std::abs(estimate_.z()) < 0.1) {
+    phase_ = Phase::flying;
+    hold_.hold_height(takeoff_z_ + p_.control.takeoff_height_m);
+    finish(End::reached);
+  }
+  return wanted;
+}
+
+VelocitySetpoint Pilot::descend() {
+  VelocitySetpoint wanted = hold({});
+  wanted.velocity.z() = -p_.control.landing_mps;
+  if (odometry_.z() < slow_landing_below_m) {
+    const double too_slow_mps = estimate_.z() + p_.control.touchdown_mps;
+    if (too_slow_mps > floats_below * p_.control.touchdown_mps)
+      pressed_down_mps_ = std::min(max_press_mps, pressed_down_mps_ + press_per_s * too_slow_mps * step_s);
+    wanted.velocity.z() = -p_.control.touchdown_mps - pressed_down_mps_;
+  }
+  return wanted;
+}
+
+VelocitySetpoint Pilot::fly() {
   action_s_ += step_s;
   if (const auto* move = std::get_if<Move>(&action_)) {
     VelocitySetpoint out = follow(*move);
-    out.velocity.z() = std::max(out.velocity.z(), -2 * (body.position.z() - takeoff_z_ - floor_m));
+    out.velocity.z() = above_floor(out.velocity.z());
     return out;
   }
   VelocitySetpoint wanted;
@@ -221,7 +261,7 @@ VelocitySetpoint Pilot::fly(const Body& body) {
     wanted.velocity = to_map(stick_velocity_);
     wanted.yaw_rate = stick_yaw_rate_;
   }
-  return hold(wanted, body);
+  return hold(wanted);
 }
 
 Motors Pilot::somersault(Flipping& flip, const Body& body) {
@@ -240,10 +280,10 @@ Motors Pilot::somersault(Flipping& flip, const Body& body) {
     flip.stage = Stage::recover;
     action_s_ = 0;
   }
-  const bool back =
-      std::abs(*hold_z_ - odometry_.z()) < reached_m && (*hold_xy_ - odometry_.head<2>()).norm() < 2 * reached_m;
-  if (action_s_ > flip_recover_s || (back && estimate_.norm() < hold_below_mps)) finish(End::reached);
-  return fly_velocity(p_, body, estimate_, hold({}, body));
+  const Vector off = hold_.position() - odometry_;
+  const bool back = std::abs(off.z()) < reached_m && off.head<2>().norm() < 2 * reached_m;
+  if (action_s_ > flip_recover_s || (back && estimate_.norm() < rest_mps)) finish(End::reached);
+  return steer(body, hold({}));
 }
 
 Motors Pilot::step(const Body& body, const Sensing& sensing) {
@@ -274,35 +314,24 @@ Motors Pilot::step(const Body& body, const Sensing& sensing) {
       if (phase_s_ > p_.control.takeoff_limit_s) {
         finish(End::broken_off);
         begin_landing();
-        return fly_velocity(p_, body, estimate_, hold({}, body));
+        return steer(body, hold({}));
       }
-      const double left = takeoff_z_ + p_.control.takeoff_height_m - body.position.z();
-      VelocitySetpoint wanted = hold({}, body);
-      wanted.velocity.z() = std::min(p_.control.takeoff_mps, p_.control.position_gain_per_s * left);
-      if (std::abs(left) < 0.05 && std::abs(body.velocity.z()) < 0.1) {
-        phase_ = Phase::flying;
-        hold_z_ = takeoff_z_ + p_.control.takeoff_height_m;
-        finish(End::reached);
-      }
-      return fly_velocity(p_, body, estimate_, wanted);
+      return steer(body, climb());
     }
     case Phase::landing: {
-      const bool low = body.position.z() < slow_landing_below_m;
-      VelocitySetpoint wanted = hold({}, body);
-      wanted.velocity.z() = low ? -p_.control.touchdown_mps : -p_.control.landing_mps;
       touching_steps_ = body.touching ? touching_steps_ + 1 : 0;
       if (touching_steps_ >= touchdown_steps) {
         phase_ = Phase::off;
         finish(End::reached);
         return {};
       }
-      return fly_velocity(p_, body, estimate_, wanted);
+      return steer(body, descend());
     }
     case Phase::flying:
       break;
   }
   if (auto* somersaulting = std::get_if<Flipping>(&action_)) return somersault(*somersaulting, body);
-  return fly_velocity(p_, body, estimate_, fly(body));
+  return steer(body, fly());
 }
 
 }  // namespace ledgerline::sim

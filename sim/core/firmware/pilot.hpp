@@ -4,6 +4,8 @@
 
 #include "sim/core/firmware/controller.hpp"
 #include "sim/core/firmware/flow.hpp"
+#include "sim/core/firmware/own_height.hpp"
+#include "sim/core/firmware/place_hold.hpp"
 #include "sim/core/path.hpp"
 
 namespace ledgerline::sim {
@@ -16,7 +18,8 @@ namespace ledgerline::sim {
 ///      +------------------------------------ landing <------+
 ///
 /// One action (takeoff, landing, move) runs at a time; take_end() says once how it ended. Moves are measured with the
-/// drone's own odometry, which drifts as its velocity estimate does. One thread.
+/// drone's own odometry, which drifts as its velocity estimate does. Where flow stays lost it is in attitude mode: the
+/// sticks command a lean, and drag alone slows it. One thread.
 class Pilot {
  public:
   enum class Phase { off, spinning_up, climbing, flying, landing };
@@ -75,14 +78,21 @@ class Pilot {
   void begin_move();
   void begin_landing();
   Vector to_map(const Vector& heading_frame) const;
-  VelocitySetpoint hold(const VelocitySetpoint& wanted, const Body& body);
-  VelocitySetpoint fly(const Body& body);
+  VelocitySetpoint hold(const VelocitySetpoint& wanted);
+  double above_floor(double upward_mps) const;
+  VelocitySetpoint climb();
+  VelocitySetpoint descend();
+  bool in_attitude_mode() const { return flow_lost_s_ > p_.control.attitude_after_s; }
+  Motors steer(const Body& body, const VelocitySetpoint& setpoint) const;
+  VelocitySetpoint fly();
   VelocitySetpoint follow(const Move& move);
   VelocitySetpoint rotate(const Turn& turn);
   Motors somersault(Flipping& flip, const Body& body);
 
   Parameters p_;
   Flow flow_;
+  OwnHeight height_;
+  Random takeoffs_;
   Phase phase_ = Phase::off;
   bool crashed_ = false, idling_ = false;
   double phase_s_ = 0, motor_s_ = 0, takeoff_z_ = 0;
@@ -96,8 +106,10 @@ class Pilot {
   double action_s_ = 0;
   Vector stick_velocity_ = Vector::Zero();
   double stick_yaw_rate_ = 0;
-  std::optional<Eigen::Vector2d> hold_xy_;
-  std::optional<double> hold_z_;
+  PlaceHold hold_;
+  Eigen::Vector2d drift_by_climb_ = Eigen::Vector2d::Zero();  ///< how far sideways for each metre that it rises
+  double pressed_down_mps_ = 0;  ///< what a landing adds while it floats above the ground
+  double flow_lost_s_ = 0;       ///< for so long without a break
   std::optional<End> end_;
 };
 

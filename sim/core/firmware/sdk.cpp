@@ -15,6 +15,7 @@ namespace {
 constexpr std::size_t max_words = 12;
 constexpr std::size_t max_command_bytes = 256;
 constexpr const char* out_of_range = "out of range";
+constexpr const char* auto_land = "error Auto land";
 constexpr double radians = std::numbers::pi / 180;
 constexpr int min_move_cm = 20, max_move_cm = 500;
 constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
@@ -116,6 +117,12 @@ void Sdk::say(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
 }
 
 void Sdk::receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out) {
+  if (switched_off_) return;
+  if (p_.sdk.command_latency_s <= 0) return act(now, from, bytes, drone, out);
+  heard_.push(now + from_seconds(p_.sdk.command_latency_s), from, std::string(bytes));
+}
+
+void Sdk::act(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out) {
   std::array<std::string_view, max_words + 1> words;
   std::size_t count = 0;
   constexpr std::string_view space = " \t\r\n";
@@ -144,7 +151,12 @@ void Sdk::receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone
 }
 
 void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
-  using Phase = Pilot::Phase;
+  if (drone.sensors.overheated() && drone.pilot.phase() == Pilot::Phase::off) {
+    drone.pilot.idle_motors(false);
+    switched_off_ = true;
+  }
+  if (switched_off_) return;
+  while (const auto text = heard_.pop(now)) act(now, text->end, text->bytes, drone, out);
   if (const auto end = drone.pilot.take_end(); end && waiting_) {
     const char* answer = *end == Pilot::End::reached      ? "ok"
                          : *end == Pilot::End::broken_off ? "error"
@@ -159,19 +171,27 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
     sticks_since_.reset();
     drone.pilot.sticks(Vector::Zero(), 0);
   }
-  const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
-  const bool empty = drone.sensors.battery() < p_.battery.land_below;
-  if ((silent || empty) && drone.pilot.phase() == Phase::flying) {
-    if (waiting_) say(*waiting_, "error", out);
-    waiting_.reset();
-    drone.pilot.land();
-  }
-  if (drone.sensors.battery() <= 0 && drone.pilot.phase() != Phase::off) drone.pilot.cut();
-
+  protect_itself(now, drone, out);
   if (now >= next_state_) {
     next_state_ += from_seconds(1 / p_.sdk.state_hz);
-    say({state_to_.address, state_port_}, state_text(telemetry(drone), pads_wanted_), out);
+    state_texts_.push(now + from_seconds(p_.sdk.state_latency_s), {state_to_.address, state_port_},
+                      state_text(telemetry(drone), pads_wanted_));
   }
+  while (auto text = state_texts_.pop(now)) say(text->end, std::move(text->bytes), out);
+}
+
+void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
+  using Phase = Pilot::Phase;
+  const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
+  const bool empty = drone.sensors.battery() < p_.battery.land_below;
+  if ((silent || empty || drone.sensors.overheated()) && drone.pilot.phase() == Phase::flying) {
+    if (waiting_) say(*waiting_, auto_land, out);
+    waiting_.reset();
+    drone.pilot.land();
+    lands_by_itself_ = true;
+  }
+  if (drone.sensors.charge() <= 0 && drone.pilot.phase() != Phase::off) drone.pilot.cut();
+  if (drone.pilot.phase() == Phase::off) lands_by_itself_ = false;
 }
 
 Telemetry Sdk::telemetry(const Drone& drone) const {
@@ -201,6 +221,7 @@ Sdk::Answer Sdk::wait(const Call& call) {
 
 Sdk::Answer Sdk::refusal(const Call& call) const {
   if (call.drone.pilot.phase() == Pilot::Phase::off) return "error Motor stop";
+  if (lands_by_itself_) return auto_land;
   if (call.drone.pilot.busy()) return "error Not joystick";
   return {};
 }
@@ -216,7 +237,10 @@ Sdk::Answer Sdk::yes(Call&) { return "ok"; }
 
 Sdk::Answer Sdk::take_off(Call& call) {
   if (call.drone.sensors.battery() < p_.battery.no_takeoff_below) return "error";
+  if (lands_by_itself_) return auto_land;
   if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
+  if (!call.drone.sensors.sensing().imu || call.now - on_since_ < from_seconds(p_.control.imu_ready_s))
+    return "error No valid imu";
   if (!call.drone.pilot.takeoff(call.drone.body)) return "error Motor stop";  // it lies on its side
   return wait(call);
 }
@@ -372,12 +396,16 @@ Sdk::Answer Sdk::reboot(Call& call) {
   // On the ground only: afterwards it waits for `command` as after switching on.
   if (call.drone.pilot.phase() != Pilot::Phase::off) return "error";
   call.drone.sensors.power_on(call.drone.body);
-  restart();
+  restart(call.now);
   return {};
 }
 
-void Sdk::restart() {
+void Sdk::restart(TimeNs now) {
   sdk_mode_ = false;
+  switched_off_ = lands_by_itself_ = false;
+  on_since_ = now;
+  heard_.clear();
+  state_texts_.clear();
   pads_wanted_ = false;
   looks_down_ = true;
   state_port_ = state_port;

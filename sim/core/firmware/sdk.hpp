@@ -1,8 +1,10 @@
 #pragma once
+#include <deque>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "sim/core/firmware/pilot.hpp"
@@ -16,6 +18,10 @@ namespace ledgerline::sim {
 /// - nothing but `command` is heard, or answered, before the first `command`;
 /// - each answered command gets exactly one answer; a move's comes when it ends, `error` when `land` or `stop` broke
 ///   it off;
+/// - while it lands by itself (silence, battery, heat), moves and `takeoff` are refused with `error Auto land`, and one
+///   that it breaks off ends with it;
+/// - `takeoff` without a valid IMU (just switched on, or broken) answers `error No valid imu`;
+/// - too hot, it lands and then switches itself off: it hears and says nothing until restart();
 /// - a move while another action runs is refused with `error Not joystick`, one on the ground with `error Motor stop`;
 /// - the 15 s of silence begin when the last action ends;
 /// - `land` is ignored, without an answer, during takeoff and while it is landing already, and `ok` on the ground;
@@ -35,12 +41,13 @@ class Sdk {
   };
   Sdk(const Parameters& parameters, DroneNumber number);
 
+  /// Acted on SdkParameters::command_latency_s later, by step(); without one, now.
   void receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
   /// Every millisecond: ends of moves, the end of an rc (where none is kept: SdkParameters), landing after silence or on a
   /// low battery, motors off on an empty one, state.
   void step(TimeNs now, Drone drone, std::vector<Outgoing>& out);
   /// As after switching on: only `command` is heard, and nobody waits for an answer.
-  void restart();
+  void restart(TimeNs now);
 
  private:
   struct Call {
@@ -55,7 +62,31 @@ class Sdk {
   /// What a handler says; empty: nothing (yet).
   using Answer = std::string;
 
+  /// What comes out later than it went in.
+  class Later {
+   public:
+    struct Text {
+      TimeNs due = 0;
+      Endpoint end;
+      std::string bytes;
+    };
+    void push(TimeNs due, Endpoint end, std::string bytes) { texts_.push_back({due, end, std::move(bytes)}); }
+    std::optional<Text> pop(TimeNs now) {
+      if (texts_.empty() || texts_.front().due > now) return std::nullopt;
+      Text text = std::move(texts_.front());
+      texts_.pop_front();
+      return text;
+    }
+    void clear() { texts_.clear(); }
+
+   private:
+    std::deque<Text> texts_;
+  };
+
   static const Entry* find(std::string_view name);
+  void act(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
+  /// Lands by itself where something makes it.
+  void protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out);
   void say(Endpoint to, std::string text, std::vector<Outgoing>& out) const;
   void break_off(Call& call, const char* why);
   /// After a request that the pilot took: the answer comes at its end.
@@ -90,6 +121,9 @@ class Sdk {
   Parameters p_;
   DroneNumber number_;
   bool sdk_mode_ = false;
+  bool switched_off_ = false, lands_by_itself_ = false;
+  TimeNs on_since_ = 0;
+  Later heard_, state_texts_;
   Endpoint state_to_;
   std::uint16_t state_port_ = state_port;
   TimeNs next_state_ = 0;

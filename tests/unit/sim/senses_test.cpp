@@ -242,7 +242,7 @@ TEST(Senses, TheBarometerWalks) {
   for (std::uint64_t seed = 1; seed <= 200; ++seed) {
     Sensors sensors(p, seed);
     const double before = sensors.read({}, {}).barometer_m;
-    for (int ms = 0; ms < 60'000; ++ms) sensors.step(true);
+    for (int ms = 0; ms < 60'000; ++ms) sensors.step({.flying = true});
     after.push_back(sensors.read({}, {}).barometer_m - before);
   }
   EXPECT_NEAR(deviation(after), 0.005 * std::sqrt(60), 0.2 * 0.005 * std::sqrt(60));
@@ -254,7 +254,7 @@ TEST(Senses, TheBatteryFallsFasterNearItsEndAndStillLastsThirteenMinutes) {
   std::vector<double> at_s;
   while (sensors.battery() > 0 && at_s.size() < 1'000) {
     at_s.push_back(sensors.battery());
-    for (int ms = 0; ms < 1'000; ++ms) sensors.step(true);
+    for (int ms = 0; ms < 1'000; ++ms) sensors.step({.flying = true});
   }
   EXPECT_NEAR(static_cast<double>(at_s.size()), p.battery.flight_s, 1);
   EXPECT_NEAR((at_s[700] - at_s[720]) / (at_s[100] - at_s[120]), p.battery.sag_factor, 0.01);
