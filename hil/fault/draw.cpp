@@ -265,6 +265,21 @@ void add_senses(Draw& draw, Script& script) {
   }
 }
 
+// In half of all a drone that nobody knows; in one of six its firmware refuses, or protects itself.
+void add_firmware(Draw& draw, Script& script) {
+  script.flight.drawn_tello = draw.below(2) == 0;
+  if (draw.below(6) != 0) return;
+  const std::string drone = drone_name(1 + static_cast<int>(draw.below(script.flight.drones)));
+  if (draw.below(2) == 0) {
+    add(script, fmt::format("drone {} imu invalid", drone), "1ms", draw.between(100, 8'000));
+  } else {
+    auto hot = parse_fault(fmt::format("drone {} heat {:.0f}", drone, draw.between(96, 110)), moment(draw), "");
+    if (!hot) return;
+    hot->optional = true;
+    script.faults.push_back(std::move(*hot));
+  }
+}
+
 }  // namespace
 
 Script draw_script(std::uint64_t number, const std::string& recording) {
@@ -312,6 +327,8 @@ Script draw_script(std::uint64_t number, const std::string& recording) {
   add_senses(senses, script);
   Draw sdk(number * 15'485'863 + 3);
   add_sdk_faults(sdk, script);
+  Draw firmware(number * 32'452'843 + 7);
+  add_firmware(firmware, script);
   return script;
 }
 

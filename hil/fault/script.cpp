@@ -45,7 +45,22 @@ TimeNs duration(Config& config, const Key& key, TimeNs otherwise, TimeNs least, 
 }
 
 // The drones, and the floor below them.
-void which_tello(Config& config, WorldConfig& flight) {
+void which_tello(Config& config, const std::string& folder, WorldConfig& flight) {
+  flight.drawn_tello =
+      config.choice({"flight.tello",
+                     "the usual one, or each seed draws what nobody knows of a real one: latency, response, "
+                     "drift at take-off, ground effect, downwash, heat"},
+                    {"usual", "drawn"}, "usual") == "drawn";
+  const std::string wifi = config.text(
+      {"flight.wifi", "a recorded day of every drone's radio, beside the script; the seed says where in it it begins"},
+      "");
+  if (!wifi.empty()) {
+    auto day = read_day(wifi.front() == '/' || folder.empty() ? wifi : folder + "/" + wifi);
+    if (day)
+      flight.wifi = Impairment::RecordedLink{*day, wifi, 0};
+    else
+      config.wrong("flight.wifi", day.error().what);
+  }
   flight.battery = config.number({"flight.battery", "of every drone at the start, as a share"}, flight.battery, 0, 1);
   flight.keeps_rc = config.boolean(
       {"flight.keeps_rc", "a Tello that hears no rc flies on with the last one; false: it stops by itself after 0.5 s"},
@@ -104,7 +119,7 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
       from_name<link::OnDoubt>(config.choice({"flight.doubt", "what link does while agent doubts the ledger"},
                                              {"ignore", "hold", "land"}, "ignore"))
           .value_or(flight.doubt);
-  which_tello(config, flight);
+  which_tello(config, folder, flight);
   flight.room_m =
       config.number({"flight.room_m", "the fence's distance from the paths; below 0 its far sides cut through them"},
                     *flight.room_m, -10, 100);
@@ -235,6 +250,8 @@ std::string text_of(const Script& script) {
   if (f.pose != usual.pose) text += fmt::format("pose = \"{}\"\n", name(f.pose));
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
+  if (f.drawn_tello) text += "tello = \"drawn\"\n";
+  if (f.wifi) text += fmt::format("wifi = {}\n", quoted(f.wifi->file));
   if (f.yaw_deg != usual.yaw_deg) text += fmt::format("yaw_deg = {}\n", f.yaw_deg);
   if (!f.pads.empty()) text += fmt::format("pads = {}\n", quoted(sim::pads_text(f.pads)));
   if (f.keeps_rc != usual.keeps_rc) text += fmt::format("keeps_rc = {}\n", f.keeps_rc);

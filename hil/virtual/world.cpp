@@ -21,6 +21,7 @@ constexpr TimeNs ground_period_ns = 50 * ns_per_ms;
 constexpr TimeNs clock_period_ns = 1 * ns_per_s;  // as the agent's shell
 constexpr TimeNs quiet_ns = 500 * ns_per_ms;
 constexpr std::int64_t real_epoch_s = 1'767'225'600;
+constexpr std::uint64_t wifi_seed = 0x77696669;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
 // Of a far ledger more than of one that is near: what was sent last is still on its way.
@@ -47,6 +48,12 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
   Random seeds(config.seed ^ 0x6c696e6573ULL);
   for (int k = 1; k <= config.drones; ++k)
     wires_->drones.push_back({DroneLines(seeds, ~config.seed + static_cast<std::uint64_t>(k))});
+  if (config.wifi) {
+    auto wifi = *config.wifi;
+    wifi.offset_ns +=
+        static_cast<TimeNs>(Random(config.seed ^ wifi_seed).uniform() * static_cast<double>(wifi.day->length_ns()));
+    for (Wires::Drone& drone : wires_->drones) drone.lines.set_wifi(wifi);
+  }
 }
 
 VirtualWorld::~VirtualWorld() = default;

@@ -10,6 +10,7 @@
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/link/core/failsafe.hpp"
+#include "sim/core/draw_tello.hpp"
 
 namespace ledgerline::hil {
 
@@ -80,7 +81,7 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.control.velocity_lag_s *= factor;
   parameters.sdk.rc_full_mps = config.full_scale_mps * factor;
   parameters.control.max_speed_mps = std::max(parameters.control.max_speed_mps, 1.5 * config.full_scale_mps);
-  return parameters;
+  return config.drawn_tello ? sim::draw_tello(parameters, config.seed) : parameters;
 }
 
 link::LinkSettings link_settings(const WorldConfig& config) {

@@ -8,6 +8,7 @@
 
 #include "common/fabric/stream/block_source.hpp"
 #include "ground/core/flight.hpp"
+#include "hil/lines/impairment.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/link/core/settings.hpp"
@@ -33,9 +34,11 @@ struct WorldConfig {
   link::OnDoubt doubt = link::OnDoubt::ignore;  ///< link's, while agent doubts the ledger
   TimeNs idle_evict_ns = agent::usual_idle_ns;  ///< agent's: a holder who is idle on the ground for so long
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
-  double yaw_deg = 0;                           ///< every drone looks there when it is switched on
-  std::vector<sim::Pad> pads;                   ///< mission pads on the floor
-  double battery = 1.0;                         ///< of every drone at the start, 0..1
+  bool drawn_tello = false;  ///< of what nobody knows of a real one, each seed draws another: sim/core/draw_tello.hpp
+  std::optional<Impairment::RecordedLink> wifi;  ///< every drone's radio, both ways; the seed says where it begins
+  double yaw_deg = 0;                            ///< every drone looks there when it is switched on
+  std::vector<sim::Pad> pads;                    ///< mission pads on the floor
+  double battery = 1.0;                          ///< of every drone at the start, 0..1
   std::optional<double> room_m = 3;  ///< the fence's distance from the paths; below 0 its far sides cut through them;
                                      ///< nothing: link's own fence
   double model_error = 0;            ///< the simulator's drone has mass, gain and lag larger by this share

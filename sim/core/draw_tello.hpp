@@ -33,7 +33,7 @@ struct TelloRanges {
   Range start_c{50, 70};
   Range ground_c{85, 100};
   Range heating_s{120, 240};
-  Range shutdown_c{93, 96};  ///< [T] off "after 4 minutes on the ground": three at the least with these
+  Range shutdown_c{93, 96};          ///< [T] off "after 4 minutes on the ground": three at the least with these
   double follows_floor_share = 0.5;  ///< of the drones
 };
 

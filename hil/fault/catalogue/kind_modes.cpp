@@ -35,6 +35,7 @@ constexpr Stand stand_ins[] = {
     {"", "Z", "0.1"},
     {"", "DEGREES", "90"},
     {"", "METRES", "0.02"},
+    {"", "CELSIUS", "97"},
     {"", "TIME", "100ms"},
     {"", "RATE", "0.05"},
     {"", "N", "1"},

@@ -68,6 +68,17 @@ Result<FaultActs> set_battery(const Said& said) {
       .momentary = true};
 }
 
+Result<FaultActs> heat(const Said& said) {
+  constexpr double max_c = 150;
+  const auto celsius = parse_number(said.words[0]);
+  if (!celsius || *celsius < 0 || *celsius > max_c) return Error{"heat must be followed by 0 to 150 degrees Celsius"};
+  return FaultActs{.strike = [celsius = *celsius](
+                                 VirtualWorld& world,
+                                 std::size_t drone) { world.sim().set_temperature(number_of(world, drone), celsius); },
+                   .not_real = because(inside_the_simulation),
+                   .momentary = true};
+}
+
 Result<FaultActs> drain(const Said& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
@@ -183,6 +194,7 @@ constexpr FaultKind drone_table[] = {
     {"drone NAME propeller", lose_propeller},
     {"drone NAME battery SHARE", set_battery},
     {"drone NAME drain SHARE", drain},
+    {"drone NAME heat CELSIUS", heat},
     {"drone NAME kick X Y Z", kick},
     {"sensor NAME FIELD...", sensor},
     {"mocap NAME frozen", mocap_frozen},

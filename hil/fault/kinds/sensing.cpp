@@ -57,6 +57,10 @@ Result<FaultActs> tof_nothing(const Said&) {
   return senses([](sim::Sensing& sensing) { sensing.tof = false; }, false);
 }
 
+Result<FaultActs> imu_invalid(const Said&) {
+  return senses([](sim::Sensing& sensing) { sensing.imu = false; }, false);
+}
+
 Result<FaultActs> baro_drift(const Said& said) {
   const auto rate = parse_number(said.words[0]);
   if (!rate || *rate == 0 || std::abs(*rate) > max_baro_drift_mps)
@@ -79,6 +83,7 @@ constexpr FaultKind sensing_table[] = {
     {"drone NAME flow lost", flow_lost},        {"drone NAME light|floor SHARE", light_or_floor},
     {"drone NAME flow bias X Y", flow_bias},    {"drone NAME tof nothing", tof_nothing},
     {"drone NAME baro drift RATE", baro_drift}, {"pads gone", pads_gone},
+    {"drone NAME imu invalid", imu_invalid},
 };
 
 }  // namespace

@@ -38,6 +38,8 @@ std::vector<NotReal> not_by_sdk(const Script& script) {
       {flight.doubt != usual.doubt, "flight.doubt", "it is link's"},
       {flight.batch_count != usual.batch_count, "flight.batch_count", "there is no ledger"},
       {flight.batch_timeout_ns != usual.batch_timeout_ns, "flight.batch_timeout", "there is no ledger"},
+      {flight.drawn_tello, "flight.tello", "ledgerline-sim is the usual Tello"},
+      {flight.wifi.has_value(), "flight.wifi", "a fault's recorded-day does it"},
       {!flight.keeps_rc, "flight.keeps_rc", "ledgerline-sim is the usual Tello"},
       {!flight.command_counts, "flight.command_counts", "ledgerline-sim is the usual Tello"},
   };

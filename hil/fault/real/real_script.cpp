@@ -87,6 +87,8 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   if (flight.pose == link::PoseSource::pads) refuse("flight.pose", "./fly lays no pads for it");
   if (!flight.pads.empty()) refuse("flight.pads", "./fly lays none");
   if (flight.yaw_deg != usual.yaw_deg) refuse("flight.yaw_deg", "./fly's drones look along x");
+  if (flight.drawn_tello) refuse("flight.tello", "./fly flies the usual Tello");
+  if (flight.wifi) refuse("flight.wifi", "a fault's recorded-day does it");
   if (!flight.keeps_rc) refuse("flight.keeps_rc", "./fly flies the usual Tello");
   if (!flight.command_counts) refuse("flight.command_counts", "./fly flies the usual Tello");
   if (flight.room_m != usual.room_m) refuse("flight.room_m", "./fly flies with the usual fence");

@@ -47,7 +47,15 @@ void DroneLines::push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapP
   push(now, LineAt::mocap, to_cdr(message));
 }
 
-void DroneLines::impair(LineAt at, const Impairment& impairment) {
+void DroneLines::set_wifi(const Impairment::RecordedLink& wifi) {
+  wifi_ = wifi;
+  for (const LineAt at : {LineAt::to, LineAt::answers, LineAt::states}) impair(at, line(at).impairment());
+}
+
+void DroneLines::impair(LineAt at, const Impairment& wanted) {
+  Impairment impairment = wanted;
+  const bool by_radio = at == LineAt::to || at == LineAt::answers || at == LineAt::states;
+  if (wifi_ && by_radio && !impairment.recorded_day) impairment.recorded_day = wifi_;
   if (text_of(line(at).impairment()) == text_of(impairment)) return;
   [[maybe_unused]] const Status set = line(at).set(impairment);
   assert(set.ok());  // datagrams take every effect

@@ -38,6 +38,8 @@ class DroneLines {
   std::optional<Line::Unit> pop(TimeNs now, LineAt at) { return line(at).pop(now); }
 
   void impair(LineAt at, const Impairment& impairment);
+  /// The radio of this drone, to it and from it, beside every impairment but another recorded day.
+  void set_wifi(const Impairment::RecordedLink& wifi);
   /// All that it has now; one that it had before, by `item`, goes on with what it said and when.
   void set_sensor_faults(std::vector<SensorFault> faults);
   void set_mocap_fault(const MocapFault& fault);
@@ -46,6 +48,7 @@ class DroneLines {
   Line& line(LineAt at) { return lines_[static_cast<std::size_t>(at)]; }
 
   std::vector<Line> lines_;
+  std::optional<Impairment::RecordedLink> wifi_;
   std::vector<SensorFault> sensors_;
   MocapFault mocap_;
   std::optional<sim::MocapPose> frozen_at_;

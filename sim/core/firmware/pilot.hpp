@@ -108,8 +108,8 @@ class Pilot {
   double stick_yaw_rate_ = 0;
   PlaceHold hold_;
   Eigen::Vector2d drift_by_climb_ = Eigen::Vector2d::Zero();  ///< how far sideways for each metre that it rises
-  double pressed_down_mps_ = 0;  ///< what a landing adds while it floats above the ground
-  double flow_lost_s_ = 0;       ///< for so long without a break
+  double pressed_down_mps_ = 0;                               ///< what a landing adds while it floats above the ground
+  double flow_lost_s_ = 0;                                    ///< for so long without a break
   std::optional<End> end_;
 };
 

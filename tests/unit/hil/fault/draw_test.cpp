@@ -46,7 +46,7 @@ TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
   }
   for (const char* wanted : {"ledger restart", "ledger stall", " rate ", "normal ", "gamma ", "uniform ", " plans ",
                              "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind ", "answers shifted",
-                             "answers late", "states torn", "states other"})
+                             "answers late", "states torn", "states other", "imu invalid", "heat 10"})
     EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
   EXPECT_NE(drawn.find("delay recorded " + recording.string()), std::string::npos);
   EXPECT_NE(drawn.find("jitter recorded " + recording.string()), std::string::npos);
@@ -55,7 +55,7 @@ TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
 
 TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
   std::string drawn;
-  std::size_t by_mocap = 0, by_both = 0, by_own = 0, by_pads = 0, turned = 0;
+  std::size_t by_mocap = 0, by_both = 0, by_own = 0, by_pads = 0, turned = 0, drawn_tello = 0;
   for (std::uint64_t number = 1; number <= 600; ++number) {
     const Script script = draw_script(number);
     const link::PoseSource pose = script.flight.pose;
@@ -64,6 +64,7 @@ TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
        : pose == link::PoseSource::pads             ? by_pads
                                                     : by_own);
     if (script.flight.yaw_deg != 0) ++turned;
+    if (script.flight.drawn_tello) ++drawn_tello;
     EXPECT_EQ(script.flight.pads.size(), pose == link::PoseSource::pads ? 4U : 0U) << script.name;
     for (const Fault& fault : script.faults) {
       drawn += fault.text + "\n";
@@ -79,6 +80,7 @@ TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
   EXPECT_NEAR(static_cast<double>(by_own + by_pads) / 600, 1. / 3, 0.08);
   EXPECT_NEAR(static_cast<double>(by_pads) / 600, 1. / 6, 0.06);
   EXPECT_NEAR(static_cast<double>(turned) / 600, 0.5, 0.08);
+  EXPECT_NEAR(static_cast<double>(drawn_tello) / 600, 0.5, 0.08);
   EXPECT_NEAR(static_cast<double>(by_both) / 600, 2. / 9, 0.07);
   EXPECT_EQ(by_mocap + by_both + by_own + by_pads, 600U);
   for (const char* wanted : {"flow lost", " light ", " floor ", "flow bias ", "tof nothing", "baro drift 0",

@@ -70,6 +70,10 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
   EXPECT_EQ(
       error_of("title = \"t\"\n[flight]\nkeeps_rc = false\ncommand_counts = false\n[[fault]]\nwhat = \"link end\"\n"),
       "");
+  EXPECT_EQ(error_of("title = \"t\"\n[flight]\ntello = \"drawn\"\n"), "");
+  EXPECT_NE(error_of("title = \"t\"\n[flight]\ntello = \"real\"\n").find("x.toml:3: flight.tello"), std::string::npos);
+  EXPECT_NE(error_of("title = \"t\"\n[flight]\nwifi = \"no-such.csv\"\n").find("x.toml:3: flight.wifi"),
+            std::string::npos);
   EXPECT_NE(error_of("title = \"t\"\n[flight]\npads = \"9:0:0\"\n")
                 .find("x.toml:3: flight.pads: \"9:0:0\" is no mission pad"),
             std::string::npos);
