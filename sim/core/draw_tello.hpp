@@ -10,7 +10,7 @@ struct Range {
   double least = 0, most = 0;
 };
 
-/// All that is assumed of a Tello and matters to whoever flies it: so wide that a real one should lie within. Each
+/// All that is assumed of a Tello and matters to a controller: so wide that a real one should lie within. Each
 /// bound is an assumption [A], as the value in Parameters is; those with another source say it.
 struct TelloRanges {
   Range velocity_lag_s{0.2, 0.45};

@@ -112,6 +112,30 @@ TEST(AttitudeMode, WindCarriesItAwayAndLightBringsTheHoldBack) {
   EXPECT_LT(off(flight.truth(), held.position_m[0], held.position_m[1]), 0.1);
 }
 
+TEST(AttitudeMode, WhatItHeldAgainstTheWindIsGoneWithTheLight) {
+  Flight flight;
+  flight.take_off();
+  flight.simulator.set_wind({2, 0, 0});
+  flight.run(5);
+  EXPECT_GT(flight.truth().tilt_rad, 0.06) << "it leans into the wind";
+  flight.simulator.set_sensing(1, dark());
+  flight.run(7);
+  EXPECT_LT(flight.truth().tilt_rad, 0.03) << "nothing tells it any more to lean";
+  EXPECT_GT(ground_speed(flight.truth()), 1.6);
+}
+
+TEST(AttitudeMode, HowFarItLeansIsTheDronesOwn) {
+  Parameters p = Flight::calm();
+  p.control.attitude_full_rad = 0.17;
+  Flight flight(p);
+  flight.take_off();
+  flight.simulator.set_sensing(1, dark());
+  flight.run(1);
+  flight.tell("rc 0 50 0 0");
+  flight.run(3);
+  EXPECT_NEAR(std::tan(flight.truth().tilt_rad), std::tan(0.17) / 2, 0.01);
+}
+
 TEST(AttitudeMode, AMomentWithoutFlowIsNone) {
   Flight flight;
   flight.take_off();
