@@ -3,6 +3,7 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <csignal>
 #include <cstdio>
 
 #include "common/base/log.hpp"
@@ -23,6 +24,11 @@ int exit_code(const Status& ended) { return ended ? 0 : fail(ended.error()); }
 int exit_code(const Result<bool>& ended) {
   if (!ended) return fail(ended.error());
   return *ended ? 0 : exit_failed;
+}
+
+void outlive_readers() {
+  std::signal(SIGPIPE, SIG_IGN);
+  log_without_waiting();
 }
 
 void print_line(const std::string& line) {

@@ -21,6 +21,11 @@ int fail(const Error& error, int exit_code = exit_failed);
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
+/// For a program that runs until it is asked to end, before it starts threads. A reader of its output may go: writing
+/// fails from then on, where a tool is to end with its reader. Its log may stand still: no thread of the program waits
+/// for it. Else a `tee` would end a link in the air.
+void outlive_readers();
+
 /// A line of results, which are read as they come, or by nobody any more: that is no error.
 void print_line(const std::string& line);
 /// The same of a line that the next one replaces: left out while whoever reads stands still, so that no loop waits for him. One

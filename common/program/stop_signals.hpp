@@ -29,10 +29,6 @@ inline void catch_stop_signals_of_service() {
   if (hangup.sa_handler != SIG_IGN) catch_stop_signals({SIGHUP});
 }
 
-/// For the same: whoever reads what it prints or logs may go, and writing to him fails from
-/// then on. Else a `tee` that is gone would end a link in the air. A tool is to end with its reader.
-inline void outlive_readers() { std::signal(SIGPIPE, SIG_IGN); }
-
 /// Blocks these signals in this thread and those that it starts, so that sigwait() alone sees them; returns them.
 inline sigset_t block_signals(std::initializer_list<int> signals = {SIGINT, SIGTERM}) {
   sigset_t blocked;

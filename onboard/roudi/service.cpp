@@ -74,6 +74,7 @@ int run(const std::string& summary_file) {
 void serve(const std::string& summary_file) {
   const int code = run(summary_file);
   std::fflush(nullptr);
+  spdlog::default_logger()->flush();
   ::_exit(code);  // iceoryx' threads still run
 }
 
