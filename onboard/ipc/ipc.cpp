@@ -2,6 +2,9 @@
 
 #include <fmt/format.h>
 
+#include <chrono>
+#include <future>
+#include <thread>
 #include <utility>
 
 #include <iceoryx_hoofs/log/logmanager.hpp>
@@ -104,7 +107,7 @@ class IceoryxAgentEnd final : public AgentEnd {
 
 }  // namespace
 
-Status connect(const std::string& program) {
+Status connect(const std::string& program, const std::function<bool()>& is_asked_to_end) {
   const QuietStdout quiet;
   iox::log::LogManager::GetLogManager().SetDefaultLogLevel(iox::log::LogLevel::kError);
   switch (probe(roudi_name)) {
@@ -113,15 +116,24 @@ Status connect(const std::string& program) {
     case Peer::forbidden:
       return Error{
           "RouDi runs as another user, and shared memory is for one user alone: start ledgerline-roudi and this "
-          "program as the same user"};
+          "program as the same user (or remove /tmp/roudi, if nobody knows it)"};
     case Peer::gone:
       return Error{"RouDi does not answer (/tmp/roudi): start ledgerline-roudi first"};
   }
   // iceoryx would end this process with an assertion.
+  if (auto status = check_names({program, program + ".lock"}); !status) return status;
   if (probe(program) == Peer::alive)
     return Error{fmt::format("another {} runs already on this machine: stop it first", program)};
   roudi_inode = socket_inode(roudi_name);
-  iox::runtime::PoshRuntime::initRuntime(iox::RuntimeName_t(iox::cxx::TruncateToCapacity, program));
+  auto answered = std::make_shared<std::promise<void>>();
+  std::thread([answered, program] {
+    iox::runtime::PoshRuntime::initRuntime(iox::RuntimeName_t(iox::cxx::TruncateToCapacity, program));
+    answered->set_value();
+  }).detach();
+  constexpr std::chrono::milliseconds look{10};
+  for (auto answer = answered->get_future(); answer.wait_for(look) != std::future_status::ready;) {
+    if (is_asked_to_end && is_asked_to_end()) return Error{"asked to end while RouDi did not answer"};
+  }
   return done;
 }
 

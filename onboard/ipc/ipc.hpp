@@ -1,4 +1,5 @@
 #pragma once
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -14,7 +15,9 @@ namespace ledgerline::ipc {
 
 /// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this
 /// checks first that it answers and returns an error that names the cure.
-Status connect(const std::string& program);
+/// A RouDi that takes the call and never answers is waited for, up to a minute, unless `is_asked_to_end` says so: then
+/// the process is to end, since iceoryx waits on.
+Status connect(const std::string& program, const std::function<bool()>& is_asked_to_end = {});
 
 /// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks now
 /// and then, from a thread that may block for a moment. False for good once another RouDi took its place: only a

@@ -29,7 +29,8 @@ LocalShell::LocalShell(ground::FlightConfig flight, ground::OutputSettings outpu
 Status LocalShell::start() {
   if (auto status = recorder_.open(output_.trace); !status) return status;
   const Status connected = keep_trying(
-      "RouDi answers", {}, [this] { return quit_.load(); }, [] { return ipc::connect("ledgerline-local"); });
+      "RouDi answers", {}, [this] { return quit_.load(); },
+      [this] { return ipc::connect("ledgerline-local", [this] { return quit_.load(); }); });
   if (!connected) return connected;
   auto end = ipc::AgentEnd::create();
   if (!end) return end.error();

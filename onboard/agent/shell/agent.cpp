@@ -41,7 +41,7 @@ Status Agent::start() {
   if (certificates_) certificates_->start(fabric::CertificateWatch::log);
   const Status connected = keep_trying(
       "RouDi answers", {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); },
-      [] { return ipc::connect("ledgerline-agent"); });
+      [this] { return ipc::connect("ledgerline-agent", [this] { return quit_.load(); }); });
   if (!connected) return connected;
   auto end = ipc::AgentEnd::create();
   if (!end) return end.error();

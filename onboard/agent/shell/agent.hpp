@@ -10,7 +10,7 @@
 
 #include "common/fabric/renewal/certificate_watch.hpp"
 #include "common/program/recorder.hpp"
-#include "common/program/service_manager.hpp"
+#include "common/program/service/service_manager.hpp"
 #include "onboard/agent/shell/shell.hpp"
 
 namespace ledgerline::agent {

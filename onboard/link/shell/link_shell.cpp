@@ -15,8 +15,10 @@
 #include "common/base/log.hpp"
 #include "common/msg/names.hpp"
 #include "common/program/program.hpp"
-#include "common/program/service_manager.hpp"
+#include "common/program/service/service_manager.hpp"
+#include "common/program/service/watchdog_thread.hpp"
 #include "common/program/stop_signals.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 #include "onboard/link/shell/link_loop.hpp"
 #include "onboard/link/shell/link_summary.hpp"
 #include "onboard/link/shell/memory/local_stops.hpp"
@@ -41,9 +43,9 @@ Result<std::uint64_t> random_boot_id() {
 // The thread that may block, beside the loop.
 class Housekeeping {
  public:
-  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace, ServiceManager& manager,
-               LocalStopsFile& stops, LinkEnds& ends)
-      : settings_(settings), loop_(loop), trace_(std::move(trace)), manager_(manager), stops_(stops), ends_(ends) {}
+  Housekeeping(const ShellSettings& settings, LinkLoop& loop, std::optional<TraceWriter> trace,
+               const WatchdogThread& watchdog, LocalStopsFile& stops, LinkEnds& ends)
+      : settings_(settings), loop_(loop), trace_(std::move(trace)), watchdog_(watchdog), stops_(stops), ends_(ends) {}
 
   void once(TimeNs now) {
     keep_stops(now);
@@ -62,8 +64,8 @@ class Housekeeping {
       next_tend_ns_ = now + tend_period_ns;
       for (const std::string& news : ends_.drones->tend()) spdlog::warn("{}", news);
     }
-    // The loop's own turns: a loop that hangs is not spoken for.
-    if (auto status = manager_.alive(now, loop_.turns()); !status) spdlog::warn("{}", status.error().what);
+    if (const std::uint64_t failed = watchdog_.failed(); failed > std::exchange(watchdog_failed_, failed))
+      spdlog::warn("the service manager could not be told that link lives, {} times so far", failed);
   }
 
   /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
@@ -144,7 +146,8 @@ class Housekeeping {
   const ShellSettings& settings_;
   LinkLoop& loop_;
   std::optional<TraceWriter> trace_;
-  ServiceManager& manager_;
+  const WatchdogThread& watchdog_;
+  std::uint64_t watchdog_failed_ = 0;
   LocalStopsFile& stops_;
   LinkEnds& ends_;
   DroneSet told_stops_;
@@ -172,19 +175,60 @@ DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
   return all;
 }
 
-// How often it was started of late. Without that memory a link that dies and dies is taken for a first one each time,
-// which is no reason not to fly.
-int recent_starts(const ShellSettings& settings) {
-  if (settings.starts.empty()) return 1;
+// How often it was started recently; none: nobody remembers. Then a link that dies and dies is taken for a first one
+// each time, which is no reason not to fly.
+std::optional<int> recent_starts(const ShellSettings& settings) {
+  if (settings.starts.empty()) return std::nullopt;
   const auto starts = note_start(settings.starts, monotonic_ns());
   if (!starts) {
     spdlog::error("{}: a link that dies again and again would keep its drones in the air", starts.error().what);
-    return 1;
+    return std::nullopt;
   }
   if (*starts >= settings.link.session.many_starts)
     spdlog::error("{} starts within {:.0f} s: the drones are told to land first", *starts,
                   to_seconds(starts_within_ns));
   return *starts;
+}
+
+bool is_asked_to_end() {
+  sigset_t pending;
+  ::sigpending(&pending);
+  return sigismember(&pending, SIGTERM) == 1 || sigismember(&pending, SIGINT) == 1;
+}
+
+/// What is made before the loop, all of which may fail.
+struct Parts {
+  std::optional<TraceWriter> trace;
+  ServiceManager manager;
+  std::uint64_t boot_id = 0;
+  std::unique_ptr<Courier> courier;
+};
+
+Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int courier_priority) {
+  std::optional<TraceWriter> trace;
+  if (!settings.trace.empty()) {
+    auto writer = TraceWriter::create(settings.trace);
+    if (!writer) return writer.error();
+    trace = std::move(*writer);
+  }
+  auto manager = ServiceManager::from_environment();
+  if (!manager) return manager.error();
+  const auto boot_id = random_boot_id();
+  if (!boot_id) return boot_id.error();
+  if (auto status = ends.connect_agent(settings, is_asked_to_end); !status) return status.error();
+  auto courier = Courier::start(*ends.agent, courier_priority, ends.shim.has_value());
+  if (!courier) return courier.error();
+  return Parts{std::move(trace), std::move(*manager), *boot_id, std::move(*courier)};
+}
+
+// The zero of its start keeps a drone in the air for 15 s more. A link that cannot start, and is started for ever, must
+// not keep it there, and one that is asked to end lands what flies.
+int fail_to_start(const ShellSettings& settings, const Error& error, LinkEnds& ends, std::optional<int> starts) {
+  if (!starts || *starts >= settings.link.session.many_starts || is_asked_to_end()) {
+    for (const DroneSettings& drone : settings.link.drones)
+      (void)ends.drones->send({drone.number, command_text("land")});
+  }
+  return fail(error);
 }
 
 void tell_unseen(const LinkCore& core) {
@@ -212,28 +256,18 @@ int run_link(const ShellSettings& settings) {
   outlive_readers();
   catch_stop_signals_of_service();
   const sigset_t ending = block_signals({SIGTERM, SIGINT, SIGHUP}), resume = block_signals({SIGUSR1});
-
-  std::optional<TraceWriter> trace;
-  if (!settings.trace.empty()) {
-    auto writer = TraceWriter::create(settings.trace);
-    if (!writer) return fail(writer.error());
-    trace = std::move(*writer);
-  }
-  auto manager = ServiceManager::from_environment();
-  if (!manager) return fail(manager.error());
-  auto boot_id = random_boot_id();
-  if (!boot_id) return fail(boot_id.error());
-  auto ends = LinkEnds::open(settings);
+  // Before all that may wait or fail: files, RouDi, threads.
+  auto ends = LinkEnds::open_drones(settings);
   if (!ends) return fail(ends.error());
-
+  const std::optional<int> starts = recent_starts(settings);
   const int courier_priority = settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0;
-  auto courier = Courier::start(*ends->agent, courier_priority, ends->shim.has_value());
-  if (!courier) return fail(courier.error());
+  auto parts = make_parts(settings, *ends, courier_priority);
+  if (!parts) return fail_to_start(settings, parts.error(), *ends, starts);
+
   LocalStopsFile stops(settings.local_stops, settings.link.drones);
   auto core =
-      std::make_unique<LinkCore>(settings.link, *boot_id, recent_starts(settings), stops_of_before(settings, stops));
-  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, **courier, *ends->drones, stop_requested);
-  Housekeeping housekeeping(settings, *loop, std::move(trace), *manager, stops, *ends);
+      std::make_unique<LinkCore>(settings.link, parts->boot_id, starts.value_or(1), stops_of_before(settings, stops));
+  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, *parts->courier, *ends->drones, stop_requested);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
@@ -247,7 +281,11 @@ int run_link(const ShellSettings& settings) {
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
   print_line(fmt::format(R"({{"ready":true,"program":"ledgerline-link","drones":{}}})", settings.link.drones.size()));
-  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
+  if (auto status = parts->manager.ready(); !status) spdlog::error("{}", status.error().what);
+  // By the loop's own turns: a loop that hangs is not spoken for.
+  const WatchdogThread watchdog(
+      parts->manager, [&loop] { return loop->turns(); }, courier_priority);
+  Housekeeping housekeeping(settings, *loop, std::move(parts->trace), watchdog, stops, *ends);
 
   for (bool told = false; !loop->ended();) {
     if (wait_for_resume(resume)) {
@@ -267,7 +305,8 @@ int run_link(const ShellSettings& settings) {
   tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), **courier, real_time.all()); !status)
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), *parts->courier, real_time.all());
+        !status)
       return fail(status.error());
   }
   return core->all_on_ground_or_unheard() ? 0 : 1;

@@ -164,7 +164,9 @@ SharedMemoryFacts look_at_shared_memory() {
   const std::string path = std::string("/tmp/") + name;
   SharedMemoryFacts facts;
   using Roudi = SharedMemoryFacts::Roudi;
-  switch (ipc::probe(name)) {
+  ipc::Peer peer = ipc::probe(name);
+  if (peer == ipc::Peer::gone) peer = ipc::probe_service(name);
+  switch (peer) {
     case ipc::Peer::alive:
       facts.roudi = Roudi::alive;
       break;
@@ -242,6 +244,9 @@ RouteFacts look_at_route(const std::string& drone, const std::string& address, c
   return facts;
 }
 
-bool link_runs() { return ipc::probe("ledgerline-link") == ipc::Peer::alive; }
+bool link_runs() {
+  constexpr const char* name = "ledgerline-link";
+  return ipc::probe(name) == ipc::Peer::alive || ipc::probe_service(name) == ipc::Peer::alive;
+}
 
 }  // namespace ledgerline::doctor

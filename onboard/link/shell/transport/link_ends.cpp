@@ -5,11 +5,12 @@
 
 namespace ledgerline::link {
 
-Result<LinkEnds> LinkEnds::open(const ShellSettings& settings) {
+Result<LinkEnds> LinkEnds::open_drones(const ShellSettings& settings) {
   LinkEnds ends;
   if (settings.shim.empty()) {
     auto sockets = TelloSockets::create(settings);
     if (!sockets) return sockets.error();
+    sockets->send_first_zero();
     ends.drones = std::make_unique<TelloSockets>(std::move(*sockets));
   } else {
     auto mapping = drone_shim::Mapping::open(settings.shim, drone_shim::End::link, settings.lockstep);
@@ -17,16 +18,20 @@ Result<LinkEnds> LinkEnds::open(const ShellSettings& settings) {
     ends.shim.emplace(std::move(*mapping));
     ends.drones = std::make_unique<ShimTransport>(ends.shim->memory(), settings.link.drones);
   }
-  if (settings.lockstep) {
-    ends.needs_roudi = false;
-    ends.agent = std::make_unique<LockstepAgent>(ends.shim->memory());
-    return ends;
-  }
-  if (auto status = ipc::connect("ledgerline-link"); !status) return status.error();
-  auto agent = ipc::LinkEnd::create();
-  if (!agent) return agent.error();
-  ends.agent = std::move(*agent);
   return ends;
+}
+
+Status LinkEnds::connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end) {
+  if (settings.lockstep) {
+    needs_roudi = false;
+    agent = std::make_unique<LockstepAgent>(shim->memory());
+    return done;
+  }
+  if (auto status = ipc::connect("ledgerline-link", is_asked_to_end); !status) return status.error();
+  auto end = ipc::LinkEnd::create();
+  if (!end) return end.error();
+  agent = std::move(*end);
+  return done;
 }
 
 std::unique_ptr<LoopClock> LinkEnds::clock(const ShellSettings& settings) const {

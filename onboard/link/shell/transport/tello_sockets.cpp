@@ -7,15 +7,18 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <optional>
 #include <utility>
+
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 namespace {
 
-Result<Descriptor> open_states(const std::string& interface, const sockaddr_in& listen) {
+Result<Descriptor> open_states(const std::string& interface, const sockaddr_in& listen, std::span<const int> own) {
   auto socket = open_udp(interface);
   if (!socket) return socket.error();
-  if (auto status = listen_on(*socket, listen); !status) return status.error();
+  if (auto status = listen_beside(own, *socket, listen); !status) return status.error();
   return std::move(*socket);
 }
 
@@ -23,6 +26,7 @@ Result<Descriptor> open_states(const std::string& interface, const sockaddr_in& 
 
 Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
   TelloSockets sockets;
+  std::optional<Error> missing;
   sockets.state_listen_ = settings.state_listen;
   sockets.state_port_ = settings.state_port;
   for (std::size_t i = 0; i < settings.link.drones.size(); ++i) {
@@ -32,21 +36,40 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
     drone.address = settings.addresses[i];
     drone.interface = settings.interfaces[i];
     auto commands = open_udp(drone.interface);
-    if (!commands) return Error{fmt::format("drone {}: {}", drone.name, commands.error().what)};
+    if (!commands) {
+      if (!missing) missing = Error{fmt::format("drone {}: {}", drone.name, commands.error().what)};
+      continue;
+    }
     drone.commands = std::move(*commands);
     drone.reached = connect_to(drone.commands, drone.address);
     const bool open = std::any_of(sockets.states_.begin(), sockets.states_.end(),
                                   [&](const StateText& states) { return states.interface == drone.interface; });
     if (!open) {
-      auto socket = open_states(drone.interface, settings.state_listen);
+      auto socket = open_states(drone.interface, settings.state_listen, sockets.state_fds());
       if (!socket) return Error{fmt::format("drone {}: {}", drone.name, socket.error().what)};
       sockets.states_.push_back({drone.interface, std::move(*socket)});
     }
     sockets.drones_.push_back(std::move(drone));
   }
+  if (missing) {
+    sockets.send_first_zero();
+    return *missing;
+  }
   sockets.strange_ports_ = std::make_unique<std::array<std::atomic<std::uint16_t>, max_drones>>();
   sockets.buffers_.resize(max_received);
   return sockets;
+}
+
+void TelloSockets::send_first_zero() noexcept {
+  for (const Drone& drone : drones_) {
+    for (const CommandText& text : {command_text("command"), rc_text({})}) (void)send({drone.number, text});
+  }
+}
+
+std::vector<int> TelloSockets::state_fds() const {
+  std::vector<int> fds;
+  for (const StateText& states : states_) fds.push_back(states.socket.get());
+  return fds;
 }
 
 std::span<const Received> TelloSockets::receive() noexcept {
@@ -154,7 +177,7 @@ void TelloSockets::tend(StateText& states, std::vector<std::string>& news) {
   if (states.interface.empty()) return;
   auto fresh = open_udp(states.interface);
   if (!fresh || same_interface(states.socket.get(), fresh->get())) return;
-  auto listening = listen_on(*fresh, state_listen_);
+  auto listening = listen_beside(state_fds(), *fresh, state_listen_);
   if (listening) listening = put_in_place_of(states.socket.get(), std::move(*fresh));
   if (!listening) news.push_back(fmt::format("interface {}: {}", states.interface, listening.error().what));
 }

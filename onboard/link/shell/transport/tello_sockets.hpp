@@ -24,7 +24,13 @@ namespace ledgerline::link {
 /// mistakes and mere neighbours.
 class TelloSockets final : public Transport {
  public:
+  /// Fails where one drone has no socket, or the port of the state texts is taken. In the first case send_first_zero()
+  /// reaches the others nevertheless; in the second another program flies these drones.
   static Result<TelloSockets> create(const ShellSettings& settings);
+
+  /// `command` and zero sticks to each drone, before the loop: one that still flies by the newest rc of a link that died
+  /// stops, whatever this link waits for or fails in before its loop begins.
+  void send_first_zero() noexcept;
 
   std::span<const Received> receive() noexcept override;
   bool send(const ToSend& message) noexcept override;
@@ -55,6 +61,7 @@ class TelloSockets final : public Transport {
   };
 
   TelloSockets() = default;
+  std::vector<int> state_fds() const;
   std::size_t read(int fd, sockaddr_in& from, bool& more) noexcept;
   void receive_answers(std::size_t drone) noexcept;
   void receive_states(const StateText& states) noexcept;

@@ -45,16 +45,23 @@ Result<Descriptor> open_udp(const std::string& interface) {
   return Error{fmt::format("interface {}: {}", interface, std::strerror(errno))};
 }
 
-Status listen_on(const Descriptor& socket, const sockaddr_in& address) {
-  const int on = 1;
-  ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
-  return listen_alone(socket, address);
-}
-
 Status listen_alone(const Descriptor& socket, const sockaddr_in& address) {
   if (::bind(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0) return done;
   return Error{fmt::format("cannot listen on {}: {}; is another Tello client running? Else set [state] listen",
                            text(address), std::strerror(errno))};
+}
+
+Status listen_beside(std::span<const int> own, const Descriptor& socket, const sockaddr_in& address) {
+  const Status alone = listen_alone(socket, address);
+  if (alone || own.empty()) return alone;
+  const auto share = [&](int on) {
+    for (const int fd : own) ::setsockopt(fd, SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    ::setsockopt(socket.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  };
+  share(1);
+  const Status listening = listen_alone(socket, address);
+  share(0);
+  return listening;
 }
 
 bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept {

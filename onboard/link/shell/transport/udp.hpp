@@ -1,6 +1,7 @@
 #pragma once
 #include <netinet/in.h>
 
+#include <span>
 #include <string>
 
 #include "common/base/result.hpp"
@@ -29,10 +30,11 @@ std::string text(const sockaddr_in& address);
 /// interface, or where this process may not choose one: before Linux 5.7 that takes CAP_NET_RAW.
 Result<Descriptor> open_udp(const std::string& interface);
 
-/// Another program of this host may hold the same port at another address or interface.
-Status listen_on(const Descriptor& socket, const sockaddr_in& address);
-/// The same, and fails where another program does.
+/// Fails where any other socket has a part of this, and lets none in behind it: of two sockets that share a port
+/// (SO_REUSEADDR, whoever's they are) the newer or more exact one gets the datagrams.
 Status listen_alone(const Descriptor& socket, const sockaddr_in& address);
+/// The same, but beside sockets of this program, `own`, which share the port for the moment of the bind alone.
+Status listen_beside(std::span<const int> own, const Descriptor& socket, const sockaddr_in& address);
 
 /// From now on the kernel drops what does not come from exactly there. False where no route leads there yet.
 bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept;

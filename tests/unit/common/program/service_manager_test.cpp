@@ -1,9 +1,12 @@
-#include "common/program/service_manager.hpp"
+#include "common/program/service/service_manager.hpp"
+
+#include "common/program/service/watchdog_thread.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <atomic>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
@@ -103,6 +106,24 @@ TEST_F(ServiceManagerTest, WhoAsksForNoWatchdogGetsNone) {
   ASSERT_TRUE(of_another.ok());
   EXPECT_TRUE(of_another->alive(10 * ns_per_s, 1).ok());
   EXPECT_EQ(heard(), "");
+}
+
+TEST_F(ServiceManagerTest, HearsOfAThreadOfItsOwnWhileTheWorkGoesOnAndNothingWhileItStandsStill) {
+  listen("@ledgerline/notify/" + std::to_string(::getpid()));
+  ::setenv("WATCHDOG_USEC", "100000", 1);
+  auto manager = ServiceManager::from_environment();
+  ASSERT_TRUE(manager.ok());
+  std::atomic<std::uint64_t> turns{0};
+  std::atomic<bool> goes_on{true};
+  const WatchdogThread watchdog(
+      *manager, [&] { return goes_on ? ++turns : turns.load(); }, 0);
+  for (int datagrams = 0; datagrams < 3; ::usleep(1000)) datagrams += heard() == "WATCHDOG=1";  // this thread is free
+  goes_on = false;
+  ::usleep(200'000);
+  (void)heard();  // of the last turns
+  ::usleep(300'000);
+  EXPECT_EQ(heard(), "");
+  EXPECT_EQ(watchdog.failed(), 0U);
 }
 
 TEST_F(ServiceManagerTest, WithoutOneNothingIsSentAndNothingFails) {

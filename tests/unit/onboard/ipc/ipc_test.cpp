@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 #include <poll.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -34,6 +38,56 @@ int hold_a_plan(const char* name) {
   std::fflush(stdout);
   ::pause();
   return 0;
+}
+
+/// Somebody has taken RouDi's name in /tmp; nobody reads what comes.
+class TakenName {
+ public:
+  explicit TakenName(uid_t owner) {
+    sockaddr_un address{};
+    address.sun_family = AF_UNIX;
+    path.copy(address.sun_path, sizeof address.sun_path - 1);
+    EXPECT_EQ(::bind(fd_, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+    EXPECT_EQ(::chown(path.c_str(), owner, owner), 0);
+  }
+  ~TakenName() {
+    ::close(fd_);
+    ::unlink(path.c_str());
+  }
+
+ private:
+  const std::string path = "/tmp/roudi";
+  const int fd_ = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+};
+
+TEST(Ipc, NobodyRegistersWithARouDiOfAnotherUserOrTakesANameThatAnotherUserHas) {
+  {
+    const TakenName foreign(65534);
+    const Status with = connect("ipc-test");
+    ASSERT_FALSE(with);
+    EXPECT_NE(with.error().what.find("another user"), std::string::npos) << with.error().what;
+    EXPECT_FALSE(roudi_lives());
+  }
+  const TakenName own(::geteuid());
+  ASSERT_EQ(::symlink("/tmp/elsewhere", "/tmp/ipc-test.lock"), 0);
+  const Status with = connect("ipc-test");
+  ASSERT_FALSE(with);
+  EXPECT_NE(with.error().what.find("rm /tmp/ipc-test.lock"), std::string::npos) << with.error().what;
+  ::unlink("/tmp/ipc-test.lock");
+}
+
+TEST(Ipc, WhoWaitsForARouDiThatNeverAnswersHearsThatItIsToEnd) {
+  const TakenName deaf(::geteuid());
+  const pid_t waiting = ::fork();
+  if (waiting == 0) {
+    int looks = 0;
+    const Status with = connect("ipc-test", [&] { return ++looks > 3; });
+    ::_exit(!with && with.error().what.find("asked to end") != std::string::npos ? 0 : 1);
+  }
+  int status = 0;
+  ::waitpid(waiting, &status, 0);
+  EXPECT_TRUE(WIFEXITED(status));
+  EXPECT_EQ(WEXITSTATUS(status), 0);
 }
 
 // One process may connect to RouDi once, so one test walks the whole way.

@@ -123,6 +123,37 @@ class RealLink : public ::testing::Test {
   std::array<std::vector<Transition>, 4> transitions;
 };
 
+// A drone whose link died flies on by the newest rc, for as long as 15 s.
+TEST(StartingLink, StopsItsDronesBeforeItNeedsFilesOrRouDi) {
+  if (sim_program.ends_with("ledgerline-hil")) GTEST_SKIP() << "over UDP alone";
+  const int drone = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(8889);
+  ::inet_pton(AF_INET, "127.0.0.2", &address.sin_addr);
+  ASSERT_EQ(::bind(drone, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  using Texts = std::vector<std::string>;
+  const auto told = [&](const std::string& output) {
+    std::ofstream("/tmp/link.toml") << "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
+                                       "[state]\nlisten = \"127.0.0.1:8890\"\n[output]\n"
+                                    << output;
+    Child starting;
+    EXPECT_FALSE(starting.start({link_program, "--config", "/tmp/link.toml"}));
+    EXPECT_EQ(WEXITSTATUS(starting.wait()), 1);
+    Texts texts;
+    std::array<char, 64> text{};
+    for (ssize_t size = 0; (size = ::recv(drone, text.data(), text.size(), 0)) > 0;)
+      texts.emplace_back(text.data(), static_cast<std::size_t>(size));
+    return texts;
+  };
+  // Started for ever, it must not keep a drone in the air for ever.
+  const Texts stops{"command", "rc 0 0 0 0"}, lands{"command", "rc 0 0 0 0", "land"};
+  EXPECT_EQ(told("trace = \"/nowhere/link.trace\"\n"), lands) << "without the folder; nobody remembers its starts";
+  for (int starts = 1; starts < 7; ++starts) EXPECT_EQ(told("starts = \"/tmp/link.starts\"\n"), stops) << "no RouDi";
+  EXPECT_EQ(told("starts = \"/tmp/link.starts\"\n"), lands) << "the seventh within 15 s";
+  ::close(drone);
+}
+
 // One process may connect to RouDi once, so one flight shows it all.
 TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndThatSigtermEnds) {
   ASSERT_TRUE(run_until(20 * ns_per_s, [&] { return all(FlightPhase::on_ground) && newest[1].sdk_state_fresh; }));

@@ -2,6 +2,8 @@
 #include <gtest/gtest.h>
 #include <poll.h>
 #include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/un.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -10,6 +12,7 @@
 #include <fstream>
 #include <optional>
 #include <string>
+#include <string_view>
 
 #include "onboard/shim/drones_end.hpp"
 
@@ -111,6 +114,43 @@ class StoppedLink : public ::testing::Test {
   TimeNs now = ns_per_s;
   bool told_to_land = false;
 };
+
+// systemd kills who is silent, in flight, too.
+TEST_F(StoppedLink, IsNotSilentToTheServiceManagerThoughWhoeverReadsItsLogStandsStill) {
+  const int manager = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  const std::string notify = ::testing::TempDir() + name + ".notify";
+  notify.copy(address.sun_path, sizeof address.sun_path - 1);
+  ASSERT_EQ(::bind(manager, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ::setenv("NOTIFY_SOCKET", notify.c_str(), 1);
+  ::setenv("WATCHDOG_USEC", "200000", 1);
+  const auto heard = [&] {
+    std::array<char, 64> text{};
+    return std::string_view(text.data(), ::recv(manager, text.data(), text.size(), 0) > 0 ? 8 : 0) == "WATCHDOG";
+  };
+
+  ASSERT_NO_FATAL_FAILURE(start());
+  ASSERT_TRUE(make_turn());
+  fill_output();
+  ::kill(link, SIGUSR1);  // which it logs
+  ::usleep(100'000);      // ten times as long as its main thread needs to come to it
+  while (heard()) {       // of the time before
+  }
+  int datagrams = 0;
+  for (const TimeNs until = monotonic_ns() + 10 * ns_per_s; datagrams < 5 && monotonic_ns() < until; ::usleep(1000)) {
+    ASSERT_TRUE(make_turn());
+    datagrams += heard() ? 1 : 0;
+  }
+  EXPECT_EQ(datagrams, 5);
+  ::unsetenv("NOTIFY_SOCKET");
+  ::unsetenv("WATCHDOG_USEC");
+  ::close(manager);
+  ::unlink(notify.c_str());
+  ::kill(link, SIGTERM);
+  EXPECT_TRUE(lands());
+  EXPECT_EQ(wait(), 0);
+}
 
 // Ctrl-C at `ledgerline link ... 2>&1 | tee log` ends both.
 TEST_F(StoppedLink, LandsThoughNobodyReadsItsOutputAnyMore) {

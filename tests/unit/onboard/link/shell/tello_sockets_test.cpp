@@ -23,7 +23,7 @@ sockaddr_in at(const char* host, std::uint16_t port) {
 class Speaker {
  public:
   explicit Speaker(const char* host, std::uint16_t port = 0) : socket_(std::move(*open_udp(""))) {
-    EXPECT_TRUE(listen_on(socket_, at(host, port)));
+    EXPECT_TRUE(listen_alone(socket_, at(host, port)));
   }
   sockaddr_in place() const {
     sockaddr_in own{};
@@ -95,6 +95,20 @@ TEST_F(Sockets, EachDroneIsSpokenToFromASocketOfItsOwnAndIsHeardByIt) {
   EXPECT_FALSE(sockets->send({9, command_text("command")}));
 }
 
+TEST_F(Sockets, TheFirstZeroReachesEachDroneAndAlsoThoseBesideOneWhoseInterfaceIsGone) {
+  sockaddr_in from{};
+  sockets->send_first_zero();
+  for (const Speaker* drone : {&tello1, &tello2}) {
+    EXPECT_EQ(drone->hear(from), "command");
+    EXPECT_EQ(drone->hear(from), "rc 0 0 0 0");
+  }
+  sockets.reset();
+  settings.interfaces[0] = "nosuch0";
+  EXPECT_FALSE(TelloSockets::create(settings));
+  EXPECT_EQ(tello2.hear(from), "command");
+  EXPECT_EQ(tello2.hear(from), "rc 0 0 0 0");
+}
+
 TEST_F(Sockets, AnAnswerThatTheDroneDidNotSendFromItsCommandPortIsDropped) {
   const sockaddr_in link = command(3, tello1);
   tello2.say(link, "ok");                 // another drone
@@ -118,6 +132,39 @@ TEST_F(Sockets, StateTextIsTakenFromTheDronesAddressAndStatePortAlone) {
   EXPECT_NE(news[0].find("tello1"), std::string::npos) << news[0];
   EXPECT_NE(news[0].find("state_port"), std::string::npos) << news[0];
   EXPECT_TRUE(sockets->tend().empty());  // said once
+}
+
+// Of sockets that share a port the kernel gives the datagrams to one, which may be any user's.
+TEST_F(Sockets, ThePortOfTheStateTextsIsSharedWithNobodyWhateverInterfacesThereAre) {
+  const auto takes_it = [&](const char* host) {
+    const Descriptor thief(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+    const int on = 1;
+    ::setsockopt(thief.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+    const sockaddr_in place = at(host, ntohs(settings.state_listen.sin_port));
+    return ::bind(thief.get(), reinterpret_cast<const sockaddr*>(&place), sizeof place) == 0;
+  };
+  EXPECT_FALSE(takes_it("127.0.0.1"));
+  EXPECT_FALSE(takes_it("0.0.0.0"));
+  for (const std::vector<std::string>& interfaces : {std::vector<std::string>{"lo", ""}, {"", "lo"}}) {
+    sockets.reset();
+    settings.interfaces = interfaces;
+    auto created = TelloSockets::create(settings);
+    ASSERT_TRUE(created) << created.error().what;
+    sockets = std::make_unique<TelloSockets>(std::move(*created));
+    (void)sockets->tend();
+    EXPECT_FALSE(takes_it("127.0.0.1"));
+    EXPECT_FALSE(takes_it("0.0.0.0"));
+  }
+}
+
+TEST_F(Sockets, ASharedPortThatAnotherProgramHasAlreadyIsRefused) {
+  sockets.reset();
+  const Descriptor thief(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
+  const int on = 1;
+  ::setsockopt(thief.get(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  ASSERT_EQ(
+      ::bind(thief.get(), reinterpret_cast<const sockaddr*>(&settings.state_listen), sizeof settings.state_listen), 0);
+  EXPECT_FALSE(TelloSockets::create(settings));
 }
 
 TEST_F(Sockets, WithStatePortZeroAnyPortOfTheDronesAddressWillDo) {
@@ -151,6 +198,7 @@ TEST_F(Sockets, ADroneThatWasNotThereIsReachedByTheFirstCommandOnceItIs) {
 }
 
 TEST_F(Sockets, AnInterfaceThatIsNotThereIsAnErrorWithDroneAndInterface) {
+  sockets.reset();
   settings.interfaces[1] = "wlan77";
   const auto created = TelloSockets::create(settings);
   ASSERT_FALSE(created);

@@ -14,7 +14,8 @@ namespace ledgerline {
 class WatchdogPace {
  public:
   /// `patience_ns` 0: nobody watches, never due.
-  explicit WatchdogPace(TimeNs patience_ns) : period_ns_(patience_ns / 2) {}
+  explicit WatchdogPace(TimeNs patience_ns) : patience_ns_(patience_ns), period_ns_(patience_ns / 2) {}
+  TimeNs patience_ns() const noexcept { return patience_ns_; }
 
   /// `progress`: any count that moves on with the work that is watched over.
   bool due(TimeNs now, std::uint64_t progress) noexcept {
@@ -25,6 +26,7 @@ class WatchdogPace {
   }
 
  private:
+  TimeNs patience_ns_;
   TimeNs period_ns_;
   TimeNs next_ns_ = 0;
   std::uint64_t told_ = 0;
@@ -32,7 +34,7 @@ class WatchdogPace {
 
 /// What systemd is told by a service of Type=notify: one datagram each to the socket in NOTIFY_SOCKET (sd_notify(3)).
 /// Without one, so on a desk, nothing is sent. Its calls do not block but are system calls: never in a real-time loop.
-/// One thread.
+/// One thread, but for alive(), which may be another's.
 class ServiceManager {
  public:
   /// From NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID; an error where they cannot be meant so.
@@ -40,6 +42,9 @@ class ServiceManager {
   ServiceManager(ServiceManager&& other) noexcept;
   ServiceManager& operator=(ServiceManager&&) = delete;
   ~ServiceManager();
+
+  /// How long the manager waits for alive(); 0: it does not watch.
+  TimeNs patience_ns() const noexcept { return pace_.patience_ns(); }
 
   /// The errors of these two say why a datagram could not be sent.
   Status ready();
