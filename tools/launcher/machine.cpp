@@ -32,14 +32,21 @@ constexpr std::uint16_t command_port = 8889;
 constexpr std::uint16_t state_port = 8890;
 const char* const roudi_socket = "/tmp/roudi";  // iceoryx 2.0: a datagram socket that answers while a RouDi lives
 
-bool roudi_lives() {
+// Where systemd runs it (packaging/systemd): a /tmp of its own, but the machine's shared memory.
+const char* const service_roudi_socket = "/run/ledgerline/roudi";
+
+bool answers(const char* path) {
   const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_un name{};
   name.sun_family = AF_UNIX;
-  std::strncpy(name.sun_path, roudi_socket, sizeof name.sun_path - 1);
+  std::strncpy(name.sun_path, path, sizeof name.sun_path - 1);
   const bool lives = fd >= 0 && ::connect(fd, reinterpret_cast<sockaddr*>(&name), sizeof name) == 0;
   if (fd >= 0) ::close(fd);
   return lives;
+}
+
+bool roudi_lives() {
+  return answers(roudi_socket) || (::access("/dev/shm/iceoryx_mgmt", F_OK) == 0 && answers(service_roudi_socket));
 }
 
 // RouDi's segments: its own, and one named after the group that may use it.
@@ -143,11 +150,18 @@ void check_port(const std::string& address, std::uint16_t port, std::vector<Prob
 }  // namespace
 
 Result<RunLock> RunLock::take(const std::string& file, const std::string& about) {
-  // Not close-on-exec: see above. Another user's file can be locked read-only.
-  int fd = ::open(file.c_str(), O_RDWR | O_CREAT, 0644);
-  const bool ours = fd >= 0;
-  if (!ours) fd = ::open(file.c_str(), O_RDONLY);
+  // Not close-on-exec: see above. Another user's file can be locked read-only. Anybody may put something else there:
+  // no link is followed, no pipe is waited for.
+  constexpr int careful = O_NOFOLLOW | O_NONBLOCK;
+  int fd = ::open(file.c_str(), O_RDWR | O_CREAT | careful, 0644);
+  if (fd < 0) fd = ::open(file.c_str(), O_RDONLY | careful);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", file, std::strerror(errno))};
+  struct stat info {};
+  if (::fstat(fd, &info) != 0 || !S_ISREG(info.st_mode) || info.st_nlink != 1) {
+    ::close(fd);
+    return Error{fmt::format("{} is not a plain file with one name: remove it", file)};
+  }
+  const bool ours = info.st_uid == ::geteuid() && (::fcntl(fd, F_GETFL) & O_ACCMODE) == O_RDWR;
   // The last process of a flight that was killed may be ending just now.
   constexpr int tries = 20;
   int held = -1;

@@ -58,7 +58,8 @@ class MemoryDirectory {
   static Status make(const fly::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
     std::error_code error;
     fs::remove_all(path, error);
-    if (!error) fs::create_directory(path, error);
+    // One that somebody else made meanwhile is not ours.
+    if (!error && !fs::create_directory(path, error) && !error) error = std::make_error_code(std::errc::file_exists);
     if (!error) fs::permissions(path, fs::perms::owner_all, error);
     if (!error) fs::create_symlink(path, files.in("ledger"), error);
     if (error) return Error{fmt::format("cannot make {}: {}", path, error.message())};

@@ -14,6 +14,7 @@
 #include <fstream>
 #include <thread>
 
+#include "common/base/file.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
 
@@ -441,6 +442,26 @@ TEST_F(FakePrograms, ASecondRunIsToldWhoFlies) {
   const auto second = RunLock::take(file, "process 456, into /elsewhere");
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error().what, HasSubstr("already: process 123, into /somewhere"));
+}
+
+// Anybody may put a link at a name in /tmp.
+TEST_F(FakePrograms, TheLockIsNoLinkAndNoPipeAndWhatALinkNamesStays) {
+  const std::string file = files.in("lock"), precious = files.in("precious");
+  std::ofstream(precious) << "text";
+  const auto is_refused = [&] {
+    const auto lock = RunLock::take(file, "x");
+    fs::remove(file);
+    return !lock && read_file(precious).value() == "text";
+  };
+  fs::create_symlink(precious, file);
+  EXPECT_TRUE(is_refused());
+  fs::create_hard_link(precious, file);
+  EXPECT_TRUE(is_refused());
+  fs::create_symlink(files.in("nothing"), file);
+  EXPECT_TRUE(is_refused());
+  EXPECT_FALSE(fs::exists(files.in("nothing")));
+  ASSERT_EQ(::mkfifo(file.c_str(), 0600), 0);
+  EXPECT_TRUE(is_refused());
 }
 
 TEST_F(FakePrograms, TheLockLastsUntilTheLastProcessOfARunIsGone) {
