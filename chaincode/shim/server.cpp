@@ -1,3 +1,4 @@
+#include <arpa/inet.h>
 #include <grpc/grpc_security_constants.h>
 #include <grpcpp/impl/service_type.h>
 #include <grpcpp/server.h>
@@ -13,6 +14,7 @@
 #include "chaincode/shim/session.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/crypto/crypto.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
 namespace ledgerline::shim {
@@ -21,12 +23,25 @@ namespace {
 constexpr int max_message_bytes = 100 * 1024 * 1024;  // as Fabric's own shims
 constexpr int keepalive_ms = 60'000, keepalive_timeout_ms = 20'000;
 
+bool is_of_this_host_alone(const std::string& address) {
+  std::string host = address.substr(0, address.rfind(':'));
+  if (host.size() > 2 && host.front() == '[') host = host.substr(1, host.size() - 2);
+  in_addr v4{};
+  in6_addr v6{};
+  if (::inet_pton(AF_INET, host.c_str(), &v4) == 1) return (ntohl(v4.s_addr) >> 24) == IN_LOOPBACKNET;
+  return host == "localhost" || (::inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6));
+}
+
 Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& options) {
   if (options.key_file.empty() && options.certificate_file.empty()) {
     if (!options.client_ca_file.empty()) return Error{"a client CA without key and certificate: give all three"};
+    if (!is_of_this_host_alone(options.address))
+      return Error{options.address +
+                   " is reached from other hosts, so it is served with TLS alone: set CHAINCODE_TLS_KEY and "
+                   "CHAINCODE_TLS_CERT, or listen at 127.0.0.1"};
     return grpc::InsecureServerCredentials();
   }
-  const auto key = read_file(options.key_file);
+  const auto key = crypto::read_key_file(options.key_file);
   if (!key) return key.error();
   const auto certificate = read_file(options.certificate_file);
   if (!certificate) return certificate.error();

@@ -74,7 +74,7 @@ using Invoke = std::function<Response(Stub& stub)>;
 struct Options {
   std::string chaincode_id;      ///< the package id, "label:hash"
   std::string address;           ///< where to listen, "127.0.0.1:9999"; port 0 takes a free one
-  std::string key_file;          ///< PEM; empty: no TLS
+  std::string key_file;          ///< PEM; empty: no TLS, at a loopback address alone
   std::string certificate_file;  ///< PEM
   std::string client_ca_file;    ///< PEM; given: peers must show a certificate that it signed
   /// Names (common or alternative) of whose certificates are taken, since that authority signs clients' and orderers', too.

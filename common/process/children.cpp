@@ -79,6 +79,11 @@ double memory_mb_of(pid_t pid) {
   for (std::string line; std::getline(rollup, line);) {
     if (line.rfind("Pss:", 0) == 0) sum += std::strtod(line.c_str() + 4, nullptr) / kb_per_mb;
   }
+  // Of a program with keys root alone reads that (keep_memory_private()); this counts what is shared as well.
+  std::ifstream status(sum > 0 ? "" : fmt::format("/proc/{}/status", pid));
+  for (std::string line; std::getline(status, line);) {
+    if (line.rfind("VmRSS:", 0) == 0) sum += std::strtod(line.c_str() + 6, nullptr) / kb_per_mb;
+  }
   std::ifstream children(fmt::format("/proc/{0}/task/{0}/children", pid));
   for (pid_t of = 0; children >> of;) sum += memory_mb_of(of);
   return sum;

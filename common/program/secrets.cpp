@@ -25,6 +25,7 @@ Result<std::string> read_secret_file(const std::string& file, std::size_t max_by
   const bool fits = info.st_size <= static_cast<off_t>(max_bytes);
   ssize_t count = -1;
   if (regular && own && fits) {
+    keep_memory_private();
     text.resize(static_cast<std::size_t>(info.st_size));
     count = ::read(fd, text.data(), text.size());
   }

@@ -8,6 +8,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/serving/tls_server.hpp"
 #include "peer/peer.grpc.pb.h"
 
@@ -112,7 +113,7 @@ Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& set
                                       std::shared_ptr<const fabric::TlsPairsInUse> tls) {
   auto certificate = read_file(settings.tls_certificate);
   if (!certificate) return Error{table + "tls_certificate: " + certificate.error().what};
-  auto key = read_file(settings.tls_key);
+  auto key = crypto::read_key_file(settings.tls_key);
   if (!key) return Error{table + "tls_key: " + key.error().what};
   std::vector<std::string> authorities;
   if (!settings.tls_client_ca.empty()) authorities.push_back(settings.tls_client_ca);

@@ -11,6 +11,7 @@
 
 #include "chaincode/network/commands.hpp"
 #include "common/base/file.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -136,7 +137,7 @@ Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
     if (entry.path().filename().string().ends_with("_sk")) key = entry.path();
   }
   if (key.empty()) return Error{(home / "msp" / "keystore").string() + " has no key"};
-  const auto certificate = read_file(home / "msp" / "signcerts" / "cert.pem"), secret = read_file(key);
+  const auto certificate = read_file(home / "msp" / "signcerts" / "cert.pem"), secret = crypto::read_key_file(key);
   if (!certificate) return certificate.error();
   if (!secret) return secret.error();
   return crypto::KeyAndCertificate{*secret, *certificate};

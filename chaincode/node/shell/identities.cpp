@@ -4,6 +4,7 @@
 
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::node {
 
@@ -32,7 +33,7 @@ Result<Identities> open_identities(const std::string& dir) {
     auto identity = crypto::load_identity(crypto::Library::libcrypto, msp_id, peer / "msp");
     if (!identity) return identity.error();
     all.peers.push_back(std::move(*identity));
-    const auto key = read_file(peer / "tls" / "server.key");
+    const auto key = crypto::read_key_file(peer / "tls" / "server.key");
     const auto certificate = read_file(peer / "tls" / "server.crt");
     if (!key) return key.error();
     if (!certificate) return certificate.error();

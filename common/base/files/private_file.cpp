@@ -1,5 +1,6 @@
 #include "common/base/files/private_file.hpp"
 
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -22,5 +23,7 @@ bool is_private(unsigned mode, unsigned owner, unsigned group, const std::vector
 }
 
 bool is_private(const struct stat& file) { return is_private(file.st_mode, file.st_uid, file.st_gid, own_groups()); }
+
+void keep_memory_private() noexcept { (void)::prctl(PR_SET_DUMPABLE, 0); }  // which cannot fail
 
 }  // namespace ledgerline

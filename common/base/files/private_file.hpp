@@ -11,4 +11,8 @@ bool is_private(unsigned mode, unsigned owner, unsigned group, const std::vector
 /// The same of a file as stat() tells it, for this process.
 bool is_private(const struct stat& file);
 
+/// From now on this process leaves no core dump, and no other process of its user may read its memory. Whoever reads a
+/// secret calls it before. What others see of it in /proc belongs to root then.
+void keep_memory_private() noexcept;
+
 }  // namespace ledgerline

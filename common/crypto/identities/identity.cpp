@@ -41,6 +41,7 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
     status =
         Error{fmt::format("{} may be read by others than its owner; run: chmod 600 {}", path.string(), path.string())};
   } else {
+    if (secret) keep_memory_private();
     out.resize(static_cast<std::size_t>(info.st_size));
     if (::read(fd, out.data(), out.size()) != static_cast<ssize_t>(out.size())) {
       status = Error{fmt::format("cannot read {}", path.string())};

@@ -206,7 +206,7 @@ class Files {
         {"chaincode.env",
          fmt::format("# Of ledgerline-chaincode. The id is what the peer answered when the package was installed.\n"
                      "CHAINCODE_ID=\nCHAINCODE_SERVER_ADDRESS=0.0.0.0:9999\n"
-                     "# TLS, and the authority of the peers that may call; without them anybody may.\n"
+                     "# TLS, without which it serves this host alone, and the authority of the peers that may call.\n"
                      "CHAINCODE_TLS_KEY={0}/tls/chaincode.key\nCHAINCODE_TLS_CERT={0}/tls/chaincode.pem\n"
                      "CHAINCODE_TLS_CLIENT_CA={1}\n",
                      plan_.folders.config, plan_.folders.tls_of(plan_.msp_id))});

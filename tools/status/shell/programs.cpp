@@ -2,11 +2,12 @@
 
 #include <fmt/format.h>
 #include <pwd.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <cstdlib>
 #include <filesystem>
+#include <string_view>
 #include <tuple>
 
 #include "common/base/file.hpp"
@@ -16,11 +17,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-std::string user_of(const std::string& folder) {
-  struct stat status {};
-  if (::stat(folder.c_str(), &status) != 0) return {};
-  const passwd* const user = ::getpwuid(status.st_uid);
-  return user ? user->pw_name : std::to_string(status.st_uid);
+// Not the folder's owner: that is root where the program has keys (keep_memory_private()).
+std::string user_of(const std::string& status) {
+  constexpr std::string_view field = "\nUid:";
+  const auto at = status.find(field);
+  if (at == std::string::npos) return {};
+  const auto id = static_cast<uid_t>(std::strtoul(status.c_str() + at + field.size(), nullptr, 10));
+  const passwd* const user = ::getpwuid(id);
+  return user ? user->pw_name : std::to_string(id);
 }
 
 /// Empty: it is gone, or may not be read.
@@ -33,17 +37,20 @@ std::string text_of(const std::string& file) {
 std::optional<Program> look_at(int pid, double up_s) {
   const std::string folder = fmt::format("/proc/{}", pid);
   std::error_code error;
-  const fs::path link = fs::read_symlink(folder + "/exe", error);
-  if (error) return std::nullopt;
+  fs::path link = fs::read_symlink(folder + "/exe", error);
+  const std::vector<std::string> words = words_of(text_of(folder + "/cmdline"));
+  // Of a program with keys the link is root's (keep_memory_private()).
+  if (error && !words.empty()) link = words.front();
+  if (link.empty()) return std::nullopt;
   const Executable executable = executable_of(link);
   Program program{.name = fs::path(executable.file).filename(), .pid = pid, .replaced = executable.deleted};
   if (!program.name.starts_with("ledgerline-") || program.name == "ledgerline-status") return std::nullopt;
   const auto start_s = start_of(text_of(folder + "/stat"), static_cast<double>(::sysconf(_SC_CLK_TCK)));
   if (!start_s) return std::nullopt;
   program.age_ns = from_seconds(up_s - *start_s);
-  program.user = user_of(folder);
+  program.user = user_of(text_of(folder + "/status"));
   program.unit = unit_of(text_of(folder + "/cgroup"));
-  program.config = config_of(words_of(text_of(folder + "/cmdline")));
+  program.config = config_of(words);
   if (program.config.empty() || program.config.front() == '/') return program;
   const fs::path from = fs::read_symlink(folder + "/cwd", error);
   if (!error) program.config = (from / program.config).lexically_normal();

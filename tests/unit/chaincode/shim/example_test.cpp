@@ -114,6 +114,7 @@ class ExampleTest : public ::testing::Test {
   }
   std::string file(const std::string& name, const std::string& text) const {
     std::ofstream(dir / name) << text;
+    fs::permissions(dir / name, fs::perms::owner_read | fs::perms::owner_write);
     return dir / name;
   }
 

@@ -1,0 +1,50 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <fstream>
+
+#include "chaincode/shim/shim.hpp"
+
+namespace ledgerline::shim {
+namespace {
+
+using ::testing::HasSubstr;
+
+std::string why_not(const Options& options) {
+  const auto server = Server::start(options, {});
+  return server ? "" : server.error().what;
+}
+
+TEST(ShimServer, RefusesAKeyThatOthersMayRead) {
+  const std::string key = ::testing::TempDir() + "shim_server_" + std::to_string(::getpid()) + ".key";
+  std::ofstream(key) << "a key";
+  ::chmod(key.c_str(), 0644);
+  EXPECT_THAT(why_not({.chaincode_id = "c:1",
+                       .address = "127.0.0.1:0",
+                       .key_file = key,
+                       .certificate_file = key,
+                       .client_ca_file = ""}),
+              HasSubstr("chmod 600 " + key));
+  ::unlink(key.c_str());
+}
+
+TEST(ShimServer, SpeaksPlainTextWithinThisHostAlone) {
+  for (const char* address : {"0.0.0.0:0", "[::]:0", "192.0.2.1:0", ":0", "host.example.org:0"}) {
+    EXPECT_THAT(
+        why_not(
+            {.chaincode_id = "c:1", .address = address, .key_file = "", .certificate_file = "", .client_ca_file = ""}),
+        HasSubstr("CHAINCODE_TLS_KEY"))
+        << address;
+  }
+  EXPECT_EQ(why_not({.chaincode_id = "c:1",
+                     .address = "127.0.0.1:0",
+                     .key_file = "",
+                     .certificate_file = "",
+                     .client_ca_file = ""}),
+            "");
+}
+
+}  // namespace
+}  // namespace ledgerline::shim
