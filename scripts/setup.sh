@@ -62,7 +62,7 @@ make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requi
   if cmp -s "$2" "$1/requirements.txt"; then return 0; fi
   rm -rf "$1"
   python3 -m venv "$1" || die "cannot make a Python venv (apt-get install python3-venv)"
-  "$1/bin/pip" install --quiet --disable-pip-version-check --no-deps -r "$2" || die "pip install failed"
+  "$1/bin/pip" install --quiet --disable-pip-version-check --no-deps --require-hashes -r "$2" || die "pip install failed"
   cp "$2" "$1/requirements.txt"
 }
 
