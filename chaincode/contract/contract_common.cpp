@@ -118,10 +118,23 @@ std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityNam
 std::string anchors_prefix(const std::string& digest) {
   return "anchor/" + crypto::hex(std::string_view(digest)) + "/";
 }
+std::string organisation_anchors_prefix(const std::string& digest, const std::string& msp_id) {
+  return anchors_prefix(digest) + msp_id + "/";
+}
 std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer) {
+  return organisation_anchors_prefix(digest, signer.msp_id) + name_hash(signer);
+}
+std::string anchor_key_before(const std::string& digest, const crypto::IdentityName& signer) {
   return anchors_prefix(digest) + name_hash(signer);
 }
-std::string role_key(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
+std::string role_table_key(const std::string& msp_id, std::size_t table) {
+  static_assert(contract::role_tables == 16, "a hex digit names each");
+  return "role/" + msp_id + "/" + "0123456789abcdef"[table % contract::role_tables];
+}
+std::size_t role_table_of(const crypto::IdentityName& who) {
+  return crypto::sha256(who.msp_id + "\n" + who.subject)[0] >> 4U;
+}
+std::string role_key_before(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
 std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch) {
   return "lease/" + owner_msp_id + "/" + name_hash(commander) + "/" + std::to_string(epoch);
 }

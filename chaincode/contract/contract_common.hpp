@@ -59,8 +59,14 @@ std::string frame_key(const crypto::IdentityName& owner);
 std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer);
 std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& commander);
 std::string anchors_prefix(const std::string& digest);
+std::string organisation_anchors_prefix(const std::string& digest, const std::string& msp_id);
 std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer);
-std::string role_key(const crypto::IdentityName& who);
+/// As the version before kept it: a key that everybody's anchors shared.
+std::string anchor_key_before(const std::string& digest, const crypto::IdentityName& signer);
+std::string role_table_key(const std::string& msp_id, std::size_t table);
+std::size_t role_table_of(const crypto::IdentityName& who);  ///< below contract::role_tables
+/// As the version before kept an identity's role; all of these begin with a hex digit.
+std::string role_key_before(const crypto::IdentityName& who);
 std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch);
 std::string host_key(const crypto::IdentityName& host);
 

@@ -136,10 +136,4 @@ Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resume
   return write_record(stub, lifted_key(drone, to_name(resumed.stopper())), lifted);
 }
 
-Result<Role> read_role(Stub& stub, const crypto::IdentityName& who) {
-  const auto record = read_record<EnrollCall>(stub, role_key(who));
-  if (!record) return record.error();
-  return *record ? (*record)->role() : ROLE_NONE;
-}
-
 }  // namespace ledgerline::chaincode

@@ -6,7 +6,7 @@
 #include "common/msg/contract.hpp"
 
 /// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>,
-/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<identity>, pilot/<owner MSP>/<commander>, and the two that the
+/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the
 /// hot path reads instead of every drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is
 /// kept as an asset, so that `get` serves it.
 ///
@@ -134,5 +134,8 @@ Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resume
 /// owner/<drone>.
 Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
+/// ROLE_NONE leaves it as it is, and only makes the organisation's tables where they are not there. An error: there is no
+/// place for one more.
+Status write_role(Stub& stub, const crypto::IdentityName& who, Role role);
 
 }  // namespace ledgerline::chaincode

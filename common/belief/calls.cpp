@@ -160,11 +160,13 @@ fabric::EndorsementNeed endorsement_need(std::string_view function) {
 bool is_of_hot_path(std::string_view key) { return key.starts_with("frame/") || key.starts_with("command/"); }
 
 std::optional<std::string> likely_policy(std::string_view key) {
-  constexpr std::array<std::string_view, 4> kinds{"command/", "lease/", "pilot/", "drones/"};  // docs/ledger.md
+  constexpr std::array<std::string_view, 5> kinds{"command/", "lease/", "pilot/", "drones/",
+                                                  "role/"};  // docs/ledger.md
   const auto kind =
       std::find_if(kinds.begin(), kinds.end(), [&](std::string_view one) { return key.starts_with(one); });
   if (kind == kinds.end()) return std::nullopt;
   key.remove_prefix(kind->size());
+  if (*kind == "role/" && key.find('/') == std::string_view::npos) return std::nullopt;  // of the version before
   return fabric::peer_policy(std::string(key.substr(0, key.find('/'))));
 }
 

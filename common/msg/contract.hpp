@@ -24,11 +24,24 @@ inline constexpr std::size_t max_frame_bytes = 32'000;
 inline constexpr std::size_t max_drone_streams = 64;         ///< ids of one drone that stream
 inline constexpr std::size_t max_organisation_drones = 256;  ///< names that an organisation enrolls
 inline constexpr std::size_t max_subject_chars = 1'024;      ///< of an identity that a drone is granted to
-inline constexpr std::size_t max_drone_grants = 64;    ///< identities and organisations that one drone is granted to
-inline constexpr std::size_t digest_bytes = 32;        ///< SHA-256
-inline constexpr std::size_t max_anchor_chars = 256;   ///< what its signer says of an anchor
-inline constexpr std::size_t max_page_anchors = 64;    ///< that one verify answers
-inline constexpr std::size_t max_drone_requests = 16;  ///< identities that ask for one drone at once
+inline constexpr std::size_t max_drone_grants = 64;   ///< identities and organisations that one drone is granted to
+inline constexpr std::size_t digest_bytes = 32;       ///< SHA-256
+inline constexpr std::size_t max_anchor_chars = 256;  ///< what its signer says of an anchor
+inline constexpr std::size_t max_page_anchors = 64;   ///< that one verify answers, and signers that it is asked for
+/// Of one organisation in an answer that is of everybody's: whoever mints identities hides nobody else's.
+inline constexpr std::size_t max_organisation_anchors = 16;
+inline constexpr std::size_t max_drone_requests =
+    16;  ///< identities of one organisation that ask for one drone at once
+/// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name. One for
+/// all would make whoever reads a role lose to each enrolment in its organisation; one for each identity has no bound.
+inline constexpr std::size_t role_tables = 16;
+/// Identities in one of them: 1,024 of an organisation, which a drone school reaches in decades (names outlive certificates).
+inline constexpr std::size_t max_table_roles = 64;
+/// The same with those that are revoked without having had a role: a revocation finds a place where an enrolment does not.
+inline constexpr std::size_t max_table_entries = 128;
+inline constexpr std::size_t max_organisation_roles = role_tables * max_table_entries;
+/// Of one table, revocations included: 64 subjects of 250 characters, or 15 of 1,024. All of an organisation's are 512 kB.
+inline constexpr std::size_t max_table_bytes = 32'000;
 inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
 inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
 inline constexpr std::size_t max_page_bytes = 1'000'000;

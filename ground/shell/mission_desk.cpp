@@ -29,18 +29,25 @@ ApiAnswer done_or(const Status& status) {
   return status ? ApiAnswer{202, accepted} : refusal(409, status.error().what);
 }
 
-/// Who has anchored this digest with these words, and is an operator or a supervisor now.
+/// Who has anchored this digest with these words, and is an operator or a supervisor of one of the organisations now.
 Result<std::vector<crypto::IdentityName>> approvers_of(fabric::Client& client, const std::string& digest,
-                                                       const std::string& words) {
-  AnchorCall call;
-  call.set_digest(digest);
-  const auto answer = client.evaluate({contract::verify, {call.SerializeAsString()}});
-  if (!answer) return answer.error();
-  Anchors anchors;
-  if (const Status read = parse_message(*answer, anchors); !read) return read.error();
-  const auto roles = belief::read_roles([&](const fabric::Call& c) { return client.evaluate(c); });
+                                                       const std::string& words,
+                                                       const std::vector<std::string>& organisations) {
+  const auto evaluate = [&](const fabric::Call& c) { return client.evaluate(c); };
+  const auto roles = belief::read_roles(evaluate, {organisations.begin(), organisations.end()});
   if (!roles) return roles.error();
-  return service::approvers_in(anchors, *roles, words);
+  Anchors anchors;
+  for (const AnchorCall& call : service::approval_questions(digest, *roles)) {
+    const auto answer = client.evaluate({contract::verify, {call.SerializeAsString()}});
+    if (!answer) return answer.error();
+    Anchors some;
+    if (const Status read = parse_message(*answer, some); !read) return read.error();
+    anchors.MergeFrom(some);
+  }
+  auto approvers = service::approvers_in(anchors, *roles, words);
+  if (!roles->left_out().empty() && approvers.empty())
+    return Error{*roles->left_out().begin() + " has too many roles, or damaged ones"};
+  return approvers;
 }
 
 std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
@@ -128,8 +135,10 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
 
 void MissionDesk::read_signers(const std::string& id) {
   const std::string digest = bytes_of(book_.digest(id)), words = service::approval_words(book_.mission(id).name);
-  const bool taken = worker_.post([this, id, digest, words] {
-    auto signers = approvers_of(parts_.client, digest, words);
+  std::vector<std::string> organisations = parts_.settings.approvers;
+  if (organisations.empty()) organisations = {parts_.core.config().self.msp_id};  // as the book counts them
+  const bool taken = worker_.post([this, id, digest, words, organisations = std::move(organisations)] {
+    auto signers = approvers_of(parts_.client, digest, words, organisations);
     later([this, id, signers = std::move(signers)] {
       if (signers) return book_.set_signers(id, *signers);
       spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);

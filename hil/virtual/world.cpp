@@ -210,6 +210,10 @@ void VirtualWorld::step_agent() {
   for (const auto& ended : host_.take_outcomes()) agent_->on_outcome(now_, ended.id, ended.outcome, agent_out_);
   for (const std::string& why : host_.take_contradictions()) agent_->on_doubt(now_, agent::DoubtKind::stream, why);
   for (const auto& block : host_.take_blocks()) agent_->on_block(now_, block, agent_out_);
+  if (const auto granted = agent_->await_roles(); !granted.empty()) {
+    const auto read = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); }, granted);
+    if (read) agent_->add_roles(*read);
+  }
   agent_->step(now_, agent_out_);
   for (const auto& word : agent_out_.doubts) note(WorldEvent::Kind::doubted, 0, word.words);
   for (auto& submit : agent_out_.submits) host_.submit(now_, submit.frame, std::move(submit.call));

@@ -38,12 +38,15 @@ Status VirtualWorld::start_agent() {
     agent_->set_roles(agent_records_.roles);
     return done;
   }
+  std::vector<Control> controls;
   for (const DroneFacts& drone : facts()) {
-    const auto control = read_control(host_, drone.name);
+    auto control = read_control(host_, drone.name);
     if (!control) return control.error();
     agent_->set_control(now_, *control);
+    controls.push_back(std::move(*control));
   }
-  auto roles = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); });
+  auto roles = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); },
+                                  belief::organisations_of(controls));
   if (!roles) return roles.error();
   agent_->set_roles(std::move(*roles));
   return done;

@@ -77,15 +77,6 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
   return done;
 }
 
-Status write_role(Stub& stub, const Identity& who, Role role) {
-  Records<EnrollCall> roles(stub);
-  const auto record = roles.at(role_key(to_name(who)), who.msp_id());
-  if (!record) return record.error();
-  *(*record)->mutable_identity() = who;
-  (*record)->set_role(role);
-  return roles.write();
-}
-
 }  // namespace
 
 Response enroll(Stub& stub, const Arguments& call) {
@@ -121,11 +112,8 @@ Response enroll(Stub& stub, const Arguments& call) {
   }
   if (Status status = hosts.write(); !status) return refuse(status.error().what);
   if (Status status = organisations.write(); !status) return refuse(status.error().what);
-  if (enrolment.role() != ROLE_NONE) {
-    if (Status status = write_role(stub, enrolment.identity(), enrolment.role()); !status) {
-      return refuse(status.error().what);
-    }
-  }
+  if (Status status = write_role(stub, to_name(enrolment.identity()), enrolment.role()); !status)
+    return refuse("enroll: " + status.error().what);
   *all.mutable_identity() = enrolment.identity();
   all.set_role(enrolment.role());
   const std::string payload = write_form(call, all);
@@ -139,7 +127,7 @@ Response revoke(Stub& stub, const Arguments& call) {
   if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().what);
   const Identity& who = asked.identity();
   if (Status status = check_administrator(stub, contract::revoke, who); !status) return refuse(status.error().what);
-  if (Status status = write_role(stub, who, REVOKED); !status) return refuse(status.error().what);
+  if (Status status = write_role(stub, to_name(who), REVOKED); !status) return refuse("revoke: " + status.error().what);
   Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
   const auto host = hosts.at(host_key(to_name(who)), who.msp_id());
   if (!host) return refuse(host.error().what);

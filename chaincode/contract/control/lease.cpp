@@ -170,9 +170,11 @@ Response request(Stub& stub, const Arguments& call) {
       return Error{to_text(stub.caller()) + " holds the lease already"};
     }
     add_request(control, self, delegate_in(*wish), wish->priority());
-    if (static_cast<std::size_t>(control.requests_size()) > contract::max_drone_requests) {
-      return Error{"it has " + std::to_string(contract::max_drone_requests) +
-                   " requests already, which is the limit; its holder may deny some"};
+    const auto of_us =
+        std::ranges::count(control.requests(), self.msp_id(), [](const Request& one) { return one.who().msp_id(); });
+    if (static_cast<std::size_t>(of_us) > contract::max_drone_requests) {
+      return Error{"it has " + std::to_string(contract::max_drone_requests) + " requests of " + self.msp_id() +
+                   " already, which is the limit; its holder may deny some"};
     }
     return done;
   });

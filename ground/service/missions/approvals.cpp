@@ -17,6 +17,17 @@ std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const bel
   return signers;
 }
 
+std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles) {
+  std::vector<AnchorCall> calls;
+  for (const auto& [who, role] : roles.all()) {
+    if (!is_operator(role)) continue;
+    if (calls.empty() || static_cast<std::size_t>(calls.back().signers_size()) == contract::max_page_anchors)
+      calls.emplace_back().set_digest(digest);
+    *calls.back().add_signers() = belief::to_message(who);
+  }
+  return calls;
+}
+
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book) {
   std::vector<std::string> ids;
   for (const fabric::Transaction& tx : block.transactions) {

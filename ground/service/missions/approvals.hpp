@@ -15,6 +15,10 @@ namespace ledgerline::ground::service {
 std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const belief::Roles& roles,
                                                const std::string& words);
 
+/// Calls of verify that ask for those who may approve a digest by their own keys, so that no stranger's anchors of it stand
+/// in the way: operators and supervisors of these roles, as many a call as it answers.
+std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles);
+
 /// Ids of the missions whose digest a block anchors, valid: their approvals are to be read anew. An event is anybody's word,
 /// so what counts is read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book);

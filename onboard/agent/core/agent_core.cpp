@@ -159,6 +159,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
                                      .stamp_ns = refused.state_stamp_ns});
   }
   doubt_block(now, block, checked);
+  judged_share_.add(now, block);
   if (!checked.chain_ok) {
     last_chain_error_ = checked.chain_error;
     return;

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/tx/judged_share.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
@@ -84,6 +85,10 @@ class AgentCore {
   /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
   void set_control(TimeNs now, const Control& control);
   void set_roles(belief::Roles roles);
+  /// As CommandCheck's.
+  belief::Organisations await_roles() { return check_.await_roles(); }
+  void add_roles(const belief::Roles& read) { check_.add_roles(read); }
+  const belief::Organisations& roles_left_out() const { return check_.roles_left_out(); }
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
@@ -118,6 +123,8 @@ class AgentCore {
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const FoldSender& folds() const { return folds_; }
   const Doubt& doubt() const { return doubt_; }
+  fabric::JudgedShare& judged_share() { return judged_share_; }
+  const fabric::JudgedShare& judged_share() const { return judged_share_; }
   const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
   std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
@@ -157,6 +164,7 @@ class AgentCore {
   IdleEvictor idle_;
   AlarmSender alarms_;
   CommandCheck check_;
+  fabric::JudgedShare judged_share_;
   Doubt doubt_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()

@@ -74,6 +74,23 @@ void CommandCheck::set_evicting(DroneNumber number, bool evicting) {
 
 void CommandCheck::set_roles(belief::Roles roles) { roles_ = std::move(roles); }
 
+void CommandCheck::add_roles(const belief::Roles& read) { roles_.add(read); }
+
+belief::Organisations CommandCheck::await_roles() {
+  belief::Organisations organisations;
+  // Behind each block: nothing is copied while all are known.
+  const auto look = [&](const std::string& msp_id) {
+    if (!msp_id.empty() && !roles_.follows(msp_id)) organisations.insert(msp_id);
+  };
+  for (const Drone& drone : drones_) {
+    if (!drone.control) continue;
+    look(drone.control->owner().msp_id());
+    for (const Grant& grant : drone.control->grants()) look(grant.to().msp_id());
+  }
+  for (const std::string& msp_id : organisations) roles_.await(msp_id);
+  return organisations;
+}
+
 void CommandCheck::set_control(const Control& control) {
   if (Drone* drone = find(control.drone())) drone->control = control;
 }
@@ -315,7 +332,8 @@ bool CommandCheck::concerns_us(const Controls& told) {
 }
 
 void CommandCheck::take_role(const belief::RoleChange& change, Checked& out) {
-  roles_.take(change);
+  // Of an organisation that no drone of ours is granted to nothing counts; it is read when one is.
+  if (roles_.follows(change.identity.msp_id())) roles_.take(change);
   for (Drone& drone : drones_) {
     if (!drone.control) continue;
     apply_role(*drone.control, change.identity, change.role);

@@ -112,8 +112,15 @@ class CommandCheck {
     std::array<std::uint64_t, refusal_count> reasons{};
   };
 
-  /// Everybody's role, as read from the ledger at start: until then a stop must be one that our own peer endorsed.
+  /// The roles of the organisations that our drones belong or are granted to, as read from the ledger at start: until then
+  /// a stop must be one that our own peer endorsed.
   void set_roles(belief::Roles roles);
+  /// Organisations that a record names since, whose roles are to be read; each is asked for once. Until add_roles() their
+  /// stops must be endorsed so, too.
+  belief::Organisations await_roles();
+  void add_roles(const belief::Roles& read);
+  /// Organisations whose roles were left out, since they are too many.
+  const belief::Organisations& roles_left_out() const { return roles_.left_out(); }
   /// The record of one of our drones, as read from the ledger at start. Others are ignored.
   void set_control(const Control& control);
   /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.

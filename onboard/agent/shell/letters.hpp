@@ -27,6 +27,11 @@ struct Continued {
 struct RecordsRead {
   Result<FirstRecords> records;
 };
+/// The roles of organisations that a record has named since, or why they cannot be read yet.
+struct RolesRead {
+  belief::Organisations organisations;
+  Result<belief::Roles> roles;
+};
 /// The records as another organisation's peer tells them, or why it does not.
 struct SecondReading {
   Result<FirstRecords> records;
@@ -40,7 +45,7 @@ struct Confirmed {
 struct Contradiction {
   std::string what;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, SecondReading,
+using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, RolesRead, SecondReading,
                             Contradiction, Confirmed>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in

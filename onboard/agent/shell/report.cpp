@@ -66,6 +66,7 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
                {"ledger_alive", core.ledger_alive(now)},
                {"ledger_doubted", core.doubt().stands(now)},
                {"doubts", core.doubt().count()},
+               {"transactions_by_flag", core.judged_share().by_flag()},
                {"drones", std::move(drones)}};
   if (certificate_days) line["certificate_days"] = *certificate_days;
   return json{{"agent", std::move(line)}}.dump();
@@ -108,9 +109,12 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
               {"control_events_refused", core.refused_control_events()},
               {"stops_unconfirmed", core.unconfirmed_stops()},
               {"transactions_unbelievable", core.unbelievable_transactions()},
+              {"transactions_by_flag", core.judged_share().by_flag()},
+              {"transactions_not_by_flag", core.judged_share().judged()},
               {"blocks_not_read", shell.blocks_not_read},
               {"records_compared", shell.records_compared},
               {"records_differ", shell.records_differ},
+              {"roles_left_out_of", core.roles_left_out()},
               {"link_wakes", shell.link_wakes},
               {"states_without_wake", shell.states_without_wake},
               {"plans_not_handed_over", shell.plans_not_handed_over},

@@ -90,6 +90,8 @@ Status AgentShell::take_letters() {
       take_second_reading(*second);
     } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
       if (auto status = take_records(*read); !status) return status;
+    } else if (const auto* roles = std::get_if<RolesRead>(&letter)) {
+      take_roles(*roles);
     }
     step_and_act();
   }
@@ -105,7 +107,15 @@ Status AgentShell::take_block(fabric::Block block) {
     control_start_.forget();
     return done;
   }
-  if (*next == belief::ControlStart::Next::take) core_.on_block(monotonic_ns(), block, out_);
+  if (*next == belief::ControlStart::Next::take) {
+    core_.on_block(monotonic_ns(), block, out_);
+    tell_by_flag();
+    unread_.merge(core_.await_roles());
+    if (!unread_.empty() && !role_reader_)
+      role_reader_.emplace([this, organisations = std::exchange(unread_, {})](const std::stop_token& stop) {
+        read_roles(stop, organisations);
+      });
+  }
   if (*next == belief::ControlStart::Next::read)
     control_reader_ = std::jthread([this](const std::stop_token& stop) { read_records_again(stop); });
   return done;
@@ -114,6 +124,41 @@ Status AgentShell::take_block(fabric::Block block) {
 void AgentShell::set_records(const FirstRecords& records) {
   core_.set_roles(records.roles);
   for (const Control& control : records.controls) core_.set_control(monotonic_ns(), control);
+  tell_left_out();
+}
+
+void AgentShell::take_roles(const RolesRead& read) {
+  role_reader_.reset();  // its last act was this letter
+  if (read.roles) {
+    core_.add_roles(*read.roles);
+    tell_left_out();
+    return;
+  }
+  spdlog::warn("{}{}; tried again with the next block", label_, read.roles.error().what);
+  unread_.insert(read.organisations.begin(), read.organisations.end());
+}
+
+// No reason to distrust the ledger either: a flood of somebody's keys is none.
+void AgentShell::tell_by_flag() {
+  const auto rise = core_.judged_share().take_rise();
+  if (!rise) return;
+  spdlog::warn(
+      "{}of {} transactions {} count by the peer's flag alone, since what they rest on is not known here any more: "
+      "does "
+      "somebody write many keys?",
+      label_, rise->of, rise->by_flag);
+}
+
+// No reason to distrust the ledger: an organisation that has too many roles would land others' drones by it.
+void AgentShell::tell_left_out() {
+  const belief::Organisations& left_out = core_.roles_left_out();
+  if (left_out.size() == std::exchange(left_out_told_, left_out.size())) return;
+  for (const std::string& msp_id : left_out)
+    spdlog::error(
+        "{}the roles of {} are too many, or damaged, and are left out: a stop of its people counts only as the "
+        "ledger's "
+        "own, endorsed by our peer",
+        label_, msp_id);
 }
 
 // Of several channels one whose records cannot be read ends nothing: the others' drones would be held on the ground by each

@@ -98,6 +98,11 @@ class AgentShell {
   Result<FirstRecords> read_records();
   void ask_witness(const std::stop_token& stop);
   void take_second_reading(const SecondReading& reading);
+  /// Of an organisation that a drone has just been granted to.
+  void read_roles(const std::stop_token& stop, const belief::Organisations& organisations);
+  void take_roles(const RolesRead& read);
+  void tell_left_out();
+  void tell_by_flag();
   Status confirm(const FirstRecords& records);
   void set_records(const FirstRecords& records);
 
@@ -148,6 +153,8 @@ class AgentShell {
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   SecondOpinion second_opinion_;
   std::string witness_problem_;         ///< as told last
+  belief::Organisations unread_;        ///< whose roles are to be read, once no such reading is in progress
+  std::size_t left_out_told_ = 0;       ///< organisations whose roles are left out, as told last
   std::atomic<bool> ask_again_{false};  ///< the witness, soon
 
   // In this order: the threads and streams below use what is above, and are ended first.
@@ -157,6 +164,7 @@ class AgentShell {
   std::unique_ptr<fabric::Client> client_, urgent_, witness_;
   fabric::Confirmations confirmations_;
   std::unique_ptr<fabric::Client::Stream> blocks_;
+  std::optional<std::jthread> role_reader_;  ///< one at a time
   std::jthread control_reader_, witness_reader_;
 };
 

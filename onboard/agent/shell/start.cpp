@@ -84,7 +84,7 @@ Result<FirstRecords> AgentShell::read_records() {
 Result<FirstRecords> AgentShell::read_records(const belief::Evaluate& evaluate) const {
   auto controls = belief::read_controls(names_, evaluate);
   if (!controls) return controls.error();
-  auto roles = belief::read_roles(evaluate);
+  auto roles = belief::read_roles(evaluate, belief::organisations_of(*controls));
   if (!roles) return roles.error();
   return FirstRecords{std::move(*controls), std::move(*roles)};
 }
@@ -202,6 +202,8 @@ Status AgentShell::take_early_letters() {
       out_.doubts.clear();
     } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
       if (auto status = take_records(*read); !status) return status;
+    } else if (const auto* roles = std::get_if<RolesRead>(&letter)) {
+      take_roles(*roles);
     } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
     }
@@ -236,6 +238,19 @@ void AgentShell::read_records_again(const std::stop_token& stop) {
   });
   if (stop.stop_requested()) return;
   mailbox_.put(RecordsRead{status ? Result<FirstRecords>(std::move(records)) : status.error()});
+}
+
+void AgentShell::read_roles(const std::stop_token& stop, const belief::Organisations& organisations) {
+  const auto evaluate = [&](const fabric::Call& call) -> Result<std::string> {
+    if (stop.stop_requested()) return Error{"asked to end"};
+    return client_->evaluate(call);
+  };
+  auto roles = belief::read_roles(evaluate, organisations);
+  // One that does not answer now is not asked at each block.
+  for (TimeNs waited_ns = 0; !roles && waited_ns < settings_.recheck_ns && !stop.stop_requested();
+       waited_ns += witness_turn_ns)
+    std::this_thread::sleep_for(std::chrono::nanoseconds(witness_turn_ns));
+  mailbox_.put(RolesRead{organisations, std::move(roles)});
 }
 
 void AgentShell::ask_witness(const std::stop_token& stop) {

@@ -90,7 +90,12 @@ const std::vector<Call> calls{
      {"tello1", "tello1\ncut=true"}},
     {chief, "resume", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {pilot, "anchor", {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","what":"flight 7"})"}, {}},
-    {pilot, "verify", {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo="})"}, {}},
+    {pilot,
+     "verify",
+     {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo="})",
+      R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","signers":[{"mspId":"Org2MSP","subject":"CN=pilot"}]})",
+      R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","organisation":"Org2MSP","bookmark":"Org2MSP/0"})"},
+     {}},
     {host, "fold", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
 };
 

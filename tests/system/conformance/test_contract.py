@@ -232,6 +232,12 @@ def test_what_is_anchored_is_verified_by_its_hash_alone(nobody, operator):
     anchors = nobody.read("verify", call)["anchors"]
     assert {one["signer"]["mspId"]: one.get("what") for one in anchors} == {"Org3MSP": "flight 7", "Org2MSP": None}
     assert all(one["txId"] and int(one["timestampNs"]) > 0 for one in anchors)
+    # Of some signers, by their own keys, and of one organisation.
+    signers = [{"mspId": f"Org{k}MSP", "subject": subject(k, "User1")} for k in (1, 2)]
+    assert [one["signer"] for one in nobody.read("verify", {**call, "signers": signers})["anchors"]] == signers[1:]
+    assert [one["signer"]["mspId"] for one in nobody.read("verify", {**call, "organisation": "Org3MSP"})["anchors"]] == ["Org3MSP"]
+    assert nobody.read("verify", {**call, "organisation": "Org1MSP"}) == {}
+    assert nobody.refusal("anchor", {**call, "organisation": "Org3MSP"}).startswith("anchor: signers, organisation and bookmark are of verify alone")
 
 
 def test_two_operators_hand_a_drone_over(enroll, admin, operator):

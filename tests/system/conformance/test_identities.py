@@ -89,8 +89,8 @@ def keys(node, admin, enroll, operator) -> dict[str, str]:
     guard.submit("resume", "kept2")
     guard.submit("anchor", {"digest": base64.b64encode(ANCHORED).decode()})
     host, pilot, guarding = digest(1, "User1"), digest(2, "User1"), digest(1, "User2")
-    return {"role": f"role/{guarding}", "stop": f"stop/kept2/{guarding}", "lifted": f"stop/kept2/{guarding}/lifted",
-            "anchor": f"anchor/{ANCHORED.hex()}/{guarding}",
+    return {"role": f"role/Org1MSP/{guarding[0]}", "stop": f"stop/kept2/{guarding}", "lifted": f"stop/kept2/{guarding}/lifted",
+            "anchor": f"anchor/{ANCHORED.hex()}/Org1MSP/{guarding}",
             "control": "control/kept1", "owner": "owner/kept1", "grant": "grant/kept1", "request": "request/kept1",
             "host": f"host/{host}", "frame": f"frame/{host}", "drones": "drones/Org1MSP",
             "lease": f"lease/Org1MSP/{pilot}/1", "pilot": f"pilot/Org1MSP/{pilot}", "command": f"command/Org1MSP/{pilot}"}
@@ -139,7 +139,7 @@ def test_anothers_peer_cannot_touch_a_record(forge, keys, kind, organisation):
 def test_nobodys_peer_alone_makes_a_record(forge, keys):
     for organisation in (1, 2, 3):
         for key in (f"lease/Org1MSP/{digest(3, 'User9')}/1", "control/kept9", f"stop/kept1/{digest(3, 'User9')}",
-                    f"role/{digest(3, 'User9')}", f"grant/kept{organisation}x"):
+                    "role/Org9MSP/0", f"grant/kept{organisation}x"):
             assert forge([write(key)], organisation) == ENDORSEMENT_POLICY_FAILURE, key
             assert forge([write(key)], organisation, policies=[policy(key, organisation)]) == ENDORSEMENT_POLICY_FAILURE, key
 
@@ -148,6 +148,8 @@ def test_two_others_cannot_change_what_has_a_keeper(forge, keys):
     """They can make keys that are not there: docs/ledger.md says what readers make of those."""
     for kind in KEPT:
         assert forge([write(keys[kind])], 2, 3) == ENDORSEMENT_POLICY_FAILURE, kind
+    for table in "0123456789abcdef":  # whoever has no role yet: its organisation's peer alone makes it one
+        assert forge([write(f"role/Org1MSP/{table}")], 2, 3) == ENDORSEMENT_POLICY_FAILURE, table
     assert forge([write("free/two")], 2, 3) == VALID
     assert forge([write("free/two")], 2) == ENDORSEMENT_POLICY_FAILURE
 

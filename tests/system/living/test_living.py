@@ -100,7 +100,7 @@ def submit_over_others(client, fn: str, *args) -> None:
 def kept_by_org1() -> list[str]:
     host, pilot = digest(1, "User1"), digest(2, "User1")
     return [f"{kind}/{drone}" for kind in ("control", "owner", "grant", "request") for drone in FLOWN] + [
-        f"host/{host}", f"frame/{host}", f"lease/Org1MSP/{pilot}/1", f"pilot/Org1MSP/{pilot}", f"command/Org1MSP/{pilot}"]
+        f"role/Org1MSP/{digest(1, 'User2')[0]}", f"host/{host}", f"frame/{host}", f"lease/Org1MSP/{pilot}/1", f"pilot/Org1MSP/{pilot}", f"command/Org1MSP/{pilot}"]
 
 
 def chain(members: Members, blocks: int) -> list[list[int]]:
@@ -165,6 +165,11 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     assert after == controls, "holders, epochs, stops, grants"
     lease = record(pilot, f"lease/Org1MSP/{digest(2, 'User1')}/1")
     assert all(drone.encode() in lease for drone in drones)
+    # Roles count as they are until their organisation writes one: then all of them have moved, with its policy.
+    assert "not found" in pilot.refusal("get", f"role/Org1MSP/{digest(1, 'User2')[0]}")
+    admin.submit("enroll", {"identity": {"mspId": "Org1MSP", "subject": subject(1, "User2")}, "role": "OPERATOR"})
+    assert subject(1, "User2").encode() in record(pilot, f"role/Org1MSP/{digest(1, 'User2')[0]}")
+    guard.submit("stop", STOPPED_MEANWHILE)
     moved = who.height()
     # Whose peer may write what, from now on.
     for key in kept_by_org1():

@@ -14,6 +14,8 @@
 /// - Stored.version is not there, and no key has a policy.
 /// - A lease is lease/<holder>/<epoch>, and a commander's newest call command/<holder>; no pilot/<owner MSP>/<holder>.
 ///   (Both held the drones of all organisations. Here they hold one's, so a channel must have drones of one.)
+/// - A role is role/<identity>, of one identity alone.
+/// - An anchor is anchor/<digest>/<identity>.
 /// - enroll writes neither empty grants nor requests, nor a host's empty frame.
 /// - resume writes the stop itself again, as lifted.
 ///
@@ -41,11 +43,17 @@ std::string key_before(const std::string& key) {
   auto segments = segments_of(key);
   const bool lease = segments[0] == "lease" && segments.size() == 4;
   const bool command = segments[0] == "command" && segments.size() == 3;
-  if (!lease && !command) return key;
-  segments.erase(segments.begin() + 1);
+  const bool anchor = segments[0] == "anchor" && segments.size() == 4;
+  if (!lease && !command && !anchor) return key;
+  segments.erase(segments.begin() + (anchor ? 2 : 1));
   std::string before = segments[0];
   for (std::size_t i = 1; i < segments.size(); ++i) before += "/" + segments[i];
   return before;
+}
+
+bool is_role_table(const std::string& key) {
+  const auto segments = segments_of(key);
+  return segments[0] == "role" && segments.size() == 3;
 }
 
 class VersionBefore final : public shim::Stub {
@@ -62,6 +70,7 @@ class VersionBefore final : public shim::Stub {
     Stored stored;
     stored.set_version(contract::record_version);
     if (first_segment(key) == "pilot") return std::optional(stored.SerializeAsString());
+    if (is_role_table(key)) return std::optional<std::string>{};  // so the contract looks for the identity's own record
     auto value = stub_.get_state(key_before(key));
     if (!value || !*value || !stored.ParseFromString(**value)) return value;
     stored.set_version(contract::record_version);
@@ -75,6 +84,7 @@ class VersionBefore final : public shim::Stub {
     if (!stored.ParseFromString(value)) return Error{"the value of " + key + " is damaged"};
     if (kind == "frame" && stored.assets().empty()) return done;
     stored.clear_version();
+    if (is_role_table(key)) return put_roles(key, stored);
     if (kind == "stop") return put_stop(key, std::move(stored));
     if ((kind == "grant" || kind == "request") && stored.assets(0).msg_data().empty()) {
       const auto known = stub_.get_state(key);
@@ -108,6 +118,24 @@ class VersionBefore final : public shim::Stub {
   static bool kept_under_its_own_key(const std::string& key) {
     const std::string kind = first_segment(key);
     return kind != "asset" && kind != "frame";
+  }
+
+  /// role/<identity> of each in the table.
+  Status put_roles(const std::string& key, const Stored& table_record) {
+    RoleTable table;
+    if (!table.ParseFromString(table_record.assets(0).msg_data())) return Error{key + " is damaged"};
+    for (const RoleTable::Entry& entry : table.entries()) {
+      EnrollCall role;
+      role.mutable_identity()->set_msp_id(segments_of(key)[1]);
+      role.mutable_identity()->set_subject(entry.subject());
+      role.set_role(entry.role());
+      Stored stored = table_record;
+      stored.mutable_assets(0)->set_msg_type("ledgerline.EnrollCall");
+      stored.mutable_assets(0)->set_msg_data(role.SerializeAsString());
+      const std::string own = chaincode::role_key_before(chaincode::to_name(role.identity()));
+      if (Status status = put(own, std::move(stored)); !status) return status;
+    }
+    return done;
   }
 
   /// stop/<drone>/<stopper> with the fields that it had; a record below it that says that it is lifted makes it lifted.

@@ -22,7 +22,14 @@ void add(Assets& assets, const char* id, const std::string& data) {
 std::string to_bytes(const FirstRecords& records) {
   Assets assets;
   for (const Control& control : records.controls) add(assets, control_id, control.SerializeAsString());
+  const belief::Organisations followed = records.roles.followed();
+  for (const std::string& msp_id : followed) {  // without a subject: its roles are here, if it has some
+    EnrollCall organisation;
+    organisation.mutable_identity()->set_msp_id(msp_id);
+    add(assets, role_id, organisation.SerializeAsString());
+  }
   for (const auto& [who, role] : records.roles.all()) {
+    if (!followed.contains(who.msp_id)) continue;
     EnrollCall record;
     *record.mutable_identity() = belief::to_message(who);
     record.set_role(role);
@@ -42,7 +49,8 @@ Result<FirstRecords> records_from(std::string_view bytes, const std::vector<std:
     if (asset.id() == control_id && control.ParseFromString(asset.msg_data())) {
       records.controls.push_back(std::move(control));
     } else if (asset.id() == role_id && role.ParseFromString(asset.msg_data())) {
-      records.roles.take({role.identity(), role.role()});
+      records.roles.follow(role.identity().msp_id());
+      if (!role.identity().subject().empty()) records.roles.take({role.identity(), role.role()});
     } else {
       return malformed;
     }

@@ -21,10 +21,16 @@ std::string in_short(const Control& record) {
          std::to_string(record.grants_size()) + " grants";
 }
 
-// An identity without a role and one that is not known may do the same.
-std::map<crypto::IdentityName, Role> given(const belief::Roles& roles) {
+// An identity without a role and one that is not known may do the same. Of organisations that one of the two does not
+// follow, or has left out, nothing is compared.
+std::map<crypto::IdentityName, Role> given(const belief::Roles& roles, const belief::Roles& others) {
   std::map<crypto::IdentityName, Role> out = roles.all();
-  std::erase_if(out, [](const auto& one) { return one.second == ROLE_NONE; });
+  const auto followed = roles.followed(), followed_there = others.followed();
+  std::erase_if(out, [&](const auto& one) {
+    const std::string& msp_id = one.first.msp_id;
+    return one.second == ROLE_NONE || !followed.contains(msp_id) || !followed_there.contains(msp_id) ||
+           roles.left_out().contains(msp_id) || others.left_out().contains(msp_id);
+  });
   return out;
 }
 
@@ -70,7 +76,7 @@ std::vector<SecondOpinion::Pair> SecondOpinion::pairs(const FirstRecords& ours, 
     pairs.push_back({{control.drone(), in_short(control), there ? in_short(*told) : "no record"},
                      {bytes_of(control), there ? bytes_of(*told) : ""}});
   }
-  const auto our_roles = given(ours.roles), their_roles = given(theirs.roles);
+  const auto our_roles = given(ours.roles, theirs.roles), their_roles = given(theirs.roles, ours.roles);
   pairs.push_back(
       {{"roles", std::to_string(our_roles.size()) + " of them", std::to_string(their_roles.size()) + " of them"},
        {text_of(our_roles), text_of(their_roles)}});

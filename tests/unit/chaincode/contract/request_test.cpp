@@ -105,6 +105,7 @@ TEST_F(RequestTest, ADroneHasAsManyRequestsAsTheBoundSays) {
     const Response response = request(who);
     EXPECT_EQ(response.status == 200, i < contract::max_drone_requests) << response.message;
   }
+  EXPECT_EQ(request(rival).status, 200) << "another organisation's have a bound of their own";
 }
 
 }  // namespace

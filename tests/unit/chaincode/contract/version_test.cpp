@@ -51,7 +51,7 @@ TEST_F(VersionTest, WhatIsMadeTodayHasItsKeepersPolicy) {
   }
   for (const auto& [key, msp_id] : stub.policies) {
     if (key.starts_with("role/")) {
-      EXPECT_EQ(msp_id, parsed<EnrollCall>(value_of(key)).identity().msp_id()) << key;
+      EXPECT_EQ(key.substr(0, key.size() - 1), "role/" + msp_id + "/") << key;
     }
   }
 }

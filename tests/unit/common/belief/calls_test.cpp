@@ -108,5 +108,13 @@ TEST(CheckEvent, AQuestionHasNoEventAndAForeignFunctionIsNotJudged) {
   EXPECT_TRUE(check_event({"transfer", {}}, "anything", "at all"));
 }
 
+TEST(LikelyPolicy, IsThatOfTheOrganisationWhichTheKeyNames) {
+  EXPECT_TRUE(likely_policy("role/Org2MSP/7"));
+  EXPECT_EQ(likely_policy("role/Org2MSP/7"), likely_policy("drones/Org2MSP"));
+  EXPECT_NE(likely_policy("role/Org2MSP/7"), likely_policy("role/Org1MSP/7"));
+  EXPECT_FALSE(likely_policy("role/0123456789abcdef")) << "of the version before: whose it is it does not say";
+  EXPECT_FALSE(likely_policy("control/tello1"));
+}
+
 }  // namespace
 }  // namespace ledgerline::belief

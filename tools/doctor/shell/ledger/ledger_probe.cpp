@@ -120,7 +120,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
 std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
                                   const std::vector<std::string>& drones, Findings& out) {
   const Side side = one.program == "agent" ? Side::agent : Side::ground;
-  const auto roles = belief::read_roles(peer.contract());
+  const auto roles = belief::read_roles(peer.contract(), {self.msp_id});
   std::set<std::string> owners;
   for (const std::string& drone : drones) {
     LeaseFacts facts{.drone = drone, .self = self, .side = side};

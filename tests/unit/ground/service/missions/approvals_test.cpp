@@ -38,6 +38,22 @@ TEST(MissionApprovals, AreOfOperatorsAndSupervisorsAndSayWhichMission) {
   EXPECT_THAT(approvers_in(anchors, roles, approval_words("survey")), ElementsAre(second)) << "a role that was taken";
 }
 
+TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
+  belief::Roles roles;
+  EXPECT_THAT(approval_questions("digest", roles), IsEmpty()) << "nobody may";
+  for (int i = 0; i < 70; ++i) roles.take({belief::to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
+  roles.take({belief::to_message(first), SUPERVISOR});
+  roles.take({belief::to_message(second), AUDITOR});
+  const auto calls = approval_questions("digest", roles);
+  ASSERT_EQ(calls.size(), 2U);
+  EXPECT_EQ(calls[0].signers_size(), 64) << "as many as a verify answers";
+  EXPECT_EQ(calls[1].signers_size(), 7);
+  for (const AnchorCall& call : calls) {
+    EXPECT_EQ(call.digest(), "digest");
+    for (const Identity& one : call.signers()) EXPECT_NE(one.subject(), second.subject);
+  }
+}
+
 TEST(MissionApprovals, AreReadAnewForABlockThatAnchorsTheirDigest) {
   MissionBook book({}, operator_name);
   auto run = mission::MissionRun::make(

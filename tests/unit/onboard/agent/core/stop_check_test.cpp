@@ -79,7 +79,8 @@ class StopCheckTest : public ::testing::Test {
   }
   bool is_stopped_now() const { return check_->standing_stop(now, 1).has_value(); }
 
-  std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
+  std::unique_ptr<crypto::MspRegistry> registry_ =
+      crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP", "Org4MSP"});
   LedgerOfTests ledger_;
   std::optional<CommandCheck> check_;
 };
@@ -100,6 +101,22 @@ TEST_F(StopCheckTest, WhoMayStopIsObeyedWhateverTheFlag) {
     command.event_payload = call.SerializeAsString();
     EXPECT_EQ(give(command).refused.at(0).why, Refusal::stopped) << code;
   }
+}
+
+TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) {
+  Control granted = control("tello1", epoch);
+  EXPECT_TRUE(check_->await_roles().empty()) << "all that matter are here";
+  granted.add_grants()->mutable_to()->set_msp_id("Org4MSP");
+  granted.mutable_grants()->rbegin()->set_stop(true);
+  check_->set_control(granted);
+  EXPECT_EQ(check_->await_roles(), belief::Organisations{"Org4MSP"});
+  EXPECT_TRUE(check_->await_roles().empty()) << "once";
+  const crypto::IdentityName far{"Org4MSP", "CN=User1@org4.ledgerline"};
+  expect_refused(stop(far, conflict), "nobody knows yet what it may");
+  belief::Roles read;
+  read.take({to_message(far), OPERATOR});
+  check_->add_roles(read);
+  EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
 }
 
 TEST_F(StopCheckTest, WhoeverEndorsedItItIsObeyedAndOnTheLedgerWithoutAnAlarm) {

@@ -31,6 +31,44 @@ TEST(FirstRecordsTest, ComeBackFromACheckpointAsTheyWere) {
   EXPECT_EQ(read->roles.all().size(), 1U);
 }
 
+TEST(FirstRecordsTest, SayWhoseRolesTheyHave) {
+  FirstRecords records = some_records();
+  records.roles.follow("Org4MSP");  // which has none
+  records.roles.await("Org5MSP");
+  records.roles.take({testing::to_message({"Org5MSP", "CN=far"}), OPERATOR});
+  const auto read = records_from(to_bytes(records), {"tello1", "tello2"});
+  ASSERT_TRUE(read);
+  EXPECT_TRUE(read->roles.follows("Org4MSP"));
+  EXPECT_FALSE(read->roles.follows("Org5MSP")) << "it is read anew";
+  EXPECT_EQ(read->roles.all().size(), 1U);
+}
+
+TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
+  const std::unique_ptr<crypto::MspRegistry> registry = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
+  const std::vector<DroneName> drones{{1, "tello1"}};
+  CommandCheck check(CheckConfig{}, drones, *registry);
+  check.set_roles(some_records().roles);
+  check.set_control(some_records().controls[0]);
+  const std::size_t before = to_bytes(check.records()).size();
+  LedgerOfTests ledger;
+  for (int i = 0; i < 200; ++i) {
+    EnrollCall call;
+    *call.mutable_identity() = testing::to_message({"Org3MSP", "CN=s" + std::to_string(i)});
+    call.set_role(AUDITOR);
+    Controls told;
+    *told.mutable_identity() = call.identity();
+    told.set_role(AUDITOR);
+    LedgerOfTests::Tx enroll;
+    enroll.creator = {"Org3MSP", "CN=Admin@org3.ledgerline"};
+    enroll.event_name = "enroll";
+    enroll.event_payload = told.SerializeAsString();
+    enroll.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
+    check.check(now, now_s, ledger.block({enroll}));
+  }
+  EXPECT_EQ(check.refused_control_events(), 0U);
+  EXPECT_EQ(to_bytes(check.records()).size(), before);
+}
+
 TEST(FirstRecordsTest, WithoutADronesRecordAreNotTheOnesToBeginWith) {
   const auto read = records_from(to_bytes(some_records()), {"tello1", "tello3"});
   ASSERT_FALSE(read);

@@ -87,6 +87,18 @@ TEST(SecondOpinionTest, AStopARoleOrADroneThatOneSideDoesNotHaveIsADifference) {
   }
 }
 
+TEST(SecondOpinionTest, OfOrganisationsThatOneSideDoesNotFollowOrHasLeftOutNothingIsCompared) {
+  const crypto::IdentityName far{"Org3MSP", "CN=far"};
+  FirstRecords followed = records(), left_out = records();
+  followed.roles.take({testing::to_message(far), OPERATOR});
+  EXPECT_TRUE(SecondOpinion::differences(records(), followed).empty()) << "granted since, and not read here yet";
+  left_out.roles.follow("Org3MSP");
+  EXPECT_EQ(SecondOpinion::differences(left_out, followed).size(), 1U) << "followed, and without that role";
+  left_out.roles.leave_out("Org3MSP");
+  EXPECT_TRUE(SecondOpinion::differences(left_out, followed).empty());
+  EXPECT_TRUE(SecondOpinion::differences(followed, left_out).empty());
+}
+
 TEST(SecondOpinionTest, ARoleThatIsNoneIsAsGoodAsNoRole) {
   FirstRecords other = records();
   other.roles.take({testing::to_message({"Org3MSP", "CN=host"}), ROLE_NONE});
