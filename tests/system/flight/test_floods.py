@@ -20,6 +20,8 @@ ON_THE_GROUND = "tello9"  # enrolled as all of tello1 to tello16, and not among 
 
 FLOODS = {
     "urgent": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "urgent", "--seconds", str(SECONDS)],
+    "more_than_it_can": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "urgent", "--per-second", "2000",
+                                     "--seconds", str(SECONDS)],
     "askers": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "askers", "--seconds", str(SECONDS)],
 }
 
@@ -57,10 +59,11 @@ def test_a_stop_beside_a_flood_is_as_soon_as_a_command_and_nobody_holds(tmp_path
     assert flight.wait(200) == 0, printed(tmp_path)
     commands = [r for r in records(run / "agent.trace") if r.kind == TraceKind.COMMAND_VERIFIED]
     two_way = lambda begin, end: [(r.t_ns - r.stamp_ns) / 1e6 for r in commands if begin <= r.t_ns <= end]
-    held = [r for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == HOLD and r.id == FLYING]
+    holds = [r.t_ns for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == HOLD and r.id == FLYING]
+    held = [t_ns for t_ns in holds if flood_ns <= t_ns <= flood_end_ns]
     stop_ms = {when: figures([stop["ms"] for stop in told["stops"]]) for when, told in (("quiet", quiet), ("flood", flooded))}
     two_way_ms = {"quiet": figures(two_way(quiet_ns, quiet_end_ns)), "flood": figures(two_way(flood_ns, flood_end_ns))}
-    print(json.dumps({"flood": flood, "did": did, "stop_ms": stop_ms, "two_way_ms": two_way_ms, "holds": len(held),
+    print(json.dumps({"flood": flood, "did": did, "stop_ms": stop_ms, "two_way_ms": two_way_ms, "holds": len(held), "holds_before": len(holds) - len(held),
                       "stop_p99_to_quiet_two_way_p99": round(stop_ms["flood"]["p99"] / two_way_ms["quiet"]["p99"], 2),
                       "flood_to_quiet": {"stop_p50": round(stop_ms["flood"]["p50"] / stop_ms["quiet"]["p50"], 2),
                                          "two_way_p50": round(two_way_ms["flood"]["p50"] / two_way_ms["quiet"]["p50"], 2)}}))

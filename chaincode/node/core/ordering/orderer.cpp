@@ -97,10 +97,14 @@ Reply Orderer::order(std::string_view bytes, Now now) {
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE",
                         "the disk is nearly full: commands, stops and control alone are ordered");
   }
-  if (const auto why = waiting_.add(sender, std::string(bytes), now.monotonic_ns)) {
+  ordered_ns_ = now.monotonic_ns;
+  auto why = sender.urgency == Urgency::none ? invalid_.refusal(sender.name, now.monotonic_ns) : std::nullopt;
+  if (!why) why = waiting_.add(sender, std::string(bytes), now.monotonic_ns);
+  if (why) {
     if (sender.urgency != Urgency::none) budget_.settle(tx_id, true);
     return refuse_order(Code::unavailable, "SERVICE_UNAVAILABLE", *why);
   }
+  invalid_.ordered(tx_id, sender.name);
   return {};
 }
 

@@ -6,6 +6,7 @@
 #include <string_view>
 
 #include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/ordering/invalid_budget.hpp"
 #include "chaincode/node/core/ordering/urgent_budget.hpp"
 #include "chaincode/node/core/ordering/waiting.hpp"
 #include "chaincode/node/core/tx/block.hpp"
@@ -35,7 +36,8 @@ class Orderer {
         identity_(std::move(identity)),
         is_committed_(std::move(is_committed)),
         waiting_(config_),
-        budget_(config_) {}
+        budget_(config_),
+        invalid_(config_) {}
 
   /// The config block, as number 0.
   OrderedBlock genesis() const;
@@ -47,8 +49,11 @@ class Orderer {
   std::optional<TimeNs> next_cut() const;
   /// The block that follows `end`, if one is due.
   std::optional<OrderedBlock> cut(Now now, const ChainEnd& end);
-  /// A transaction is in a block. A valid one gives its urgent place back.
-  void settle(const std::string& tx_id, bool valid) { budget_.settle(tx_id, valid); }
+  /// A transaction is in a block. A valid one gives its urgent place back, others are counted against their senders.
+  void settle(const std::string& tx_id, bool valid) {
+    budget_.settle(tx_id, valid);
+    invalid_.settle(tx_id, valid, ordered_ns_);
+  }
 
  private:
   Urgency claimed_urgency(const common::Payload& payload) const;
@@ -61,6 +66,8 @@ class Orderer {
   const std::function<bool(const std::string& tx_id)> is_committed_;
   Waiting waiting_;
   UrgentBudget budget_;
+  InvalidBudget invalid_;
+  TimeNs ordered_ns_ = 0;  ///< when order() was called last
   bool nearly_full_ = false;
 };
 

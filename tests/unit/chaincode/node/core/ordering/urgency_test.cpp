@@ -121,14 +121,17 @@ TEST_F(UrgencyTest, TheEndorsementOfAnothersStopEarnsNothing) {
 }
 
 TEST_F(UrgencyTest, AnEndorsementByAMemberWhoIsNoPeerEarnsNothing) {
-  expect_no_harm(flood([&] {
+  const auto endorsed_by_itself = [&] {
     auto own = *fabric::open_transaction(made_up(member, "stop", {}));
     protos::Endorsement& endorsement = *own.action.mutable_action()->add_endorsements();
     endorsement.set_endorser(member.serialized);
     endorsement.set_signature(
         *member.signer->sign(own.action.action().proposal_response_payload() + member.serialized));
     return *fabric::sign_envelope(member, own.bytes());
-  }));
+  };
+  expect_no_harm(flood(endorsed_by_itself));
+  net.core->keep_room(true);
+  EXPECT_EQ(net.core->order(endorsed_by_itself(), net.now).code, Code::unavailable) << "the budget alone is no bar";
 }
 
 TEST_F(UrgencyTest, AStopThatIsInABlockAlreadyIsNotUrgentWhoeverSendsItAgain) {
@@ -163,6 +166,37 @@ TEST_F(UrgencyTest, EndorsedOnesThatTurnOutInvalidSpendTheirBudget) {
   EXPECT_GE(seen.states, 38U);
   EXPECT_LE(seen.state_ns, 10 * block_ns) << "one of five is not urgent";
   EXPECT_LE(seen.stop_blocks, 2U);
+}
+
+TEST_F(UrgencyTest, WhoSendsWhatIsInvalidIsKeptOutAfterAWhileAndForgivenLater) {
+  const Seen seen = flood([&] { return made_up(member, "stop", {}); });
+  expect_no_harm(seen);
+  std::size_t taken = 0;
+  for (int second = 0; second < 10; ++second) {
+    for (int i = 0; i < 350; ++i) taken += net.core->order(made_up(member, "stop", {}), net.now).code == Code::ok;
+    net.now.monotonic_ns += ns_per_s;
+    net.commit();
+  }
+  EXPECT_LE(taken, 500U + 10 * 50 + 350) << "what is forgiven, and what waited when the bound was reached";
+  const auto colleague = crypto::make_test_identity({"Org3MSP", "CN=User1"});
+  EXPECT_EQ(net.core->order(net.endorsed(colleague, "set", note("Org3MSP/note")), net.now).code, Code::ok)
+      << "one identity does not spend what its organisation has";
+  net.now.monotonic_ns += 60 * ns_per_s;
+  EXPECT_EQ(net.core->order(made_up(member, "stop", {}), net.now).code, Code::ok);
+}
+
+TEST_F(UrgencyTest, WhoseTransactionsAreValidGoesOnThoughItsOrganisationSendsInvalidOnes) {
+  const auto colleague = crypto::make_test_identity({"Org3MSP", "CN=User1"});
+  ASSERT_THAT(net.submit(colleague, "set", note("Org3MSP/note")), ElementsAre(protos::VALID));
+  for (int who = 0; who < 30; ++who) {
+    const auto sybil = crypto::make_test_identity({"Org3MSP", "CN=s" + std::to_string(who)});
+    for (int i = 0; i < 60; ++i) net.core->order(made_up(sybil, "stop", {}), net.now);
+    net.commit();
+  }
+  const auto newest = crypto::make_test_identity({"Org3MSP", "CN=newest"});
+  EXPECT_EQ(net.core->order(made_up(newest, "stop", {}), net.now).code, Code::unavailable);
+  EXPECT_THAT(net.submit(colleague, "set", note("Org3MSP/note")), ElementsAre(protos::VALID));
+  EXPECT_THAT(net.submit(net.host, "set", note("tello1/odom")), ElementsAre(protos::VALID));
 }
 
 TEST_F(UrgencyTest, OnAFullDiskTheEndorsedOnesAloneAreTaken) {
