@@ -20,7 +20,8 @@ constexpr std::array functions{
     Function{contract::hand_over, hand_over}, Function{contract::deny, deny},
     Function{contract::evict, evict},         Function{contract::command, command},
     Function{contract::stop, stop},           Function{contract::resume, resume},
-    Function{contract::fold, fold},           Function{contract::anchor, anchor},
+    Function{contract::fold, fold},           Function{contract::claim, claim},
+    Function{contract::unclaim, unclaim},     Function{contract::anchor, anchor},
     Function{contract::verify, verify},
 };
 

@@ -104,6 +104,9 @@ std::string stop_key(const std::string& drone, const crypto::IdentityName& stopp
 std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stop_key(drone, stopper) + "/lifted";
 }
+std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant) {
+  return stop_key(drone, claimant) + "/claim";
+}
 std::string end_of(std::string prefix) {
   prefix.back() = '0';  // follows "/"
   return prefix;

@@ -52,7 +52,8 @@ std::string request_key(const std::string& drone);
 std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper);
-std::string stops_prefix(const std::string& drone);  ///< what all of its stops' keys begin with
+std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant);
+std::string stops_prefix(const std::string& drone);  ///< what all of its stops' and claims' keys begin with
 /// The end of the range of all keys that begin with a prefix, which ends with "/".
 std::string end_of(std::string prefix);
 std::string frame_key(const crypto::IdentityName& owner);
@@ -96,6 +97,8 @@ Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);
 Response resume(Stub& stub, const Arguments& call);
 Response fold(Stub& stub, const Arguments& call);
+Response claim(Stub& stub, const Arguments& call);
+Response unclaim(Stub& stub, const Arguments& call);
 Response anchor(Stub& stub, const Arguments& call);
 Response verify(Stub& stub, const Arguments& call);
 

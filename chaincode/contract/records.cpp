@@ -35,7 +35,8 @@ void erase(Names& names, const std::string& name) {
 
 namespace {
 
-Status add_stops(Stub& stub, Control& control) {
+/// Who has claimed a drone is written as a stop that is none: an entry of the range that stops are read from.
+Status add_stops(Stub& stub, Control& control, std::vector<Identity>* claims) {
   constexpr std::size_t step = 64;
   control.clear_stoppers();
   control.clear_resumed();
@@ -48,7 +49,9 @@ Status add_stops(Stub& stub, Control& control) {
     for (const KeyValue& entry : *some) {
       const auto stop = parse_record<Stop>(entry);
       if (!stop) return stop.error();
-      if (entry.key == lifted_key(control.drone(), to_name(stop->stopper()))) {
+      if (entry.key == claim_key(control.drone(), to_name(stop->stopper()))) {
+        if (claims != nullptr && !stop->lifted()) claims->push_back(stop->stopper());
+      } else if (entry.key == lifted_key(control.drone(), to_name(stop->stopper()))) {
         set_resumes(control, stop->stopper(), stop->resumes());  // its key follows that of the stop
       } else if (!stop->lifted()) {
         add_stop(control, *stop);
@@ -81,7 +84,7 @@ Status add_revoked(Stub& stub, Control& control) {
 
 }  // namespace
 
-Status complete(Stub& stub, Control& control) {
+Status complete(Stub& stub, Control& control, std::vector<Identity>* claims) {
   auto grants = read_record<Grants>(stub, grant_key(control.drone()));
   if (!grants) return grants.error();
   control.clear_grants();
@@ -90,15 +93,17 @@ Status complete(Stub& stub, Control& control) {
   if (!requests) return requests.error();
   control.clear_requests();
   if (*requests) *control.mutable_requests() = std::move(*(*requests)->mutable_requests());
-  if (Status status = add_stops(stub, control); !status) return status;
+  if (Status status = add_stops(stub, control, claims); !status) return status;
   return add_revoked(stub, control);
 }
 
-Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::string& drone) {
+Result<std::optional<KnownControl>> read_control(Stub& stub, const std::string& drone) {
   auto control = read_versioned<Control>(stub, control_key(drone));
-  if (!control || !*control) return control;
-  if (Status status = complete(stub, (*control)->message); !status) return status.error();
-  return control;
+  if (!control) return control.error();
+  if (!*control) return std::optional<KnownControl>{};
+  KnownControl known{std::move(**control), {}};
+  if (Status status = complete(stub, known.message, &known.claims); !status) return status.error();
+  return std::optional(std::move(known));
 }
 
 Control stored_part(const Control& control) {
@@ -119,6 +124,14 @@ Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_i
 
 Status write_stop(Stub& stub, const Stop& stop) {
   return write_record(stub, stop_key(stop.drone(), to_name(stop.stopper())), stop);
+}
+
+Status write_claim(Stub& stub, const std::string& drone, const Identity& claimant, bool stands) {
+  Stop claim;
+  claim.set_drone(drone);
+  *claim.mutable_stopper() = claimant;
+  claim.set_lifted(!stands);
+  return write_record(stub, claim_key(drone, to_name(claimant)), claim);
 }
 
 Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper) {

@@ -5,14 +5,15 @@
 #include "chaincode/contract/contract_common.hpp"
 #include "common/msg/contract.hpp"
 
-/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted, grant/<drone>,
-/// request/<drone>, owner/<drone>, drones/<MSP id>, role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the
-/// hot path reads instead of every drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is
-/// kept as an asset, so that `get` serves it.
+/// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted,
+/// stop/<drone>/<claimant>/claim, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
+/// role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the hot path reads instead of every drone's
+/// control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves
+/// it.
 ///
-/// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy is set once,
-/// by the call that makes the record, and with it Stored.version. A record of an older version gets both when a
-/// control call next touches it.
+/// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy
+/// is set once, by the call that makes the record, and with it Stored.version. A record of an older version gets both
+/// when a control call next touches it.
 namespace ledgerline::chaincode {
 
 /// The record that is stored under a key.
@@ -61,8 +62,8 @@ Status make_record(Stub& stub, const std::string& key, const google::protobuf::M
                    const std::string& keeper);
 
 /// Records of one kind that one call reads and changes: each is read once and, when it was changed, written once (a
-/// call does not see what it writes). One that is not there is empty. With a keeper, one that is new or of an older version
-/// gets its policy; the hot path names none, and makes none.
+/// call does not see what it writes). One that is not there is empty. With a keeper, one that is new or of an older
+/// version gets its policy; the hot path names none, and makes none.
 template <typename Message>
 class Records {
  public:
@@ -121,13 +122,19 @@ void erase(Names& names, const std::string& name);
 
 /// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were
 /// lifted, who is revoked and who requests it. Stops come from a range, so whoever writes after reading them loses to a
-/// stop that came between; the stop, which reads nothing of this, loses to nobody.
-Status complete(Stub& stub, Control& control);
+/// stop that came between; the stop, which reads nothing of this, loses to nobody. `claims`: gets who has claimed the
+/// drone, which is in the same range.
+Status complete(Stub& stub, Control& control, std::vector<Identity>* claims = nullptr);
+struct KnownControl : Versioned<Control> {
+  std::vector<Identity> claims;  ///< of those who have claimed the drone
+};
 /// A complete one; nullopt: not enrolled. Its version is that of the drone's owner, grant and request records, too.
-Result<std::optional<Versioned<Control>>> read_control(Stub& stub, const std::string& drone);
+Result<std::optional<KnownControl>> read_control(Stub& stub, const std::string& drone);
 /// A control record as it is stored: without what complete() adds.
 Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
+/// stop/<drone>/<claimant>/claim. `stands`: or it is over.
+Status write_claim(Stub& stub, const std::string& drone, const Identity& claimant, bool stands);
 /// How often the stopper's stops of this drone were lifted.
 Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper);
 Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resumed);

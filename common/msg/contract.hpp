@@ -71,6 +71,8 @@ inline constexpr const char* command = "command";
 inline constexpr const char* stop = "stop";
 inline constexpr const char* resume = "resume";
 inline constexpr const char* fold = "fold";
+inline constexpr const char* claim = "claim";
+inline constexpr const char* unclaim = "unclaim";
 inline constexpr const char* anchor = "anchor";
 inline constexpr const char* verify = "verify";
 
@@ -84,8 +86,10 @@ constexpr bool is_control(std::string_view function) {
 constexpr bool is_question(std::string_view function) {
   return function == get || function == history || function == verify;
 }
-/// Control functions and commands: what a full or busy ledger takes first.
-constexpr bool is_urgent(std::string_view function) { return function == command || is_control(function); }
+/// Control functions, the claims that let them through, and commands: what a full or busy ledger takes first.
+constexpr bool is_urgent(std::string_view function) {
+  return function == command || function == claim || function == unclaim || is_control(function);
+}
 
 /// Topics that ROS 2 and motion capture need for themselves: no drone has such a name.
 inline constexpr std::array<std::string_view, 8> reserved_names{

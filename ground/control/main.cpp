@@ -158,10 +158,28 @@ fabric::RepeatLimits limits_of(const Wish& wish) {
   return {.attempts = 10, .conflicts_only = true};
 }
 
+/// Whoever hammers makes these invalid again and again, unless the drones are claimed for them.
+bool may_claim(const Wish& wish) {
+  return wish.function == contract::evict || wish.function == contract::grant || wish.function == contract::resume;
+}
+
+/// Of the drones of the call. Who may not claim is refused, and goes on without.
+bool change_claim(fabric::Client& client, const Wish& wish, const char* function) {
+  DronesCall call;
+  for (const auto& drone : wish.drones) call.add_drones(drone);
+  const auto outcome = client.submit_and_wait({function, {call.SerializeAsString()}});
+  return outcome.kind == fabric::Outcome::Kind::committed;
+}
+
 fabric::Outcome submit(fabric::Client& client, const Wish& wish, const fabric::Call& call) {
+  bool claimed = false;
   fabric::Outcome outcome = fabric::submit_repeatedly(client, call, limits_of(wish), [&](const fabric::Outcome& first) {
     spdlog::warn("{}: said again until it is on the ledger: {}", wish.function, first.message);
+    claimed = may_claim(wish) && change_claim(client, wish, contract::claim);
   });
+  // What is on the ledger has ended the claim with it.
+  if (claimed && outcome.kind != fabric::Outcome::Kind::committed && !change_claim(client, wish, contract::unclaim))
+    spdlog::error("{}: the drones stay claimed; end that by {}", wish.function, contract::unclaim);
   if (outcome.block != 0 && !outcome.unheard.empty())
     spdlog::warn("{}: endorsed by less than all: {}", wish.function, outcome.unheard);
   return outcome;
@@ -269,6 +287,7 @@ Status call_contract(const Wish& wish) {
   if (outcome.kind != fabric::Outcome::Kind::committed)
     return Error{fmt::format("{}: {}", wish.function, outcome.message)};
   if (wish.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
+  if (wish.function == contract::unclaim) return done;
   return wish.function == contract::stop ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
 }
 
@@ -347,6 +366,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
       .within(0.0, 3600.0)
       .shows_default();
   add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
+  add(contract::unclaim, "end what keeps others from changing a lease while one is evicted (a supervisor)");
   Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
   anchor.option("file", wish.file, "the file").required().existing_file();
   anchor.option("--what", wish.what, "what it is, in a few words");

@@ -1,5 +1,6 @@
 #include "chaincode/contract/control/control_calls.hpp"
 
+#include <array>
 #include <set>
 #include <utility>
 
@@ -93,6 +94,37 @@ Status write_changes(Stub& stub, const Control& before, const Control& after, st
   return done;
 }
 
+bool is_among(const std::vector<Identity>& all, const crypto::IdentityName& who) {
+  return std::ranges::any_of(all, [&](const Identity& one) { return to_name(one) == who; });
+}
+
+/// Why a call has to wait for those who have claimed the drone.
+Status check_claims(const KnownControl& known, const std::string& function, const crypto::IdentityName& caller) {
+  constexpr std::array<std::string_view, 4> waits{contract::acquire, contract::request, contract::hand_over,
+                                                  contract::deny};
+  if (known.claims.empty()) return done;
+  const std::string& owner = known.message.owner().msp_id();
+  const bool foreign_resume = function == contract::resume && caller.msp_id != owner;
+  if (!foreign_resume && std::ranges::find(waits, function) == waits.end()) return done;
+  return Error{to_text(to_name(known.claims.front())) +
+               " has claimed it for a change of its own; try again. A supervisor of " + owner +
+               " may end the claim by unclaim"};
+}
+
+/// Ends the caller's own claim, by one of the calls that claims are for. False: it has none.
+Result<bool> end_claim(Stub& stub, const KnownControl& known, const std::string& function) {
+  constexpr std::array<std::string_view, 3> ends{contract::evict, contract::grant, contract::resume};
+  if (!is_among(known.claims, stub.caller()) || std::ranges::find(ends, function) == ends.end()) return false;
+  const Status status = write_claim(stub, known.message.drone(), to_message(stub.caller()), false);
+  return status ? Result<bool>(true) : Result<bool>(status.error());
+}
+
+/// Whether the holder or the stops that a call is to end are gone already.
+bool has_nothing_to_do(const Control& control, const std::string& function) {
+  return (function == contract::evict && !control.has_holder()) ||
+         (function == contract::resume && !is_stopped(control));
+}
+
 }  // namespace
 
 std::string not_enrolled_text() { return "not enrolled; an administrator of its organisation may enroll it"; }
@@ -149,29 +181,33 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
 
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change) {
-  Controls all;
-  std::vector<std::uint32_t> versions;
+  std::vector<KnownControl> known;
   std::uint64_t new_epoch = 1;
   for (const std::string& drone : sorted_names(drones)) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     auto control = read_control(stub, drone);
     if (!control) return refuse(control.error().what);
     if (!*control) return refuse(drone + ": " + not_enrolled_text());
+    if (Status status = check_claims(**control, event, stub.caller()); !status)
+      return refuse(drone + ": " + status.error().what);
     new_epoch = std::max(new_epoch, (*control)->message.epoch() + 1);
-    *all.add_controls() = std::move((*control)->message);
-    versions.push_back((*control)->version);
+    known.push_back(std::move(**control));
   }
+  Controls all;
   Records<Lease> leases(stub);
   std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
-  for (int i = 0; i < all.controls_size(); ++i) {
-    Control& control = *all.mutable_controls(i);
-    const Control before = control;
-    if (Status status = change(control, new_epoch); !status) {
+  for (const KnownControl& before : known) {
+    Control control = before.message;
+    const auto ends_own = end_claim(stub, before, event);
+    if (!ends_own) return refuse(ends_own.error().what);
+    const bool only_ends = *ends_own && has_nothing_to_do(before.message, event);
+    if (Status status = only_ends ? Status(done) : change(control, new_epoch); !status)
       return refuse(control.drone() + ": " + status.error().what);
-    }
-    if (Status status = write_changes(stub, before, control, versions[static_cast<std::size_t>(i)]); !status)
+    if (Status status = write_changes(stub, before.message, control, before.version); !status)
       return refuse(status.error().what);
-    if (Status status = follow(leases, before, control, new_pilots); !status) return refuse(status.error().what);
+    if (Status status = follow(leases, before.message, control, new_pilots); !status)
+      return refuse(status.error().what);
+    *all.add_controls() = std::move(control);
   }
   for (const auto& [keeper, commander] : new_pilots) {
     if (Status status = make_pilot(stub, keeper, commander); !status) return refuse(status.error().what);

@@ -97,6 +97,8 @@ const std::vector<Call> calls{
       R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","organisation":"Org2MSP","bookmark":"Org2MSP/0"})"},
      {}},
     {host, "fold", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {chief, "claim", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {chief, "unclaim", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
 };
 
 /// Each call finds the same ledger, so that what is valid stays valid.

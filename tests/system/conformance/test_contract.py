@@ -310,7 +310,8 @@ WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
     ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
-                           "acquire, release, request, hand_over, deny, evict, command, stop, resume, fold, anchor, verify"),
+                           "acquire, release, request, hand_over, deny, evict, command, stop, resume, fold, claim, unclaim, "
+                           "anchor, verify"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
 
@@ -444,6 +445,7 @@ REFUSALS = [
     ("operator", "resume", ["leased"], "leased: not stopped"),
     ("operator", "fold", ["leased"], f"leased: enrolled to {HOST}, who alone folds it"),
     ("host", "fold", [], "fold: no drone is named"),
+    ("rival", "claim", ["leased"], f"leased: {RIVAL} may not claim it: only a supervisor or administrator of Org1MSP"),
     ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they, each its own, or a "
                                         "supervisor of Org1MSP may"),
 ]
