@@ -24,7 +24,8 @@ ChannelState::Known KeyState::known(const KeyName& name) const {
   const auto found = keys_.find(name);
   if (found != keys_.end()) return found->second.known;
   // In a range that is known, what was not found is not there.
-  const bool missing = whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& range) {
+  const bool missing = whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const auto& one) {
+                         const Range& range = one.first;
                          return name.collection.empty() && range.name == name.name && range.start <= name.key &&
                                 (range.end.empty() || name.key < range.end);
                        });
@@ -51,7 +52,8 @@ bool KeyState::is_of_hot_path(const KeyName& name) const {
 }
 
 bool KeyState::knows_range(const std::string& name, const std::string& start, const std::string& end) const {
-  return whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const Range& range) {
+  return whole() || std::any_of(ranges_.begin(), ranges_.end(), [&](const auto& one) {
+           const Range& range = one.first;
            return range.name == name && range.start <= start &&
                   (range.end.empty() || (!end.empty() && end <= range.end));
          });
@@ -127,40 +129,71 @@ bool KeyState::follows(const NamespaceSet& part) const {
   return whole() || (part.collection.empty() && (part.name == part_->contract || part.name == lifecycle_name));
 }
 
-KeyState::Entry* KeyState::entry(const KeyName& name) {
+KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer) {
   const auto found = keys_.find(name);
-  if (found != keys_.end()) return &found->second;
-  if (part_ && keys_.size() >= part_->max_keys) {
-    ranges_.clear();  // one of them may have a key from now on that is not followed
-    return nullptr;
+  if (found != keys_.end()) {
+    if (part_) use_.again(found->second.place);
+    return found->second;
   }
+  if (part_ && keys_.size() >= part_->max_keys) erase(keys_.find(use_.oldest_of_largest()));
   const Known at_first = known(name);
   Entry& made = keys_[name];
   made.there = false;
   made.known = at_first;
-  return &made;
+  if (part_) made.place = use_.add(name, writer);
+  return made;
 }
 
-/// A transaction that counts has read what was there.
-void KeyState::learn(const NamespaceSet& part) {
-  for (const kvrwset::KVRead& read : part.set.reads()) learn({part.name, part.collection, read.key()}, read);
-  for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) {
-    for (const kvrwset::KVRead& read : range.raw_reads().kv_reads())
-      learn({part.name, part.collection, read.key()}, read);
-    const bool all = range.itr_exhausted() && range.has_raw_reads();
-    const bool room = keys_.size() < part_->max_keys && ranges_.size() < part_->max_ranges;
-    if (all && room && !knows_range(part.name, range.start_key(), range.end_key()))
-      ranges_.insert({part.name, range.start_key(), range.end_key()});
+void KeyState::erase(std::map<KeyName, Entry>::iterator entry) {
+  forget_ranges_of(entry->first);
+  if (part_) use_.remove(entry->second.place);
+  keys_.erase(entry);
+}
+
+void KeyState::forget_ranges_of(const KeyName& name) {
+  // In order of their starts, so that a flood of keys before all of them looks at none.
+  for (auto it = ranges_.lower_bound({name.name, "", ""}); it != ranges_.end();) {
+    const Range& range = it->first;
+    if (range.name != name.name || range.start > name.key) return;
+    const bool within = range.end.empty() || name.key < range.end;
+    if (within) range_use_.remove(it->second);
+    it = within ? ranges_.erase(it) : std::next(it);
   }
 }
 
-void KeyState::learn(const KeyName& name, const kvrwset::KVRead& read) {
-  Entry* found = entry(name);
-  if (found == nullptr || found->known.version) return;
-  found->known.version = true;
-  found->there = read.has_version();
-  found->known.policy = found->known.policy || !found->there;  // what is not there has none
-  if (found->there) found->key.version = {read.version().block_num(), read.version().tx_num()};
+/// A transaction that counts has read what was there.
+void KeyState::learn(const NamespaceSet& part, const std::string& reader) {
+  for (const kvrwset::KVRead& read : part.set.reads()) learn({part.name, part.collection, read.key()}, read, reader);
+  for (const kvrwset::RangeQueryInfo& range : part.set.range_queries_info()) learn(part, range, reader);
+}
+
+void KeyState::learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range, const std::string& reader) {
+  const auto& reads = range.raw_reads().kv_reads();
+  for (const kvrwset::KVRead& read : reads) learn({part.name, part.collection, read.key()}, read, reader);
+  if (!range.itr_exhausted() || !range.has_raw_reads()) return;
+  const Range whole_range{part.name, range.start_key(), range.end_key()};
+  if (const auto known = ranges_.find(whole_range); known != ranges_.end()) return range_use_.again(known->second);
+  // One with more keys than there is room for has lost its first ones by now.
+  const bool all = std::all_of(reads.begin(), reads.end(), [&](const kvrwset::KVRead& read) {
+    return keys_.contains({part.name, part.collection, read.key()});
+  });
+  if (!all || part_->max_ranges == 0 || knows_range(part.name, range.start_key(), range.end_key())) return;
+  if (ranges_.size() >= part_->max_ranges) {
+    const KeyName oldest = range_use_.oldest_of_largest();  // as it was added below
+    const auto gone = ranges_.find({oldest.name, oldest.key, oldest.collection});
+    range_use_.remove(gone->second);
+    ranges_.erase(gone);
+  }
+  ranges_.emplace(whole_range, range_use_.add({part.name, range.end_key(), range.start_key()}, reader));
+}
+
+void KeyState::learn(const KeyName& name, const kvrwset::KVRead& read, const std::string& reader) {
+  Entry& found = entry(name, reader);
+  if (found.known.version) return;
+  found.known.version = true;
+  found.there = read.has_version();
+  found.known.policy = found.known.policy || !found.there;  // what is not there has none
+  if (found.there) found.key.version = {read.version().block_num(), read.version().tx_num()};
 }
 
 void KeyState::learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers) {
@@ -186,35 +219,34 @@ void KeyState::learn_sufficed(const NamespaceSet& part, const std::vector<Endors
   }
 }
 
-void KeyState::write(const KeyName& name, const KeyEffect& effect, Version version) {
+void KeyState::write(const KeyName& name, const KeyEffect& effect, Version version, const std::string& writer) {
   if (effect.kind == KeyEffect::Kind::deletion && whole()) {
     keys_.erase(name);
     return;
   }
-  Entry* found = entry(name);
-  if (found == nullptr) return;
+  Entry& found = entry(name, writer);
   if (effect.kind == KeyEffect::Kind::deletion) {
-    *found = {.key = {}, .there = false, .known = {}};
+    found = {.key = {}, .there = false, .known = {}, .place = found.place};
     return;
   }
-  if (effect.kind == KeyEffect::Kind::policy && !found->there) {
+  if (effect.kind == KeyEffect::Kind::policy && !found.there) {
     // Where it is not known whether the key is there, neither is what this has changed.
-    if (found->known.version && whole()) keys_.erase(name);
+    if (found.known.version && whole()) keys_.erase(name);
     return;
   }
-  found->there = true;
-  found->key.version = version;
-  found->known.version = true;
+  found.there = true;
+  found.key.version = version;
+  found.known.version = true;
   if (effect.kind == KeyEffect::Kind::value) return;
-  found->key.policy = effect.policy;
-  found->known.policy = true;
+  found.key.policy = effect.policy;
+  found.known.policy = true;
 }
 
-void KeyState::write(const NamespaceSet& part, Version version) {
+void KeyState::write(const NamespaceSet& part, Version version, const std::string& writer) {
   const bool defines = part.name == lifecycle_name && part.collection.empty();
   for (const auto& [key, effect] : effects_of(part.set)) {
     if (defines) take_definition(key, effect);
-    write({part.name, part.collection, key}, effect, version);
+    write({part.name, part.collection, key}, effect, version, writer);
   }
 }
 
@@ -248,11 +280,9 @@ void KeyState::forget(const NamespaceSet& part) {
     if (found != keys_.end() && effect.kind == KeyEffect::Kind::value && found->second.there) {
       found->second.known.version = false;  // a value leaves the policy as it was
     } else if (found != keys_.end()) {
-      keys_.erase(found);
+      erase(found);
     }
-    std::erase_if(ranges_, [&, &written = key](const Range& range) {
-      return range.name == part.name && range.start <= written && (range.end.empty() || written < range.end);
-    });
+    forget_ranges_of({part.name, part.collection, key});
   }
 }
 
@@ -273,8 +303,8 @@ void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, 
         forget(part);
         continue;
       }
-      if (part_) learn(part);
-      write(part, {block, i});
+      if (part_) learn(part, verdict.creator_msp);
+      write(part, {block, i}, verdict.creator_msp);
       if (part_) learn_policies(part, verdict.endorsers);
       if (part_) learn_sufficed(part, verdict.endorsers, policies);
     }

@@ -12,6 +12,7 @@
 #include "common/fabric/judge/channel_config.hpp"
 #include "common/fabric/judge/channel_state.hpp"
 #include "common/fabric/judge/key_effects.hpp"
+#include "common/fabric/judge/key_use.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
 
 namespace ledgerline::fabric {
@@ -26,9 +27,10 @@ class KeyState final : public ChannelState {
  public:
   KeyState() = default;
   struct Part {
-    std::string contract;           ///< whose keys are followed, beside the definitions
-    std::size_t max_keys = 20'000;  ///< further ones are not followed
-    std::size_t max_ids = 50'000;   ///< of the newest transactions
+    std::string contract;  ///< whose keys are followed, beside the definitions
+    /// Beyond them the writer with most keys loses the one of its most numerous kind that was longest not used (KeyUse).
+    std::size_t max_keys = 20'000;
+    std::size_t max_ids = 50'000;  ///< of the newest transactions
     std::size_t max_ranges = 1'000;
     /// As ClientConfig::likely_policy.
     std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
@@ -83,17 +85,22 @@ class KeyState final : public ChannelState {
     Known known{};
     std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
     std::uint64_t policies = 0;        ///< policies_ before that write's block
+    KeyUse::Place place{};             ///< of a part alone
   };
   bool follows(const NamespaceSet& part) const;
-  /// nullptr: there are too many already.
-  Entry* entry(const KeyName& name);
-  void learn(const NamespaceSet& part);
-  void learn(const KeyName& name, const kvrwset::KVRead& read);
+  /// `writer`: MSP id of whose transaction it is in; of a part alone.
+  Entry& entry(const KeyName& name, const std::string& writer);
+  void erase(std::map<KeyName, Entry>::iterator entry);
+  /// A range with it, or with one that nobody follows any more, is not known.
+  void forget_ranges_of(const KeyName& name);
+  void learn(const NamespaceSet& part, const std::string& reader);
+  void learn(const KeyName& name, const kvrwset::KVRead& read, const std::string& reader);
+  void learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range, const std::string& reader);
   /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
   void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
   void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
-  void write(const NamespaceSet& part, Version version);
-  void write(const KeyName& name, const KeyEffect& effect, Version version);
+  void write(const NamespaceSet& part, Version version, const std::string& writer);
+  void write(const KeyName& name, const KeyEffect& effect, Version version, const std::string& writer);
   void remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now);
   /// Of what may have been written or not.
   void forget(const NamespaceSet& part);
@@ -103,11 +110,13 @@ class KeyState final : public ChannelState {
   ChannelConfig config_;
   std::optional<Part> part_;  ///< none: it is whole
   std::map<KeyName, Entry> keys_;
+  KeyUse use_;  ///< of a part's keys
   struct Range {
     std::string name, start, end;
     auto operator<=>(const Range&) const = default;
   };
-  std::set<Range> ranges_;  ///< of a part, whose keys are all known
+  std::map<Range, KeyUse::Place> ranges_;  ///< of a part, whose keys are all known
+  KeyUse range_use_;
   std::unordered_set<std::string> transactions_;
   std::unordered_set<std::string> claimed_;  ///< of these those that nobody but others have used
   struct Id {

@@ -70,9 +70,13 @@ TEST_F(Intake, BelievesAnHonestPeerWhereverItBegins) {
   }
 }
 
-TEST_F(Intake, APartKnowsNothingElseThanTheWhole) {
+/// With room for all keys, and with so little that most are forgotten soon.
+class IntakeOfPart : public Intake, public ::testing::WithParamInterface<std::size_t> {};
+INSTANTIATE_TEST_SUITE_P(WithRoomFor, IntakeOfPart, ::testing::Values(20'000, 12));
+
+TEST_P(IntakeOfPart, APartKnowsNothingElseThanTheWhole) {
   grow(50);
-  part_.emplace(KeyState::Part{.contract = "ledgerline"});
+  part_.emplace(KeyState::Part{.contract = "ledgerline", .max_keys = GetParam(), .max_ranges = GetParam() / 4});
   part_->configure(config_);
   part_->define("ledgerline");
   for (int block = 0; block < 300; ++block) {
