@@ -34,7 +34,7 @@ TEST_F(EndorserTest, ARefusalOfTheContractIsAbortedWithItsWords) {
 }
 
 TEST_F(EndorserTest, AnOrganisationStoresSoManyBytesAndNoMoreUntilItHasDeletedSome) {
-  net.config.max_stored_bytes = 3'000;
+  net.config.max_stored_bytes = 5'500;  // the first value beside each one's records
   net.restart();
   const auto set = [&](const crypto::SigningIdentity& who, const std::string& id, std::size_t bytes) {
     const std::string call = R"({"id":")" + id + R"(","msgType":"t","msgData":")" + std::string(bytes, 'A') + "\"}";
@@ -42,14 +42,14 @@ TEST_F(EndorserTest, AnOrganisationStoresSoManyBytesAndNoMoreUntilItHasDeletedSo
     if (reply.code == Code::ok) net.submit(who, "set", call);
     return reply.detail;
   };
-  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 2'000), "");
-  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 2'000), HasSubstr("the values that Org2MSP has written take"));
-  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 1'900), "") << "it grows no more";
-  EXPECT_EQ(set(net.admin1, "Org1MSP/a", 2'000), "") << "others have a share of their own";
+  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 4'000), "");
+  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 4'000), HasSubstr("the values that Org2MSP has written take"));
+  EXPECT_EQ(set(net.pilot, "Org2MSP/a", 3'900), "") << "it grows no more";
+  EXPECT_EQ(set(net.admin1, "Org1MSP/a", 4'000), "") << "others have a share of their own";
   net.restart();
-  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 2'000), HasSubstr("delete some of them")) << "nothing is forgotten";
+  EXPECT_THAT(set(net.pilot, "Org2MSP/b", 4'000), HasSubstr("delete some of them")) << "nothing is forgotten";
   net.submit(net.pilot, "delete", "Org2MSP/a");
-  EXPECT_EQ(set(net.pilot, "Org2MSP/b", 2'000), "");
+  EXPECT_EQ(set(net.pilot, "Org2MSP/b", 4'000), "");
 }
 
 TEST_F(EndorserTest, AWrongSignatureOfAProposalIsDenied) {

@@ -129,9 +129,11 @@ TEST_F(UrgencyTest, AnEndorsementByAMemberWhoIsNoPeerEarnsNothing) {
         *member.signer->sign(own.action.action().proposal_response_payload() + member.serialized));
     return *fabric::sign_envelope(member, own.bytes());
   };
-  expect_no_harm(flood(endorsed_by_itself));
   net.core->keep_room(true);
-  EXPECT_EQ(net.core->order(endorsed_by_itself(), net.now).code, Code::unavailable) << "the budget alone is no bar";
+  EXPECT_EQ(net.core->order(endorsed_by_itself(), net.now).code, Code::unavailable)
+      << "a full disk takes what is urgent alone";
+  net.core->keep_room(false);
+  expect_no_harm(flood(endorsed_by_itself));
 }
 
 TEST_F(UrgencyTest, AStopThatIsInABlockAlreadyIsNotUrgentWhoeverSendsItAgain) {
