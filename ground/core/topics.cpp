@@ -90,11 +90,11 @@ const std::array<DroneTopic, 7> drone_topics{{
 }};
 
 const std::array<PilotTopic, 5> pilot_topics{{
-    {"/cmd_vel", twist_type, false, velocity},
-    {"/takeoff", empty_type, true, say<&PilotWish::takeoff>},
-    {"/land", empty_type, true, say<&PilotWish::land>},
-    {"/stop", empty_type, true, say<&PilotWish::stop>},
-    {"/emergency", empty_type, true, say<&PilotWish::cut>},
+    {"/cmd_vel", twist_type, false, false, velocity},
+    {"/takeoff", empty_type, true, false, say<&PilotWish::takeoff>},
+    {"/land", empty_type, true, false, say<&PilotWish::land>},
+    {"/stop", empty_type, true, false, say<&PilotWish::stop>},
+    {"/emergency", empty_type, true, true, say<&PilotWish::cut>},
 }};
 
 std::string topic_of(const DroneTopic& topic, const std::string& drone) {

@@ -24,6 +24,7 @@ struct PilotTopic {
   std::string_view name;  ///< behind "/<drone>"
   std::string_view type;
   bool reliable = true;  ///< best effort hears both kinds of writers; for what is soon said again
+  bool cuts = false;     ///< motors off, in the air, too
   /// Adds the message to what the pilot wishes. `came_ns`: the ground's clock.
   void (*take)(std::string_view cdr, TimeNs came_ns, PilotWish& wish);
 };

@@ -35,8 +35,9 @@ FlightView view_of(const std::vector<std::unique_ptr<Channel>>& channels, const 
 }  // namespace
 
 Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
-               dds::ParticipantPtr participant)
+               const PilotSettings& pilot, dds::ParticipantPtr participant)
     : output_(std::move(output)),
+      pilot_(pilot),
       channels_(open_channels(std::move(channels))),
       view_(view_of(channels_, channel_of)),
       names_(names_of(view_)),
@@ -68,10 +69,6 @@ std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
 std::vector<PilotWish> Ground::take_wishes() {
   const std::lock_guard lock(wishes_mutex_);
   return std::exchange(wishes_, {});
-}
-
-void Ground::hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-  wish(drone, std::nullopt, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
 }
 
 void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
@@ -309,13 +306,9 @@ void Ground::publish(std::size_t channel, const DroneNews& news) {
 ShellCounters Ground::losses_of(std::size_t channel) const {
   ShellCounters counters;
   counters.pilots.assign(view_.of_channel(channel).drones().size(), {});
-  for (std::size_t i = 0; i < readers_.size(); ++i) {
-    const FlightView::Place place = view_.place(i / pilot_topics.size());
-    if (place.channel != channel) continue;
-    ShellCounters::Pilot& pilot = counters.pilots[place.drone];
-    const dds::Refused refused = readers_[i].refused();
-    pilot.dds_lost += readers_[i].lost();
-    pilot.dds_refused += refused.total();
+  for (std::size_t i = 0; pilots_ && i < names_.size(); ++i) {
+    const FlightView::Place place = view_.place(i);
+    if (place.channel == channel) counters.pilots[place.drone] = pilots_->losses(i);
   }
   counters.confirmed_after_ms = channels_[channel]->confirmed_after_ms();
   counters.news_unpublished = news_unpublished_[channel];

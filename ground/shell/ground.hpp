@@ -27,6 +27,7 @@
 #include "ground/service/shell/server.hpp"
 #include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
+#include "ground/shell/pilot_readers.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {
@@ -38,7 +39,7 @@ class Ground {
  public:
   /// `channels`: at least one, that of [ledger] first. `channel_of`: for each drone, in the config's order.
   Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
-         dds::ParticipantPtr participant);
+         const PilotSettings& pilot, dds::ParticipantPtr participant);
   ~Ground();
 
   /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
@@ -76,8 +77,7 @@ class Ground {
 
   std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   Status open_topics();
-  Status hear_pilots();
-  void hear(std::size_t drone, const PilotTopic& topic, std::string_view cdr);
+  Status read_pilot_topics();
   /// What the page wishes. Any thread. The error: it would only be flown later.
   Status take(const PilotWish& one);
   /// What the page asks of missions. Any thread.
@@ -116,6 +116,7 @@ class Ground {
   Status write_summary();
 
   OutputSettings output_;
+  const PilotSettings pilot_;
   std::vector<std::unique_ptr<Channel>> channels_;  ///< closed before anything that they put into ends
   const FlightView view_;                           ///< of their cores
   const std::vector<std::string> names_;            ///< of the drones
@@ -149,7 +150,7 @@ class Ground {
   std::unique_ptr<MissionDesk> missions_;       ///< null: there is no service
   std::unique_ptr<service::FaultDesk> faults_;  ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
-  std::vector<dds::RawReader> readers_;  ///< of each drone one for each of pilot_topics
+  std::optional<PilotReaders> pilots_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;
 };
 

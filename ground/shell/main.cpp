@@ -56,6 +56,8 @@ int fly(Config& config) {
   bridge::BridgeConfig bridged = ground::read_bridge(config, flight.drones);
   bridged.checkpoint = bridge::checkpoint_beside(checkpoint);
   const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_ground");
+  const ground::PilotSettings pilot =
+      ground::pilot_settings(config, !service.operators.empty(), dds.security.has_value());
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto believed = fabric::msp_registry(config);
@@ -85,7 +87,7 @@ int fly(Config& config) {
   }
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  ground::Ground ground(std::move(parts), channels.of_drone, output, *participant);
+  ground::Ground ground(std::move(parts), channels.of_drone, output, pilot, *participant);
   ground.watch_certificates(std::move(*certificates));
   if (!service.listen.empty()) {
     if (auto status = ground.serve(service, std::move(missions), *ledgers); !status)
@@ -117,6 +119,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
   [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [service] listen, token_file, tls_certificate, tls_key, tls_client_ca, names, operators, session_idle_s, faults
     (a page to fly from: docs/station.md)
+  [pilot] topics, emergency (what pilots' ROS 2 topics may say: docs/topics.md)
   [mission] folder, approvals, approvers, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:

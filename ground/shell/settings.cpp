@@ -267,6 +267,32 @@ service::MissionSettings mission_settings(Config& config) {
   return settings;
 }
 
+PilotSettings pilot_settings(Config& config, bool has_operators, bool has_dds_security) {
+  PilotSettings settings;
+  settings.topics =
+      config
+          .boolean({"pilot.topics",
+                    "pilots' ROS 2 topics are read: whoever can write them flies, on loopback every user of this host",
+                    "true; false with [service] operators"})
+          .value_or(!has_operators);
+  const auto emergency = config.boolean({"pilot.emergency",
+                                         "`/<drone>/emergency` among them, motors off in the air, too: nobody is asked "
+                                         "twice there",
+                                         "false; true with DDS Security"});
+  settings.emergency = emergency.value_or(has_dds_security) && settings.topics;
+  if (emergency.value_or(false) && !settings.topics)
+    config.wrong("pilot.emergency", "must not be true without topics = true");
+  return settings;
+}
+
+std::vector<const PilotTopic*> topics_read(const PilotSettings& settings) {
+  std::vector<const PilotTopic*> read;
+  for (const PilotTopic& topic : pilot_topics) {
+    if (settings.topics && (!topic.cuts || settings.emergency)) read.push_back(&topic);
+  }
+  return read;
+}
+
 std::string checkpoint_path(Config& config) {
   return config.text(
       {"output.checkpoint",

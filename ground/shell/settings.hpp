@@ -1,10 +1,12 @@
 #pragma once
 #include <string>
+#include <vector>
 
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
 #include "common/rt/histogram.hpp"
 #include "ground/core/flight_view.hpp"
+#include "ground/core/topics.hpp"
 #include "ground/service/core/settings.hpp"
 #include "ground/service/missions/book.hpp"
 
@@ -31,6 +33,17 @@ service::ServiceSettings service_settings(Config& config);
 service::MissionSettings mission_settings(Config& config);
 /// Reads [output] checkpoint, of who follows a ledger: the file of the newest block believed; empty: none.
 std::string checkpoint_path(Config& config);
+
+/// What pilots may say by DDS, which knows no users.
+struct PilotSettings {
+  bool topics = true;      ///< the five topics are read, but for the next
+  bool emergency = false;  ///< that one, too: motors off
+};
+/// Reads [pilot]. Where operators sign in the topics are a way past them, so they have to be asked for; motors off has to be
+/// asked for wherever DDS does not know whom it hears.
+PilotSettings pilot_settings(Config& config, bool has_operators, bool has_dds_security);
+/// Those of `pilot_topics` that are read.
+std::vector<const PilotTopic*> topics_read(const PilotSettings& settings);
 
 /// What the shell counts itself.
 struct ShellCounters {

@@ -51,7 +51,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
   if (missions_) {
     if (auto status = missions_->restore(); !status) return status;
   }
-  return hear_pilots();
+  return read_pilot_topics();
 }
 
 Status Ground::open_topics() {
@@ -68,18 +68,17 @@ Status Ground::open_topics() {
   return done;
 }
 
-Status Ground::hear_pilots() {
-  for (std::size_t i = 0; i < names_.size(); ++i) {
-    for (const PilotTopic& topic : pilot_topics) {
-      auto reader = dds::RawReader::create(participant_, topic_of(topic, names_[i]), std::string(topic.type),
-                                           {.reliable = topic.reliable},
-                                           [this, i, &topic](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
-                                             hear(i, topic, dds::text_of(cdr));
-                                           });
-      if (!reader) return reader.error();
-      readers_.push_back(std::move(reader).value());
-    }
-  }
+Status Ground::read_pilot_topics() {
+  if (!pilot_.topics)
+    spdlog::info("pilots' ROS 2 topics are not read: [pilot] topics = true reads them");
+  else if (!pilot_.emergency)
+    spdlog::info("/<drone>/emergency is not read without DDS Security: [pilot] emergency = true reads it");
+  auto pilots = PilotReaders::create(
+      participant_, names_, pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
+        wish(drone, std::nullopt, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
+      });
+  if (!pilots) return pilots.error();
+  pilots_.emplace(std::move(pilots).value());
   return done;
 }
 

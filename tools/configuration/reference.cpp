@@ -60,6 +60,7 @@ Status read_ground(Config& config) {
   (void)ground::output_settings(config);
   (void)ground::service_settings(config);
   (void)ground::mission_settings(config);
+  (void)ground::pilot_settings(config, false, false);
   (void)ground::checkpoint_path(config);
   (void)endorser::read_within_settings(config);
   (void)ground::read_bridge(config, flight.drones);

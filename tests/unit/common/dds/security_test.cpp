@@ -25,17 +25,20 @@ Security files_in(const fs::path& folder) {
           folder / "permissions.p7s"};
 }
 
-/// An authority of its own and one member for each name, a folder each.
+/// An authority of its own and one member for each name, a folder each: a pilot, a tracker, else a program.
 void make_members(const fs::path& folder, const std::vector<std::string>& names) {
   const auto ca = crypto::make_ca("ca.org1", "org1").value();
   std::vector<crypto::KeyAndCertificate> members;
-  std::vector<std::string> certificates;
+  SecurityMembers lists;
   for (const std::string& name : names) {
     members.push_back(
         crypto::issue(ca, {.common_name = name, .organization = "org1", .unit = "client", .sans = {}}).value());
-    certificates.push_back(members.back().certificate_pem);
+    (name == "pilot"     ? lists.pilots
+     : name == "tracker" ? lists.trackers
+                         : lists.programs)
+        .push_back(members.back().certificate_pem);
   }
-  const auto documents = make_security_documents(ca, certificates);
+  const auto documents = make_security_documents(ca, lists);
   ASSERT_TRUE(documents) << documents.error().what;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Security files = files_in(folder / names[i]);
@@ -146,6 +149,34 @@ TEST_F(SecurityOfDds, WithoutItTheSameOutsiderIsHeardAndHears) {
   const auto met = meet("", {{"insecure", ""}}, {"insecure"});
   EXPECT_GE(met.at("insecure").heard, messages);
   EXPECT_EQ(met.at("insecure").got, static_cast<int>(messages));
+}
+
+TEST_F(SecurityOfDds, PilotsWriteWhatPilotsSayMotionCaptureWritesPosesAndNobodyElseDoes) {
+  make_members(folder_, {"host1", "pilot", "tracker"});
+  const std::map<std::string, std::set<std::string>> topics_of{
+      {"host1", {"/tello1/odom", "/tf"}},
+      {"pilot", {"/tello1/cmd_vel", "/tello1/takeoff", "/tello1/land", "/tello1/stop", "/tello1/emergency"}},
+      {"tracker", {"/vrpn_mocap/tello1/pose"}}};
+  for (const auto& [who, own] : topics_of) {
+    ParticipantOptions options = on_own_domain();
+    options.security = files_in(folder_ / who);
+    const auto participant = Participant::create(options);
+    ASSERT_TRUE(participant) << participant.error().what;
+    for (const auto& [other, topics] : topics_of) {
+      for (const std::string& topic : topics) {
+        EXPECT_EQ(static_cast<bool>(RawWriter::create(*participant, topic, type, {})), own.contains(topic))
+            << who << " writes " << topic;
+        EXPECT_TRUE(
+            RawReader::create(*participant, topic, type, {}, [](std::span<const std::uint8_t>, const RawInfo&) {}))
+            << who << " reads " << topic;
+      }
+    }
+    EXPECT_TRUE(RawWriter::create(*participant, "/rosout", type, {})) << who << " may be a node of ROS 2";
+  }
+}
+
+TEST_F(SecurityOfDds, PosesComeByTopicsThatBeginWithASlash) {
+  EXPECT_FALSE(make_security_documents(crypto::make_ca("ca.org1", "org1").value(), {.poses = "vrpn_mocap/*"}));
 }
 
 TEST_F(SecurityOfDds, AFileThatIsMissingOrAKeyThatOthersMayReadIsNamed) {

@@ -122,6 +122,33 @@ TEST(GroundSettings, EveryTopicOfDronesAndPilotsIsGuarded) {
   for (const bridge::Rule& own : bridged.rules) EXPECT_TRUE(bridge::is_guarded(own.name)) << own.name;
 }
 
+std::vector<std::string> topics_of_pilots(const std::string& toml, bool has_operators, bool has_dds_security) {
+  auto config = Config::parse(toml, "ground.toml");
+  const PilotSettings pilot = pilot_settings(*config, has_operators, has_dds_security);
+  if (const Status read = config->finish(); !read) return {read.error().what};
+  std::vector<std::string> names;
+  for (const PilotTopic* topic : topics_read(pilot)) names.emplace_back(topic->name);
+  return names;
+}
+
+TEST(GroundSettings, WhereOperatorsSignInDdsIsNoWayPastThem) {
+  EXPECT_THAT(topics_of_pilots("", true, false), testing::IsEmpty());
+  EXPECT_THAT(topics_of_pilots("", true, true), testing::IsEmpty()) << "a member of DDS is no operator, either";
+  EXPECT_THAT(topics_of_pilots("[pilot]\ntopics = true\n", true, false),
+              testing::ElementsAre("/cmd_vel", "/takeoff", "/land", "/stop"));
+  EXPECT_THAT(topics_of_pilots("[pilot]\ntopics = false\n", false, true), testing::IsEmpty());
+}
+
+TEST(GroundSettings, MotorsAreCutByDdsWhereItKnowsItsMembersOrTheConfigNamesIt) {
+  EXPECT_THAT(topics_of_pilots("", false, false), testing::Not(testing::Contains("/emergency")));
+  EXPECT_THAT(topics_of_pilots("", false, true), testing::Contains("/emergency"));
+  EXPECT_THAT(topics_of_pilots("[pilot]\nemergency = true\n", false, false), testing::Contains("/emergency"));
+  EXPECT_THAT(topics_of_pilots("[pilot]\nemergency = false\n", false, true),
+              testing::Not(testing::Contains("/emergency")));
+  EXPECT_THAT(topics_of_pilots("[pilot]\nemergency = true\n", true, false),
+              testing::ElementsAre(testing::HasSubstr("ground.toml:2: pilot.emergency: must not be true")));
+}
+
 TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
   auto config = Config::parse("[flight]\nshape = \"circle\"\nspeed_mps = 99\nlapse = 3\n", "ground.toml");
   ASSERT_TRUE(config);
