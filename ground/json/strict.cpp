@@ -3,34 +3,96 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <set>
+#include <utility>
 #include <vector>
 
 #include "common/base/printable.hpp"
 
 namespace ledgerline::ground::json {
 
+namespace {
+
 using Json = nlohmann::json;
 
-Result<Json> object_from(std::string_view text, std::string_view what, int max_depth) {
-  if (text.empty()) return Json::object();
-  bool too_deep = false;
-  std::string twice;
-  std::vector<std::set<std::string>> keys;  // of the objects that are open
-  const auto bounded = [&](int depth, Json::parse_event_t event, Json& parsed) {
-    too_deep = too_deep || depth > max_depth;
-    if (too_deep) return false;
-    if (event == Json::parse_event_t::object_start) keys.emplace_back();
-    if (event == Json::parse_event_t::object_end) keys.pop_back();
-    if (event == Json::parse_event_t::key && !keys.back().insert(parsed.get_ref<const std::string&>()).second)
-      twice = parsed.get_ref<const std::string&>();
+/// Builds a value as it is read, and stops at the first thing too many. The library's own way to look on while it builds,
+/// a callback, goes through a list once for each object in it.
+class Builder final : public nlohmann::json_sax<Json> {
+ public:
+  explicit Builder(const Bounds& bounds) : bounds_(bounds) {}
+
+  enum class Fault { none, malformed, too_deep, too_many };
+  Fault fault() const { return fault_; }
+  const std::string& twice() const { return twice_; }  ///< a key of an object that has it twice; empty: none
+  Json& built() { return root_; }
+
+  bool null() override { return add(nullptr) != nullptr; }
+  bool boolean(bool value) override { return add(value) != nullptr; }
+  bool number_integer(number_integer_t value) override { return add(value) != nullptr; }
+  bool number_unsigned(number_unsigned_t value) override { return add(value) != nullptr; }
+  bool number_float(number_float_t value, const string_t&) override { return add(value) != nullptr; }
+  bool string(string_t& value) override { return add(std::move(value)) != nullptr; }
+  bool binary(binary_t&) override { return stop(Fault::malformed); }
+  bool start_object(std::size_t) override { return open(Json::object()); }
+  bool start_array(std::size_t) override { return open(Json::array()); }
+  bool end_object() override { return close(); }
+  bool end_array() override { return close(); }
+  bool key(string_t& name) override {
+    if (open_.back()->contains(name)) twice_ = name;
+    key_ = std::move(name);
     return true;
-  };
-  Json parsed = Json::parse(text, bounded, false);
-  if (too_deep || parsed.is_discarded() || !parsed.is_object())
-    return Error{fmt::format("{} must be a JSON object that nests at most {} deep", what, max_depth)};
-  if (!twice.empty()) return Error{fmt::format("{} has the key \"{}\" twice", what, printable(twice, max_shown))};
-  return parsed;
+  }
+  bool parse_error(std::size_t, const std::string&, const nlohmann::detail::exception&) override {
+    return stop(Fault::malformed);
+  }
+
+ private:
+  bool stop(Fault why) {
+    fault_ = why;
+    return false;
+  }
+  /// Where it stands now; null: it is one too many.
+  Json* add(Json value) {
+    if (static_cast<int>(open_.size()) > bounds_.max_depth) return stop(Fault::too_deep), nullptr;
+    if (++elements_ > bounds_.max_elements) return stop(Fault::too_many), nullptr;
+    if (open_.empty()) return &(root_ = std::move(value));
+    Json& inside = *open_.back();
+    if (inside.is_object()) return &(inside[key_] = std::move(value));
+    inside.push_back(std::move(value));
+    return &inside.back();
+  }
+  bool open(Json empty) {
+    Json* const opened = add(std::move(empty));
+    if (opened) open_.push_back(opened);
+    return opened != nullptr;
+  }
+  bool close() {
+    open_.pop_back();
+    return true;
+  }
+
+  const Bounds bounds_;
+  Json root_;
+  std::vector<Json*> open_;  ///< from the outermost; none of them moves while it is open
+  std::string key_, twice_;
+  std::size_t elements_ = 0;
+  Fault fault_ = Fault::none;
+};
+
+}  // namespace
+
+Result<Json> object_from(std::string_view text, std::string_view what, const Bounds& bounds) {
+  if (text.empty()) return Json::object();
+  if (text.size() > bounds.max_bytes)
+    return Error{fmt::format("{} has {} bytes; {} may be", what, text.size(), bounds.max_bytes)};
+  Builder builder(bounds);
+  const bool whole = Json::sax_parse(text, &builder);
+  if (builder.fault() == Builder::Fault::too_many)
+    return Error{fmt::format("{} has more than {} values", what, bounds.max_elements)};
+  if (!whole || !builder.built().is_object())
+    return Error{fmt::format("{} must be a JSON object that nests at most {} deep", what, bounds.max_depth)};
+  if (!builder.twice().empty())
+    return Error{fmt::format("{} has the key \"{}\" twice", what, printable(builder.twice(), max_shown))};
+  return std::move(builder.built());
 }
 
 Status only(const Json& object, std::initializer_list<std::string_view> allowed) {

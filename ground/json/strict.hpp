@@ -1,4 +1,5 @@
 #pragma once
+#include <cstddef>
 #include <initializer_list>
 #include <nlohmann/json.hpp>
 #include <string>
@@ -12,9 +13,16 @@ namespace ledgerline::ground::json {
 
 inline constexpr std::size_t max_shown = 64;  ///< bytes of a client's word that is given back in an error
 
-/// An object, or nothing at all, which is the empty one. Nested no deeper than `max_depth`, no key of an object twice.
-/// `what` the error is about: "the body".
-Result<nlohmann::json> object_from(std::string_view text, std::string_view what, int max_depth);
+/// What is read at most: reading costs no more than this allows, whatever the bytes say.
+struct Bounds {
+  std::size_t max_bytes;
+  int max_depth;             ///< of values: those of the outermost object are at depth 1
+  std::size_t max_elements;  ///< values of any kind, lists and objects too
+};
+
+/// An object, or nothing at all, which is the empty one; within those bounds, no key of an object twice. Reading stops at
+/// the first value too many. `what` the error is about: "the body".
+Result<nlohmann::json> object_from(std::string_view text, std::string_view what, const Bounds& bounds);
 
 /// The error names the first key that is not allowed.
 Status only(const nlohmann::json& object, std::initializer_list<std::string_view> allowed);

@@ -18,7 +18,8 @@ namespace {
 using nlohmann::json;
 namespace strict = ground::json;
 
-constexpr int max_depth = 5;  // mission, drones, drone, waypoints, waypoint, number
+// Mission, drones, drone, waypoints, waypoint, number; five values a waypoint.
+constexpr strict::Bounds mission_bounds{max_mission_bytes, 5, (5 * motion::max_waypoints + 10) * max_drones + 3};
 
 Status check_size(std::string_view text) {
   if (text.size() <= max_mission_bytes) return done;
@@ -152,7 +153,7 @@ Result<Mission> mission_from_json(const json& given) {
 
 Result<Mission> mission_from_json(std::string_view text) {
   if (const Status size = check_size(text); !size) return size.error();
-  const auto parsed = strict::object_from(text, "the mission", max_depth);
+  const auto parsed = strict::object_from(text, "the mission", mission_bounds);
   if (!parsed) return parsed.error();
   return mission_from_json(*parsed);
 }

@@ -18,7 +18,9 @@ using nlohmann::json;
 namespace strict = ground::json;
 
 constexpr int version = 1;
-constexpr int max_saved_depth = 6;  // a mission, one deeper
+// A mission, one deeper, and five values of each drone.
+constexpr strict::Bounds saved_bounds{MissionRun::max_saved_bytes, 6,
+                                      (5 * motion::max_waypoints + 20) * max_drones + 20};
 
 template <typename Names>
 std::optional<std::size_t> index_in(const Names& names, const json& name) {
@@ -98,7 +100,7 @@ Status MissionRun::restore_part(const nlohmann::json& given, std::size_t drone) 
 Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& config) {
   const auto wrong = [](const std::string& what) { return Error{"the kept mission: " + what}; };
   if (text.size() > max_saved_bytes) return wrong(fmt::format("has {} bytes; {} may be", text.size(), max_saved_bytes));
-  const auto parsed = strict::object_from(text, "the kept mission", max_saved_depth);
+  const auto parsed = strict::object_from(text, "the kept mission", saved_bounds);
   if (!parsed) return parsed.error();
   if (const Status keys = strict::only(*parsed, {"version", "mission", "phase", "paused", "why", "drones"}); !keys)
     return wrong(keys.error().what);

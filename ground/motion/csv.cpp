@@ -49,7 +49,7 @@ std::vector<std::string_view> cells_of(std::string_view line) {
   for (;;) {
     const auto comma = line.find(',');
     cells.push_back(trimmed(line.substr(0, comma)));
-    if (comma == std::string_view::npos) return cells;
+    if (comma == std::string_view::npos || cells.size() > max_cells) return cells;
     line.remove_prefix(comma + 1);
   }
 }

@@ -22,7 +22,9 @@ class CsvLines {
   int number_ = 0;
 };
 
-/// Without blanks around them; valid as long as the line.
+/// More columns than any table here has.
+inline constexpr std::size_t max_cells = 16;
+/// Without blanks around them, one more than max_cells at most; valid as long as the line.
 std::vector<std::string_view> cells_of(std::string_view line);
 
 /// x,y[,z[,speed]], empty z or speed as if not there; x and y from -max_coordinate_m to it. The error names the column.

@@ -25,7 +25,8 @@ using strict::only;
 
 constexpr std::string_view root = "/api/v1/";
 constexpr std::size_t max_pass_phrase = 256;
-constexpr int max_depth = 4;  // of any request
+// Of any request but a new mission: a path is the longest, five values a waypoint.
+constexpr strict::Bounds bounds{max_body_bytes, 4, 5 * motion::max_waypoints + 100};
 
 constexpr const char* word_of(Level level) {
   constexpr std::array words{"info", "warning", "alarm"};
@@ -47,7 +48,7 @@ json events_json(const std::deque<Event>& events, std::size_t first) {
   return list;
 }
 
-Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", max_depth); }
+Result<json> object_from(std::string_view body) { return strict::object_from(body, "the body", bounds); }
 Result<json> object_from(std::string_view body, std::initializer_list<std::string_view> allowed) {
   auto object = object_from(body);
   if (!object) return object;

@@ -19,7 +19,7 @@ ApiAnswer answer_faults(const ApiRequest& request, const Known& known) {
   if (!known.faults) return refusal(404, "there are no faults to switch here: [service] faults is not set");
   if (!known.faults->why.empty()) return refusal(503, known.faults->why);
   if (request.method == "GET") return {200, faults_text(*known.faults)};
-  const auto body = strict::object_from(request.body, "the body", 2);
+  const auto body = strict::object_from(request.body, "the body", {max_body_bytes, 2, 8});
   if (!body) return refusal(400, body.error().what);
   if (const Status keys = strict::only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().what);
   const json name = body->value("name", json()), on = body->value("on", json());

@@ -15,7 +15,7 @@ namespace strict = ground::json;
 using nlohmann::json;
 
 constexpr std::size_t max_fault_name = 64, max_fault_words = 300;
-constexpr int max_list_depth = 3;
+constexpr strict::Bounds list_bounds{1'048'576, 3, 16 * max_fault_switches + 2};
 
 bool is_fault_name(const std::string& text) {
   return !text.empty() && text.size() <= max_fault_name && std::all_of(text.begin(), text.end(), [](char c) {
@@ -53,7 +53,7 @@ Result<FaultSwitch> switch_from(const json& given) {
 }  // namespace
 
 Result<std::vector<FaultSwitch>> faults_from(std::string_view text) {
-  const auto object = strict::object_from(text, "the list of faults", max_list_depth);
+  const auto object = strict::object_from(text, "the list of faults", list_bounds);
   if (!object) return object.error();
   if (const Status keys = strict::only(*object, {"faults"}); !keys) return keys.error();
   const json list = object->value("faults", json());

@@ -18,7 +18,9 @@ using nlohmann::json;
 
 constexpr std::size_t id_digits = 12;
 constexpr std::size_t max_told_findings = 20;
-constexpr int max_kept_depth = 8;
+// What MissionRun keeps, one deeper, and whose it is.
+constexpr ground::json::Bounds kept_bounds{mission::MissionRun::max_saved_bytes + 4096, 8,
+                                           (5 * motion::max_waypoints + 20) * mission::max_drones + 40};
 
 Error unknown(const std::string& id) { return Error{fmt::format("there is no mission \"{}\"", id.substr(0, 64))}; }
 
@@ -68,7 +70,7 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
 Result<std::string> MissionBook::add(MissionRun run) { return put(std::move(run), std::nullopt); }
 
 Result<std::string> MissionBook::restore(std::string_view text) {
-  const auto kept = ground::json::object_from(text, "the kept mission", max_kept_depth);
+  const auto kept = ground::json::object_from(text, "the kept mission", kept_bounds);
   if (!kept) return kept.error();
   if (const Status keys = ground::json::only(*kept, {"by", "run"}); !keys) return keys.error();
   std::optional<crypto::IdentityName> by;
