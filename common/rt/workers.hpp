@@ -18,14 +18,18 @@ class Workers {
   Workers(const Workers&) = delete;
   Workers& operator=(const Workers&) = delete;
 
-  /// Nothing is taken from here on; waits until all that was is done. Once, and again to no effect.
-  void close() {
+  enum class Waiting { finished, dropped };
+  /// Nothing is taken from here on; waits until all that was is done, or what has begun. Once, and again to no effect.
+  void close(Waiting waiting = Waiting::finished) {
     std::vector<std::thread> ending;
+    std::deque<std::function<void()>> dropped;  // what they hold ends outside of the lock
     {
       const std::lock_guard lock(mutex_);
       over_ = true;
+      if (waiting == Waiting::dropped) dropped.swap(tasks_);
       ending.swap(threads_);
     }
+    dropped.clear();
     changed_.notify_all();
     for (std::thread& thread : ending) thread.join();
   }

@@ -34,7 +34,8 @@ TlsContext context_of(ssl::context::method method) {
   SSL_CTX* const native = context->native_handle();
   SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
   SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; all of 1.3 are good
-  SSL_CTX_set_options(native, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_CIPHER_SERVER_PREFERENCE);
+  SSL_CTX_set_options(native, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_CIPHER_SERVER_PREFERENCE |
+                                  SSL_OP_CLEANSE_PLAINTEXT);  // a pass phrase comes by it
   SSL_CTX_set_default_passwd_cb(native, no_pass_phrase);
   SSL_CTX_set_verify_depth(native, max_chain);
   // A session that is taken up again would outlive a change of certificates; handshakes here are few.

@@ -105,8 +105,10 @@ struct PilotWish {
   std::uint64_t late = 0;             ///< velocities that were held back on their way: not flown
 };
 
-/// What everybody may say who may say anything, at any time, and what comes before all else.
+/// What is taken at any time, and before all else.
 inline bool brings_down(const PilotWish& wish) { return wish.stop || wish.cut || wish.land; }
+/// What needs no operator who is signed in: it lands the drone. A cut drops it, on whoever stands below.
+inline bool only_lands(const PilotWish& wish) { return (wish.stop || wish.land) && !wish.cut; }
 
 struct FlightInputs {
   const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client

@@ -40,6 +40,8 @@ export class Connection extends EventTarget {
   #wait = 0;
   #paths = {};
   #lostAt = null; // the first time since the last hello
+  #newestId = 0; // of what was asked for on the stream
+  #unanswered = new Map(); // id -> what takes its answer
   stateMs = 0; // of the newest state, the station's clock: a velocity says what its pilot saw
   hello = { manual: false, speed_mps: 0, cmd_timeout_ms: 0, fence: null };
 
@@ -75,6 +77,38 @@ export class Connection extends EventTarget {
     if (answer.status !== 401 || !session) return answer;
     if (session === this.#session) this.#change(null, `The session of ${session.operator} is over: the station does not know it any more.`);
     return this.#ask(this.#token, method, path, body); // a stop and a landing need no session
+  }
+
+  /// `op`: stop or land, of one drone, a stop also of all (null). It goes out by the open stream and as a request, since either may be shut or full:
+  /// the first way that takes it answers. It answers as request() does.
+  async bringDown(op, drone = null) {
+    const path = drone === null ? op : `drones/${encodeURIComponent(drone)}/${op}`;
+    const ways = [this.#askByStream(drone === null ? { op } : { op, drone }), this.request('POST', path, {})];
+    const taken = ways.map(async (way) => {
+      const answer = await way;
+      if (!answer.ok) throw answer;
+      return answer;
+    });
+    return Promise.any(taken).catch(() => ways[1]);
+  }
+
+  #askByStream(message) {
+    const none = { ok: false, status: 0, body: {}, words: 'the stream is shut' };
+    if (!this.up) return Promise.resolve(none);
+    const id = ++this.#newestId;
+    const answer = new Promise((done) => {
+      this.#unanswered.set(id, done);
+      setTimeout(() => this.#answered({ id, ...none }), REQUEST_MS);
+    });
+    this.#socket.send(JSON.stringify({ ...message, id }));
+    return answer;
+  }
+
+  #answered({ id, status, error }) {
+    const done = this.#unanswered.get(id);
+    this.#unanswered.delete(id);
+    const ok = status >= 200 && status < 300;
+    done?.({ ok, status, body: {}, words: ok ? 'accepted' : error ?? 'no answer on the stream' });
   }
 
   async signIn(operator, passphrase) {
@@ -169,6 +203,7 @@ export class Connection extends EventTarget {
     this.#fails = 0;
     if (message.op === 'hello') this.#greet(message);
     if (message.op === 'paths') this.#paths = message.paths;
+    if (message.op === 'answer') this.#answered(message);
     if (message.op === 'state') {
       this.stateMs = message.t_ms;
       message.drones = this.withPaths(message.drones);

@@ -111,7 +111,7 @@ class Card {
     const what = action === 'pause' && this.#drone?.paused ? 'resume' : action;
     const said = what === 'resume' ? 'Resume' : label;
     this.reply(`${said}: sent`);
-    const answer = await this.#connection.request('POST', `drones/${encodeURIComponent(this.name)}/${what}`);
+    const answer = what === 'stop' || what === 'land' ? await this.#connection.bringDown(what, this.name) : await this.#connection.request('POST', `drones/${encodeURIComponent(this.name)}/${what}`);
     return this.reply(`${said}: ${answer.words}`);
   }
 

@@ -1,4 +1,4 @@
-// Stop all: a plain request that is repeated until the station accepts it, and what is confirmed for each drone since.
+// Stop all: said by every way to the station and repeated until it accepts, and what is confirmed for each drone since.
 
 const AGAIN_MS = 500;
 const MAX_TRIES = 60;
@@ -51,7 +51,7 @@ export class StopAll {
     while (!this.#accepted && this.#tries < MAX_TRIES) {
       ++this.#tries;
       this.#words.textContent = this.#tries === 1 ? 'Stop sent to all drones.' : `Stop sent again (${this.#tries}).`;
-      const answer = await this.#connection.request('POST', 'stop', { cut: false });
+      const answer = await this.#connection.bringDown('stop');
       if (answer.ok) {
         this.#accepted = true;
         this.#words.textContent = 'The station has accepted the stop of all drones.';

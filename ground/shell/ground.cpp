@@ -49,6 +49,7 @@ Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size
 
 Ground::~Ground() {
   mailbox_.close();
+  for (const auto& roles : roles_) roles->close();
   if (missions_) missions_->close();
   if (desk_) desk_->close();
   if (faults_) faults_->close();
@@ -123,6 +124,7 @@ void Ground::show(TimeNs now_ns) {
   telling.paths = board_.changed_paths(view_);
   telling.state = service::Board::state_message(now_ns, view_, telling.drones);
   telling.aloft = service::aloft_of(view_);
+  telling.stopped_by_ground = service::stopped_by_ground(view_);
   telling.events = std::exchange(unshown_, {});
   server_->publish(std::move(telling));
 }
@@ -143,6 +145,7 @@ Status Ground::open(std::size_t index, const Channel::News& news, FlightInputs& 
     if (!*now) return done;
     inputs.block = block;
     certificate_ends_.note(*block);
+    if (!roles_.empty()) roles_[index]->look(*block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
     note(*block);
     if (missions_) missions_->look(*block);
@@ -244,6 +247,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
       break;
     }
+    dismiss(now_ns);
     if (!leaving_.empty()) see_off(now_ns);
     tell_certificates(now_ns);
     show(now_ns);

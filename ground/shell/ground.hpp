@@ -28,6 +28,7 @@
 #include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
 #include "ground/shell/pilot_readers.hpp"
+#include "ground/shell/role_watch.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {
@@ -90,6 +91,8 @@ class Ground {
   void say(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
   Status open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers);
+  /// Ends the sessions of operators whose roles were taken.
+  void dismiss(TimeNs now_ns);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
   void see_off(TimeNs now_ns);
   /// One of several.
@@ -144,11 +147,13 @@ class Ground {
 
   service::Leaving leaving_;  ///< operators of desk_
   TimeNs session_idle_ns_ = 0;
+  std::vector<std::size_t> dismissed_;  ///< as said last
 
   // Last, so that they end first: their callbacks use all of the above.
-  std::unique_ptr<OperatorDesk> desk_;          ///< null: nobody signs in
-  std::unique_ptr<MissionDesk> missions_;       ///< null: there is no service
-  std::unique_ptr<service::FaultDesk> faults_;  ///< null: none are switched here
+  std::unique_ptr<OperatorDesk> desk_;             ///< null: nobody signs in
+  std::vector<std::unique_ptr<RoleWatch>> roles_;  ///< of each channel, where operators sign in
+  std::unique_ptr<MissionDesk> missions_;          ///< null: there is no service
+  std::unique_ptr<service::FaultDesk> faults_;     ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
   std::optional<PilotReaders> pilots_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;

@@ -30,15 +30,14 @@ ApiAnswer done_or(const Status& status) {
 }
 
 /// Who has anchored this digest with these words, and is an operator or a supervisor of one of the organisations now.
-Result<std::vector<crypto::IdentityName>> approvers_of(fabric::Client& client, const std::string& digest,
+Result<std::vector<crypto::IdentityName>> approvers_of(const belief::Evaluate& evaluate, const std::string& digest,
                                                        const std::string& words,
                                                        const std::vector<std::string>& organisations) {
-  const auto evaluate = [&](const fabric::Call& c) { return client.evaluate(c); };
   const auto roles = belief::read_roles(evaluate, {organisations.begin(), organisations.end()});
   if (!roles) return roles.error();
   Anchors anchors;
   for (const AnchorCall& call : service::approval_questions(digest, *roles)) {
-    const auto answer = client.evaluate({contract::verify, {call.SerializeAsString()}});
+    const auto answer = evaluate({contract::verify, {call.SerializeAsString()}});
     if (!answer) return answer.error();
     Anchors some;
     if (const Status read = parse_message(*answer, some); !read) return read.error();
@@ -60,7 +59,9 @@ void MissionDesk::later(Task task) {
 }
 
 void MissionDesk::close() {
-  worker_.close();
+  closed_ = true;
+  worker_.close(Workers::Waiting::dropped);
+  disk_.close();
   tasks_.close();
   (void)tasks_.take_all();
   waiting_.clear();
@@ -106,11 +107,11 @@ void MissionDesk::add(const MissionAsk& asked, const Answer& answer) {
   auto run = mission::MissionRun::make(std::move(*mission), parts_.settings.run);
   if (!run) return answer(refusal(400, run.error().what));
   const auto made = std::make_shared<mission::MissionRun>(std::move(*run));
-  later([this, made, answer] { take(std::move(*made), answer); });
+  later([this, made, by = asked.by, answer] { take(std::move(*made), by, answer); });
 }
 
-void MissionDesk::take(mission::MissionRun run, const Answer& answer) {
-  const auto id = book_.add(std::move(run));
+void MissionDesk::take(mission::MissionRun run, const std::optional<crypto::IdentityName>& by, const Answer& answer) {
+  const auto id = book_.add(std::move(run), by);
   if (!id) return answer(refusal(409, id.error().what));
   keep(*id);
   read_signers(*id);
@@ -133,23 +134,36 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
   then(std::move(checked));
 }
 
-void MissionDesk::read_signers(const std::string& id) {
+void MissionDesk::read_signers(const std::string& id, std::function<void(const Status& read)> then) {
   const std::string digest = bytes_of(book_.digest(id)), words = service::approval_words(book_.mission(id).name);
   std::vector<std::string> organisations = parts_.settings.approvers;
   if (organisations.empty()) organisations = {parts_.core.config().self.msp_id};  // as the book counts them
-  const bool taken = worker_.post([this, id, digest, words, organisations = std::move(organisations)] {
-    auto signers = approvers_of(parts_.client, digest, words, organisations);
-    later([this, id, signers = std::move(signers)] {
-      if (signers) return book_.set_signers(id, *signers);
-      spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);
-      unread_.add(id, monotonic_ns());
+  const bool taken = worker_.post([this, id, digest, words, then, organisations = std::move(organisations)] {
+    auto signers =
+        approvers_of([this](const fabric::Call& call) { return ask_ledger(call); }, digest, words, organisations);
+    later([this, id, then, signers = std::move(signers)] {
+      if (signers) {
+        book_.set_signers(id, *signers);
+      } else {
+        spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);
+        unread_.add(id, monotonic_ns());
+      }
+      if (then) then(signers ? Status(done) : Status(signers.error()));
     });
   });
-  if (!taken) unread_.add(id, monotonic_ns());
+  if (taken) return;
+  unread_.add(id, monotonic_ns());
+  if (then) then(Error{"too many missions wait to be looked at"});
+}
+
+Result<std::string> MissionDesk::ask_ledger(const fabric::Call& call) {
+  if (closed_) return Error{"the ground ends"};
+  return parts_.client.evaluate(call);
 }
 
 void MissionDesk::look(const fabric::Block& block) {
   for (const std::string& id : service::anchored_in(block, book_)) read_signers(id);
+  if (service::changes_roles(block)) all_anew_.want();
 }
 
 void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer) {
@@ -164,13 +178,13 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
     case Kind::start:
       return fly(book_.mission(asked.id), &service::MissionBook::start, asked, answer);
     case Kind::pause:
-      return answer(done_or(book_.pause(asked.id)));
+      return answer(done_or(book_.pause(asked.id, asked.by)));
     case Kind::resume:
       return fly(book_.rest(asked.id), &service::MissionBook::resume, asked, answer);
     case Kind::land:
       return answer(done_or(book_.land(asked.id, "somebody had all land")));
     case Kind::remove: {
-      const Status removed = book_.remove(asked.id);
+      const Status removed = book_.remove(asked.id, asked.by);
       if (removed) forget(asked.id);
       return answer(done_or(removed));
     }
@@ -181,10 +195,14 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
 }
 
 void MissionDesk::fly(const mission::Mission& part, Begin begin, const MissionAsk& asked, const Answer& answer) {
-  check(part, [this, begin, asked, answer](const Checked& checked) {
-    if (asked.who && !parts_.signed_in(*asked.who))  // he may have signed out while it was checked
-      return answer(refusal(409, "whoever asked for it has signed out"));
-    answer(done_or((book_.*begin)(asked.id, asked.by, checked, parts_.core)));
+  // Two persons are two now, not when they clicked: what counts is what the ledger says at the start.
+  read_signers(asked.id, [this, part, begin, asked, answer](const Status& read) {
+    if (!read) return answer(refusal(503, "who approves it cannot be read now: " + read.error().what));
+    check(part, [this, begin, asked, answer](const Checked& checked) {
+      if (asked.who && !parts_.signed_in(*asked.who))  // he may have signed out while it was checked
+        return answer(refusal(409, "whoever asked for it has signed out"));
+      answer(done_or((book_.*begin)(asked.id, asked.by, checked, parts_.core)));
+    });
   });
 }
 
@@ -218,6 +236,9 @@ void MissionDesk::step(TimeNs now) {
   for (const std::string& id : unread_.take(now)) {
     if (book_.has(id)) read_signers(id);
   }
+  if (all_anew_.take(now)) {
+    for (const std::string& id : book_.ids()) read_signers(id);
+  }
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);
     for (const PilotWish& wish : out.wishes) parts_.wish(wish);
@@ -230,7 +251,7 @@ void MissionDesk::step(TimeNs now) {
 
 void MissionDesk::keep(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
-  const bool taken = worker_.post([file = file_of(id), text = book_.keep(id)] {
+  const bool taken = disk_.post([file = file_of(id), text = book_.keep(id)] {
     if (const Status kept = replace_file(file, text, 0600); !kept)
       spdlog::error("a mission is not kept: {}", kept.error().what);
   });
@@ -239,7 +260,7 @@ void MissionDesk::keep(const std::string& id) {
 
 void MissionDesk::forget(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
-  const bool taken = worker_.post([file = file_of(id)] {
+  const bool taken = disk_.post([file = file_of(id)] {
     std::error_code error;
     fs::remove(file, error);
     if (error) spdlog::error("{} is not removed: {}", file, error.message());
@@ -257,7 +278,7 @@ void MissionDesk::write_record(const std::string& id) {
   });
   if (parts_.settings.folder.empty()) return;
   const std::string file = fmt::format("{}/{}.record.json", parts_.settings.folder, id);
-  const bool taken = worker_.post([file, text] {
+  const bool taken = disk_.post([file, text] {
     if (const Status written = replace_file(file, text, 0644); !written) spdlog::error("{}", written.error().what);
   });
   if (!taken) spdlog::error("{} is not written: too much waits for the disk", file);

@@ -1,4 +1,5 @@
 #pragma once
+#include <atomic>
 #include <deque>
 #include <functional>
 #include <memory>
@@ -42,9 +43,11 @@ class MissionDesk {
   void ask(service::MissionAsk asked, Answer answer);
   /// A block of the ledger, which may approve.
   void look(const fabric::Block& block);
+  /// Somebody is no operator any more.
+  void disown(const crypto::IdentityName& owner) { book_.disown(owner); }
   /// Behind FlightCore's step.
   void step(TimeNs now);
-  /// Waits for the worker; what comes from here on is refused.
+  /// What waits for the worker is dropped, but for what goes to the disk; it waits for one question to the ledger at most.
   void close();
 
  private:
@@ -52,13 +55,16 @@ class MissionDesk {
   using Checked = service::MissionBook::Checked;
   void later(Task task);  ///< on the flight's thread
   void add(const service::MissionAsk& asked, const Answer& answer);
-  void take(mission::MissionRun run, const Answer& answer);
+  void take(mission::MissionRun run, const std::optional<crypto::IdentityName>& by, const Answer& answer);
+  Result<std::string> ask_ledger(const fabric::Call& call);  ///< on the worker
   void check(const mission::Mission& mission, std::function<void(Checked)> then);
   using Begin = Status (service::MissionBook::*)(const std::string&, const std::optional<crypto::IdentityName>&,
                                                  const Checked&, const FlightView&);
-  /// Checks that part of the mission, and begins it.
+  /// Reads who approves it now, checks that part of the mission, and begins it.
   void fly(const mission::Mission& part, Begin begin, const service::MissionAsk& asked, const Answer& answer);
-  void read_signers(const std::string& id);
+  void read_signers(const std::string& id) { read_signers(id, nullptr); }
+  /// `then` (may be null): on the flight's thread, behind what was read; why it could not be.
+  void read_signers(const std::string& id, std::function<void(const Status& read)> then);
   void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
   void approve(const service::MissionAsk& asked, const Answer& answer);
   void keep(const std::string& id);
@@ -68,10 +74,13 @@ class MissionDesk {
 
   Parts parts_;
   service::MissionBook book_;
-  service::Unread unread_;    ///< whose signers could not be read
+  service::Unread unread_;                               ///< whose signers could not be read
+  service::Spaced all_anew_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
-  Workers worker_{1, max_waiting};
+  std::atomic<bool> closed_{false};
+  Workers disk_{1, max_waiting};    ///< keeps and forgets: a few files, which are soon written
+  Workers worker_{1, max_waiting};  ///< reads, checks and asks the ledger
 };
 
 }  // namespace ledgerline::ground

@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cstring>
 #include <filesystem>
 
 #include "common/base/log.hpp"
@@ -49,9 +48,10 @@ void OperatorDesk::close() {
   worker_.close();
 }
 
-void OperatorDesk::unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) {
-  const auto task = [this, who, phrase = std::move(pass_phrase), answer]() mutable {
-    answer(closed_ ? Status(Error{"the ground ends"}) : open_key(who, phrase));
+void OperatorDesk::unlock(std::size_t who, std::shared_ptr<const crypto::WipingString> pass_phrase,
+                          std::function<void(Status)> answer) {
+  const auto task = [this, who, phrase = std::move(pass_phrase), answer] {
+    answer(closed_ ? Status(Error{"the ground ends"}) : open_key(who, *phrase));
   };
   if (!worker_.post(task)) answer(Error{"too much waits to be signed: try again"});
 }
@@ -89,10 +89,11 @@ bool OperatorDesk::see_off(std::size_t who, const std::vector<std::size_t>& dron
   });
 }
 
-Status OperatorDesk::open_key(std::size_t who, std::string& pass_phrase) {
+Status OperatorDesk::open_key(std::size_t who, const crypto::WipingString& pass_phrase) {
   const auto& own = parts_.ledgers.front();
-  auto identity = crypto::load_locked_identity(own.verifier, own.identity.name.msp_id, folders_[who], pass_phrase);
-  ::explicit_bzero(pass_phrase.data(), pass_phrase.size());
+  std::string phrase(pass_phrase.view());
+  auto identity = crypto::load_locked_identity(own.verifier, own.identity.name.msp_id, folders_[who], phrase);
+  crypto::wipe(phrase);
   const service::Operator& one = operators_[who];
   if (!identity) {
     spdlog::warn("operator {} does not sign in: {}", one.name, identity.error().what);
@@ -123,8 +124,13 @@ void OperatorDesk::sign(std::size_t who, const OperatorCall& call) {
     const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
     // A mission is approved on the channel of [ledger], whatever those of its drones.
     const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
-    news = service::news_of(name, call,
-                            fabric::submit_repeatedly(*clients.of_channel[channel].leases, contract, limits, nullptr));
+    fabric::Outcome outcome = fabric::submit_repeatedly(*clients.of_channel[channel].leases, contract, limits, nullptr);
+    // Ground signs for those without a session: whoever is signed in may lift that, and no other's stop.
+    if (call.ground_too && service::may_lift_ground_stop(outcome, drone)) {
+      spdlog::info("operator {} lifts ground's own stop of {}", name, drone);
+      outcome = parts_.lift_ground_stop(channel, contract);
+    }
+    news = service::news_of(name, call, outcome);
   }
   parts_.tell(news.level, drone, std::move(news.words));
 }

@@ -24,6 +24,8 @@ class OperatorDesk final : public service::OperatorKeys {
     std::vector<fabric::ClientConfig> ledgers;
     std::vector<std::string> drones;  ///< names, in the config's order
     std::function<std::size_t(std::size_t drone)> channel_of;
+    /// Lifts ground's own stop, signed by ground, on that channel; waits for what comes of it. On the worker.
+    std::function<fabric::Outcome(std::size_t channel, const fabric::Call& call)> lift_ground_stop;
     /// What became of a call; `drone`: its name, empty: of none. On a thread of the desk.
     std::function<void(service::Level level, const std::string& drone, std::string words)> tell;
     /// A session began (true), or is over. On the thread that says so.
@@ -35,7 +37,8 @@ class OperatorDesk final : public service::OperatorKeys {
   ~OperatorDesk() override { close(); }
 
   const std::vector<service::Operator>& operators() const override { return operators_; }
-  void unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) override;
+  void unlock(std::size_t who, std::shared_ptr<const crypto::WipingString> pass_phrase,
+              std::function<void(Status)> answer) override;
   void leave(std::size_t who) override;
   Status submit(std::size_t who, const service::OperatorCall& call) override;
   /// A stop, at once; `ended` comes exactly once. False: his key is locked, and nothing comes.
@@ -60,7 +63,7 @@ class OperatorDesk final : public service::OperatorKeys {
 
   explicit OperatorDesk(Parts parts) : parts_(std::move(parts)) {}
   /// On the worker.
-  Status open_key(std::size_t who, std::string& pass_phrase);
+  Status open_key(std::size_t who, const crypto::WipingString& pass_phrase);
   void sign(std::size_t who, const service::OperatorCall& call);
   Clients clients_of(std::size_t who) const;
   void set_clients(std::size_t who, Clients clients);

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/fabric/client/repeated.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 #include "ground/shell/ground.hpp"
 
@@ -18,6 +19,9 @@ namespace {
 // Once one channel is reached its drones must not wait long for the others'. A network that has just started needs a
 // second or two; one that is away is away for longer.
 constexpr TimeNs others_wait_ns = 2 * ns_per_s;
+
+// As an operator's own call (OperatorDesk): what loses to another one is sent again.
+constexpr fabric::RepeatLimits lift_limits{.attempts = 10, .conflicts_only = true};
 
 }  // namespace
 
@@ -116,6 +120,11 @@ Status Ground::open_desk(const std::string& folder, const std::vector<fabric::Cl
                                     .ledgers = ledgers,
                                     .drones = names_,
                                     .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
+                                    .lift_ground_stop =
+                                        [this](std::size_t channel, const fabric::Call& call) {
+                                          return fabric::submit_repeatedly(channels_[channel]->urgent(), call,
+                                                                           lift_limits, nullptr);
+                                        },
                                     .tell = std::bind_front(&Ground::say, this),
                                     .on_session =
                                         [this](std::size_t who, bool in) {
@@ -124,6 +133,26 @@ Status Ground::open_desk(const std::string& folder, const std::vector<fabric::Cl
   if (!desk) return Error{"[service] operators: " + desk.error().what};
   desk_ = std::move(*desk);
   return done;
+}
+
+void Ground::dismiss(TimeNs now_ns) {
+  std::vector<std::size_t> dismissed;
+  for (const auto& roles : roles_) {
+    const auto& of_channel = roles->step(now_ns);
+    dismissed.insert(dismissed.end(), of_channel.begin(), of_channel.end());
+  }
+  if (dismissed != dismissed_) {
+    server_->dismiss(dismissed);
+    for (const std::size_t who : dismissed) {
+      if (std::find(dismissed_.begin(), dismissed_.end(), who) != dismissed_.end()) continue;
+      const std::string& name = desk_->operators()[who].name;
+      say(Level::warning, "",
+          fmt::format("{} is no operator any more: signed out, and what {} holds lands", name, name));
+    }
+    dismissed_ = std::move(dismissed);
+  }
+  // Each time: what is flown now is still theirs.
+  for (const std::size_t who : dismissed_) missions_->disown(desk_->operators()[who].identity);
 }
 
 void Ground::open_missions(service::MissionSettings settings) {
@@ -155,6 +184,12 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   open_missions(std::move(missions));
   if (!settings.operators.empty()) {
     if (Status opened = open_desk(settings.operators, ledgers); !opened) return opened;
+    for (const auto& channel : channels_) {
+      roles_.push_back(std::make_unique<RoleWatch>(RoleWatch::Parts{
+          .operators = desk_->operators(),
+          .evaluate = [&client = channel->urgent()](const fabric::Call& call) { return client.evaluate(call); },
+          .wake = [this] { mailbox_.wake(); }}));
+    }
   }
   self_ = ledgers.front().identity.in_use;
   session_idle_ns_ = settings.session_idle_ns;

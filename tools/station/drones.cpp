@@ -122,9 +122,11 @@ Status act(Station& station, const Target& target, const Wish& wish, const std::
   if (verb == "logout") return log_out(station, target);
   if (verb == "path") return fly_path(station, wish);
   if (is_signed_call(verb)) return sign(station, wish, verb);
-  if (wish.all) return tell(station, wish, verb, stop_all(verb == "cut"), "all");
-  return each(wish.names,
-              [&](const std::string& name) { return tell(station, wish, verb, drone_request(name, verb), name); });
+  if (wish.all) return tell(station, wish, verb, verb == "cut" ? cut_all(wish.yes) : stop_all(), "all");
+  const std::string body = verb == "cut" && wish.yes ? R"({"confirmed":true})" : "{}";
+  return each(wish.names, [&](const std::string& name) {
+    return tell(station, wish, verb, drone_request(name, verb, body), name);
+  });
 }
 
 /// Empty: what was asked for makes sense.
@@ -175,6 +177,7 @@ struct Verbs {
       with_names(line, wish, name, help);
       all.back().flag("--all", wish.all, "every drone");
     }
+    all.back().flag("--yes", wish.yes, "of a drone in the air, too: it drops");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"hand_over", "Give the lease to one who has asked for it"}, {"deny", "End somebody's request"}}) {
       one_drone(line, wish, name, help);

@@ -41,9 +41,11 @@ export const ACTIONS = {
   remove: ['Remove', (mission) => (isFlown(mission) ? 'it is flown: land it first' : null)],
 };
 
-/// Where operators sign in, all but the landing is theirs.
+/// Where operators sign in, all but the landing is theirs; and all but that and approving is its owner's alone.
 export function whyNot(what, mission, who) {
   if (who.operators.length && !who.identity && what !== 'land') return SIGN_IN;
+  const isOwners = what !== 'land' && what !== 'approve';
+  if (who.operators.length && isOwners && mission.by && mission.by !== who.identity) return `it is ${nameOf(mission.by, who)}'s`;
   return ACTIONS[what][1](mission, who);
 }
 

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <charconv>
-#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
@@ -62,8 +61,14 @@ std::optional<std::size_t> find(const std::vector<std::string>& names, std::stri
   return static_cast<std::size_t>(at - names.begin());
 }
 
+bool has(std::span<const std::size_t> drones, std::size_t drone) {
+  return std::find(drones.begin(), drones.end(), drone) != drones.end();
+}
+
 constexpr const char* taken = R"({"accepted":true})";
-ApiAnswer accepted(std::vector<PilotWish> wishes) { return {202, taken, std::move(wishes)}; }
+ApiAnswer accepted(std::vector<PilotWish> wishes, bool confirmed = false) {
+  return {.status = 202, .body = taken, .wishes = std::move(wishes), .confirmed = confirmed};
+}
 
 Result<PilotOrder> path_from(const json& body) {
   if (const Status keys = only(body, {"waypoints", "then"}); !keys) return keys.error();
@@ -80,6 +85,13 @@ Result<PilotOrder> path_from(const json& body) {
     order.waypoints.push_back(*waypoint);
   }
   return order;
+}
+
+/// False where it is not there.
+Result<bool> flag_in(const json& body, const char* key) {
+  const json flag = body.value(key, json(false));
+  if (!flag.is_boolean()) return Error{std::string(key) + " must be true or false"};
+  return flag.get<bool>();
 }
 
 /// {"to":{"msp":"Org2MSP","subject":"CN=..."}}
@@ -132,16 +144,16 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known&
     call.priority = priority.get<std::uint32_t>();
   } else if (call.kind == Kind::release) {
     if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
-    const json confirmed = body->value("confirmed", json(false));
-    if (!confirmed.is_boolean()) return refusal(400, "confirmed must be true or false");
-    const bool aloft = std::find(known.aloft.begin(), known.aloft.end(), *call.drone) != known.aloft.end();
-    if (aloft && !confirmed.get<bool>())
+    const auto confirmed = flag_in(*body, "confirmed");
+    if (!confirmed) return refusal(400, confirmed.error().what);
+    if (has(known.aloft, *call.drone) && !*confirmed)
       return refusal(409, fmt::format("{} is in the air: nobody commands it then, and it lands by its failsafe; say "
                                       "\"confirmed\":true if that is meant",
                                       known.names[*call.drone]));
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }
+  call.ground_too = call.kind == Kind::resume && has(known.stopped_by_ground, *call.drone);
   return {.status = 202, .body = taken, .call = std::move(call)};
 }
 
@@ -151,17 +163,21 @@ ApiAnswer answer_session(const ApiRequest& request, const Known& known) {
     return {.status = 202, .body = taken, .sign_out = true};
   }
   if (request.method != "POST") return refusal(405, "POST it, or DELETE it");
-  const auto body = object_from(request.body, {"operator", "passphrase"});
+  auto body = object_from(request.body, {"operator", "passphrase"});
   if (!body) return refusal(400, body.error().what);
-  const json name = body->value("operator", json()), phrase = body->value("passphrase", json());
-  if (!name.is_string() || !phrase.is_string() || phrase.get_ref<const std::string&>().size() > max_pass_phrase)
-    return refusal(400, fmt::format("needs operator and passphrase, of {} bytes at most", max_pass_phrase));
+  const json name = body->value("operator", json());
+  const auto phrase = body->find("passphrase");
+  if (!name.is_string() || phrase == body->end() || !phrase->is_string())
+    return refusal(400, "needs operator and passphrase");
+  auto pass_phrase = std::make_shared<const crypto::WipingString>(std::move(phrase->get_ref<std::string&>()));
+  if (pass_phrase->size() > max_pass_phrase)
+    return refusal(400, fmt::format("a passphrase has {} bytes at most", max_pass_phrase));
   const auto who = std::find_if(known.operators.begin(), known.operators.end(),
                                 [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
   if (who == known.operators.end()) return refusal(404, "no operator of that name signs in here");
   return {.status = 200,
           .body = {},
-          .sign_in = SignIn{static_cast<std::size_t>(who - known.operators.begin()), phrase.get<std::string>()}};
+          .sign_in = SignIn{static_cast<std::size_t>(who - known.operators.begin()), std::move(pass_phrase)}};
 }
 
 ApiAnswer answer_operators(const ApiRequest& request, const Known& known) {
@@ -259,6 +275,11 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
     auto order = path_from(*body);
     if (!order) return refusal(400, order.error().what);
     wish.order = std::move(*order);
+  } else if (verb == "cut") {
+    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
+    const auto confirmed = flag_in(*body, "confirmed");
+    if (!confirmed) return refusal(400, confirmed.error().what);
+    return accepted({std::move(wish)}, *confirmed);
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }
@@ -267,14 +288,14 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
 
 ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
   if (request.method != "POST") return refusal(405, "POST it");
-  const auto body = object_from(request.body, {"cut"});
+  const auto body = object_from(request.body, {"cut", "confirmed"});
   if (!body) return refusal(400, body.error().what);
-  const json cut = body->value("cut", json(false));
-  if (!cut.is_boolean()) return refusal(400, "cut must be true or false");
+  const auto cut = flag_in(*body, "cut"), confirmed = flag_in(*body, "confirmed");
+  if (!cut || !confirmed) return refusal(400, (cut ? confirmed : cut).error().what);
   std::vector<PilotWish> wishes;
   for (std::size_t drone = 0; drone < known.names.size(); ++drone)
-    wishes.push_back({.drone = drone, .stop = true, .cut = cut.get<bool>()});
-  return accepted(std::move(wishes));
+    wishes.push_back({.drone = drone, .stop = true, .cut = *cut});
+  return accepted(std::move(wishes), *confirmed);
 }
 
 ApiAnswer answer_events(std::string_view query, const Known& known) {
@@ -317,19 +338,16 @@ ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
   return refusal(404, "there are drones, events, faults, missions, operators, paths, session, stop, stream");
 }
 
-/// Three numbers, or an error.
-Result<std::array<double, 3>> triple(const json& value, const char* what) {
-  std::array<double, 3> numbers{};
-  const bool three = value.is_array() && value.size() == numbers.size() &&
-                     std::all_of(value.begin(), value.end(), [](const json& n) { return n.is_number(); });
-  if (!three) return Error{std::string(what) + " must be three numbers"};
-  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
-  return numbers;
+bool lands_and_nothing_else(const ApiAnswer& made) {
+  if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
+  return !made.wishes.empty() && std::all_of(made.wishes.begin(), made.wishes.end(), only_lands);
 }
 
-bool only_brings_down(const ApiAnswer& made) {
-  if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
-  return !made.wishes.empty() && std::all_of(made.wishes.begin(), made.wishes.end(), brings_down);
+/// Of a drone that is to be cut in the air where nobody has confirmed it.
+std::optional<std::size_t> unconfirmed_cut(const ApiAnswer& made, std::span<const std::size_t> aloft) {
+  const auto cut = std::find_if(made.wishes.begin(), made.wishes.end(),
+                                [&](const PilotWish& wish) { return wish.cut && has(aloft, wish.drone); });
+  return made.confirmed || cut == made.wishes.end() ? std::nullopt : std::optional(cut->drone);
 }
 
 }  // namespace
@@ -340,34 +358,19 @@ ApiAnswer refusal(unsigned status, const std::string& words) { return {status, d
 
 ApiAnswer answer(const ApiRequest& request, const Known& known) {
   ApiAnswer made = answer_any(request, known);
-  if (request.over && !only_brings_down(made)) return refusal(401, session_over);
-  if (made.wishes.empty() || known.operators.empty()) return made;
+  if (request.over && !lands_and_nothing_else(made)) return refusal(401, session_over);
+  if (made.wishes.empty()) return made;
   // Nobody has to look for a pass phrase to stop a drone.
-  if (!request.who && !only_brings_down(made))
-    return refusal(403, "sign in first: who clicks is who signs; a stop needs no operator");
+  if (!known.operators.empty() && !request.who && !lands_and_nothing_else(made))
+    return refusal(403, "sign in first: who clicks is who signs; a stop, which lands it, needs no operator");
+  if (const auto drone = unconfirmed_cut(made, known.aloft))
+    return refusal(409, fmt::format("{} is in the air, or not known to be on the ground: a cut drops it; say "
+                                    "\"confirmed\":true if that is meant, or stop it, which lands it",
+                                    known.names[*drone]));
+  if (known.operators.empty()) return made;
   if (!request.who) return made;
   for (PilotWish& wish : made.wishes) wish.by = known.operators[*request.who].identity;
   return made;
-}
-
-Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
-  const auto said = object_from(message);
-  if (!said) return said.error();
-  if (const Status keys = only(*said, {"op", "drone", "linear", "yaw_rate", "t_ms"}); !keys) return keys.error();
-  if (said->value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
-  const json name = said->value("drone", json());
-  const auto drone = name.is_string() ? find(names, name.get<std::string>()) : std::nullopt;
-  if (!drone) return Error{"drone must be one that flies here"};
-  const auto linear = triple(said->value("linear", json()), "linear");
-  if (!linear) return linear.error();
-  const json yaw_rate = said->value("yaw_rate", json());
-  if (!yaw_rate.is_number()) return Error{"yaw_rate must be a number"};
-  const json t_ms = said->value("t_ms", json());
-  constexpr double rounded_ms = 1;
-  if (!t_ms.is_number() || !(std::abs(t_ms.get<double>()) <= to_ms(now) + rounded_ms))
-    return Error{"t_ms must be that of the newest state that its pilot had"};
-  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotWish{.drone = *drone, .late = 1};
-  return PilotWish{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
 }
 
 void merge(const PilotWish& wish, PilotWish& waiting) {

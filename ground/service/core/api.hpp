@@ -1,12 +1,14 @@
 #pragma once
 #include <cstdint>
 #include <deque>
+#include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/crypto/wiping_string.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/service/faults/fault_list.hpp"
@@ -37,19 +39,20 @@ struct ApiRequest {
   std::string_view method, target, body;
   std::optional<std::size_t> who{};  ///< the operator that is signed in
   std::string_view content_type{};
-  bool over = false;  ///< of a session that has ended: it may bring drones down, and nothing else
+  bool over = false;  ///< of a session that has ended: it may stop and land drones, and nothing else
 };
 inline constexpr const char* session_over = "the session is over: it may still stop and land, and nothing else";
 /// Somebody signs in.
 struct SignIn {
   std::size_t who = 0;
-  std::string pass_phrase;
+  std::shared_ptr<const crypto::WipingString> pass_phrase{};  ///< gone with the last who has it
 };
 /// What is done before the answer goes out: one of these at most.
 struct ApiAnswer {
   unsigned status = 200;
   std::string body;  ///< JSON
   std::vector<PilotWish> wishes{};
+  bool confirmed = false;              ///< that a drone is cut which is in the air
   std::optional<OperatorCall> call{};  ///< to be signed by who asked
   std::optional<SignIn> sign_in{};
   bool sign_out = false;
@@ -65,7 +68,8 @@ struct Telling {
   std::string state{};                 ///< the stream's message around it
   std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
   std::vector<Event> events{};
-  std::vector<std::size_t> aloft{};  ///< indexes of the drones that are off the ground, as far as is known
+  std::vector<std::size_t> aloft{};  ///< indexes of the drones that are off the ground, or not known to be on it
+  std::vector<std::size_t> stopped_by_ground{};  ///< indexes of the drones that ground alone has stopped
 };
 
 /// What there is to know, as Board last told it.
@@ -75,15 +79,10 @@ struct Known {
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
-  std::span<const std::size_t> aloft{};    ///< as in Telling
+  std::span<const std::size_t> aloft{}, stopped_by_ground{};  ///< as in Telling
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);
-
-/// What a client of the stream says: {"op":"velocity", ...}. `t_ms` in it is that of the newest state which its pilot had:
-/// older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with it.
-inline constexpr TimeNs max_held_ns = 500 * ns_per_ms;
-Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
 
 /// What one wish adds to those that wait for the same drone.
 void merge(const PilotWish& wish, PilotWish& waiting);

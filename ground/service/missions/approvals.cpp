@@ -1,5 +1,7 @@
 #include "ground/service/missions/approvals.hpp"
 
+#include <algorithm>
+
 #include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
@@ -40,6 +42,12 @@ std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBo
     }
   }
   return ids;
+}
+
+bool changes_roles(const fabric::Block& block) {
+  return std::any_of(block.transactions.begin(), block.transactions.end(), [](const fabric::Transaction& tx) {
+    return tx.code == 0 && !tx.config && (tx.event_name == contract::enroll || tx.event_name == contract::revoke);
+  });
 }
 
 mission::Finding not_checked() {

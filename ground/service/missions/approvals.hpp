@@ -23,8 +23,32 @@ std::vector<AnchorCall> approval_questions(const std::string& digest, const beli
 /// so what counts is read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book);
 
+/// Whether a block, valid, changes somebody's role: whose approval counts is to be read anew, and who may sign.
+bool changes_roles(const fabric::Block& block);
+
 /// What speaks against a mission that could not be checked now.
 mission::Finding not_checked();
+
+/// Something that is done at once when it is wanted, and again at most every `gap_ns`: whoever can make it wanted often does
+/// not have it done as often. Deterministic; one thread.
+class Spaced {
+ public:
+  explicit Spaced(TimeNs gap_ns) : gap_ns_(gap_ns) {}
+
+  void want() { is_wanted_ = true; }
+  /// True: do it now.
+  bool take(TimeNs now) {
+    if (!is_wanted_ || now < next_ns_) return false;
+    is_wanted_ = false;
+    next_ns_ = now + gap_ns_;
+    return true;
+  }
+
+ private:
+  const TimeNs gap_ns_;
+  TimeNs next_ns_ = 0;
+  bool is_wanted_ = false;
+};
 
 /// Missions whose approvals could not be read: when they are asked for again. Deterministic; one thread.
 class Unread {

@@ -67,7 +67,9 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
   return id;
 }
 
-Result<std::string> MissionBook::add(MissionRun run) { return put(std::move(run), std::nullopt); }
+Result<std::string> MissionBook::add(MissionRun run, std::optional<crypto::IdentityName> by) {
+  return put(std::move(run), std::move(by));
+}
 
 Result<std::string> MissionBook::restore(std::string_view text) {
   const auto kept = ground::json::object_from(text, "the kept mission", kept_bounds);
@@ -84,9 +86,25 @@ Result<std::string> MissionBook::restore(std::string_view text) {
   return put(std::move(*run), std::move(by));
 }
 
-Status MissionBook::remove(const std::string& id) {
+Status MissionBook::may(const std::optional<crypto::IdentityName>& by, const Entry& entry) const {
+  const bool is_nobodys = !entry.by && !entry.run->active();  // from before operators signed in, or disowned
+  if (!by || by == entry.by || is_nobodys) return done;
+  return Error{fmt::format("mission {} is {}'s, who alone may ask that of it; to have it land anybody may",
+                           entry.run->mission().name, text_of(whose(entry.by)))};
+}
+
+void MissionBook::disown(const crypto::IdentityName& owner) {
+  for (auto& [id, entry] : missions_) {
+    if (entry.by != owner || entry.run->active() || entry.run->landing_due()) continue;
+    entry.by.reset();
+    changed_ = true;
+  }
+}
+
+Status MissionBook::remove(const std::string& id, const std::optional<crypto::IdentityName>& by) {
   const Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
+  if (const Status allowed = may(by, *entry); !allowed) return allowed;
   if (entry->run->active() || entry->run->landing_due())
     return Error{fmt::format("mission {} is flown, or its drones are landing", entry->run->mission().name)};
   missions_.erase(id);
@@ -165,6 +183,7 @@ Status MissionBook::stir(const std::string& id, const Say& say) {
 Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                           const FlightView& core) {
   return stir(id, [&](Entry& entry) -> Status {
+    if (const Status allowed = may(by, entry); !allowed) return allowed;
     if (!core.config().manual) return Error{"this flight flies a path of its own"};
     set_findings(id, checked.findings);
     // What is missing is said first: one that is flown already is not where it was checked.
@@ -177,15 +196,17 @@ Status MissionBook::start(const std::string& id, const std::optional<crypto::Ide
   });
 }
 
-Status MissionBook::pause(const std::string& id) {
-  return stir(id, [](const Entry& entry) { return entry.run->pause(); });
+Status MissionBook::pause(const std::string& id, const std::optional<crypto::IdentityName>& by) {
+  return stir(id, [&](const Entry& entry) -> Status {
+    const Status allowed = may(by, entry);
+    return allowed ? entry.run->pause() : allowed;
+  });
 }
 
 Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                            const FlightView& core) {
   return stir(id, [&](Entry& entry) -> Status {
-    if (whose(by) != whose(entry.by))
-      return Error{fmt::format("{} started it, who alone has it go on", text_of(whose(entry.by)))};
+    if (const Status allowed = may(by, entry); !allowed) return allowed;
     if (const Status may = may_fly(entry, entry.run->rest(), by, checked, core); !may) return may;
     return entry.run->resume();
   });

@@ -29,12 +29,17 @@ class MissionBook {
   /// `self`: who signs where no operator does.
   MissionBook(MissionSettings settings, crypto::IdentityName self);
 
-  /// The error, or the id of the new mission: the first digits of its hash.
-  Result<std::string> add(mission::MissionRun run);
+  /// The error, or the id of the new mission: the first digits of its hash. `by`: whose it is, as below.
+  Result<std::string> add(mission::MissionRun run, std::optional<crypto::IdentityName> by = {});
   /// What keep() gave. The error: it is none.
   Result<std::string> restore(std::string_view text);
+  // `by`: who asks; none: ground's own identity, where no operators sign in. A mission is its owner's: who added or started
+  // it. Whatever is asked of it is asked by him, but for the landing, which anybody may ask.
+
   /// Of one that is not flown, and of which no drone has yet to land.
-  Status remove(const std::string& id);
+  Status remove(const std::string& id, const std::optional<crypto::IdentityName>& by);
+  /// Somebody is no operator any more: what he owns and does not fly is the next one's who asks.
+  void disown(const crypto::IdentityName& owner);
   /// As read from the ledger: who has anchored its digest.
   void set_signers(const std::string& id, const std::vector<crypto::IdentityName>& signers);
   /// What check() found.
@@ -45,12 +50,12 @@ class MissionBook {
     std::vector<mission::Finding> findings{};
     std::vector<mission::DroneNow> then{};
   };
-  /// `by`: who wants it, none: ourselves. Whoever starts it has to hold all of its drones, no other mission may fly one of
-  /// them, and each must still be where it was checked.
+  /// Whoever starts it has to hold all of its drones, no other mission may fly one of them, and each must still be where it
+  /// was checked.
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                const FlightView& core);
-  Status pause(const std::string& id);
-  /// By who started it alone, who must still hold the drones that are left. `checked`: rest().
+  Status pause(const std::string& id, const std::optional<crypto::IdentityName>& by);
+  /// Its owner must still hold the drones that are left. `checked`: rest().
   Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                 const FlightView& core);
   Status land(const std::string& id, const std::string& why);
@@ -99,6 +104,8 @@ class MissionBook {
   template <typename Say>
   Status stir(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }
+  /// The one rule of whose a mission is.
+  Status may(const std::optional<crypto::IdentityName>& by, const Entry& entry) const;
   /// What speaks against flying these drones of it now.
   Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,
                  const Checked& checked, const FlightView& core) const;

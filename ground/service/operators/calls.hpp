@@ -18,12 +18,13 @@ struct OperatorCall {
     request,    ///< asks its holder for it
     hand_over,  ///< gives it to one who has requested it
     deny,       ///< ends somebody's request, or his own
-    resume,     ///< lifts his own stop, or all as a supervisor of the drone's organisation
+    resume,     ///< lifts his own stop, ground's, or all as a supervisor of the drone's organisation
     approve     ///< a mission: anchors its digest
   };
   Kind kind = Kind::acquire;
   std::optional<std::size_t> drone{};  ///< index; of all but approve
   std::uint32_t priority = 0;          ///< of acquire and request
+  bool ground_too = false;             ///< of resume: ground, which alone has stopped it, lifts that
   crypto::IdentityName to{};           ///< of hand_over and deny
   crypto::Digest digest{};             ///< of approve
   std::string mission{};               ///< its name

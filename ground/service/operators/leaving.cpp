@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "common/belief/identity.hpp"
+#include "common/msg/stops.hpp"
+
 namespace ledgerline::ground::service {
 
 bool is_aloft(const FlightView& flights, std::size_t drone) {
@@ -13,9 +16,20 @@ bool is_aloft(const FlightView& flights, std::size_t drone) {
 std::vector<std::size_t> aloft_of(const FlightView& flights) {
   std::vector<std::size_t> aloft;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
-    if (is_aloft(flights, drone)) aloft.push_back(drone);
+    if (is_aloft(flights, drone) || !flights.seen(drone).has_state) aloft.push_back(drone);
   }
   return aloft;
+}
+
+std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
+  const Identity ground = belief::to_message(flights.config().self);
+  std::vector<std::size_t> stopped;
+  for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
+    const Control& stoppers = flights.lease(drone).stoppers;
+    // A ground that is a supervisor would lift the others' stops with its own.
+    if (stoppers.stoppers_size() == 1 && is_stopped_by(stoppers, ground)) stopped.push_back(drone);
+  }
+  return stopped;
 }
 
 Held held_by(const FlightView& flights, const crypto::IdentityName& who) {

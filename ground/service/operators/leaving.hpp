@@ -8,8 +8,10 @@ namespace ledgerline::ground::service {
 
 /// Whether a drone is off the ground, as far as is known: by what it flies for us, or as its newest state says.
 bool is_aloft(const FlightView& flights, std::size_t drone);
-/// Indexes of those.
+/// Indexes of those, and of the ones of which nothing is known yet.
 std::vector<std::size_t> aloft_of(const FlightView& flights);
+/// Indexes of the drones that ground's own identity has stopped, and nobody else.
+std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
 
 /// What somebody holds that we command for him.
 struct Held {

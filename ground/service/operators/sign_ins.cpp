@@ -1,26 +1,48 @@
 #include "ground/service/operators/sign_ins.hpp"
 
 #include <algorithm>
-#include <cmath>
+
+#include "common/msg/grants.hpp"
 
 namespace ledgerline::ground::service {
 
-std::string SignIns::refused(TimeNs now, std::size_t who) const {
-  const Slot& slot = slots_[who];
-  const TimeNs until_ns = slot.failed_ns + pause_ns;
-  if (slot.failures < free_failures || now >= until_ns) return "";
-  return "too many wrong pass phrases: wait " +
-         std::to_string(static_cast<int>(std::ceil(to_seconds(until_ns - now)))) + " s";
+std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const belief::Roles& roles) {
+  std::vector<std::size_t> found;
+  for (std::size_t who = 0; who < operators.size(); ++who) {
+    const Role role = roles.of(operators[who].identity);
+    if (role != ROLE_NONE && !is_operator(role)) found.push_back(who);
+  }
+  return found;
 }
 
-void SignIns::failed(TimeNs now, std::size_t who) {
-  ++slots_[who].failures;
-  slots_[who].failed_ns = now;
+std::optional<TimeNs> Attempts::look_after(TimeNs now, const std::string& address) {
+  const auto found = addresses_.find(address);
+  const int failures = found == addresses_.end() ? 0 : found->second.failures;
+  if (failures < free_of_address && failures_ < free_of_all) return now;
+  const auto waiting = std::count_if(addresses_.begin(), addresses_.end(),
+                                     [&](const auto& one) { return now < one.second.waits_until_ns; });
+  if (static_cast<std::size_t>(waiting) >= max_waiting) return std::nullopt;
+  if (found != addresses_.end() && now < found->second.waits_until_ns) return std::nullopt;
+  // An address of which nothing is known any more has none free, either: failures_ has counted those.
+  if (found == addresses_.end() && addresses_.size() >= max_addresses) {
+    const auto idle = std::find_if(addresses_.begin(), addresses_.end(),
+                                   [&](const auto& one) { return now >= one.second.waits_until_ns; });
+    addresses_.erase(idle);
+  }
+  return addresses_[address].waits_until_ns = now + pause_ns;
+}
+
+void Attempts::failed(const std::string& address) {
+  ++failures_;
+  if (addresses_.contains(address) || addresses_.size() < max_addresses) ++addresses_[address].failures;
 }
 
 void SignIns::begin(TimeNs now, std::size_t who, std::string_view token) {
   forget(slots_[who]);
-  slots_[who] = {.token = crypto::sha256(token), .number = ++sessions_, .alive_ns = now};
+  Slot& slot = slots_[who];
+  slot.token = crypto::sha256(token);
+  slot.number = ++sessions_;
+  slot.alive_ns = now;
 }
 
 std::optional<SignIns::Session> SignIns::of(TimeNs now, std::string_view token) {
@@ -41,6 +63,21 @@ bool SignIns::touch(TimeNs now, const Session& session) {
 
 void SignIns::end(const Session& session) {
   if (slots_[session.who].number == session.number) forget(slots_[session.who]);
+}
+
+std::vector<std::size_t> SignIns::dismiss(std::vector<std::size_t> who) {
+  dismissed_ = std::move(who);
+  std::vector<std::size_t> ended;
+  for (std::size_t one = 0; one < slots_.size(); ++one) {
+    if (!slots_[one].token || !is_dismissed(one)) continue;
+    forget(slots_[one]);
+    ended.push_back(one);
+  }
+  return ended;
+}
+
+bool SignIns::is_dismissed(std::size_t who) const {
+  return std::find(dismissed_.begin(), dismissed_.end(), who) != dismissed_.end();
 }
 
 bool SignIns::is_over(TimeNs now, std::string_view token) const {

@@ -2,11 +2,13 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/belief/roles.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 
@@ -18,13 +20,37 @@ struct Operator {
   crypto::IdentityName identity;
 };
 
+/// An operator's wrong pass phrases. Each address has five at once, all together have twenty; then a phrase is looked at behind
+/// a pause, one of each address and four of all at a time. So who guesses, guesses a few in that pause; who knows the
+/// phrase waits for it, and is kept out only by somebody at his own address who tries without end. Deterministic; one thread.
+class Attempts {
+ public:
+  static constexpr int free_of_address = 5, free_of_all = 20;
+  static constexpr TimeNs pause_ns = 5 * ns_per_s;  ///< 17,000 guesses a day: nothing beside a phrase of four words
+  static constexpr std::size_t max_waiting = 4, max_addresses = 64;
+
+  /// When one from there is looked at, now or later; nothing: too many wait.
+  std::optional<TimeNs> look_after(TimeNs now, const std::string& address);
+  void failed(const std::string& address);
+
+ private:
+  struct Address {
+    int failures = 0;
+    TimeNs waits_until_ns = 0;  ///< of the newest that waits, or did
+  };
+  std::map<std::string, Address> addresses_;
+  int failures_ = 0;  ///< of all
+};
+
+/// Indexes of those whose role was taken or is another one by now: they sign nothing any more. One whose role the ledger does
+/// not know is not among them; the contract refuses what he signs.
+std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const belief::Roles& roles);
+
 /// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when nothing
-/// came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered. After five wrong pass phrases in a row an operator waits
-/// half a minute for each one more. Deterministic, no I/O; one thread.
+/// came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered. Wrong pass phrases
+/// make guessing slow, and lock nobody out: Attempts. Deterministic, no I/O; one thread.
 class SignIns {
  public:
-  static constexpr int free_failures = 5;
-  static constexpr TimeNs pause_ns = 30 * ns_per_s;
   static constexpr std::size_t max_ended = 64;  ///< 2 kB; a token beyond it is as good as a guessed one
 
   struct Session {
@@ -34,17 +60,23 @@ class SignIns {
 
   SignIns(std::size_t operators, TimeNs idle_ns) : idle_ns_(idle_ns), slots_(operators) {}
 
-  /// Why a pass phrase is not looked at now; empty: it is.
-  std::string refused(TimeNs now, std::size_t who) const;
-  /// One that is looked at counts as wrong until begin().
-  void failed(TimeNs now, std::size_t who);
-  /// From here on the token is this operator's.
+  /// When a pass phrase from that address is looked at; nothing: it is not, there are too many before it.
+  std::optional<TimeNs> look_after(TimeNs now, std::size_t who, const std::string& address) {
+    return slots_[who].attempts.look_after(now, address);
+  }
+  /// One that is looked at counts as wrong until right().
+  void failed(std::size_t who, const std::string& address) { slots_[who].attempts.failed(address); }
+  void right(std::size_t who) { slots_[who].attempts = {}; }
+  /// From here on the token is this operator's, who is not dismissed.
   void begin(TimeNs now, std::size_t who, std::string_view token);
   /// The session of that token, which stays alive.
   std::optional<Session> of(TimeNs now, std::string_view token);
   /// The same of a session that is known; false: it is over.
   bool touch(TimeNs now, const Session& session);
   void end(const Session& session);
+  /// These may sign nothing from here on, and nobody else is kept out any more. Whose sessions end with that.
+  std::vector<std::size_t> dismiss(std::vector<std::size_t> who);
+  bool is_dismissed(std::size_t who) const;
   /// Whether that token was of a session that is over.
   bool is_over(TimeNs now, std::string_view token) const;
   /// Ends what was idle for too long; whose sessions these were.
@@ -55,8 +87,7 @@ class SignIns {
     std::optional<crypto::Digest> token{};
     std::uint64_t number = 0;
     TimeNs alive_ns = 0;
-    int failures = 0;
-    TimeNs failed_ns = 0;
+    Attempts attempts{};
   };
   bool is_idle(TimeNs now, const Slot& slot) const { return now - slot.alive_ns > idle_ns_; }
   void forget(Slot& slot);
@@ -64,6 +95,7 @@ class SignIns {
   const TimeNs idle_ns_;
   std::uint64_t sessions_ = 0;
   std::vector<Slot> slots_;
+  std::vector<std::size_t> dismissed_;
   std::deque<crypto::Digest> ended_;  ///< oldest first
 };
 

@@ -8,6 +8,10 @@ std::string not_signed(const KeyState& key, OperatorCall::Kind kind) {
   return key.unlocked && (!key.left || kind == OperatorCall::Kind::release) ? "" : "the session is over";
 }
 
+bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone) {
+  return resume.refusal && resume.refusal->about == drone;
+}
+
 CallNews news_of(const std::string& name, const OperatorCall& call, const std::string& why) {
   return {Level::warning, fmt::format("{}: {}: not signed: {}", name, words_of(call), why)};
 }

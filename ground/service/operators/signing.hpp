@@ -17,6 +17,10 @@ struct KeyState {
 /// gives back: what he asked for before would outlive him.
 std::string not_signed(const KeyState& key, OperatorCall::Kind kind);
 
+/// Whether ground lifts its own stop of that drone behind an operator's resume that ended so: the contract had nothing of
+/// his to lift there. One whose role is revoked is refused as a whole, and lifts nothing.
+bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone);
+
 /// What people are told of a call, as an event.
 struct CallNews {
   ground::Level level = ground::Level::info;

@@ -21,6 +21,7 @@ void Hub::expire(TimeNs now) {
 void Hub::publish(Telling telling) {
   drones_ = std::move(telling.drones);
   aloft_ = std::move(telling.aloft);
+  stopped_by_ground_ = std::move(telling.stopped_by_ground);
   state_ = std::make_shared<const std::string>(std::move(telling.state));
   if (telling.paths) {
     paths_ = std::move(*telling.paths);
@@ -62,16 +63,27 @@ void Hub::tell() {
   }
 }
 
+std::optional<Hub::KeptPlace> Hub::keep(const Places::Owner& owner, Places::Use use) {
+  if (!places_.take(owner, use)) return std::nullopt;
+  return KeptPlace(*this, owner);
+}
+
 void Hub::make_room() {
-  const auto gone = [](const std::weak_ptr<Stranger>& one) {
-    const auto stranger = one.lock();
-    return !stranger || !stranger->is_stranger();
-  };
-  strangers_.erase(std::remove_if(strangers_.begin(), strangers_.end(), gone), strangers_.end());
-  while (strangers_.size() >= Server::max_strangers) {
-    if (const auto oldest = strangers_.front().lock()) oldest->leave();
-    strangers_.pop_front();
+  if (strangers_.size() < max_strangers) return;
+  std::vector<std::shared_ptr<Stranger>> here;
+  std::vector<StrangerNow> now;
+  for (const auto& one : strangers_) {
+    auto stranger = one.lock();
+    if (!stranger || !stranger->is_stranger()) continue;
+    now.push_back(stranger->now());
+    here.push_back(std::move(stranger));
   }
+  if (here.size() >= max_strangers) {
+    const auto displaced = here.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(now, random_()));
+    (*displaced)->leave();
+    here.erase(displaced);
+  }
+  strangers_.assign(here.begin(), here.end());
 }
 
 std::string Hub::greeting() const {

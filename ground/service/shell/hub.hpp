@@ -3,11 +3,14 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "common/rt/clock.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 
 namespace ledgerline::ground::service {
@@ -42,7 +45,8 @@ class Hub {
 
   const std::vector<std::string>& names() const { return names_; }
   Known known() const {
-    return {names_, drones_, paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr, aloft_};
+    return {names_, drones_,           paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr,
+            aloft_, stopped_by_ground_};
   }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
@@ -82,15 +86,36 @@ class Hub {
   std::size_t connections() const { return connections_; }
   std::size_t streams() const { return streams_; }
 
-  /// A connection that has not shown the token yet.
+  /// A place that its owner keeps for as long as this lives (Places).
+  class KeptPlace {
+   public:
+    KeptPlace(Hub& hub, Places::Owner owner) : hub_(&hub), owner_(std::move(owner)) {}
+    ~KeptPlace() {
+      if (hub_) hub_->places_.release(owner_);
+    }
+    KeptPlace(KeptPlace&& other) noexcept : hub_(std::exchange(other.hub_, nullptr)), owner_(std::move(other.owner_)) {}
+    KeptPlace(const KeptPlace&) = delete;
+    KeptPlace& operator=(const KeptPlace&) = delete;
+    KeptPlace& operator=(KeptPlace&&) = delete;
+    const Places::Owner& owner() const { return owner_; }
+
+   private:
+    Hub* hub_;
+    Places::Owner owner_;
+  };
+  /// Nothing: there is no place left for him.
+  std::optional<KeptPlace> keep(const Places::Owner& owner, Places::Use use);
+
+  /// A connection that keeps no place: it has not shown the token, or there was none left.
   class Stranger {
    public:
     virtual ~Stranger() = default;
     virtual bool is_stranger() const = 0;
+    virtual StrangerNow now() const = 0;
     virtual void leave() = 0;
   };
   void join(const std::shared_ptr<Stranger>& stranger) { strangers_.push_back(stranger); }
-  /// For one more: closes the oldest stranger where there are max_strangers.
+  /// For one more stranger: closes one where there are max_strangers.
   void make_room();
 
  private:
@@ -105,11 +130,13 @@ class Hub {
   std::string drones_ = "[]", paths_ = "{}";
   std::shared_ptr<const std::string> state_, paths_message_, missions_message_, faults_message_;
   FaultList faults_{.switches = {}, .why = "the faults' switches were not reached yet"};
-  std::vector<std::size_t> aloft_;
+  std::vector<std::size_t> aloft_, stopped_by_ground_;
   std::deque<Event> events_;
   std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;
   std::deque<std::weak_ptr<Stranger>> strangers_;  ///< oldest first
+  Places places_;
+  std::mt19937_64 random_{std::random_device{}()};  ///< of who is displaced
   bool ended_ = false;
   std::atomic<std::size_t> connections_{0}, streams_{0};
 };

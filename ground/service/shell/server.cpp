@@ -71,6 +71,11 @@ class BeastServer final : public Server {
   void publish_faults(FaultList list) override {
     asio::post(io_, [this, list = std::move(list)]() mutable { hub_.publish_faults(std::move(list)); });
   }
+  void dismiss(std::vector<std::size_t> who) override {
+    asio::post(io_, [this, who = std::move(who)]() mutable {
+      for (const std::size_t ended : hub_.sign_ins().dismiss(std::move(who))) hub_.keys().leave(ended);
+    });
+  }
   void end() override {
     asio::post(io_, [this] {
       boost::system::error_code ignored;  // it is no matter whether it was open
@@ -141,11 +146,8 @@ class BeastServer final : public Server {
         return;
       }
       hub_.make_room();
-      // Beyond the bound a connection is closed at once; the pages that are open go on.
-      if (hub_.connections() < max_connections) {
-        web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);
-        serve_http(std::move(wire), hub_, answers_, *guard_);
-      }
+      web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);
+      serve_http(std::move(wire), hub_, answers_, *guard_);
       accept();
     });
   }

@@ -32,7 +32,8 @@ class OperatorKeys {
   virtual ~OperatorKeys() = default;
   virtual const std::vector<Operator>& operators() const = 0;
   /// Unlocks a key on a thread of its own, where `answer` is called, too.
-  virtual void unlock(std::size_t who, std::string pass_phrase, std::function<void(Status)> answer) = 0;
+  virtual void unlock(std::size_t who, std::shared_ptr<const crypto::WipingString> pass_phrase,
+                      std::function<void(Status)> answer) = 0;
   /// His session is over: what he holds is landed and given back, and his key is forgotten.
   virtual void leave(std::size_t who) = 0;
   /// Signs and submits; what comes of it is told as an event. The error says why it cannot now.
@@ -44,9 +45,7 @@ class OperatorKeys {
 /// keeps nothing but its place, and is closed when it is max_events behind.
 class Server {
  public:
-  static constexpr std::size_t max_connections = 64, max_events = 1000;
-  /// Of connections that have not shown the token: beyond it the oldest one of them makes room.
-  static constexpr std::size_t max_strangers = 32;
+  static constexpr std::size_t max_events = 1000;
   /// What stands behind it, and must outlive it; an answer behind the server's end is dropped. Called on the server's thread.
   struct Behind {
     /// A pilot's word; the error says why it is not taken now.
@@ -71,6 +70,8 @@ class Server {
   virtual void publish_missions(std::string list) = 0;
   /// When they have changed. Any thread.
   virtual void publish_faults(FaultList list) = 0;
+  /// These operators, of all, may sign nothing any more: their sessions end, and they do not sign in. Any thread.
+  virtual void dismiss(std::vector<std::size_t> who) = 0;
   /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.

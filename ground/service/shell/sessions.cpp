@@ -3,16 +3,20 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <boost/asio/steady_timer.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core.hpp>
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
+#include <cstring>
 
 #include "common/crypto/crypto.hpp"
+#include "common/crypto/wiping_string.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/page_files.hpp"
+#include "ground/service/shell/stream.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -25,11 +29,13 @@ using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
 constexpr std::chrono::seconds patience{10};     // of a handshake, a head, a body, an answer: each as a whole
+constexpr std::chrono::seconds keep_alive{60};   // who keeps a place is waited for: his next request may be a stop
 constexpr std::chrono::seconds end_patience{1};  // of the other side's last word in TLS
 // A month, and only for names: it holds for every port of the host, and localhost has other services.
 constexpr const char* https_only = "max-age=2592000";
-constexpr double requests_per_s = 100;  // of one connection; a pilot's velocities come fifteen times a second
-constexpr std::size_t max_head_bytes = 8192, max_message_bytes = 4096;
+constexpr double requests_per_s = 100;  // of one connection
+constexpr std::size_t max_head_bytes = 8192;
+constexpr const char* role_taken = "the ledger knows this operator as none any more: nothing is signed for him";
 
 const std::string& policy() {
   static const std::string words =
@@ -97,144 +103,27 @@ Response page(const Request& request) {
   return respond(request, refusal(404, "there is / and what it loads, and the API below /api/v1/"));
 }
 
-/// The stream to one client. One write at a time: behind it the events it lacks, then the newest state.
-class Stream final : public Hub::Listener, public std::enable_shared_from_this<Stream> {
- public:
-  Stream(web::Wire&& socket, Hub& hub, Hub::Place place, std::optional<SignIns::Session> session)
-      : socket_(std::move(socket)), hub_(hub), place_(std::move(place)), session_(session), budget_(requests_per_s) {}
-
-  void start(const Request& request) {
-    socket_.set_option(websocket::stream_base::timeout::suggested(beast::role_type::server));
-    socket_.set_option(websocket::stream_base::decorator([](websocket::response_type& response) {
-      response.set(http::field::sec_websocket_protocol, "ledgerline.v1");
-    }));
-    socket_.read_message_max(max_message_bytes);
-    socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
-      if (error) return;
-      self->told_ = self->hub_.forgotten_event();
-      self->hub_.join(std::shared_ptr<Hub::Listener>(self));
-      self->send(std::make_shared<const std::string>(self->hub_.greeting()));
-      self->read();
-    });
-  }
-
-  void news() override {
-    // A page that is open keeps its operator signed in.
-    if (session_ && !closing_ && !hub_.sign_ins().touch(monotonic_ns(), *session_)) close("the session is over");
-    if (writing_ || closing_) {
-      // Who has not taken a write for so many events will not catch up, and may come again.
-      const auto& events = hub_.events();
-      if (!closing_ && !events.empty() && events.front().number > told_ + 1) close("a thousand events behind");
-      return;
-    }
-    if (hub_.newest_block() > told_block_ && !blocks_were_last_) {  // by turns, so that neither waits for the other
-      const std::uint64_t told = std::exchange(told_block_, hub_.newest_block());
-      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), told)));
-      blocks_were_last_ = true;
-      return;
-    }
-    const auto& events = hub_.events();
-    if (hub_.newest_event() > told_) {
-      const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - told_, events.size());
-      told_ = hub_.newest_event();
-      send(std::make_shared<const std::string>(events_message(events, events.size() - missing)));
-    } else if (hub_.paths() && hub_.paths() != paths_) {
-      paths_ = hub_.paths();
-      send(paths_);
-    } else if (hub_.missions() && hub_.missions() != missions_) {
-      missions_ = hub_.missions();
-      send(missions_);
-    } else if (hub_.faults() && hub_.faults() != faults_) {
-      faults_ = hub_.faults();
-      send(faults_);
-    } else if (hub_.state() && hub_.state() != shown_) {
-      shown_ = hub_.state();
-      send(shown_);
-    } else if (hub_.ended()) {
-      close("the ground has ended", websocket::close_code::going_away);
-    }
-  }
-
- private:
-  void send(std::shared_ptr<const std::string> text) {
-    writing_ = true;
-    blocks_were_last_ = false;
-    socket_.text(true);
-    const auto buffer = boost::asio::buffer(*text);
-    socket_.async_write(buffer,
-                        [self = shared_from_this(), text = std::move(text)](beast::error_code error, std::size_t) {
-                          self->writing_ = false;
-                          if (!error) self->news();
-                        });
-  }
-
-  void read() {
-    socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
-      if (error) return;
-      self->take();
-    });
-  }
-
-  void take() {
-    if (closing_) return;
-    const TimeNs now = monotonic_ns();
-    if (!budget_.take(now)) return close("more than 100 messages a second");
-    const auto text = beast::buffers_to_string(buffer_.data());
-    buffer_.consume(buffer_.size());
-    auto wish = wish_from(text, hub_.names(), now);
-    if (!wish) return close(wish.error().what);
-    if (!hub_.operators().empty()) {
-      if (!session_) return close("sign in first: who flies is who signs");
-      if (!hub_.sign_ins().touch(now, *session_)) return close("the session is over");
-      wish->by = hub_.operators()[session_->who].identity;
-    }
-    // One that is not taken now would not be flown, either: nothing is in the air yet.
-    if (const Status taken = hub_.take(*wish); !taken) return close(taken.error().what);
-    read();
-  }
-
-  // What it wrote wrong it would write wrong again; the words are in the close frame.
-  void close(const std::string& why, websocket::close_code code = websocket::close_code::policy_error) {
-    if (closing_) return;
-    closing_ = true;
-    if (writing_) {  // a close frame would have to wait behind a write that nobody takes
-      beast::get_lowest_layer(socket_).cancel();
-      beast::get_lowest_layer(socket_).close();
-      return;
-    }
-    websocket::close_reason reason(code);
-    reason.reason = why.substr(0, 120);  // a control frame has room for 123 bytes
-    socket_.async_close(reason, [self = shared_from_this()](beast::error_code) {});
-  }
-
-  websocket::stream<web::Wire> socket_;
-  Hub& hub_;
-  Hub::Place place_;
-  const std::optional<SignIns::Session> session_;
-  Budget budget_;
-  beast::flat_buffer buffer_;
-  std::shared_ptr<const std::string> shown_, paths_, missions_, faults_;
-  std::uint64_t told_ = 0;  ///< the newest event that it has
-  std::uint64_t told_block_ = 0;
-  bool blocks_were_last_ = false;
-  bool writing_ = false, closing_ = false;
-};
-
 class HttpSession final : public Hub::Stranger, public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(web::Wire&& wire, Hub& hub, Answers& answers, const Guard& guard)
-      : wire_(std::move(wire)), hub_(hub), answers_(answers), guard_(guard), place_(hub), budget_(requests_per_s) {}
+      : wire_(std::move(wire)), hub_(hub), answers_(answers), guard_(guard), place_(hub), budget_(requests_per_s) {
+    beast::error_code gone;
+    const auto other = wire_.tcp().socket().remote_endpoint(gone);
+    if (!gone) address_ = address_of(other.address().to_string());
+  }
 
   void start() {
     if (!wire_.tls()) return read();
     wire_.tcp().expires_after(patience);
     wire_.async_handshake(boost::asio::ssl::stream_base::server, [self = shared_from_this()](beast::error_code error) {
+      self->has_ended_handshake_ = !error;
       if (!error) return self->read();
       if (web::is_plain_http(error)) self->say_https();
     });
   }
 
-  bool is_stranger() const override { return !known_; }
+  bool is_stranger() const override { return !kept_; }
+  StrangerNow now() const override { return {address_, has_ended_handshake_}; }
   void leave() override { wire_.tcp().close(); }
 
  private:
@@ -253,7 +142,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     parser_.emplace();
     parser_->body_limit(max_mission_body_bytes);  // until the head says what it is
     parser_->header_limit(max_head_bytes);
-    wire_.tcp().expires_after(patience);
+    wire_.tcp().expires_after(kept_ ? keep_alive : patience);
     http::async_read_header(wire_, buffer_, *parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               error ? self->on_read(error) : self->read_body();
@@ -267,6 +156,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     const std::size_t limit = known ? body_limit(view(request.target())) : max_body_bytes;
     if (parser_->content_length().value_or(0) > limit) return on_read(http::error::body_limit);
     parser_->body_limit(limit);
+    wire_.tcp().expires_after(patience);
     http::async_read(wire_, buffer_, *parser_,
                      [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
   }
@@ -297,8 +187,8 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
       return place.status != 0 ? respond(request, place) : page(request);
     }
     Guard::Judged judged = judge(head);
-    known_ = judged.refused.status == 0;
-    if (!known_ && !judged.over) return respond(request, judged.refused);
+    keep_place(judged, Places::Use::request);
+    if (judged.refused.status != 0 && !judged.over) return respond(request, judged.refused);
     const TimeNs now = monotonic_ns();
     ApiRequest asked{.method = view(request.method_string()),
                      .target = target,
@@ -307,6 +197,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
                      .over = judged.over};
     if (judged.session) asked.who = judged.session->who;
     ApiAnswer made = answer(asked, hub_.known());
+    if (target == "/api/v1/session") wipe_body();
     const bool lands = std::any_of(made.wishes.begin(), made.wishes.end(), brings_down);
     // A budget is no reason to keep a drone in the air.
     if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
@@ -328,15 +219,37 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   }
 
   std::optional<Response> sign_in(TimeNs now, SignIn asked) {
-    const std::string early = hub_.sign_ins().refused(now, asked.who);
-    if (!early.empty()) return respond(parser_->get(), refusal(429, early));
-    hub_.sign_ins().failed(now, asked.who);  // until it is seen to be right, so that many at once are many
+    if (hub_.sign_ins().is_dismissed(asked.who)) return respond(parser_->get(), refusal(403, role_taken));
+    const auto look_at_ns = hub_.sign_ins().look_after(now, asked.who, address_);
+    if (!look_at_ns)
+      return respond(parser_->get(),
+                     refusal(429, "too many wrong pass phrases are tried for this operator: try again"));
+    hub_.sign_ins().failed(asked.who, address_);  // until it is seen to be right, so that many at once are many
     wire_.tcp().expires_never();
+    if (*look_at_ns <= now) {
+      unlock(std::move(asked));
+      return std::nullopt;
+    }
+    const auto timer = std::make_shared<boost::asio::steady_timer>(wire_.get_executor());
+    timer->expires_after(std::chrono::nanoseconds(*look_at_ns - now));
+    timer->async_wait([self = shared_from_this(), timer, asked = std::move(asked)](beast::error_code ended) mutable {
+      if (!ended) self->unlock(std::move(asked));
+    });
+    return std::nullopt;
+  }
+
+  void unlock(SignIn asked) {
     hub_.keys().unlock(asked.who, std::move(asked.pass_phrase),
                        answers_.expect<Status>([self = shared_from_this(), who = asked.who](const Status& unlocked) {
                          self->signed_in(who, unlocked);
                        }));
-    return std::nullopt;
+  }
+
+  /// A pass phrase was in it, and is with who unlocks the key.
+  void wipe_body() {
+    crypto::wipe(parser_->get().body());
+    const auto behind = buffer_.prepare(buffer_.capacity() - buffer_.size());  // what was read through it
+    ::explicit_bzero(behind.data(), behind.size());
   }
 
   std::optional<Response> ask(MissionAsk asked) {
@@ -357,7 +270,12 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   void signed_in(std::size_t who, const Status& unlocked) {
     const TimeNs now = monotonic_ns();
     if (!unlocked) return write(respond(parser_->get(), refusal(403, unlocked.error().what)));
+    if (hub_.sign_ins().is_dismissed(who)) {  // while his key was unlocked
+      hub_.keys().leave(who);
+      return write(respond(parser_->get(), refusal(403, role_taken)));
+    }
     const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));
+    hub_.sign_ins().right(who);
     hub_.sign_ins().begin(now, who, token);
     write(respond(parser_->get(), {200, session_text(token, hub_.operators()[who])}));
   }
@@ -368,13 +286,27 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
       return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
     const Guard::Judged judged = judge(head_of(request));
     if (judged.refused.status != 0) return write(respond(request, judged.refused));
+    if (!keep_place(judged, Places::Use::stream))
+      return write(respond(request, refusal(503, "there are too many connections from here: close one")));
     wire_.tcp().expires_never();
-    std::make_shared<Stream>(std::move(wire_), hub_, std::move(place_), judged.session)->start(request);
+    serve_stream(std::move(wire_), hub_, {std::move(place_), std::move(*kept_)}, judged.session, request);
+  }
+
+  /// Whether this connection may last beyond its answer; a request is answered without that.
+  bool keep_place(const Guard::Judged& judged, Places::Use use) {
+    const bool known = judged.refused.status == 0;
+    Places::Owner owner{address_, {}};
+    if (judged.session) owner.who = judged.session->who;
+    if (known && kept_ && kept_->owner() == owner) return true;
+    kept_.reset();
+    if (!known) return false;
+    if (auto place = hub_.keep(owner, use)) kept_.emplace(std::move(*place));
+    return kept_.has_value();
   }
 
   void write(Response response) {
-    // Who has not shown the token asks once a connection, and has no place to keep.
-    response.keep_alive(known_ && response.keep_alive());
+    // Who has no place asks once a connection.
+    response.keep_alive(kept_ && response.keep_alive());
     const std::string_view host = view(parser_->get()[http::field::host]);
     if (wire_.tls() && host.substr(0, host.find(':')) != "localhost")
       response.set("Strict-Transport-Security", https_only);
@@ -403,7 +335,9 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
   Budget budget_;
   beast::flat_buffer buffer_{max_head_bytes + max_body_bytes};
   std::optional<http::request_parser<http::string_body>> parser_;
-  bool known_ = false;  ///< its newest request had the token
+  std::string address_;  ///< of the other side
+  bool has_ended_handshake_ = false;
+  std::optional<Hub::KeptPlace> kept_;  ///< of whom its newest request has shown
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
+#include "ground/service/core/stream_messages.hpp"
 #include "tests/fuzz/entry.hpp"
 
 /// What the station's clients say: a request's line and body, the stream's messages, and heads that the guard judges.
@@ -20,7 +21,8 @@ class RequestEntry final : public Entry {
         "GET /api/v1/events?since=12\n",
         "POST /api/v1/drones/tello1/takeoff\n{}",
         "POST /api/v1/drones/tello1/path\n{\"waypoints\":[{\"x\":1,\"y\":2,\"z\":1,\"speed\":0.5}],\"then\":\"land\"}",
-        "POST /api/v1/stop\n{\"cut\":true}",
+        "POST /api/v1/stop\n{\"cut\":true,\"confirmed\":true}",
+        "POST /api/v1/drones/tello1/cut\n{\"confirmed\":true}",
         "POST /api/v1/drones/tello2/land\n",
         "POST /api/v1/session\n{\"operator\":\"alice\",\"passphrase\":\"open\"}",
         "POST /api/v1/drones/tello1/hand_over\n{\"to\":{\"msp\":\"Org2MSP\",\"subject\":\"CN=bob\"}}",
@@ -34,9 +36,8 @@ class RequestEntry final : public Entry {
     ApiRequest request{line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body};
     const Known known{names, "[]", "{}", events_, operators_, &faults_};
     const ApiAnswer strangers = answer(request, known);
-    // Nobody is signed in: nothing is signed, and nothing flies.
-    const bool flies = std::any_of(strangers.wishes.begin(), strangers.wishes.end(),
-                                   [](const ground::PilotWish& wish) { return !wish.stop && !wish.land; });
+    // Nobody is signed in: nothing is signed, nothing flies, and no motors are cut.
+    const bool flies = !std::all_of(strangers.wishes.begin(), strangers.wishes.end(), ground::only_lands);
     const bool spoils = strangers.fault && strangers.fault->on;
     if (strangers.call || strangers.sign_out || flies || spoils) return refused("");
     request.who = 0;
@@ -56,9 +57,20 @@ class StreamEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
     return {R"({"op":"velocity","drone":"tello1","linear":[0.5,0,-0.25],"yaw_rate":0.3,"t_ms":900})",
-            R"({"op":"velocity","drone":"tello2","linear":[0,0,0],"yaw_rate":0,"t_ms":100})"};
+            R"({"op":"velocity","drone":"tello2","linear":[0,0,0],"yaw_rate":0,"t_ms":100})", R"({"op":"stop","id":7})",
+            R"({"op":"cut","drone":"tello1","confirmed":true})", R"({"op":"land","drone":"tello2","id":1})"};
   }
-  Outcome feed(std::string_view bytes) override { return outcome_of(wish_from(bytes, names, ns_per_s)); }
+  Outcome feed(std::string_view bytes) override {
+    const std::deque<Event> events;
+    const std::vector<Operator> operators{{"alice", {"Org2MSP", "CN=alice"}}};
+    const auto said = read_stream_message(bytes, {}, {names, "[]", "{}", events, operators}, ns_per_s);
+    if (!said) return refused(said.error().what);
+    if (!said->command) return accepted();
+    const ApiAnswer& made = said->command->made;
+    // An onlooker lands, and does nothing else.
+    if (!std::all_of(made.wishes.begin(), made.wishes.end(), ground::only_lands)) return refused("");
+    return made.status < 300 ? accepted() : refused(made.body);
+  }
 };
 
 /// Host, Origin and token, a line each: only the right ones are heard.

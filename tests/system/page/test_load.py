@@ -29,9 +29,9 @@ from websockets.sync.client import connect
 os.sched_setscheduler(0, os.SCHED_IDLE, os.sched_param(0))
 url, token, count = sys.argv[1:]
 def look():
-    with connect(url, subprotocols=["ledgerline.v1", f"token.{token}"]) as stream:
+    with connect(url, subprotocols=["ledgerline.v1", f"token.{token}"], source_address=(f"127.0.0.{2 + i // 5}", 0)) as stream:
         for _ in stream: pass
-for _ in range(int(count)): threading.Thread(target=look, daemon=True).start()
+for i in range(int(count)): threading.Thread(target=look, args=(i,), daemon=True).start()
 print("open", flush=True)
 sys.stdin.read()
 os._exit(0)

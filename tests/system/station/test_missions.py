@@ -7,7 +7,8 @@ import signal
 import subprocess
 import time
 
-from flights import BIN, fly, no_flight_outlives_its_test, pid_of, printed
+import pytest
+from flights import BIN, control, fly, no_flight_outlives_its_test, pid_of, printed
 from station import Station
 from test_operators import holder, sign_in
 from test_station import end
@@ -85,6 +86,33 @@ def test_a_mission_is_checked_approved_flown_together_and_on_the_ledger(tmp_path
         time.sleep(0.5)
     assert "what became of mission survey" in verified.stdout
     assert json.loads(record.read_text())["phase"] == "done"
+    end(flight, tmp_path)
+
+
+def test_two_persons_are_two_when_the_mission_starts(tmp_path):
+    flight = fly(tmp_path, "--shape", "manual", "--watch", "--operators", "alice,bob", "--approvals", "2")
+    station = Station(tmp_path, flight)
+    alice, bob = sign_in(station, tmp_path, "alice"), sign_in(station, tmp_path, "bob")
+    one = add(alice, mission(station, "survey", {"tello1": [(1, 0), (1, 1)]}, "land"))
+    alice.say("drones/tello1/acquire")
+    station.wait("tello1", holder("alice"))
+    for who in (alice, bob):
+        who.say(f"missions/{one}/approve")
+    until(alice, one, lambda told: len(told["approvals"]) == 2)
+    for method, path in (("POST", "start"), ("POST", "pause"), ("POST", "resume"), ("DELETE", "")):
+        status, refused = bob.ask(method, f"missions/{one}/{path}".rstrip("/"))
+        assert status == 409 and "alice" in refused["error"] and "who alone may" in refused["error"], (path, refused)
+    run = tmp_path / "run"
+    control(run / "operators-admin.toml", "revoke", "--msp", "Org2MSP", "--cert", run / "operators/bob/signcerts/bob-cert.pem")
+    status, refused = alice.ask("POST", f"missions/{one}/start")
+    assert status == 409 and "1 of 2 approvals" in refused["error"], refused
+    bob_is_out = time.monotonic() + 60
+    while bob.ask("GET", "drones")[0] != 401:
+        assert time.monotonic() < bob_is_out, "his session goes on"
+        time.sleep(0.1)
+    with pytest.raises(AssertionError, match="as none any more"):
+        sign_in(station, tmp_path, "bob")
+    until(alice, one, lambda told: told["approvals"] == [alice.identity])
     end(flight, tmp_path)
 
 

@@ -4,6 +4,8 @@ import re
 import subprocess
 import time
 
+from websockets.exceptions import InvalidStatus
+
 from flights import BIN, fly, no_flight_outlives_its_test, printed
 from station import Station, take_off, velocity
 from test_station import end
@@ -39,6 +41,45 @@ def sign_in(station: Station, out, name: str) -> Signed:
 
 def holder(name: str):
     return lambda drone: f"CN={name}@" in drone["lease"]["holder"]
+
+
+def test_an_ended_session_and_the_pages_token_stop_and_never_cut(tmp_path):
+    flight = fly(tmp_path, "--shape", "manual", "--watch", "--operators", "alice")
+    station = Station(tmp_path, flight)
+    before = sign_in(station, tmp_path, "alice")
+    alice = sign_in(station, tmp_path, "alice")  # elsewhere: the session before is over
+    alice.say("drones/tello1/acquire")
+    station.wait("tello1", holder("alice"))
+    take_off(alice, "tello1")
+    for path, body in (("drones/tello1/cut", {"confirmed": True}), ("stop", {"cut": True, "confirmed": True})):
+        assert before.ask("POST", path, body)[0] == 401, path
+        assert station.ask("POST", path, body)[0] == 403, path
+        status, refused = alice.ask("POST", path, {**body, "confirmed": False})
+        assert status == 409 and "tello1 is in the air" in refused["error"], refused
+    with station.stream() as looks, alice.stream() as flies:
+        for stream, wanted in ((looks, 403), (flies, 409)):
+            stream.send('{"op":"cut","drone":"tello1","id":1}')
+            while (message := json.loads(stream.recv(timeout=60)))["op"] != "answer":
+                pass
+            assert message["id"] == 1 and message["status"] == wanted, message
+    assert station.drone("tello1")["phase"] == "manual" and not station.drone("tello1")["stopped_by"]
+    # 70 streams with the page's token leave way for a stop: on an open one, and by a new connection.
+    with station.stream() as looks:
+        streams = []
+        for _ in range(70):
+            try:
+                streams.append(station.stream())
+            except InvalidStatus:
+                pass
+        assert len(streams) == 7, "eight of one address"
+        looks.send('{"op":"stop","id":2}')
+        station.wait("tello1", lambda drone: drone["phase"] == "landed" and drone["stopped_by"])
+        assert station.ask("POST", "stop")[0] == 202
+        for stream in streams:
+            stream.close_socket()
+    alice.say("drones/tello1/lift")
+    station.wait("tello1", lambda drone: not drone["stopped_by"])
+    end(flight, tmp_path)
 
 
 def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path):

@@ -120,11 +120,16 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "asking without it" in alice.run("drones").stderr
     assert "without it" not in alice.run("drones", "stop", "tello1").stderr
     assert "CN=alice@" not in str(station.wait("tello1", lambda drone: drone["stopped_by"])["stopped_by"]), "ground has signed it"
+    elsewhere.says("drones", "lift", "tello1")
+    assert station.drone("tello1")["stopped_by"] == [], "who is signed in lifts ground's own stop"
+    assert "sign in first" in anybody.refused("drones", "cut", "tello2", "--yes"), "motors off is no onlooker's"
+    elsewhere.says("drones", "cut", "tello2")
+    station.wait("tello2", lambda drone: "CN=alice@" in str(drone["stopped_by"]))
     assert "lands and is given back" in elsewhere.says("drones", "logout") and not list((elsewhere.home / "ledgerline").iterdir())
     assert "sign in first" in elsewhere.refused("drones", "acquire", "tello2")
 
-    anybody.says("drones", "cut", "--all")
-    station.wait("tello2", lambda drone: drone["stopped_by"])
+    anybody.says("drones", "stop", "--all")
+    station.wait("tello1", lambda drone: drone["stopped_by"])
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == STOPPED, printed(tmp_path)
     assert_nothing_left()

@@ -33,15 +33,17 @@ Request post(std::string target, std::string body) {
 
 Request drone_request(const std::string& drone, const std::string& verb, std::string body) {
   Request request = post(fmt::format("drones/{}/{}", drone, verb), std::move(body));
-  request.anybodys = verb == "land" || verb == "stop" || verb == "cut";
+  request.anybodys = verb == "land" || verb == "stop";
   return request;
 }
 
-Request stop_all(bool cut) {
-  Request request = post("stop", json{{"cut", cut}}.dump());
+Request stop_all() {
+  Request request = post("stop", "{}");
   request.anybodys = true;
   return request;
 }
+
+Request cut_all(bool confirmed) { return post("stop", json{{"cut", true}, {"confirmed", confirmed}}.dump()); }
 
 std::string to_body(const std::string& msp, const std::string& subject) {
   return json{{"to", {{"msp", msp}, {"subject", subject}}}}.dump(-1, ' ', false, json::error_handler_t::replace);

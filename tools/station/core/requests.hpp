@@ -22,7 +22,9 @@ struct Answer {
 
 /// `verb`: "takeoff", "land", "hand_over" ... as the API has them.
 Request drone_request(const std::string& drone, const std::string& verb, std::string body = "{}");
-Request stop_all(bool cut);
+Request stop_all();
+/// `confirmed`: in the air, too.
+Request cut_all(bool confirmed);
 /// {"to":{...}} of hand_over and deny.
 std::string to_body(const std::string& msp, const std::string& subject);
 /// {"waypoints":[...]} of a CSV text, x,y[,z[,speed]] a line, in the map. The error names file and line.

@@ -13,6 +13,7 @@
 #include "ground/mission/run.hpp"
 #include "ground/motion/csv.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/stream_messages.hpp"
 #include "ground/service/faults/fault_list.hpp"
 
 namespace {
@@ -48,6 +49,7 @@ std::vector<Reader> readers() {
              return service::answer({"POST", "/api/v1/drones/tello1/path", text}, known).status < 300;
            },
            service::max_body_bytes},
+          {"message", [](const std::string& text) { return read_stream_message(text, {}, known, 1).ok(); }, 4096},
           {"mission", [](const std::string& text) { return mission::mission_from_json(std::string_view(text)).ok(); },
            mission::max_mission_bytes},
           {"kept", [](const std::string& text) { return mission::MissionRun::restore(text, {}).ok(); },

@@ -11,7 +11,7 @@ const session = { token: 'b'.repeat(64), operator: 'alice', identity: 'Org2MSP C
 
 /// A station that answers by `answer(token, method, path)`: [status, body]. `asked`: what it was asked; `streams`: with which tokens; `urls`: of these.
 function station(answer, kept = null, protocol = 'http:') {
-  const told = { asked: [], streams: [], urls: [], said: [] };
+  const told = { asked: [], streams: [], urls: [], said: [], sent: [] };
   const store = new Map(kept ? [['session', JSON.stringify(kept)]] : []);
   globalThis.sessionStorage = { getItem: (key) => store.get(key) ?? null, setItem: (key, value) => store.set(key, value), removeItem: (key) => store.delete(key) };
   globalThis.location = { protocol, host: '127.0.0.1:8800' };
@@ -20,6 +20,10 @@ function station(answer, kept = null, protocol = 'http:') {
     constructor(url, protocols) {
       told.urls.push(url);
       told.streams.push(protocols[1].slice('token.'.length));
+      told.socket = this;
+    }
+    send(text) {
+      told.sent.push(JSON.parse(text));
     }
     close() {}
   };
@@ -44,6 +48,26 @@ test('a stop gets through with the own token when the session is over', async ()
   assert.match(told.said[0], /session of alice is over/);
   assert.ok(!store.has('session') && store.get('token') === own, 'only the session is forgotten');
   assert.deepEqual(told.streams, [session.token, own]);
+});
+
+test('a stop goes out by the open stream as well, and counts when that alone takes it', async () => {
+  const { connection, told } = station(() => [503, { error: 'full' }]);
+  told.socket.readyState = 1;
+  const stopped = connection.bringDown('stop'), landed = connection.bringDown('land', 'tello1');
+  assert.deepEqual(told.sent, [{ op: 'stop', id: 1 }, { op: 'land', drone: 'tello1', id: 2 }]);
+  told.socket.onmessage({ data: '{"op":"answer","id":2,"status":202}' });
+  told.socket.onmessage({ data: '{"op":"answer","id":1,"status":503,"error":"nothing flies"}' });
+  assert.ok((await landed).ok);
+  const answer = await stopped;
+  assert.ok(!answer.ok);
+  assert.equal(answer.words, 'full');
+  assert.deepEqual(told.asked.map(([, , path]) => path), ['/api/v1/stop', '/api/v1/drones/tello1/land']);
+});
+
+test('a stop needs no open stream', async () => {
+  const { connection, told } = station(() => [202, {}]);
+  assert.ok((await connection.bringDown('stop')).ok);
+  assert.deepEqual(told.sent, []);
 });
 
 test('what the own token may not is refused, and asked once', async () => {

@@ -122,7 +122,7 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   ASSERT_TRUE(start(first));
   run(1);
   EXPECT_THAT(start(second).error().what, HasSubstr("tello2 flies in mission first"));
-  EXPECT_THAT(book.remove(first).error().what, HasSubstr("is flown"));
+  EXPECT_THAT(book.remove(first, {}).error().what, HasSubstr("is flown"));
   ASSERT_TRUE(book.land(first, "test"));
   run(15);
   EXPECT_EQ(one(first)["phase"], "aborted");
@@ -131,10 +131,10 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   run(5);
   ASSERT_TRUE(book.land(second, "test"));
   run(0.2);
-  EXPECT_THAT(book.remove(second).error().what, HasSubstr("landing"));
+  EXPECT_THAT(book.remove(second, {}).error().what, HasSubstr("landing"));
   run(15);
-  EXPECT_TRUE(book.remove(second));
-  EXPECT_TRUE(book.remove(first));
+  EXPECT_TRUE(book.remove(second, {}));
+  EXPECT_TRUE(book.remove(first, {}));
   EXPECT_FALSE(book.has(first));
 }
 
@@ -155,13 +155,40 @@ TEST_F(Book, WhoeverStartedItAloneHasItGoOn) {
   const std::string id = approved("survey", {"tello1"});
   ASSERT_TRUE(start(id));
   run(1);
-  ASSERT_TRUE(book.pause(id));
+  ASSERT_TRUE(book.pause(id, {}));
   run(10);
-  EXPECT_THAT(resume(id, alice).error().what, HasSubstr("CN=User1@org2 started it, who alone"));
+  EXPECT_THAT(resume(id, alice).error().what, HasSubstr("CN=User1@org2's, who alone may"));
   mission::Finding finding;
   finding.words = "something stands in its way by now";
   EXPECT_THAT(resume(id, {}, {finding}).error().what, HasSubstr("stands in its way"));
   EXPECT_TRUE(resume(id)) << book.list();
+}
+
+TEST_F(Book, WhateverIsAskedOfAMissionButItsLandingIsItsOwnersToAsk) {
+  const crypto::IdentityName bob{"Org2MSP", "CN=bob"};
+  world.run(1);
+  auto run_of_alice = mission::MissionRun::make(mission_of("hers", {"tello1"}), {});
+  const auto id = book.add(std::move(*run_of_alice), alice);
+  ASSERT_TRUE(id);
+  book.set_signers(*id, {operator_name});
+  for (const Status& refused : {book.pause(*id, bob), resume(*id, bob), start(*id, bob), book.remove(*id, bob)})
+    EXPECT_THAT(refused.error().what, HasSubstr("Org2MSP CN=alice's, who alone may"));
+  EXPECT_THAT(start(*id, alice).error().what, HasSubstr("its lease is held by")) << "hers it is";
+  Control record = control_record("tello1", alice, 2);
+  record.mutable_delegate()->set_msp_id(operator_name.msp_id);
+  record.mutable_delegate()->set_subject(operator_name.subject);
+  ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
+  world.run(1);
+  ASSERT_TRUE(start(*id, alice));
+  run(2);
+  EXPECT_FALSE(book.pause(*id, bob));
+  book.disown(alice);
+  EXPECT_FALSE(book.pause(*id, bob)) << "what is flown stays whose it is";
+  EXPECT_TRUE(book.land(*id, "bob had it land"));
+  run(15);
+  EXPECT_FALSE(book.remove(*id, bob));
+  book.disown(alice);
+  EXPECT_TRUE(book.remove(*id, bob)) << "its owner is no operator any more";
 }
 
 TEST_F(Book, ADroneThatIsHandedOverIsLostForItsMissionAndHovers) {
@@ -256,7 +283,8 @@ TEST_F(Book, WhatWasNotKeptByABookIsRefused) {
 }
 
 TEST_F(Book, OfAnUnknownMissionEverythingIsRefused) {
-  for (const Status& status : {start("0a"), book.pause("0a"), resume("0a"), book.land("0a", ""), book.remove("0a")})
+  for (const Status& status :
+       {start("0a"), book.pause("0a", {}), resume("0a"), book.land("0a", ""), book.remove("0a", {})})
     EXPECT_THAT(status.error().what, HasSubstr("there is no mission"));
 }
 

@@ -16,6 +16,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/page_files.hpp"
 #include "tests/fuzz/directory.hpp"
 
@@ -33,8 +34,9 @@ using testing::HasSubstr;
 class TestKeys final : public OperatorKeys {
  public:
   const std::vector<Operator>& operators() const override { return operators_; }
-  void unlock(std::size_t, std::string pass_phrase, std::function<void(Status)> answer) override {
-    threads_.emplace_back([answer = std::move(answer), right = pass_phrase == "open"] {
+  void unlock(std::size_t, std::shared_ptr<const crypto::WipingString> pass_phrase,
+              std::function<void(Status)> answer) override {
+    threads_.emplace_back([answer = std::move(answer), right = pass_phrase->view() == "open"] {
       answer(right ? Status(done) : Error{"a wrong pass phrase"});
     });
   }
@@ -239,6 +241,45 @@ TEST_F(StationServer, WhatIsNoVelocityEndsTheStreamWithTheReason) {
   EXPECT_EQ(heard(), 1U);
 }
 
+TEST_F(StationServer, AnOpenStreamStopsAndLandsWithoutAnotherConnection) {
+  const auto client = stream();
+  const auto answer_to = [&](const std::string& message) {
+    client->write(boost::asio::buffer(message));
+    json said = read(*client);
+    while (said["op"] != "answer") said = read(*client);
+    return said;
+  };
+  EXPECT_EQ(answer_to(R"({"op":"stop","id":7})"), json::parse(R"({"op":"answer","id":7,"status":202})"));
+  EXPECT_EQ(answer_to(R"({"op":"land","drone":"tello1","id":8})")["status"], 202);
+  ASSERT_EQ(heard(), 2U);
+  EXPECT_TRUE(wishes[0].stop && wishes[1].land);
+  reached = false;
+  for (int i = 0; i < 300; ++i) client->write(boost::asio::buffer(std::string(R"({"op":"stop"})")));
+  EXPECT_EQ(answer_to(R"({"op":"stop","id":9})")["status"], 202) << "a budget is no reason to keep a drone in the air";
+}
+
+TEST_F(StationServer, SeventyStreamsWithThePagesTokenLeaveWayForAStop) {
+  std::vector<std::unique_ptr<Stream>> streams;
+  std::size_t refused = 0;
+  for (int i = 0; i < 70; ++i) {
+    try {
+      streams.push_back(stream());
+    } catch (const std::exception&) {
+      ++refused;
+    }
+  }
+  EXPECT_EQ(streams.size(), Places::max_of_one);
+  EXPECT_EQ(refused, 70 - Places::max_of_one);
+  const auto stopped = ask(http::verb::post, "/api/v1/stop", token);
+  EXPECT_EQ(stopped.result_int(), 202U);
+  EXPECT_FALSE(stopped.keep_alive()) << "it has no place";
+  streams.front()->write(boost::asio::buffer(std::string(R"({"op":"stop","id":1})")));
+  json said = read(*streams.front());
+  while (said["op"] != "answer") said = read(*streams.front());
+  EXPECT_EQ(said["status"], 202);
+  EXPECT_EQ(heard(), 2U);
+}
+
 TEST_F(StationServer, TheLastEventsReachEveryoneBeforeItEnds) {
   const auto client = stream();
   EXPECT_EQ(read(*client)["op"], "hello");
@@ -281,11 +322,24 @@ TEST_F(StationWithOperators, TheRightPassPhraseOpensASessionAndTheWrongOneSoonHa
   EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/acquire", session).result_int(), 202U);
   EXPECT_EQ(keys.calls.size(), 1U);
   const std::string wrong = R"({"operator":"alice","passphrase":"opne"})";
-  for (int i = 0; i < SignIns::free_failures; ++i)
+  for (int i = 0; i < Attempts::free_of_address; ++i)
     EXPECT_EQ(ask(http::verb::post, "/api/v1/session", token, wrong).result_int(), 403U);
-  const std::string right = R"({"operator":"alice","passphrase":"open"})";
-  EXPECT_EQ(ask(http::verb::post, "/api/v1/session", token, right).result_int(), 429U);
   EXPECT_EQ(ask(http::verb::post, takeoff, session).result_int(), 202U) << "who is in stays in";
+  const TimeNs before = monotonic_ns();
+  EXPECT_EQ(sign_in().size(), token_digits) << "nobody is locked out";
+  EXPECT_GE(monotonic_ns() - before, Attempts::pause_ns) << "and guessing is slow";
+}
+
+TEST_F(StationWithOperators, WhoIsNoOperatorAnyMoreIsSignedOutAndStaysOut) {
+  const std::string session = sign_in();
+  server->dismiss({0});
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/takeoff", session).result_int(), 401U);
+  EXPECT_EQ(keys.left.size(), 1U);
+  const std::string right = R"({"operator":"alice","passphrase":"open"})";
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/session", token, right).result_int(), 403U);
+  EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", session).result_int(), 202U) << "it still stops";
+  server->dismiss({});
+  EXPECT_EQ(sign_in().size(), token_digits);
 }
 
 TEST_F(StationWithOperators, ASessionThatIsOverFliesNothing) {
@@ -324,6 +378,27 @@ TEST_F(StationWithOperators, ASessionThatIsOverStillStopsAndLands) {
   }
   ASSERT_EQ(heard(), 6U);
   EXPECT_FALSE(wishes[0].by) << "ground signs it: the operator's key is locked";
+}
+
+TEST_F(StationWithOperators, OnlookersLeaveAnOperatorHisPlacesAndCutNothing) {
+  const std::string session = sign_in();
+  std::vector<std::unique_ptr<Stream>> onlookers;
+  for (std::size_t i = 0; i < Places::max_of_one; ++i) onlookers.push_back(stream());
+  EXPECT_THROW(stream(), std::exception);
+  const auto own = stream(session);
+  const auto answer_to = [](Stream& client, const std::string& message) {
+    client.write(boost::asio::buffer(message));
+    json said = read(client);
+    while (said["op"] != "answer") said = read(client);
+    return said;
+  };
+  EXPECT_EQ(answer_to(*onlookers[0], R"({"op":"cut","drone":"tello1","confirmed":true,"id":1})")["status"], 403);
+  EXPECT_EQ(heard(), 0U);
+  EXPECT_EQ(answer_to(*own, R"({"op":"cut","drone":"tello1","confirmed":true,"id":2})")["status"], 202);
+  EXPECT_EQ(answer_to(*onlookers[1], R"({"op":"stop","id":3})")["status"], 202);
+  ASSERT_EQ(heard(), 2U);
+  EXPECT_TRUE(wishes[0].cut && wishes[0].by);
+  EXPECT_TRUE(wishes[1].stop && !wishes[1].cut && !wishes[1].by);
 }
 
 TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
@@ -413,7 +488,7 @@ TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
 
 TEST_F(StationServer, StrangersKeepNobodyOut) {
   std::vector<tcp::socket> silent;
-  for (std::size_t i = 0; i < 3 * Server::max_connections; ++i) silent.push_back(dial());
+  for (std::size_t i = 0; i < 2 * max_strangers; ++i) silent.push_back(dial());
   EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U);
   EXPECT_EQ(heard(), 1U);
   // Nor does one who asks again and again on one connection.

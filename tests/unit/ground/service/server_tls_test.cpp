@@ -15,6 +15,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 #include "tests/fuzz/directory.hpp"
 
@@ -211,7 +212,7 @@ TEST_F(StationServerWithTls, HandshakesThatDoNotEndKeepNobodyOut) {
   start();
   std::vector<tcp::socket> silent, half;
   const std::string hello("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11);  // a ClientHello's first bytes
-  for (std::size_t i = 0; i < 2 * Server::max_connections; ++i) {
+  for (std::size_t i = 0; i < max_strangers; ++i) {
     silent.push_back(dial());
     half.push_back(dial());
     beast::error_code gone;  // as soon as there are enough of them

@@ -12,7 +12,6 @@ namespace ledgerline::ground::service {
 namespace {
 
 using testing::ElementsAre;
-using testing::HasSubstr;
 using testing::IsEmpty;
 
 constexpr TimeNs idle_ns = 60 * ns_per_s;
@@ -70,19 +69,67 @@ TEST(SignIns, OfTheEndedTheNewestAreRemembered) {
   EXPECT_FALSE(sign_ins.is_over(0, std::to_string(SignIns::max_ended + 1))) << "that one is signed in";
 }
 
-TEST(SignIns, GuessingIsSlowAndOfOneOperatorAlone) {
+TEST(SignIns, WhoIsDismissedLosesHisSessionAndBeginsNone) {
   SignIns sign_ins(2, idle_ns);
-  for (int i = 0; i < SignIns::free_failures; ++i) {
-    EXPECT_EQ(sign_ins.refused(i, 0), "");
-    sign_ins.failed(i, 0);
+  sign_ins.begin(0, 0, "alice's");
+  sign_ins.begin(0, 1, "bob's");
+  EXPECT_THAT(sign_ins.dismiss({1}), ElementsAre(1U));
+  EXPECT_FALSE(sign_ins.of(1, "bob's"));
+  EXPECT_TRUE(sign_ins.is_over(1, "bob's")) << "it still stops and lands";
+  EXPECT_TRUE(sign_ins.of(1, "alice's"));
+  EXPECT_TRUE(sign_ins.is_dismissed(1));
+  EXPECT_THAT(sign_ins.dismiss({1}), IsEmpty()) << "said once";
+  EXPECT_THAT(sign_ins.dismiss({}), IsEmpty());
+  EXPECT_FALSE(sign_ins.is_dismissed(1)) << "his role was given back";
+}
+
+TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
+  const auto one = [](const char* name) { return Operator{name, {"Org2MSP", std::string("CN=") + name}}; };
+  const std::vector<Operator> operators{one("alice"), one("bob"), one("carol"), one("dave"), one("eve")};
+  belief::Roles roles;
+  const Role given[] = {OPERATOR, REVOKED, SUPERVISOR, AUDITOR};
+  for (std::size_t i = 0; i < std::size(given); ++i) roles.take({belief::to_message(operators[i].identity), given[i]});
+  EXPECT_THAT(dismissed(operators, roles), ElementsAre(1U, 3U));
+}
+
+TEST(Attempts, FiveOfAnAddressAreLookedAtAtOnceAndThenOneInEachPause) {
+  Attempts attempts;
+  for (int i = 0; i < Attempts::free_of_address; ++i) {
+    EXPECT_EQ(attempts.look_after(i, "here"), i);
+    attempts.failed("here");
   }
-  EXPECT_THAT(sign_ins.refused(ns_per_s, 0), HasSubstr("wait"));
-  EXPECT_EQ(sign_ins.refused(ns_per_s, 1), "");
-  EXPECT_EQ(sign_ins.refused(31 * ns_per_s, 0), "");
-  sign_ins.failed(31 * ns_per_s, 0);
-  EXPECT_THAT(sign_ins.refused(32 * ns_per_s, 0), HasSubstr("30 s")) << "one more, half a minute more";
-  sign_ins.begin(62 * ns_per_s, 0, "token");
-  EXPECT_EQ(sign_ins.refused(62 * ns_per_s, 0), "") << "who knows it begins anew";
+  EXPECT_EQ(attempts.look_after(10, "here"), 10 + Attempts::pause_ns);
+  EXPECT_FALSE(attempts.look_after(11, "here")) << "one at a time";
+  EXPECT_EQ(attempts.look_after(11, "elsewhere"), 11) << "nobody is locked out by another address";
+  EXPECT_TRUE(attempts.look_after(10 + Attempts::pause_ns, "here"));
+}
+
+TEST(Attempts, FromHoweverManyAddressesGuessingIsSlow) {
+  Attempts attempts;
+  TimeNs now = 0;
+  int at_once = 0, later = 0;
+  for (int i = 0; i < 100'000; ++i, now += ns_per_s / 1000) {
+    const std::string address = std::to_string(i);
+    const auto at = attempts.look_after(now, address);
+    if (!at) continue;
+    ++(*at == now ? at_once : later);
+    attempts.failed(address);
+  }
+  EXPECT_EQ(at_once, Attempts::free_of_all);
+  EXPECT_LE(later, static_cast<int>(Attempts::max_waiting) * (100 / 5 + 1));
+  EXPECT_GE(later, 1);
+}
+
+TEST(Attempts, WhoKnowsThePhraseGetsInBesideSomebodyWhoGuessesAllTheTime) {
+  SignIns sign_ins(2, idle_ns);
+  for (int i = 0; i < 50; ++i) sign_ins.failed(0, "onlooker");
+  EXPECT_EQ(sign_ins.look_after(0, 1, "onlooker"), 0) << "it is counted by operator, too";
+  ASSERT_TRUE(sign_ins.look_after(0, 0, "onlooker"));
+  const auto waits = sign_ins.look_after(1, 0, "alice");
+  ASSERT_TRUE(waits);
+  EXPECT_EQ(*waits, 1 + Attempts::pause_ns);
+  sign_ins.right(0);
+  EXPECT_EQ(sign_ins.look_after(2, 0, "onlooker"), 2) << "who knows it begins anew";
 }
 
 TEST(OperatorCalls, ALeaseLetsTheGroundCommandAndAReleaseNamesNobody) {

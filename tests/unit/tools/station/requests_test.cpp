@@ -34,9 +34,10 @@ TEST(ARequest, IsOneThatTheStationTakes) {
     ASSERT_EQ(answer.status, 202U) << answer.body;
     EXPECT_EQ(answer.call->to.subject, "CN=bob \"b\"");
   }
-  EXPECT_EQ(answered(stop_all(false)).wishes.size(), 2U);
-  EXPECT_TRUE(answered(stop_all(true)).wishes.at(0).cut);
-  EXPECT_FALSE(answered(stop_all(false)).wishes.at(0).cut);
+  EXPECT_EQ(answered(stop_all()).wishes.size(), 2U);
+  EXPECT_FALSE(answered(stop_all()).wishes.at(0).cut);
+  EXPECT_TRUE(answered(cut_all(false)).wishes.at(0).cut);
+  EXPECT_TRUE(answered(cut_all(true)).confirmed);
   EXPECT_EQ(answered(events_since(17)).status, 200U);
   EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase, "open \"sesame\"");
 }
@@ -61,7 +62,8 @@ TEST(ARequest, IsOneOfMissions) {
 
 TEST(ARequest, IsAnybodysWhereItOnlyLooksOrLands) {
   EXPECT_TRUE(drone_request("tello1", "land").anybodys && drone_request("tello1", "stop").anybodys);
-  EXPECT_TRUE(drone_request("tello1", "cut").anybodys && stop_all(true).anybodys && events_since(0).anybodys);
+  EXPECT_TRUE(stop_all().anybodys && events_since(0).anybodys);
+  EXPECT_FALSE(drone_request("tello1", "cut").anybodys || cut_all(true).anybodys) << "motors off needs a session";
   EXPECT_FALSE(drone_request("tello1", "takeoff").anybodys || drone_request("tello1", "acquire").anybodys);
   EXPECT_TRUE(mission_request("3f", "land").anybodys);
   EXPECT_FALSE(mission_request("3f", "start").anybodys || mission_request("3f", "approve").anybodys);

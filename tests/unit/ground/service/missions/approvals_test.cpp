@@ -54,6 +54,33 @@ TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
   }
 }
 
+TEST(MissionApprovals, AreReadAnewForABlockThatChangesARole) {
+  fabric::Block block;
+  for (const char* function : {contract::enroll, contract::revoke}) {
+    block.transactions = {event("set", ""), event(function, "")};
+    EXPECT_TRUE(changes_roles(block)) << function;
+    block.transactions[1].code = 11;
+    EXPECT_FALSE(changes_roles(block)) << "it is not valid";
+  }
+  block.transactions = {event(contract::anchor, ""), event(contract::acquire, "")};
+  EXPECT_FALSE(changes_roles(block));
+}
+
+TEST(MissionApprovals, WhatIsWantedOftenIsDoneAtOnceAndThenAtMostOnceInItsGap) {
+  Spaced spaced(ns_per_s);
+  EXPECT_FALSE(spaced.take(1));
+  spaced.want();
+  EXPECT_TRUE(spaced.take(1));
+  int done = 0;
+  for (TimeNs now = 2; now < 10 * ns_per_s; now += ns_per_s / 100) {
+    spaced.want();
+    done += spaced.take(now);
+  }
+  EXPECT_EQ(done, 9);
+  EXPECT_TRUE(spaced.take(20 * ns_per_s)) << "the last one is not lost";
+  EXPECT_FALSE(spaced.take(30 * ns_per_s));
+}
+
 TEST(MissionApprovals, AreReadAnewForABlockThatAnchorsTheirDigest) {
   MissionBook book({}, operator_name);
   auto run = mission::MissionRun::make(

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "common/belief/identity.hpp"
+#include "common/msg/stops.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground::service {
@@ -74,6 +76,32 @@ TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
   world.run(1);
   EXPECT_THAT(held_by(world.core, alice).aloft, ElementsAre(0));
   EXPECT_THAT(aloft_of(world.core), ElementsAre(0));
+}
+
+TEST(LeavingOperators, WhatWasNeverSeenIsNotKnownToBeDown) {
+  FlightConfig config = config_for(2);
+  config.manual = true;
+  const FlightWorld world(config);
+  EXPECT_THAT(aloft_of(world.core), ElementsAre(0, 1));
+}
+
+TEST(LeavingOperators, GroundsOwnStopIsKnownWhereItIsTheOnlyOne) {
+  FlightConfig config = config_for(2);
+  config.manual = true;
+  FlightWorld world(config);
+  const auto stopped = [&](const char* drone, std::initializer_list<crypto::IdentityName> stoppers) {
+    Control record = control_record(drone, config.self, 2);
+    for (const crypto::IdentityName& who : stoppers) {
+      Stop stop;
+      *stop.mutable_stopper() = belief::to_message(who);
+      add_stop(record, stop);
+    }
+    ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
+  };
+  EXPECT_THAT(stopped_by_ground(world.core), IsEmpty());
+  stopped("tello1", {world.core.config().self});
+  stopped("tello2", {world.core.config().self, stranger_name});
+  EXPECT_THAT(stopped_by_ground(world.core), ElementsAre(0)) << "of tello2 another one is a stopper, too";
 }
 
 }  // namespace
