@@ -27,8 +27,8 @@
 #include "ground/service/shell/server.hpp"
 #include "ground/shell/mission_desk.hpp"
 #include "ground/shell/operator_desk.hpp"
-#include "ground/shell/pilot_readers.hpp"
-#include "ground/shell/role_watch.hpp"
+#include "ground/shell/operators/role_watch.hpp"
+#include "ground/shell/pilots/pilot_readers.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::ground {

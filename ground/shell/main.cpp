@@ -120,7 +120,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
   [service] listen, token_file, tls_certificate, tls_key, tls_client_ca, names, operators, session_idle_s, faults
     (a page to fly from: docs/station.md)
   [pilot] topics, emergency (what pilots' ROS 2 topics may say: docs/topics.md)
-  [mission] folder, approvals, approvers, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)
+  [mission] folder, approvals, approvers, approval_hours, on_loss, after_restart, fence_min_m, fence_max_m (docs/missions.md)
 )" + dds_table_help +
     R"(Any ROS 2 topic beside the drones' own:
 )" + topic_tables_help +

@@ -29,27 +29,39 @@ ApiAnswer done_or(const Status& status) {
   return status ? ApiAnswer{202, accepted} : refusal(409, status.error().what);
 }
 
-/// Who has anchored this digest with these words, and is an operator or a supervisor of one of the organisations now.
-Result<std::vector<crypto::IdentityName>> approvers_of(const belief::Evaluate& evaluate, const std::string& digest,
-                                                       const std::string& words,
-                                                       const std::vector<std::string>& organisations) {
-  const auto roles = belief::read_roles(evaluate, {organisations.begin(), organisations.end()});
-  if (!roles) return roles.error();
+std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
+
+/// Who of those that may approve has anchored this digest.
+Result<std::vector<crypto::IdentityName>> signers_of(const belief::Evaluate& evaluate, const belief::Roles& roles,
+                                                     const crypto::Digest& digest) {
   Anchors anchors;
-  for (const AnchorCall& call : service::approval_questions(digest, *roles)) {
+  for (const AnchorCall& call : service::approval_questions(bytes_of(digest), roles)) {
     const auto answer = evaluate({contract::verify, {call.SerializeAsString()}});
     if (!answer) return answer.error();
     Anchors some;
     if (const Status read = parse_message(*answer, some); !read) return read.error();
     anchors.MergeFrom(some);
   }
-  auto approvers = service::approvers_in(anchors, *roles, words);
+  return service::operators_in(anchors, roles);
+}
+
+/// Whose approval stands, of those who are operators or supervisors of one of the organisations now.
+Result<std::vector<crypto::IdentityName>> approvers_of(const belief::Evaluate& evaluate,
+                                                       std::span<const service::ApprovalTerms::Digests> newest_first,
+                                                       const std::vector<std::string>& organisations) {
+  const auto roles = belief::read_roles(evaluate, {organisations.begin(), organisations.end()});
+  if (!roles) return roles.error();
+  std::vector<service::PeriodSigners> periods;
+  for (const auto& [approval, withdrawal] : newest_first) {
+    auto approved = signers_of(evaluate, *roles, approval), withdrawn = signers_of(evaluate, *roles, withdrawal);
+    if (!approved || !withdrawn) return (approved ? withdrawn : approved).error();
+    periods.push_back({std::move(*approved), std::move(*withdrawn)});
+  }
+  auto approvers = service::standing_approvals(periods);
   if (!roles->left_out().empty() && approvers.empty())
     return Error{*roles->left_out().begin() + " has too many roles, or damaged ones"};
   return approvers;
 }
-
-std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
 
 }  // namespace
 
@@ -135,12 +147,11 @@ void MissionDesk::check(const mission::Mission& mission, std::function<void(Chec
 }
 
 void MissionDesk::read_signers(const std::string& id, std::function<void(const Status& read)> then) {
-  const std::string digest = bytes_of(book_.digest(id)), words = service::approval_words(book_.mission(id).name);
   std::vector<std::string> organisations = parts_.settings.approvers;
   if (organisations.empty()) organisations = {parts_.core.config().self.msp_id};  // as the book counts them
-  const bool taken = worker_.post([this, id, digest, words, then, organisations = std::move(organisations)] {
-    auto signers =
-        approvers_of([this](const fabric::Call& call) { return ask_ledger(call); }, digest, words, organisations);
+  const auto digests = terms_.now(book_.digest(id), realtime_ns() / ns_per_s);
+  const bool taken = worker_.post([this, id, digests, then, organisations = std::move(organisations)] {
+    auto signers = approvers_of([this](const fabric::Call& call) { return ask_ledger(call); }, digests, organisations);
     later([this, id, then, signers = std::move(signers)] {
       if (signers) {
         book_.set_signers(id, *signers);
@@ -162,7 +173,7 @@ Result<std::string> MissionDesk::ask_ledger(const fabric::Call& call) {
 }
 
 void MissionDesk::look(const fabric::Block& block) {
-  for (const std::string& id : service::anchored_in(block, book_)) read_signers(id);
+  for (const std::string& id : service::anchored_in(block, book_, terms_, realtime_ns() / ns_per_s)) read_signers(id);
   if (service::changes_roles(block)) all_anew_.want();
 }
 
@@ -174,7 +185,8 @@ void MissionDesk::answer_on_flight(const MissionAsk& asked, const Answer& answer
     case Kind::show:
       return answer({200, book_.show(asked.id)});
     case Kind::approve:
-      return approve(asked, answer);
+    case Kind::withdraw:
+      return anchor(asked, answer);
     case Kind::start:
       return fly(book_.mission(asked.id), &service::MissionBook::start, asked, answer);
     case Kind::pause:
@@ -206,19 +218,25 @@ void MissionDesk::fly(const mission::Mission& part, Begin begin, const MissionAs
   });
 }
 
-void MissionDesk::approve(const MissionAsk& asked, const Answer& answer) {
-  service::OperatorCall call{.kind = service::OperatorCall::Kind::approve};
-  call.digest = book_.digest(asked.id);
+// An approval, or what withdraws it.
+void MissionDesk::anchor(const MissionAsk& asked, const Answer& answer) {
+  using Kind = service::OperatorCall::Kind;
+  const bool approves = asked.kind == MissionAsk::Kind::approve;
+  const std::int64_t now_s = realtime_ns() / ns_per_s;
+  service::OperatorCall call{.kind = approves ? Kind::approve : Kind::withdraw};
+  const service::ApprovalTerms::Digests digests = terms_.now(book_.digest(asked.id), now_s).front();
   call.mission = book_.mission(asked.id).name;
+  call.digest = approves ? digests.approval : digests.withdrawal;
+  call.what = approves ? terms_.approval_words(call.mission, now_s) : terms_.withdrawal_words(call.mission);
   if (asked.who) {
     const Status asked_now = parts_.sign(*asked.who, call);
     return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().what));
   }
   parts_.client.submit(service::contract_call(call, "", parts_.core.config().self),
-                       [this, name = call.mission](const fabric::Outcome& outcome) {
+                       [this, words = service::words_of(call)](const fabric::Outcome& outcome) {
                          if (outcome.kind == fabric::Outcome::Kind::committed) return;
-                         later([this, name, words = outcome.message] {
-                           parts_.tell(Level::warning, "", fmt::format("mission {} was not approved: {}", name, words));
+                         later([this, words, why = outcome.message] {
+                           parts_.tell(Level::warning, "", fmt::format("{}: refused: {}", words, why));
                          });
                        });
   answer({202, accepted});
@@ -236,6 +254,8 @@ void MissionDesk::step(TimeNs now) {
   for (const std::string& id : unread_.take(now)) {
     if (book_.has(id)) read_signers(id);
   }
+  const std::int64_t period = terms_.period(realtime_ns() / ns_per_s);
+  if (std::exchange(period_, period) != period) all_anew_.want();
   if (all_anew_.take(now)) {
     for (const std::string& id : book_.ids()) read_signers(id);
   }

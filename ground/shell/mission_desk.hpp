@@ -34,7 +34,10 @@ class MissionDesk {
   };
   static constexpr std::size_t max_waiting = 32;
 
-  explicit MissionDesk(Parts parts) : parts_(std::move(parts)), book_(parts_.settings, parts_.core.config().self) {}
+  explicit MissionDesk(Parts parts)
+      : parts_(std::move(parts)),
+        book_(parts_.settings, parts_.core.config().self),
+        terms_(parts_.core.config().self, parts_.settings.approval_s) {}
   /// Reads what an earlier ground kept. An error: the folder cannot be read; a file that is no mission is said and left.
   Status restore();
   ~MissionDesk() { close(); }
@@ -66,7 +69,7 @@ class MissionDesk {
   /// `then` (may be null): on the flight's thread, behind what was read; why it could not be.
   void read_signers(const std::string& id, std::function<void(const Status& read)> then);
   void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
-  void approve(const service::MissionAsk& asked, const Answer& answer);
+  void anchor(const service::MissionAsk& asked, const Answer& answer);
   void keep(const std::string& id);
   void forget(const std::string& id);
   void write_record(const std::string& id);
@@ -74,6 +77,8 @@ class MissionDesk {
 
   Parts parts_;
   service::MissionBook book_;
+  const service::ApprovalTerms terms_;
+  std::int64_t period_ = 0;                              ///< of approvals, as looked at last
   service::Unread unread_;                               ///< whose signers could not be read
   service::Spaced all_anew_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker

@@ -236,6 +236,11 @@ service::MissionSettings mission_settings(Config& config) {
       {"mission.approvals", "so many different signers must have approved a mission before it starts"}, 1, 1, 2));
   settings.approvers =
       config.texts({"mission.approvers", "MSP ids whose members' approvals count; none: our own organisation's"}, 16);
+  settings.approval_s = std::lround(
+      3600 *
+      config.number({"mission.approval_hours",
+                     "so old an approval is at most when it counts; half of it at least. It is of this ground alone"},
+                    24, 0.5, 8'760));
   const std::string on_loss =
       config.choice({"mission.on_loss", "what the others do when a drone of their mission is lost"},
                     {"hover", "land", "go_on"}, "hover");

@@ -75,7 +75,7 @@ const std::string notes = R"(Examples:
   ledgerline missions approve 3f5a9c01d2e4
   ledgerline missions start 3f5a9c01d2e4
 
-approve is signed by who is signed in (ledgerline drones login); done is that it is on the ledger. Of the others done is
+approve and withdraw are signed by who is signed in (ledgerline drones login); of approve, done is that it is on the ledger. Of the others done is
 that the station has taken it; what comes of it the list shows, and `ledgerline alarms`.
 )" + std::string(shared_notes);
 
@@ -90,7 +90,8 @@ int main(int argc, char** argv) {
   verbs.back().option("--name", wish.name, "of a mission in CSV; else the file's");
   for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
            {"show", "Show one: its check, its approvals, how far it is"},
-           {"approve", "Approve its digest"},
+           {"approve", "Approve it, at this ground and for a while"},
+           {"withdraw", "Withdraw one's own approval"},
            {"start", "Take off, and fly it"},
            {"pause", "All hover, and keep the rest"},
            {"resume", "Fly the rest"},

@@ -31,6 +31,10 @@ export const ACTIONS = {
     if (who.identity && mission.approvals.includes(who.identity)) return 'you have approved it';
     return enough(mission) ? 'it has its approvals' : null;
   }],
+  withdraw: ['Withdraw', (mission, who) => {
+    if (isFlown(mission) || isOver(mission)) return 'it is flown already';
+    return who.identity && !mission.approvals.includes(who.identity) ? 'you have not approved it' : null;
+  }],
   start: ['Start', (mission) => {
     if (isFlown(mission)) return 'it is flown already';
     if (isOver(mission)) return 'it is over';
@@ -44,7 +48,7 @@ export const ACTIONS = {
 /// Where operators sign in, all but the landing is theirs; and all but that and approving is its owner's alone.
 export function whyNot(what, mission, who) {
   if (who.operators.length && !who.identity && what !== 'land') return SIGN_IN;
-  const isOwners = what !== 'land' && what !== 'approve';
+  const isOwners = !['land', 'approve', 'withdraw'].includes(what);
   if (who.operators.length && isOwners && mission.by && mission.by !== who.identity) return `it is ${nameOf(mission.by, who)}'s`;
   return ACTIONS[what][1](mission, who);
 }

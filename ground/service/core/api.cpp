@@ -114,7 +114,7 @@ auto kind_in(const Verbs& verbs, std::string_view verb) {
 
 std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
   using Kind = OperatorCall::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 1> verbs{{{"acquire", Kind::acquire},
+  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 2> verbs{{{"acquire", Kind::acquire},
                                                                                        {"release", Kind::release},
                                                                                        {"request", Kind::request},
                                                                                        {"hand_over", Kind::hand_over},
@@ -191,7 +191,8 @@ constexpr std::string_view missions_path = "missions";
 
 std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
   using Kind = MissionAsk::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, 5> verbs{{{"approve", Kind::approve},
+  constexpr std::array<std::pair<std::string_view, Kind>, 6> verbs{{{"approve", Kind::approve},
+                                                                    {"withdraw", Kind::withdraw},
                                                                     {"start", Kind::start},
                                                                     {"pause", Kind::pause},
                                                                     {"resume", Kind::resume},
@@ -234,7 +235,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
     return ask_mission(request, std::move(asked), known);
   }
   const auto verb = mission_verb(rest.substr(slash + 1));
-  if (!verb) return refusal(404, "a mission knows approve, start, pause, resume, land");
+  if (!verb) return refusal(404, "a mission knows approve, withdraw, start, pause, resume, land");
   if (request.method != "POST") return refusal(405, "POST it");
   if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().what);
   asked.kind = *verb;

@@ -8,7 +8,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/crypto/wiping_string.hpp"
+#include "common/crypto/identities/wiping_string.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/service/faults/fault_list.hpp"

@@ -9,12 +9,11 @@
 
 namespace ledgerline::ground::service {
 
-std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const belief::Roles& roles,
-                                               const std::string& words) {
+std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const belief::Roles& roles) {
   std::vector<crypto::IdentityName> signers;
   for (const Anchor& anchor : anchors.anchors()) {
     const crypto::IdentityName signer = belief::to_name(anchor.signer());
-    if (anchor.what() == words && is_operator(roles.of(signer))) signers.push_back(signer);
+    if (is_operator(roles.of(signer))) signers.push_back(signer);
   }
   return signers;
 }
@@ -30,15 +29,22 @@ std::vector<AnchorCall> approval_questions(const std::string& digest, const beli
   return calls;
 }
 
-std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book) {
+std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
+                                     std::int64_t unix_s) {
   std::vector<std::string> ids;
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.code != 0 || tx.config || tx.event_name != contract::anchor) continue;
     AnchorCall anchored;
     if (!parse_message(tx.event_payload, anchored)) continue;
     for (const std::string& id : book.ids()) {
-      const crypto::Digest& digest = book.digest(id);
-      if (anchored.digest() == std::string(digest.begin(), digest.end())) ids.push_back(id);
+      const auto is_it = [&](const crypto::Digest& digest) {
+        return anchored.digest() == std::string(digest.begin(), digest.end());
+      };
+      const auto digests = terms.now(book.digest(id), unix_s);
+      const bool concerns = std::any_of(digests.begin(), digests.end(), [&](const ApprovalTerms::Digests& one) {
+        return is_it(one.approval) || is_it(one.withdrawal);
+      });
+      if (concerns) ids.push_back(id);
     }
   }
   return ids;

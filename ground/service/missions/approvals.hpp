@@ -6,22 +6,24 @@
 #include "common/belief/roles.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/clock.hpp"
+#include "ground/service/missions/approval_terms.hpp"
 #include "ground/service/missions/book.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground::service {
 
-/// Who of those that anchored a digest approves with it: whoever said these words, and is an operator or a supervisor now.
-std::vector<crypto::IdentityName> approvers_in(const Anchors& anchors, const belief::Roles& roles,
-                                               const std::string& words);
+/// Who of those that anchored a digest is an operator or a supervisor now.
+std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const belief::Roles& roles);
 
 /// Calls of verify that ask for those who may approve a digest by their own keys, so that no stranger's anchors of it stand
 /// in the way: operators and supervisors of these roles, as many a call as it answers.
 std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles);
 
-/// Ids of the missions whose digest a block anchors, valid: their approvals are to be read anew. An event is anybody's word,
+/// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be read
+/// again. An event is anybody's word,
 /// so what counts is read from the ledger.
-std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book);
+std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
+                                     std::int64_t unix_s);
 
 /// Whether a block, valid, changes somebody's role: whose approval counts is to be read anew, and who may sign.
 bool changes_roles(const fabric::Block& block);

@@ -8,7 +8,7 @@ namespace ledgerline::ground::service {
 
 /// What a client asks of the station's missions.
 struct MissionAsk {
-  enum class Kind { list, show, add, approve, start, pause, resume, land, remove };
+  enum class Kind { list, show, add, approve, withdraw, start, pause, resume, land, remove };
   Kind kind = Kind::list;
   std::string id;                            ///< of all but list and add
   std::string text;                          ///< of add

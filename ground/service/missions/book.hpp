@@ -19,6 +19,7 @@ struct MissionSettings {
   mission::RunConfig run{};
   mission::CheckConfig check{};
   std::vector<std::string> approvers;  ///< MSP ids whose members' approvals count; empty: our own
+  std::int64_t approval_s = 86'400;    ///< so old an approval is at most
 };
 
 /// The station's missions: added, checked, approved, flown by a MissionRun each, and kept. No I/O; the flight's thread.
@@ -40,7 +41,7 @@ class MissionBook {
   Status remove(const std::string& id, const std::optional<crypto::IdentityName>& by);
   /// Somebody is no operator any more: what he owns and does not fly is the next one's who asks.
   void disown(const crypto::IdentityName& owner);
-  /// As read from the ledger: who has anchored its digest.
+  /// As read from the ledger: who approves it.
   void set_signers(const std::string& id, const std::vector<crypto::IdentityName>& signers);
   /// What check() found.
   void set_findings(const std::string& id, std::vector<mission::Finding> findings);

@@ -18,15 +18,13 @@ constexpr std::array rows{
     Row{contract::acquire, "take control"},    Row{contract::release, "give back"},
     Row{contract::request, "ask for control"}, Row{contract::hand_over, "hand over"},
     Row{contract::deny, "deny the request"},   Row{contract::resume, "lift the stop"},
-    Row{contract::anchor, "approve"},
+    Row{contract::anchor, "approve"},          Row{contract::anchor, "withdraw the approval of"},
 };
 static_assert(rows.size() == enum_count<OperatorCall::Kind>);
 
 const Row& row_of(OperatorCall::Kind kind) { return rows[static_cast<std::size_t>(kind)]; }
 
 }  // namespace
-
-std::string approval_words(const std::string& mission) { return "mission " + mission + " may be flown"; }
 
 fabric::Call anchor_call(const crypto::Digest& digest, const std::string& what) {
   AnchorCall call;
@@ -56,7 +54,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
     drones.add_drones(drone);
     return as_call(drones);
   }
-  if (call.kind == Kind::approve) return anchor_call(call.digest, approval_words(call.mission));
+  if (call.kind == Kind::approve || call.kind == Kind::withdraw) return anchor_call(call.digest, call.what);
   LeaseCall lease;
   lease.add_drones(drone);
   lease.set_priority(call.priority);

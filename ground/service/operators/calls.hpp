@@ -19,19 +19,18 @@ struct OperatorCall {
     hand_over,  ///< gives it to one who has requested it
     deny,       ///< ends somebody's request, or his own
     resume,     ///< lifts his own stop, ground's, or all as a supervisor of the drone's organisation
-    approve     ///< a mission: anchors its digest
+    approve,    ///< a mission: anchors what stands for it, here and now (ApprovalTerms)
+    withdraw    ///< such an approval: anchors what ends it
   };
   Kind kind = Kind::acquire;
-  std::optional<std::size_t> drone{};  ///< index; of all but approve
+  std::optional<std::size_t> drone{};  ///< index; of all but approve and withdraw
   std::uint32_t priority = 0;          ///< of acquire and request
   bool ground_too = false;             ///< of resume: ground, which alone has stopped it, lifts that
   crypto::IdentityName to{};           ///< of hand_over and deny
-  crypto::Digest digest{};             ///< of approve
-  std::string mission{};               ///< its name
+  crypto::Digest digest{};             ///< of approve and withdraw
+  std::string what{};                  ///< likewise: what it says on the ledger
+  std::string mission{};               ///< likewise: its name
 };
-
-/// What an approval of a mission says on the ledger.
-std::string approval_words(const std::string& mission);
 
 /// Anchors that digest with these words.
 fabric::Call anchor_call(const crypto::Digest& digest, const std::string& what);

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/rt/clock.hpp"
+#include "ground/service/connections/places.hpp"
 #include "ground/service/core/api.hpp"
-#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 
 namespace ledgerline::ground::service {

@@ -12,7 +12,7 @@
 #include <cstring>
 
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/wiping_string.hpp"
+#include "common/crypto/identities/wiping_string.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/page_files.hpp"

@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "common/rt/clock.hpp"
+#include "ground/service/connections/stream_messages.hpp"
 #include "ground/service/core/guard.hpp"
-#include "ground/service/core/stream_messages.hpp"
 
 namespace ledgerline::ground::service {
 namespace {

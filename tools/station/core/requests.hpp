@@ -35,7 +35,7 @@ Request sign_in(const std::string& name, const std::string& pass_phrase);
 
 /// `file` ends in .json or .csv; `name` is of CSV alone, which has none in it.
 Result<Request> mission_to_add(const std::string& file, std::string text, const std::string& name);
-/// `verb`: "approve", "start", "pause", "resume", "land".
+/// `verb`: "approve", "withdraw", "start", "pause", "resume", "land".
 Request mission_request(const std::string& id, const std::string& verb);
 
 /// What the station said against a request; empty: it took it.

@@ -106,7 +106,7 @@ Status approve_and_wait(Station& station, const std::string& id) {
   if (!newest) return newest.error();
   std::uint64_t number = *newest;
   if (const auto taken = station.ask(mission_request(id, "approve")); !taken) return taken.error();
-  const std::string said = "approve mission " + before->name, refused = fmt::format("mission {} was not", before->name);
+  const std::string said = "approve mission " + before->name, refused = said + ": refused";
   TimeNs until_ns = monotonic_ns() + outcome_limit_ns;
   bool is_signed = false;
   for (; monotonic_ns() < until_ns; rest(ask_every_ns)) {

@@ -12,8 +12,8 @@
 #include "ground/mission/parse.hpp"
 #include "ground/mission/run.hpp"
 #include "ground/motion/csv.hpp"
+#include "ground/service/connections/stream_messages.hpp"
 #include "ground/service/core/api.hpp"
-#include "ground/service/core/stream_messages.hpp"
 #include "ground/service/faults/fault_list.hpp"
 
 namespace {

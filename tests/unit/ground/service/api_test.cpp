@@ -284,7 +284,7 @@ TEST_F(SignedIn, WhatIsAskedOfMissionsSaysWhoAsks) {
   EXPECT_EQ(start.mission->kind, Kind::start);
   EXPECT_EQ(start.mission->by, operators[1].identity);
   EXPECT_EQ(ask("DELETE", "/api/v1/missions/0a1b", "", 1).mission->kind, Kind::remove);
-  for (const char* verb : {"approve", "start", "pause", "resume"})
+  for (const char* verb : {"approve", "withdraw", "start", "pause", "resume"})
     EXPECT_EQ(ask("POST", std::string("/api/v1/missions/0a1b/") + verb).status, 403U) << verb;
   EXPECT_EQ(ask("POST", "/api/v1/missions", "{}").status, 403U);
   EXPECT_EQ(ask("DELETE", "/api/v1/missions/0a1b").status, 403U);

@@ -39,13 +39,14 @@ TEST(ARequest, IsOneThatTheStationTakes) {
   EXPECT_TRUE(answered(cut_all(false)).wishes.at(0).cut);
   EXPECT_TRUE(answered(cut_all(true)).confirmed);
   EXPECT_EQ(answered(events_since(17)).status, 200U);
-  EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase, "open \"sesame\"");
+  EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase->view(), "open \"sesame\"");
 }
 
 TEST(ARequest, IsOneOfMissions) {
   using Kind = ground::service::MissionAsk::Kind;
   const std::string id = "3f5a9c01d2e4";
   for (const auto& [verb, kind] : std::initializer_list<std::pair<const char*, Kind>>{{"approve", Kind::approve},
+                                                                                      {"withdraw", Kind::withdraw},
                                                                                       {"start", Kind::start},
                                                                                       {"pause", Kind::pause},
                                                                                       {"resume", Kind::resume},

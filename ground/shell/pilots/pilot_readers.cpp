@@ -1,4 +1,4 @@
-#include "ground/shell/pilot_readers.hpp"
+#include "ground/shell/pilots/pilot_readers.hpp"
 
 namespace ledgerline::ground {
 

@@ -1,4 +1,4 @@
-#include "ground/service/core/places.hpp"
+#include "ground/service/connections/places.hpp"
 
 #include <arpa/inet.h>
 

@@ -1,4 +1,4 @@
-#include "ground/shell/role_watch.hpp"
+#include "ground/shell/operators/role_watch.hpp"
 
 #include "common/base/log.hpp"
 
