@@ -39,15 +39,19 @@ constexpr const char* governance = R"(<?xml version="1.0" encoding="UTF-8"?>
 </dds>
 )";
 
-// Rules are looked through in their order, and the first that names the topic decides.
+// Rules are looked through in their order, and the first that names the topic decides. Reading comes first: Cyclone looks for
+// either direction when a topic is made, and what must not be written could not be read behind its rule.
 constexpr const char* grant = R"(
     <grant name="member{}">
       <subject_name>{}</subject_name>
-      <validity><not_before>{}</not_before><not_after>{}</not_after></validity>{}
+      <validity><not_before>{}</not_before><not_after>{}</not_after></validity>
+      <allow_rule>
+        <domains><id_range><min>0</min><max>230</max></id_range></domains>
+        <subscribe><topics><topic>*</topic></topics></subscribe>
+      </allow_rule>{}
       <allow_rule>
         <domains><id_range><min>0</min><max>230</max></id_range></domains>
         <publish><topics>{}</topics></publish>
-        <subscribe><topics><topic>*</topic></topics></subscribe>
       </allow_rule>
       <default>DENY</default>
     </grant>)";
