@@ -20,8 +20,7 @@ std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const bel
 std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles);
 
 /// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be read
-/// again. An event is anybody's word,
-/// so what counts is read from the ledger.
+/// again. An event is anybody's word, so what counts is read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
                                      std::int64_t unix_s);
 
