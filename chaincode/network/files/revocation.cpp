@@ -17,6 +17,7 @@
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
+#include "common/crypto/identities/list_origin.hpp"
 #include "common/rt/retry/back_off.hpp"
 #include "msp/msp_config.pb.h"
 
@@ -81,7 +82,35 @@ common::ConfigGroup* way_to(common::ConfigGroup& root, const Found& found, const
 }
 
 bool lists(const msp::FabricMSPConfig& msp, const std::string& list) {
-  return msp.revocation_list_size() == 1 && msp.revocation_list(0) == list;
+  const auto& all = msp.revocation_list();
+  return std::find(all.begin(), all.end(), list) != all.end();
+}
+
+/// An error: `old` is of the same authority, and newer.
+Result<bool> takes_the_place_of(const crypto::ListOrigin& made, const std::string& old) {
+  const auto origin = crypto::origin_of_list(old);
+  if (!origin || !crypto::is_of_same_authority(made, *origin)) return false;
+  if (crypto::is_older(made, *origin))
+    return Error{
+        "the revocation list is older than the authority's list that is in force: whoever was revoked since would be a "
+        "member again. Ask the authority for its newest list"};
+  return true;
+}
+
+/// The newest list of an authority holds all that it revoked; what the organisation's other authorities have revoked stays.
+Status replace_list(msp::FabricMSPConfig& msp, const std::string& list) {
+  const auto made = crypto::origin_of_list(list);
+  if (!made) return made.error();
+  std::vector<std::string> kept;
+  for (const std::string& old : msp.revocation_list()) {
+    const auto replaced = takes_the_place_of(*made, old);
+    if (!replaced) return replaced.error();
+    if (!*replaced) kept.push_back(old);
+  }
+  msp.clear_revocation_list();
+  for (std::string& old : kept) msp.add_revocation_list(std::move(old));
+  msp.add_revocation_list(list);
+  return done;
 }
 
 /// A channel of a running network.
@@ -107,8 +136,14 @@ Result<std::string> fetch_config(const Where& where, int organisation, const std
   return block;
 }
 
-/// For the MSPs that programs read from files when they start.
+/// For the MSPs that programs read from files when they start. That organisation has one authority.
 Status write_lists(const Options& options, int organisation, const std::string& list) {
+  const auto made = crypto::origin_of_list(list);
+  if (!made) return made.error();
+  const auto old = read_file(identities::organisation_dir(options.dir, organisation) / "msp" / "crls" / "crl.pem");
+  if (old) {
+    if (const auto replaced = takes_the_place_of(*made, *old); !replaced) return replaced.error();
+  }
   for (const fs::path& msp : {identities::organisation_dir(options.dir, organisation) / "msp",
                               identities::peer_dir(options.dir, organisation) / "msp"}) {
     if (Status s = write_file(msp / "crls" / "crl.pem", list); !s) return s;
@@ -198,8 +233,7 @@ Result<std::string> revocation_update(std::string_view config_block, const std::
                                       const std::string& list) {
   auto found = find_msp(config_block, msp_id);
   if (!found) return found.error();
-  found->msp.clear_revocation_list();  // one authority an organisation: its newest list holds all that it revoked
-  found->msp.add_revocation_list(list);
+  if (Status replaced = replace_list(found->msp, list); !replaced) return replaced.error();
   found->envelope.set_config(found->msp.SerializeAsString());
   found->value.set_value(found->envelope.SerializeAsString());
   found->value.set_version(found->value.version() + 1);

@@ -8,8 +8,9 @@
 
 namespace ledgerline::fabric_network {
 
-/// An update of a channel's configuration that makes `list` (PEM) the revocation list of an organisation's MSP: a
-/// common.Envelope that nobody has signed yet. `config_block`: common.Block with the configuration in force. Pure.
+/// An update of a channel's configuration that makes `list` (PEM) the one of its authority in an organisation's MSP, beside
+/// those of the organisation's other authorities: a common.Envelope that nobody has signed yet. An error: the authority's
+/// list in force is newer. `config_block`: common.Block with the configuration in force. Pure.
 Result<std::string> revocation_update(std::string_view config_block, const std::string& msp_id,
                                       const std::string& list);
 /// The configuration in `config_block` has `list` for this MSP already.

@@ -3,6 +3,7 @@
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 
+#include <cstdint>
 #include <ctime>
 #include <memory>
 #include <string>
@@ -13,6 +14,11 @@
 namespace ledgerline::crypto {
 
 enum class NamedKey { issuers, none, unreadable, by_name_alone };
+/// How new a list says that it is.
+struct ListAge {
+  std::int64_t number = -1;  ///< CRL number; below 0: none
+  std::int64_t before_now_s = 0;
+};
 
 /// The list's authority key identifier (RFC 5280, 4.2.1.1).
 inline void name_key(X509_CRL* list, X509* issuer, NamedKey named) {
@@ -32,12 +38,13 @@ inline void name_key(X509_CRL* list, X509* issuer, NamedKey named) {
 
 /// X.509 CRL of `issuer` with the certificate's serial number; PEM.
 inline std::string list_of(const KeyAndCertificate& issuer, const std::string& certificate,
-                           NamedKey named = NamedKey::issuers) {
+                           NamedKey named = NamedKey::issuers, ListAge age = {}) {
   const X509Ptr ca = *read_certificate(issuer.certificate_pem), revoked = *read_certificate(certificate);
   const BioPtr key_text = bio_of(issuer.key_pem);
   const KeyPtr key(PEM_read_bio_PrivateKey(key_text.get(), nullptr, no_pass_phrase, nullptr));
   const CrlPtr list(X509_CRL_new());
-  const std::unique_ptr<ASN1_TIME, Freed<ASN1_TIME_free>> now(ASN1_TIME_set(nullptr, std::time(nullptr)));
+  const std::unique_ptr<ASN1_TIME, Freed<ASN1_TIME_free>> now(
+      ASN1_TIME_set(nullptr, std::time(nullptr) - age.before_now_s));
   X509_CRL_set_version(list.get(), 1);
   X509_CRL_set_issuer_name(list.get(), X509_get_subject_name(ca.get()));
   X509_CRL_set1_lastUpdate(list.get(), now.get());
@@ -48,6 +55,11 @@ inline std::string list_of(const KeyAndCertificate& issuer, const std::string& c
   X509_CRL_add0_revoked(list.get(), entry);
   X509_CRL_sort(list.get());
   name_key(list.get(), ca.get(), named);
+  if (age.number >= 0) {
+    const std::unique_ptr<ASN1_INTEGER, Freed<ASN1_INTEGER_free>> number(ASN1_INTEGER_new());
+    ASN1_INTEGER_set_int64(number.get(), age.number);
+    EXPECT_EQ(X509_CRL_add1_ext_i2d(list.get(), NID_crl_number, number.get(), 0, 0), 1);
+  }
   EXPECT_GT(X509_CRL_sign(list.get(), key.get(), EVP_sha256()), 0);
   const BioPtr out(BIO_new(BIO_s_mem()));
   PEM_write_bio_X509_CRL(out.get(), list.get());

@@ -6,6 +6,7 @@
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "msp/msp_config.pb.h"
+#include "tests/unit/common/crypto/revocation_list.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
@@ -79,8 +80,45 @@ msp::FabricMSPConfig msp_in(const common::ConfigValue& value) {
   return msp;
 }
 
+/// Lists of an organisation's two authorities, which have one name and two keys, as after a renewal.
+class Lists {
+ public:
+  std::string of_first(crypto::ListAge age = {}) const { return list(first_, age); }
+  std::string of_second(crypto::ListAge age = {}) const { return list(second_, age); }
+
+ private:
+  static std::string list(const crypto::KeyAndCertificate& ca, crypto::ListAge age) {
+    return crypto::list_of(ca, ca.certificate_pem, crypto::NamedKey::issuers, age);
+  }
+  const crypto::KeyAndCertificate first_ = *crypto::make_ca("ca.org1.ledgerline", "org1.ledgerline");
+  const crypto::KeyAndCertificate second_ = *crypto::make_ca("ca.org1.ledgerline", "org1.ledgerline");
+};
+
+common::ConfigValue& msp_of(Channel& channel, const std::string& msp_id) {
+  auto& applications = (*channel.config.mutable_channel_group()->mutable_groups())["Application"];
+  return (*(*applications.mutable_groups())[msp_id].mutable_values())["MSP"];
+}
+Channel with_lists(const std::vector<std::string>& lists) {
+  Channel channel;
+  auto& value = msp_of(channel, "Org1MSP");
+  auto msp = msp_in(value);
+  for (const std::string& list : lists) msp.add_revocation_list(list);
+  Channel::set(value, msp);
+  return channel;
+}
+/// The lists that an update leaves in the configuration, or why there is none.
+std::vector<std::string> updated(const Channel& channel, const std::string& list) {
+  const auto bytes = revocation_update(channel.block(), "Org1MSP", list);
+  if (!bytes) return {bytes.error().what};
+  const auto update = update_in(*bytes);
+  const auto& values = update.write_set().groups().at("Application").groups().at("Org1MSP").values();
+  const auto msp = msp_in(values.at("MSP"));
+  return {msp.revocation_list().begin(), msp.revocation_list().end()};
+}
+
 TEST(Revocation, TheUpdateChangesOneMspAndNothingElse) {
-  const auto bytes = revocation_update(Channel().block(), "Org2MSP", "the list");
+  const std::string the_list = Lists().of_first();
+  const auto bytes = revocation_update(Channel().block(), "Org2MSP", the_list);
   ASSERT_TRUE(bytes) << bytes.error().what;
   const auto update = update_in(*bytes);
   EXPECT_EQ(update.channel_id(), "teleop");
@@ -99,24 +137,50 @@ TEST(Revocation, TheUpdateChangesOneMspAndNothingElse) {
   const auto msp = msp_in(values.at("MSP"));
   EXPECT_EQ(msp.name(), "Org2MSP");
   EXPECT_THAT(msp.root_certs(), ElementsAre("root"));
-  EXPECT_THAT(msp.revocation_list(), ElementsAre("the list"));
+  EXPECT_THAT(msp.revocation_list(), ElementsAre(the_list));
 }
 
 TEST(Revocation, ANewerListTakesTheOldOnesPlace) {
-  Channel channel;
-  auto& value =
-      (*(*(*channel.config.mutable_channel_group()->mutable_groups())["Application"].mutable_groups())["Org1MSP"]
-            .mutable_values())["MSP"];
-  auto msp = msp_in(value);
-  msp.add_revocation_list("old");
-  Channel::set(value, msp);
-  EXPECT_TRUE(*has_revocation_list(channel.block(), "Org1MSP", "old"));
-  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org1MSP", "new"));
-  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org2MSP", "old"));
-  const auto update = update_in(*revocation_update(channel.block(), "Org1MSP", "new"));
+  const Lists lists;
+  const std::string old = lists.of_first({.before_now_s = 60}), made = lists.of_first();
+  const Channel channel = with_lists({old});
+  EXPECT_TRUE(*has_revocation_list(channel.block(), "Org1MSP", old));
+  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org1MSP", made));
+  EXPECT_FALSE(*has_revocation_list(channel.block(), "Org2MSP", old));
+  EXPECT_THAT(updated(channel, made), ElementsAre(made));
+}
+
+TEST(Revocation, WhatAnotherAuthorityOfTheOrganisationHasRevokedStays) {
+  const Lists lists;
+  const std::string others = lists.of_second({.before_now_s = 600}), made = lists.of_first();
+  EXPECT_THAT(updated(with_lists({others}), made), ElementsAre(others, made)) << "the same name, another key";
+  EXPECT_THAT(updated(with_lists({lists.of_first({.before_now_s = 60}), others}), made), ElementsAre(others, made));
+  EXPECT_THAT(updated(with_lists({"what cannot be read"}), made), ElementsAre("what cannot be read", made));
+  EXPECT_TRUE(*has_revocation_list(with_lists({others, made}).block(), "Org1MSP", made));
+}
+
+TEST(Revocation, AListWithoutAKeyWhichFabricTakesForNobodysGivesWay) {
+  const Lists lists;
+  const auto ca = *crypto::make_ca("ca.org1.ledgerline", "org1.ledgerline");
+  const std::string nameless = crypto::list_of(ca, ca.certificate_pem, crypto::NamedKey::none, {.before_now_s = 60});
+  const std::string made = crypto::list_of(ca, ca.certificate_pem);
+  EXPECT_THAT(updated(with_lists({nameless}), made), ElementsAre(made));
+}
+
+TEST(Revocation, AnOlderListIsRefused) {
+  const Lists lists;
+  constexpr auto refused = "older than the authority's list that is in force";
+  EXPECT_THAT(updated(with_lists({lists.of_first()}), lists.of_first({.before_now_s = 60})),
+              ElementsAre(HasSubstr(refused)));
+  // The number counts before the clock of whoever made the list.
   EXPECT_THAT(
-      msp_in(update.write_set().groups().at("Application").groups().at("Org1MSP").values().at("MSP")).revocation_list(),
-      ElementsAre("new"));
+      updated(with_lists({lists.of_first({.number = 300, .before_now_s = 60})}), lists.of_first({.number = 299})),
+      ElementsAre(HasSubstr(refused)));
+  EXPECT_THAT(
+      updated(with_lists({lists.of_first({.number = 255})}), lists.of_first({.number = 256, .before_now_s = 60})),
+      testing::SizeIs(1));
+  EXPECT_THAT(updated(with_lists({lists.of_second()}), lists.of_first({.before_now_s = 60})), testing::SizeIs(2))
+      << "another authority's is no measure";
 }
 
 TEST(Revocation, WhatIsNoConfigurationIsSaid) {
