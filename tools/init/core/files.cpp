@@ -131,6 +131,13 @@ class Files {
   void link() {
     Values values;
     add_drones(values, plan_, plan_.drones, true, nullptr);
+    // Real drones are not flown without a fence. Nobody said the room yet: a small one, in which no flight gets far.
+    const bool real = std::any_of(plan_.drones.begin(), plan_.drones.end(),
+                                  [](const HostDrone& one) { return !one.address.starts_with("127."); });
+    if (real) {
+      values.add("[fence]", "min_m", "[-3.0, -3.0, 0.0]");
+      values.add("[fence]", "max_m", "[3.0, 3.0, 2.5]");
+    }
     values.text("[output]", "starts", plan_.folders.state_of("ledgerline") + "/link.starts");
     values.text("[output]", "local_stops", plan_.folders.state_of("ledgerline") + "/link.stops");
     values.add("[playout]", "max_margin_ms", "0");

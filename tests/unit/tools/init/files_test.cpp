@@ -101,6 +101,7 @@ TEST(InitFiles, OfEachRoleAreReadByTheProgramsThatTheyAreFor) {
   for (const std::string& text : {std::string(fabric_deployment), *example_deployment()}) {
     const auto drone_host = files(Role::drone_host, text, "raven");
     expect_readable("link", text_of(drone_host, "link.toml"));
+    EXPECT_THAT(text_of(drone_host, "link.toml"), HasSubstr("\nmax_m = [3.0, 3.0, 2.5]\n")) << "link wants a fence";
     expect_readable("agent", text_of(drone_host, "agent.toml"));
     const auto ground = files(Role::ground, text, "desk");
     expect_readable("ground", text_of(ground, "ground.toml"));

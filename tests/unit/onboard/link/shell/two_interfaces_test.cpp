@@ -47,6 +47,7 @@ class TwoInterfaces : public ::testing::Test {
       config += "[[drone]]\nname = \"tello" + std::to_string(k) + "\"\naddress = \"192.168.10.1\"\ninterface = \"" +
                 adapter + "\"\nserial = \"0TQDG00SIM00" + (wanted < 10 ? "0" : "") + std::to_string(wanted) + "\"\n";
     }
+    config += "[fence]\nmin_m = [-20, -20, 0]\nmax_m = [20, 20, 3]\n";
     std::ofstream("/tmp/link.toml") << config << "[output]\nsummary = \"/tmp/link.json\"\n";
     ASSERT_TRUE(connect("stand-in-agent"));
     auto end = AgentEnd::create();
