@@ -28,7 +28,7 @@ constexpr const char* name(FailsafeCause cause) noexcept {
   constexpr std::array names{"none",        "plan_ran_out",   "held_too_long", "agent_silent",       "ledger_silent",
                              "state_stale", "pose_lost",      "fence",         "battery_low",        "battery_critical",
                              "stopped",     "ledger_doubted", "velocity_lost", "position_uncertain", "motion_differs",
-                             "tilted",      "overturned",     "too_near"};
+                             "tilted",      "overturned",     "too_near",      "height_lost",        "other_client"};
   static_assert(names.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < names.size() ? names[at] : "unknown";
@@ -53,7 +53,9 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "it does not move as it is told",
                              "it is tilted",
                              "it lies on its back or side",
-                             "another drone is too near"};
+                             "another drone is too near",
+                             "its height above the ground is lost (tof sees nothing)",
+                             "another client commands it as well"};
   static_assert(words.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < words.size() ? words[at] : "unknown cause";

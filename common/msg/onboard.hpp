@@ -74,7 +74,9 @@ enum class FailsafeCause : std::uint8_t {
   motion_differs = 14,
   tilted = 15,
   overturned = 16,
-  too_near = 17  ///< another drone of this host
+  too_near = 17,     ///< another drone of this host
+  height_lost = 18,  ///< tof sees nothing, and a drone's own velocity has no scale without
+  other_client = 19  ///< on the ground: somebody else says `command` to it as well
 };
 
 /// Why a plan or setpoint was not flown.
@@ -189,6 +191,11 @@ struct StateSample {
   std::array<float, 3> attitude_rad{};
   std::array<float, 3> acceleration_mps2{};  ///< its own, with gravity: x forward, y left, z up; 0, 0, 9.8 at rest
   PoseVariance pose_variance{};
+  // For people at link's host; not on the ledger.
+  float temperature_c = 0;  ///< the hotter one of the two that it reports; 0: none
+  bool hot = false;         ///< beyond what it should be where it is
+  bool contested = false;   ///< another client commands it as well (watch/client_watch.hpp) ...
+  bool diverted = false;    ///< ... or it answers, and its state texts stay away
 };
 
 }  // namespace ledgerline

@@ -33,6 +33,7 @@ bool may_take_off(const StateSample& state, bool manual) {
       return true;
     case FailsafeCause::pose_lost:
     case FailsafeCause::velocity_lost:
+    case FailsafeCause::height_lost:
     case FailsafeCause::position_uncertain:
       return manual;  // a pilot sees where it is
     default:

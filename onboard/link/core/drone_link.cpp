@@ -46,6 +46,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
 void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
   if (port == Port::answer) {
     session_.on_answer(now, bytes);
+    client_watch_.on_answer(now);
   } else if (session_.on_state(now, bytes)) {
     take_state(now, session_.state());
   }
@@ -191,14 +192,12 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.battery = session_.state().battery;
   for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
   facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
-  facts_.own_senses = by_own_senses();
   const bool by_hand = wish.valid ? wish.body_frame : by_hand_;
   facts_.needs_position = !(by_hand && by_hand_without_pose_);
   // Without a pose its own height is all that is known of where it is.
   const bool placed =
       pose_.stamp_ns != 0 && (facts_.needs_position || at.now - pose_.stamp_ns < failsafe_settings_.state_stale_ns);
-  if (!placed) facts_.position_m[2] = static_cast<double>(facts_.height_m);
-  facts_.motion_differs = motion_watch_.differs();
+  update_sensing(at.now, placed);
   facts_.tilted = tilt_watch_.tilted();
   facts_.overturned = tilt_watch_.overturned();
   facts_.tilt_rad = tilt_watch_.tilt_rad();
@@ -249,6 +248,7 @@ void DroneLink::talk(const LinkMoment& at) noexcept {
       send_rc(at, {}, {});  // the one that a drone is told unseen, for the trace
     } else {
       at.out.to_send.push({number_, text});
+      if (text.view() == "command") client_watch_.on_command(at.now);
     }
   }
 }
@@ -386,6 +386,10 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
       .pose_variance = told_pose_.variance,
+      .temperature_c = session.state().temperature_c,
+      .hot = heat_watch_.hot(),
+      .contested = client_watch_.contested(now),
+      .diverted = client_watch_.diverted(now),
   };
   at.out.states.push(state);
   at.out.trace.push({.t_ns = now,

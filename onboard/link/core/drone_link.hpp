@@ -21,7 +21,9 @@
 #include "onboard/link/core/transition_log.hpp"
 #include "onboard/link/core/velocity.hpp"
 #include "onboard/link/core/watch/battery_watch.hpp"
+#include "onboard/link/core/watch/client_watch.hpp"
 #include "onboard/link/core/watch/flow_watch.hpp"
+#include "onboard/link/core/watch/heat_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
 #include "onboard/link/core/watch/tilt_watch.hpp"
 
@@ -112,6 +114,10 @@ class DroneLink {
   DropReason resume(const Plan& plan) noexcept;
   void lift_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  /// What it feels of itself; `placed`: a pose says where it is.
+  void update_sensing(TimeNs now, bool placed) noexcept;
+  /// Since when its own senses alone say where it is; 0: they do not.
+  TimeNs alone_since_ns(TimeNs now) const noexcept;
   /// Of its plans; while a landing waits: downward.
   Playout::Wish wished(TimeNs now) noexcept;
   /// Another is below the drone that is to land, link can still steer it, and its time is not over.
@@ -146,6 +152,8 @@ class DroneLink {
   MotionWatch motion_watch_;
   FlowWatch flow_watch_;
   BatteryWatch battery_watch_;
+  HeatWatch heat_watch_;
+  ClientWatch client_watch_;
 
   TelloSession session_;
   PlanAdmission admission_;

@@ -120,6 +120,7 @@ struct FailsafeMoment {
   bool state_stale = false;
   bool pose_lost = false;           ///< and a position is needed
   bool position_uncertain = false;  ///< the same
+  bool dark = false;                ///< the same: it may run away, and nobody would know
   FailsafeCause no_plan = FailsafeCause::none;
   bool resting = false;  ///< what made it hover is away, but not long enough
 
@@ -136,7 +137,7 @@ using Moment = FailsafeMoment;
 void rest(Moment& at, FailsafeState& memory) noexcept {
   bool away = false;
   if (memory.mode == FailsafeMode::brake)
-    away = !at.state_stale && !at.pose_lost && !at.position_uncertain && !at.doubted(OnDoubt::hold);
+    away = !at.state_stale && !at.pose_lost && !at.dark && !at.position_uncertain && !at.doubted(OnDoubt::hold);
   if (memory.mode == FailsafeMode::hold)
     away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
   if (!away) {
@@ -167,8 +168,18 @@ bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, Fai
 bool pose_lost(const Moment& at) {
   return (at.pose_lost && !at.facts.own_senses) || brakes_for(at, FailsafeCause::pose_lost);
 }
+bool height_lost(const Moment& at) {
+  return (at.pose_lost && at.facts.own_senses && at.facts.height_lost && !at.dark) ||
+         brakes_for(at, FailsafeCause::height_lost);
+}
 bool velocity_lost(const Moment& at) {
-  return (at.pose_lost && at.facts.own_senses) || brakes_for(at, FailsafeCause::velocity_lost);
+  return at.dark || (at.pose_lost && at.facts.own_senses && !at.facts.height_lost) ||
+         brakes_for(at, FailsafeCause::velocity_lost);
+}
+// To hover is no way out: it feels no speed, so it glides on and drifts.
+bool dark(const Moment& at) {
+  return at.dark && at.facts.phase == FlightPhase::flying &&
+         at.now - at.facts.dark_since_ns >= at.settings.dark_land_after_ns;
 }
 bool position_uncertain(const Moment& at) {
   return at.position_uncertain || brakes_for(at, FailsafeCause::position_uncertain);
@@ -184,8 +195,8 @@ bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledge
 bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
-  const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || position_uncertain(at) ||
-                       doubted_holds(at) || at.no_plan != FailsafeCause::none;
+  const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || height_lost(at) ||
+                       position_uncertain(at) || doubted_holds(at) || at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
 bool outside_fence(const Moment& at) {
@@ -199,7 +210,7 @@ bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 21> failsafe_table{{
+const std::array<FailsafeRow, 23> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
     {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, Clears::on_ground, overturned},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
@@ -207,11 +218,13 @@ const std::array<FailsafeRow, 21> failsafe_table{{
     {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
     {"FS-17", FailsafeCause::tilted, FailsafeMode::land, Clears::on_ground, tilted},
     {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, Clears::on_ground, motion_differs},
+    {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, Clears::on_ground, dark},
     {"FS-14", FailsafeCause::ledger_doubted, FailsafeMode::land, Clears::on_ground, doubted_lands},
     {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
     {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, Clears::when_rested, velocity_lost},
+    {"FS-48", FailsafeCause::height_lost, FailsafeMode::brake, Clears::when_rested, height_lost},
     {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, Clears::when_rested, position_uncertain},
     {"FS-15", FailsafeCause::ledger_doubted, FailsafeMode::brake, Clears::when_rested, doubted_holds},
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
@@ -243,6 +256,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   const bool lost = lost_pose(settings, memory, now, facts);
   at.pose_lost = lost && facts.needs_position;
   at.position_uncertain = facts.needs_position && uncertain(settings, memory, fence, facts);
+  at.dark = facts.needs_position && facts.dark_since_ns != 0;
   at.no_plan = lack_of_plan(settings, memory, now, facts);
   remember_fence(fence_for(settings, fence, memory, now, facts), memory, now, facts, lost);
   if (facts.too_near) memory.too_near_ns = now;
@@ -263,6 +277,7 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
                               const FailsafeFacts& facts) noexcept {
   if (facts.stop || facts.cut) return FailsafeCause::stopped;
   if (older(now, facts.state_ns, settings.state_stale_ns)) return FailsafeCause::state_stale;
+  if (facts.other_client) return FailsafeCause::other_client;
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
   if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
@@ -272,7 +287,8 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
   if (facts.too_near) return FailsafeCause::too_near;
   const bool vague = uncertain(settings, {}, fence, facts);
   if (!facts.needs_position && (lost || vague)) return FailsafeCause::none;
-  if (lost) return facts.own_senses ? FailsafeCause::velocity_lost : FailsafeCause::pose_lost;
+  if (lost && !facts.own_senses) return FailsafeCause::pose_lost;
+  if (lost) return facts.height_lost ? FailsafeCause::height_lost : FailsafeCause::velocity_lost;
   if (vague) return FailsafeCause::position_uncertain;
   const FenceSettings holds = fence_for(settings, fence, {}, now, facts);
   for (std::size_t i = 0; i < 2; ++i) {

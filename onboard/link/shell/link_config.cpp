@@ -133,6 +133,12 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
               {"failsafe.velocity_lost_ms",
                "of a drone that is flown by its own senses: without a usable velocity, brake; texts come each 100 ms"},
               failsafe.velocity_lost_ns, 250, 60'000);
+  failsafe.dark_land_after_ns =
+      read_ms(config,
+              {"failsafe.dark_land_after_ms",
+               "of a drone whose flow sees nothing and that nothing else places: hovering blindly so long, then land. "
+               "Shorter lands who sees again, longer glides on in the dark"},
+              failsafe.dark_land_after_ns, 0, 5'000);
   failsafe.fence_sigmas =
       config.number({"failsafe.fence_sigmas", "the fence is drawn in by so many standard deviations of the position"},
                     failsafe.fence_sigmas, 0, 10);
@@ -161,7 +167,8 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
                  failsafe.battery_critical, 0, 1);
 }
 
-void read_fence(Config& config, LinkSettings& link) {
+// True: both corners are in the file.
+bool read_fence(Config& config, LinkSettings& link) {
   FenceSettings& fence = link.fence;
   const auto low = config.numbers({"fence.min_m", "corner of the box that a drone stays in, x, y, z in `map`"}, 3,
                                   {fence.min_m.begin(), fence.min_m.end()});
@@ -181,6 +188,8 @@ void read_fence(Config& config, LinkSettings& link) {
   fence.far_beyond_m =
       config.number({"fence.far_beyond_m", "beyond the fence by this counts as going outward at any speed"},
                     fence.far_beyond_m, 0, 1000);
+  const std::string said = config.table_text("fence");
+  return said.find("min_m") != std::string::npos && said.find("max_m") != std::string::npos;
 }
 
 // Whether drones are reached over UDP.
@@ -269,8 +278,23 @@ void read_separation(Config& config, SeparationSettings& separation) {
       separation.min_m, 0, 10);
 }
 
-// A fence without room inside would hold every drone at once.
-Status check_fence(const std::string& path, const FenceSettings& fence) {
+// What is no simulation: simulated drones and a proxy's are on loopback, or behind the shim.
+const DroneTable* real_drone(const std::vector<DroneTable>& tables, bool udp) {
+  const auto found = std::find_if(tables.begin(), tables.end(), [&](const DroneTable& table) {
+    return udp && (!table.interface.empty() ? table.interface != "lo" : !table.address.starts_with("127."));
+  });
+  return found == tables.end() ? nullptr : &*found;
+}
+
+// The default is so wide that it is none. A fence without room inside would hold every drone at once.
+Status check_fence(const std::string& path, const FenceSettings& fence, bool has_both, const DroneTable* real) {
+  if (real != nullptr && !has_both) {
+    return Error{fmt::format(
+        "{}: [fence] min_m and max_m must be there, x, y, z in m in `map`: drone {} at {} is a real one, and real "
+        "drones "
+        "are not flown without a fence (the default is 40 m by 40 m; simulated drones, at 127.x.x.x, keep it)",
+        path, real->drone.name, real->address)};
+  }
   for (std::size_t i = 0; i < 3; ++i) {
     if (fence.min_m[i] >= fence.max_m[i]) {
       return Error{fmt::format("{}: fence.min_m must be below fence.max_m: {} and {} ({})", path, fence.min_m[i],
@@ -326,7 +350,7 @@ void read_output(Config& config, ShellSettings& settings) {
 void read_bounds(Config& config, LinkSettings& link) {
   read_limits(config, link.playout);
   read_rc(config, link.rc);
-  read_fence(config, link);
+  (void)read_fence(config, link);
 }
 
 Result<ShellSettings> load_settings(const std::string& path) {
@@ -367,11 +391,12 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   read_playout(config, settings.link.playout);
   read_rc(config, settings.link.rc);
   read_failsafe(config, settings.link.failsafe);
-  read_fence(config, settings.link);
+  const bool fenced = read_fence(config, settings.link);
   read_separation(config, settings.link.separation);
   if (auto status = config.finish(); !status) return status.error();
   if (auto status = check_drones(path, tables, udp); !status) return status.error();
-  if (auto status = check_fence(path, settings.link.fence); !status) return status.error();
+  if (auto status = check_fence(path, settings.link.fence, fenced, real_drone(tables, udp)); !status)
+    return status.error();
   if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();
 
   const std::size_t colon = listen.rfind(':');

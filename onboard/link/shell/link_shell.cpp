@@ -53,7 +53,10 @@ class Housekeeping {
       if (trace_) trace_->add(record);
       if (record.kind == TraceKind::mode) log_mode(record);
     }
-    for (StateSample state; loop_.states().pop(state);) newest_[state.drone] = state;
+    for (StateSample state; loop_.states().pop(state);) {
+      log_warnings(newest_[state.drone], state);
+      newest_[state.drone] = state;
+    }
     for (SerialTold told; loop_.serials().pop(told);) log_serial(told);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
@@ -89,6 +92,29 @@ class Housekeeping {
     const bool calm = cause == FailsafeCause::none || !in_flight(phase);
     spdlog::log(calm ? spdlog::level::info : spdlog::level::warn, "{}: {}, failsafe {} ({})", drone(record.drone).name,
                 name(phase), name(mode), name(cause));
+  }
+
+  void log_warnings(const StateSample& before, const StateSample& now) const {
+    const std::string& name = drone(now.drone).name;
+    if (now.hot && !before.hot) {
+      spdlog::warn("{}: {:.0f} degrees{}", name, now.temperature_c,
+                   in_flight(now.phase) ? ": hotter than a Tello is in flight: land it"
+                                        : " on the ground, where nothing cools it: take off soon, or switch it off");
+    }
+    if (now.contested && !before.contested) {
+      spdlog::error(
+          "{}: another client commands it as well: its state texts went away and came back with `command` twice within "
+          "a "
+          "minute. Is its address in the link.toml of another host, or `ledgerline tello` at work? It does not take "
+          "off",
+          name);
+    }
+    if (now.diverted && !before.diverted) {
+      spdlog::warn(
+          "{}: it answers, but its state texts stay away: another client may have said `command` to it, or a firewall "
+          "holds back UDP 8890",
+          name);
+    }
   }
 
   void log_serial(const SerialTold& told) const {

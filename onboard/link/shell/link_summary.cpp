@@ -68,6 +68,7 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
                       {"mode", name(state.mode)},
                       {"cause", name(state.cause)},
                       {"battery", state.battery},
+                      {"temperature_c", state.temperature_c},
                       {"position", state.position_m},
                       {"pose_age_ms", pose_age_ms},
                       {"applied", state.plans_applied},

@@ -1,3 +1,4 @@
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
@@ -44,9 +45,19 @@ Odometry::Fix at_text(const Pose& pose, TimeNs now) noexcept {
 void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   const FlightPhase phase = session_.phase();
   tilt_watch_.take(now, state);
+  heat_watch_.update(state, in_flight(phase));
+  client_watch_.on_text(now);
+  const Eigen::Vector2d lean =
+      Eigen::Rotation2Dd(yaw_rad(now)) * Eigen::Map<const Eigen::Vector2d>(lean_mps2(state).data());
+  motion_watch_.lean({lean.x(), lean.y()});
   if (phase == FlightPhase::flying) {
     battery_watch_.take(now, state.battery);
-    flow_watch_.take(now, state, motion_watch_.expected_mps());
+    if (state.velocity_told) {
+      flow_watch_.update(now, state,
+                         {.expected = motion_watch_.expected(),
+                          .sent_mps = {double(sent_.mps[0]), double(sent_.mps[1])},
+                          .lean_mps2 = {lean.x(), lean.y()}});
+    }
   } else {
     battery_watch_.reset();
     flow_watch_.reset();
@@ -66,6 +77,30 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   } else if (in_flight(phase)) {  // who stands may be carried away unseen
     accept_pose(now, odometry_.pose());
   }
+}
+
+TimeNs DroneLink::alone_since_ns(TimeNs now) const noexcept {
+  if (!uses_mocap(source_)) return 1;
+  const TimeNs stamp_ns = source_ == PoseSource::mocap ? pose_.stamp_ns : mocap_pose_.stamp_ns;
+  const TimeNs since_ns = stamp_ns + failsafe_settings_.pose_lost_ns;
+  if (source_ == PoseSource::mocap_then_tello && failover_.missing(now)) return std::min(now, since_ns);
+  return now > since_ns ? since_ns : 0;
+}
+
+void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
+  const TelloState& state = session_.state();
+  facts_.own_senses = by_own_senses();
+  facts_.motion_differs = motion_watch_.differs();
+  facts_.height_lost = state.tof_m >= tof_sees_m;
+  facts_.other_client = client_watch_.contested(now);
+  const TimeNs alone_ns = alone_since_ns(now);
+  facts_.dark_since_ns = flow_watch_.blind() && alone_ns != 0 ? std::max(flow_watch_.since_ns(), alone_ns) : 0;
+  if (placed) return;
+  // A barometer may sink, and h with it; what tof sees below is at least so far away.
+  const auto attitude = attitude_rad(state);
+  const float below_m = state.tof_m * std::cos(attitude[0]) * std::cos(attitude[1]);
+  if (state.tof_m < tof_sees_m) facts_.height_m = std::max(facts_.height_m, below_m);
+  facts_.position_m[2] = static_cast<double>(facts_.height_m);
 }
 
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {

@@ -49,7 +49,7 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
   TelloState parsed = state;
   parsed.barometer_told = false;
   parsed.pad = -2;
-  bool height = false, tof = false, battery = false;
+  bool height = false, tof = false, battery = false, warm = false;
   std::array<bool, 3> velocity{};
   // What has no semicolon behind is the line's end, or a field that is torn: "bat:1" of "bat:100;".
   for (std::size_t end; (end = bytes.find(';')) != std::string_view::npos; bytes.remove_prefix(end + 1)) {
@@ -85,6 +85,9 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
       parsed.on_pad_m[static_cast<std::size_t>(side)] = value / 100;
     } else if (key == "mid" && value >= -2 && value <= last_pad) {
       parsed.pad = static_cast<int>(value);
+    } else if ((key == "templ" || key == "temph") && std::abs(value) < 200) {
+      parsed.temperature_c = warm ? std::max(parsed.temperature_c, value) : value;
+      warm = true;
     } else if (key == "baro" && std::abs(value) < 20'000) {
       parsed.barometer_m = value;
       parsed.barometer_told = true;

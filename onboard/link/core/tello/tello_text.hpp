@@ -18,6 +18,7 @@ struct TelloState {
   bool velocity_told = false;              ///< all three are in the newest packet
   float barometer_m = 0;                   ///< from an arbitrary zero
   bool barometer_told = false;
+  float temperature_c = 0;  ///< the hotter one of templ and temph; 0: not told
   int motor_s = 0;  ///< `time`: with running motors since power on, so that it falls when the drone was switched off
   /// The mission pad below: -1 none is seen, -2 it does not look for them, or the firmware knows none.
   int pad = -2;

@@ -5,35 +5,58 @@
 
 namespace ledgerline::link {
 
-/// Whether a drone moves as it is told: what it was told goes through the drone's response (first order), what is seen
-/// of it through the same filter, and the two must not differ for long. So a drone that hears another drone's rc, whose
-/// poses are another drone's or turned against it, or whose own flow sees nothing, is found, whatever the cause. A heading
-/// that is wrong from the start is found where poses come from elsewhere alone: a drone's own odometry turns with it.
-/// Horizontal, map frame. Core; one thread.
+/// Whether a drone moves as it is commanded: the commands go through the drone's response (first order), what is seen
+/// of it through the same filter, and the two must not differ for long. So a drone that hears another drone's rc, or
+/// whose poses are another drone's or turned against it, is found, whatever the cause. A heading that is wrong from the
+/// start is found where poses come from elsewhere alone: a drone's own odometry turns with it.
+///
+/// One that is only blown leans against the wind, by what it lacks: (commanded - flown) / response. So how it leans
+/// over seconds says how far the wind may drift it, and that much counts for nothing, nor where it holds its position
+/// against it. One that disobeys does not lean against how it moves. Horizontal, map frame. Core; one thread.
 class MotionWatch {
  public:
-  /// Three times what gusts do (0.1 m/s): a flow that sees nothing is found from 0.35 m/s on. Double would miss the
-  /// usual 0.5 m/s; half would land for a windy day.
+  static constexpr double response_s = 0.3;  ///< as the simulator's drone, assumed (docs/sources.md)
+  /// Three times what gusts do (0.1 m/s). Double would miss the usual 0.5 m/s; half would land for a windy day.
   static constexpr double limit_mps = 0.3;
   /// Of what it was told: a fast drone is slower than it is told by its drag.
   static constexpr double limit_share = 0.6;
   /// A push from outside is over by then, and so is a jam of 3 s on the way to the drone. A turned frame has led
   /// it two metres away at 0.5 m/s: half would land for a jam of datagrams, double doubles the two metres.
   static constexpr TimeNs differs_for_ns = 4 * ns_per_s;
+  /// Wind of 4 m/s drifts a drone by its drag (0.4 to 0.54 a second) times its response: 0.5 to 0.65 m/s. Half lands
+  /// for 2 m/s of wind; with double one that is carried off at walking pace would be blown.
+  static constexpr double max_drift_mps = 0.7;
+  /// Of the lean: shorter than differs_for_ns, so that wind which begins is known in time. Half takes a start, or flow
+  /// that is lost, for wind; double is too late. At rest there is nothing to confuse it with.
+  static constexpr double learns_s = 3, learns_at_rest_s = 1;
+
+  /// How it should move: by its commands alone, and what the wind may add.
+  struct Expected {
+    std::array<double, 2> response_mps{}, drift_mps{};
+  };
 
   /// Time passed since the last call: `told` all the while.
   void tell(double seconds, const std::array<float, 3>& told_mps) noexcept;
+  /// The level part of its thrust, by its attitude: until the next one.
+  void lean(const std::array<double, 2>& lean_mps2) noexcept { lean_mps2_ = lean_mps2; }
   /// A new pose came: its velocity.
   void see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept;
   /// It does not fly, or nothing is known.
   void reset() noexcept { *this = {}; }
-  /// How fast it should move by now.
+  /// How fast it should move by now, by its commands alone.
   double expected_mps() const noexcept;
+  Expected expected() const noexcept { return {expected_mps_, drift_mps_}; }
   bool differs() const noexcept { return since_ns_ != 0 && seen_ns_ - since_ns_ >= differs_for_ns; }
 
  private:
+  void learn_drift(double seconds) noexcept;
+
   std::array<double, 2> expected_mps_{}, smooth_mps_{};
+  std::array<double, 2> lean_mps2_{}, drift_mps_{};
   TimeNs seen_ns_ = 0, since_ns_ = 0;
 };
+
+/// The length of what is left of `v` when as much of `part` is taken off as makes it shortest: none to all of it.
+double length_without(const std::array<double, 2>& v, const std::array<double, 2>& part) noexcept;
 
 }  // namespace ledgerline::link

@@ -103,6 +103,20 @@ TEST(ByHand, WithoutAPoseItClimbsAndSinksByItsOwnHeightInEachFlight) {
   }
 }
 
+// A barometer that sinks takes `h` along, and the pilot would climb through the ceiling: tof sees how far the floor is.
+TEST(ByHand, WithoutAPoseTheCeilingHoldsByTofWhereTheBarometerSinks) {
+  LinkSettings settings;
+  settings.fence.max_m = {20, 20, 2};
+  LinkWorld world(1, free_by_hand(settings));
+  world.mocap = false;
+  take_off_by_hand(world);
+  world.tellos[0].height_error_m = -1.5;
+  fly_by_hand(world, {0, 0, 0.5F}, 8 * ns_per_s);
+  EXPECT_GT(world.tellos[0].position[2], 1.7);
+  EXPECT_LT(world.tellos[0].position[2], 2.2);
+  EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
+}
+
 TEST(ByHand, WhereTheConfigDoesNotAllowItAPilotIsBrakedAsAPathIs) {
   LinkWorld world;
   take_off_by_hand(world);

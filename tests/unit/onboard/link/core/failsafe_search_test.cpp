@@ -23,6 +23,7 @@ constexpr bool emulated = true;  // the tree's tests for it run under qemu-user
 constexpr bool emulated = false;
 #endif
 constexpr int handshakes = 2;  // steps until all were in vain
+constexpr int dark_lands = 2;  // steps until a drone in the dark is landed
 
 /// Ages in steps. Of a moment that never was: -1.
 struct State {
@@ -31,14 +32,16 @@ struct State {
   int uncovered = 0, beat = 0, state = 0, pose = 0;
   int ledger_alive = 1, doubted = 0;
   int mode = 0, cause = 0, battery_low = 0;
+  int dark = -1;  ///< flying, and its flow has seen nothing for so long
   int hovering = -1, gone = -1, outward = -1, outside = -1, too_near = -1;
   int unflown = 0;  ///< since a plan was followed: counted here, not by the failsafe
 
   std::uint64_t key() const {
     const int bits = ledger_alive | doubted << 1 | battery_low << 2;
     auto key = static_cast<std::uint64_t>(cause);
-    for (const int field : {phase, unseen, uncovered, beat, state, pose, bits, mode, hovering, gone, outward, outside,
-                            too_near, unflown}) {
+    const int unseen_or_dark = (unseen + 1) | (dark + 1) << 2;  // never both
+    for (const int field : {phase, unseen_or_dark, uncovered, beat, state, pose, bits, mode, hovering, gone, outward,
+                            outside, too_near, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
     return key;
@@ -48,7 +51,7 @@ struct State {
 enum class Place { inside, back, out };
 enum class Asked { nothing, stop, cut, empty_battery };
 /// What else its senses say, or that it is flown by hand.
-enum class Sensed { well, tilted, overturned, differs, uncertain, by_hand, by_hand_uncertain };
+enum class Sensed { well, tilted, overturned, differs, uncertain, dark, no_height, by_hand, by_hand_uncertain };
 
 struct Input {
   bool beat = false, ledger_alive = false, doubted = false, plan = false, pose = false;
@@ -70,6 +73,7 @@ class Search {
     settings_.state_stale_ns = stale() * step_ns;
     settings_.pose_lost_ns = settings_.velocity_lost_ns = pose_lost() * step_ns;
     settings_.clear_after_ns = clear_after() * step_ns;
+    settings_.dark_land_after_ns = dark_lands * step_ns;
     settings_.fence_land_after_ns = fence_land_after() * step_ns;
   }
 
@@ -127,8 +131,8 @@ class Search {
         made.push_back(
             {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
     if (all_heard.size() > 3) return made;  // where doubt is looked at, nothing else is
-    for (const auto sensed : {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::by_hand,
-                              Sensed::by_hand_uncertain})
+    for (const auto sensed : {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::dark,
+                              Sensed::no_height, Sensed::by_hand, Sensed::by_hand_uncertain})
       for (const int bits : {0, 2, 5, 7})
         made.push_back({(bits & 4) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0,
                         (bits & 4) != 0 ? Input::Text::charged : Input::Text::none, Place::inside, Asked::nothing,
@@ -148,6 +152,8 @@ class Search {
     State s = from;
     s.phase = phase;
     s.unseen = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.unseen + 1, handshakes) : -1;
+    const bool dark = input.sensed == Sensed::dark && phase == static_cast<int>(FlightPhase::flying);
+    s.dark = dark ? std::min(s.dark + 1, dark_lands) : -1;
     const bool begins = phase != from.phase && phase == static_cast<int>(FlightPhase::flying);
     s.uncovered = input.plan || begins ? 0 : std::min(s.uncovered + 1, grace());
     s.unflown = begins ? 0 : std::min(s.unflown + 1, land_after() + grace() + 1);
@@ -191,6 +197,8 @@ class Search {
     f.tilted = input.sensed == Sensed::tilted || input.sensed == Sensed::overturned;
     f.overturned = input.sensed == Sensed::overturned;
     f.motion_differs = input.sensed == Sensed::differs;
+    f.dark_since_ns = since(s.dark);
+    f.height_lost = input.sensed == Sensed::no_height;
     f.needs_position = input.sensed != Sensed::by_hand && input.sensed != Sensed::by_hand_uncertain;
     if (input.sensed == Sensed::uncertain || input.sensed == Sensed::by_hand_uncertain) f.sigma_m = {50, 50, 0.1};
     f.too_near = input.too_near;
@@ -255,8 +263,11 @@ class Search {
         return !in_flight(f.phase);
       case Clears::when_rested: {
         const bool seen = last.cause != FailsafeCause::state_stale || 2 * s.state <= stale();
-        const bool placed = (last.cause != FailsafeCause::pose_lost && last.cause != FailsafeCause::velocity_lost) ||
-                            2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
+        const bool by_pose = last.cause == FailsafeCause::pose_lost || last.cause == FailsafeCause::velocity_lost ||
+                             last.cause == FailsafeCause::height_lost;
+        if (f.dark_since_ns != 0 && f.needs_position) return false;
+        const bool placed =
+            !by_pose || 2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
         const bool sure = last.cause != FailsafeCause::position_uncertain || f.sigma_m[0] <= 0 || !f.needs_position;
         const bool trusted = last.cause != FailsafeCause::ledger_doubted || !f.ledger_doubted;
         return seen && placed && sure && trusted && last.cause_gone_since_ns != 0 &&
@@ -292,6 +303,7 @@ class Search {
     if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) told("overturned, and its motors run");
     if (f.tilted && in_flight(f.phase) && !down) told("it is tilted, and is not landed");
     if (f.motion_differs && f.phase == FlightPhase::flying && !down) told("it moves otherwise, and is not landed");
+    if (s.dark >= dark_lands && !down) told("it sees nothing, and is not landed");
     if (f.blind && !down) told("it may fly unseen, and is not landed");
     if (f.ledger_doubted && settings_.doubt == OnDoubt::land && !down)
       told("the ledger is doubted, and it is not landed");
@@ -303,6 +315,7 @@ class Search {
     if (follows && s.state > stale()) told("flies on though the drone is silent");
     const bool lost = s.pose > pose_lost() && (own_senses_ || s.pose - s.beat > pose_lost() / 2);
     if (follows && f.needs_position && lost) told("flies a path though the pose is lost");
+    if (follows && f.dark_since_ns != 0) told("flies a path in the dark");
     if (follows && f.needs_position && f.sigma_m[0] > 0) told("flies a path though its position is uncertain");
     if (follows && f.ledger_doubted) told("flies on though the ledger is doubted");
     if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");

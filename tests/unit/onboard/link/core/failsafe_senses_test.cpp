@@ -19,6 +19,58 @@ TEST_F(FailsafeTest, FS37ALostVelocityMeansBrakeUntilItIsBackForAWhile) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, FS47InTheDarkTheSticksGoToZeroAtOnceAndItLandsAfterHalfASecond) {
+  for (const bool own_senses : {true, false}) {  // or motion capture is away
+    state = {};
+    facts.own_senses = own_senses;
+    facts.phase = FlightPhase::flying;
+    facts.dark_since_ns = 0;
+    pass(ns_per_s);
+    facts.dark_since_ns = now + ms;
+    pass(ms);
+    expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+    pass(settings.dark_land_after_ns - ms);
+    expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+    pass(ms);
+    expect(FailsafeMode::land, FailsafeCause::velocity_lost);
+    facts.dark_since_ns = 0;  // a landing is never taken back
+    pass(ns_per_s);
+    expect(FailsafeMode::land, FailsafeCause::velocity_lost);
+  }
+}
+
+TEST_F(FailsafeTest, OneThatSeesAgainWithinHalfASecondFliesOn) {
+  facts.own_senses = true;
+  pass(ns_per_s);
+  facts.dark_since_ns = now + ms;
+  pass(settings.dark_land_after_ns - ms);
+  facts.dark_since_ns = 0;
+  pass(settings.clear_after_ns);
+  expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
+  pass(2 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, APilotWhoMayDoWithoutAPositionFliesOnInTheDark) {
+  facts.needs_position = false;
+  facts.dark_since_ns = now;
+  pass(10 * ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, FS48ALostHeightMeansBrakeAndKeepsItsLongerTime) {
+  facts.own_senses = facts.height_lost = true;
+  pass(ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);  // its pose goes on
+  poses = false;
+  pass(settings.velocity_lost_ns + 2 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::height_lost);
+  pass(settings.land_after_ns - 10 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::height_lost);
+  pass(20 * ms);
+  expect(FailsafeMode::land, FailsafeCause::height_lost);
+}
+
 TEST_F(FailsafeTest, ALostVelocityNeedsNoAgentToBeKnown) {
   facts.own_senses = true;
   pass(ns_per_s);
@@ -165,6 +217,11 @@ TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
     f.pose_ns -= ns_per_s;
   };
   EXPECT_EQ(refusal(own), FailsafeCause::velocity_lost);
+  EXPECT_EQ(refusal([&](FailsafeFacts& f) {
+              own(f);
+              f.height_lost = true;
+            }),
+            FailsafeCause::height_lost);
   EXPECT_EQ(refusal([&](FailsafeFacts& f) {
               own(f);
               f.needs_position = false;

@@ -26,6 +26,7 @@ struct FakeTello {
   double yaw = 0;
   std::array<int, 4> rc{};
   int battery = 90;
+  double height_error_m = 0;  ///< of `h`, as a barometer drifts
   std::string attitude_text;
   bool tells_velocity = false;           ///< in the frame that it had when it was made
   std::array<double, 3> velocity_mps{};  ///< in that frame, of the newest step
@@ -79,8 +80,8 @@ struct FakeTello {
   }
   std::string state_text() const {
     return "tof:" + std::to_string(static_cast<int>(position[2] * 100) + 10) +
-           ";h:" + std::to_string(static_cast<int>(position[2] * 10) * 10) + ";bat:" + std::to_string(battery) + ";" +
-           attitude_text + (tells_velocity ? velocity_text() : "");
+           ";h:" + std::to_string(static_cast<int>((position[2] + height_error_m) * 10) * 10) +
+           ";bat:" + std::to_string(battery) + ";" + attitude_text + (tells_velocity ? velocity_text() : "");
   }
   std::string velocity_text() const {
     const auto told = [](double mps) { return std::to_string(std::lround(10 * mps)); };

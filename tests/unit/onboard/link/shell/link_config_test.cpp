@@ -72,6 +72,24 @@ TEST_F(LinkConfig, WhereADroneIsIsSaidForAllAndForOne) {
   EXPECT_EQ(settings->link.pads[0].position_m[0], 0.5);
 }
 
+TEST_F(LinkConfig, RealDronesAreNotFlownWithoutAFence) {
+  const auto why_not = [&](const std::string& toml) {
+    const auto settings = load(toml);
+    return settings ? std::string() : settings.error().what;
+  };
+  const std::string real = "[[drone]]\nname = \"tello1\"\naddress = \"192.168.10.1\"\n";
+  const std::string low = "min_m = [-2, -2, 0]\n", high = "max_m = [2, 2, 2]\n";
+  for (const std::string& without : {std::string(), "[fence]\n" + low, "[fence]\n" + high}) {
+    EXPECT_NE(why_not(real + without).find("real drones are not flown without a fence"), std::string::npos) << without;
+    EXPECT_EQ(why_not(drone + without), "") << "a simulated one keeps the default";
+  }
+  EXPECT_EQ(why_not(real + "[fence]\n" + low + high), "");
+  // Several real ones have the loopback's address of nobody, behind interfaces of their own.
+  EXPECT_NE(why_not(drone + "interface = \"wlan1\"\n").find("without a fence"), std::string::npos);
+  // Through shared memory there are simulated ones alone.
+  EXPECT_EQ(why_not("[tello]\ntransport = \"shim\"\n[shim]\nmemory = \"/dev/shm/x\"\n" + real), "");
+}
+
 TEST_F(LinkConfig, WhatWouldFlyADroneAwayHasNoDefault) {
   const auto why_not = [&](const std::string& toml) {
     const auto settings = load(toml);
@@ -119,8 +137,8 @@ TEST_F(LinkConfig, MistakesAreNamed) {
 TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
   const auto two = [&](const std::string& first, const std::string& second) {
     const std::string same = "\naddress = \"192.168.10.1\"\n";
-    const auto settings =
-        load("[[drone]]\nname = \"a\"" + same + first + "\n[[drone]]\nname = \"b\"" + same + second + "\n");
+    const auto settings = load("[fence]\nmin_m = [-2, -2, 0]\nmax_m = [2, 2, 2]\n[[drone]]\nname = \"a\"" + same +
+                               first + "\n[[drone]]\nname = \"b\"" + same + second + "\n");
     return settings ? settings->interfaces[0] + " " + settings->interfaces[1] : settings.error().what;
   };
   const std::string wlan0 = "interface = \"wlan0\"", wlan1 = "interface = \"wlan1\"";

@@ -53,6 +53,16 @@ TEST(TelloText, VelocitiesBarometerAndPadAreOfTheNewestPacketAlone) {
   EXPECT_EQ(state.pad, -2);
 }
 
+TEST(TelloText, TheHotterOneOfItsTemperaturesCounts) {
+  TelloState state;
+  ASSERT_TRUE(parse_state("templ:83;temph:86;tof:10;h:0;bat:50;", state));
+  EXPECT_EQ(state.temperature_c, 86);
+  ASSERT_TRUE(parse_state("templ:70;temph:72;tof:10;h:0;bat:50;", state));
+  EXPECT_EQ(state.temperature_c, 72);
+  ASSERT_TRUE(parse_state("templ:900;temph:-;tof:10;h:0;bat:50;", state));
+  EXPECT_EQ(state.temperature_c, 72) << "what cannot be leaves the one before";
+}
+
 TEST(TelloText, AnAttitudeOrAccelerationThatCannotBeLeavesTheOneBefore) {
   TelloState state;
   ASSERT_TRUE(parse_state(real_state, state));

@@ -4,7 +4,9 @@
 
 #include "common/base/random.hpp"
 #include "onboard/link/core/watch/battery_watch.hpp"
+#include "onboard/link/core/watch/client_watch.hpp"
 #include "onboard/link/core/watch/flow_watch.hpp"
+#include "onboard/link/core/watch/heat_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
 #include "onboard/link/core/watch/tilt_watch.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
@@ -72,9 +74,10 @@ TEST(TiltWatch, WhatWasBeforeAGapOfTextsDoesNotCount) {
 
 class Moving {
  public:
-  void fly(double seconds, std::array<float, 3> told, std::array<double, 3> seen) {
+  void fly(double seconds, std::array<float, 3> told, std::array<double, 3> seen, std::array<double, 2> lean = {}) {
     for (int i = 0; i < static_cast<int>(seconds * 100); ++i) {
       watch.tell(0.01, told);
+      watch.lean(lean);
       watch.see(now += 10 * ms, seen);
       found = found || watch.differs();
     }
@@ -144,20 +147,280 @@ TEST(BatteryWatch, AChangedBatteryBeginsAnew) {
   EXPECT_EQ(watch.needed(3), 0);
 }
 
-TEST(FlowWatch, ZerosWhileItIsToldToMoveAreNoVelocityUntilOneComesThatIsNotZero) {
+// A flight controller that leans by what its own estimate lacks, as the simulator's and PX4's do.
+class Blown {
+ public:
+  explicit Blown(std::array<double, 2> wind_mps) : wind_mps_(wind_mps) {}
+  /// `disobeys`: it flies so instead of what it is commanded.
+  void fly(double seconds, std::array<float, 3> commanded, std::array<double, 2> disobeys = {9, 9}) {
+    for (int i = 0; i < static_cast<int>(seconds * 100); ++i) {
+      std::array<double, 2> lean{};
+      for (std::size_t k = 0; k < 2; ++k) {
+        const double wanted = disobeys[0] < 9 ? disobeys[k] : static_cast<double>(commanded[k]);
+        lean[k] = (wanted - v_[k]) / 0.3 + 0.4 * v_[k];
+        v_[k] += 0.01 * (lean[k] - 0.4 * (v_[k] - wind_mps_[k]));
+      }
+      watch.tell(0.01, commanded);
+      watch.lean(lean);
+      watch.see(now += 10 * ms, {v_[0], v_[1], 0});
+      found = found || watch.differs();
+    }
+  }
+  /// A square, a leg of 3 s each.
+  void fly_square(float mps) {
+    for (int lap = 0; lap < 3; ++lap) {
+      fly(3, {mps, 0, 0});
+      fly(3, {0, mps, 0});
+      fly(3, {-mps, 0, 0});
+      fly(3, {0, -mps, 0});
+    }
+  }
+  MotionWatch watch;
+  TimeNs now = ns_per_s;
+  bool found = false;
+
+ private:
+  std::array<double, 2> wind_mps_, v_{};
+};
+
+TEST(MotionWatch, ADroneThatIsOnlyBlownDoesAsItIsCommanded) {
+  for (const double wind : {0.0, 2.0, 3.0, 4.0}) {
+    for (const double from : {0.0, 0.7, 2.4, 4.0}) {
+      Blown drone({wind * std::cos(from), wind * std::sin(from)});
+      drone.fly(5, {0, 0, 0});
+      drone.fly_square(0.5F);
+      drone.fly(10, {0, 0, 0});
+      EXPECT_FALSE(drone.found) << wind << " m/s from " << from;
+    }
+  }
+}
+
+TEST(MotionWatch, WindThatComesInFlightIsNoneEither) {
+  Blown calm({0, 0}), windy({-4, 0});
+  calm.fly(5, {0.5F, 0, 0});
+  windy.watch = calm.watch;
+  windy.now = calm.now;
+  windy.fly(20, {0.5F, 0, 0});
+  EXPECT_FALSE(windy.found);
+}
+
+TEST(MotionWatch, InWindOneThatDisobeysIsFoundAllTheSame) {
+  for (const double wind : {-4.0, -3.0, 0.0, 3.0, 4.0}) {
+    for (const auto& flies : {std::array{-0.5, 0.0}, std::array{0.0, 0.8}, std::array{-0.4, -0.4}}) {
+      Blown drone({wind, 0});
+      drone.fly(10, {0, 0, 0});
+      drone.fly(6, {0.5F, 0, 0}, flies);
+      EXPECT_TRUE(drone.found) << wind << " m/s, it flies " << flies[0] << ", " << flies[1];
+    }
+  }
+}
+
+TEST(MotionWatch, WhatIsLearnedAsDriftIsBounded) {
+  Moving drone;
+  drone.fly(4.5, {0, 0, 0}, {-1.5, 0, 0}, {5, 0});
+  EXPECT_TRUE(drone.found) << "it is carried off, be it by wind";
+}
+
+/// Ten texts a second, of a drone whose flight controller believes its flow.
+class Flow {
+ public:
+  void fly(double seconds, double commanded_mps) {
+    for (int i = 0; i < static_cast<int>(std::lround(seconds * 1000)); ++i) {
+      flow_ = dark ? flow_ * std::exp(-0.001 / 0.5) : true_mps;
+      const double wanted = holds ? -1.5 * flow_ - 0.12 * wind_mps : commanded_mps;
+      const double lean = (wanted - flow_) / 0.3 + 0.4 * flow_;
+      true_mps += 0.001 * (lean - 0.4 * (true_mps - wind_mps));
+      motion_.tell(0.001, {static_cast<float>(commanded_mps), 0, 0});
+      motion_.lean({lean, 0});
+      now += ms;
+      if (!dark && now % (10 * ms) == 0) motion_.see(now, {true_mps, 0, 0});
+      if (now % (100 * ms) != 0) continue;
+      TelloState state;
+      state.velocity_dmps[0] = static_cast<float>(std::round(reports * flow_ * 10));
+      watch.update(now, state,
+                   {.expected = motion_.expected(), .sent_mps = {commanded_mps, 0}, .lean_mps2 = {lean, 0}});
+      if (watch.blind() && !blind_ns) blind_ns = now;
+    }
+  }
+  bool dark = false;
+  bool holds = false;  ///< by itself, against the wind: nobody commands it
+  double reports = 1, wind_mps = 0, true_mps = 0;
+  FlowWatch watch;
+  TimeNs now = ns_per_s, blind_ns = 0;
+
+ private:
+  MotionWatch motion_;
+  double flow_ = 0;
+};
+
+TEST(FlowWatch, AVelocityThatFadesWhileItLeansIsSuspectedBeforeItIsHalf) {
+  for (const double mps : {0.4, 0.5, 1.0}) {
+    Flow drone;
+    drone.fly(5, mps);
+    ASSERT_FALSE(drone.watch.blind());
+    drone.dark = true;
+    const TimeNs dark_ns = drone.now;
+    drone.fly(2, mps);
+    ASSERT_TRUE(drone.watch.blind()) << mps;
+    EXPECT_LE(drone.blind_ns - dark_ns, 500 * ms) << mps;
+  }
+}
+
+TEST(FlowWatch, OneThatStartsInTheDarkIsSuspectedWithinFiveTexts) {
+  for (const double mps : {0.2, 0.5, 1.0}) {
+    Flow drone;
+    drone.dark = true;
+    drone.fly(3, 0);
+    EXPECT_FALSE(drone.watch.blind()) << "one that hovers looks the same either way";
+    const TimeNs start_ns = drone.now;
+    drone.fly(2, mps);
+    ASSERT_TRUE(drone.watch.blind()) << mps;
+    EXPECT_LE(drone.blind_ns - start_ns, 500 * ms) << mps;
+  }
+}
+
+TEST(FlowWatch, OneThatSeesIsNotSuspectedHoweverItIsFlown) {
+  for (const double reports : {0.7, 1.0, 1.3}) {
+    Flow drone;
+    drone.reports = reports;
+    for (const double mps : {0.3, -0.3, 0.5, 0.0, 1.0, -1.0, 0.26, 1.0, 0.16, 0.0}) drone.fly(3, mps);
+    EXPECT_FALSE(drone.watch.blind()) << reports;
+  }
+}
+
+TEST(FlowWatch, OneThatIsBlownFromTheStartIsNotSuspected) {
+  for (const double wind : {-3.0, 3.0}) {
+    Flow drone;
+    drone.wind_mps = wind;
+    drone.fly(5, 0);
+    drone.fly(5, 0.5);
+    EXPECT_FALSE(drone.watch.blind()) << wind;
+  }
+}
+
+// It leans at rest, and is drifted only once the stick is out.
+TEST(FlowWatch, OneThatHeldItsPositionAgainstTheWindIsNotSuspected) {
+  for (const double wind : {-3.0, 3.0}) {
+    Flow drone;
+    drone.wind_mps = wind;
+    drone.fly(1, 0);
+    drone.holds = true;
+    drone.fly(5, 0);
+    EXPECT_NEAR(drone.true_mps, 0, 0.02);
+    drone.holds = false;
+    drone.fly(5, 0.5);
+    EXPECT_FALSE(drone.watch.blind()) << wind;
+  }
+}
+
+TEST(FlowWatch, AGustThatStopsItIsSuspectedUntilItIsSeenToMove) {
+  Flow drone;
+  drone.fly(5, 0.5);
+  drone.wind_mps = -4;
+  drone.fly(0.7, 0.5);
+  ASSERT_TRUE(drone.watch.blind());
+  drone.fly(0.5, 0);  // as the failsafe brakes
+  EXPECT_FALSE(drone.watch.blind());
+}
+
+TEST(FlowWatch, InTheDarkABrakeDoesNotEndTheSuspicionAndLightDoes) {
+  Flow drone;
+  drone.fly(5, 0.5);
+  drone.dark = true;
+  drone.fly(0.6, 0.5);
+  ASSERT_TRUE(drone.watch.blind());
+  drone.fly(5, 0);
+  EXPECT_TRUE(drone.watch.blind());
+  drone.dark = false;
+  drone.true_mps = 0.3;
+  drone.fly(0.1, 0);
+  EXPECT_FALSE(drone.watch.blind());
+}
+
+// Whatever the lean says: a firmware may tell none.
+TEST(FlowWatch, ZerosWhileItIsToMoveAreNoVelocity) {
   FlowWatch watch;
   TimeNs now = ns_per_s;
-  const auto fly = [&](int texts, float told_dmps, double expected_mps) {
-    TelloState state;
-    state.velocity_dmps = {told_dmps, 0, 0};
-    for (int i = 0; i < texts; ++i) watch.take(now += between_texts_ns, state, expected_mps);
+  const auto fly = [&](int texts, double expected_mps) {
+    for (int i = 0; i < texts; ++i)
+      watch.update(now += between_texts_ns, {}, {.expected = {{expected_mps, 0}, {}}, .sent_mps = {expected_mps, 0}});
     return watch.blind();
   };
-  EXPECT_FALSE(fly(100, 0, 0.05)) << "it hovers";
-  EXPECT_FALSE(fly(9, 0, 0.3));
-  EXPECT_TRUE(fly(1, 0, 0.3));
-  EXPECT_TRUE(fly(50, 0, 0)) << "braked, it sees no more than before";
-  EXPECT_FALSE(fly(1, -1, 0));
+  EXPECT_FALSE(fly(100, 0.05)) << "it hovers";
+  EXPECT_FALSE(fly(9, 0.2));
+  EXPECT_TRUE(fly(1, 0.2));
+  EXPECT_TRUE(fly(50, 0)) << "braked, it sees no more than before";
+}
+
+TEST(HeatWatch, OnTheGroundItIsHotEarlierThanInTheAirAndTheWarningDoesNotFlap) {
+  HeatWatch watch;
+  const auto hot = [&](float degrees, bool flies) {
+    watch.update({.temperature_c = degrees}, flies);
+    return watch.hot();
+  };
+  EXPECT_FALSE(hot(85, false));
+  EXPECT_TRUE(hot(86, false));
+  EXPECT_TRUE(hot(83, false));
+  EXPECT_FALSE(hot(82, false));
+  EXPECT_FALSE(hot(88, true)) << "what it says in every flight";
+  EXPECT_TRUE(hot(91, true));
+}
+
+/// Two links that take turns, or a radio that comes and goes.
+class Clients {
+ public:
+  void texts(double seconds) {
+    for (int i = 0; i < static_cast<int>(std::lround(seconds * 10)); ++i) watch.on_text(now += between_texts_ns);
+  }
+  void away(TimeNs for_ns) { now += for_ns; }
+  void command() { watch.on_command(now); }
+  ClientWatch watch;
+  TimeNs now = ns_per_s;
+};
+
+TEST(ClientWatch, TextsThatComeBackWithCommandTwiceWithinAMinuteAreContested) {
+  Clients two;
+  two.texts(5);
+  for (int i = 0; i < 2; ++i) {
+    EXPECT_FALSE(two.watch.contested(two.now)) << i;
+    two.away(3 * ns_per_s);
+    two.command();
+    two.texts(5);
+  }
+  EXPECT_TRUE(two.watch.contested(two.now));
+  two.texts(60);
+  EXPECT_FALSE(two.watch.contested(two.now)) << "a minute of peace";
+}
+
+TEST(ClientWatch, ARadioThatComesBackByItselfAndOneNewBatteryAreNone) {
+  Clients radio;
+  radio.texts(5);
+  for (int i = 0; i < 5; ++i) {
+    radio.away(3 * ns_per_s);
+    radio.command();  // not heard
+    radio.away(ns_per_s);
+    radio.texts(5);
+  }
+  EXPECT_FALSE(radio.watch.contested(radio.now));
+  radio.away(20 * ns_per_s);
+  radio.command();
+  radio.texts(5);
+  EXPECT_FALSE(radio.watch.contested(radio.now));
+  EXPECT_FALSE(radio.watch.diverted(radio.now));
+}
+
+TEST(ClientWatch, OneThatAnswersAndWhoseTextsStayAwayIsDiverted) {
+  Clients other;
+  other.texts(5);
+  other.away(3 * ns_per_s);
+  EXPECT_FALSE(other.watch.diverted(other.now)) << "it may be off";
+  other.watch.on_answer(other.now);
+  EXPECT_FALSE(other.watch.diverted(other.now));
+  other.away(ns_per_s);
+  other.watch.on_answer(other.now);
+  EXPECT_TRUE(other.watch.diverted(other.now));
+  other.texts(1);
+  EXPECT_FALSE(other.watch.diverted(other.now));
 }
 
 }  // namespace
