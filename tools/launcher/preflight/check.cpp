@@ -16,6 +16,8 @@ namespace {
 // Enough for a flight of minutes and the way home; a Tello loses 1 % in eight seconds. A warning alone: link has the
 // limit that counts.
 constexpr double good_battery = 0.5;
+// On the ground nothing cools it, and users tell of Tellos that switched themselves off there (docs/sources.md).
+constexpr double warm_c = 85;
 // A Tello sends ten a second. Below half of that every second one is lost, and so are setpoints on the same Wi-Fi.
 constexpr double good_state_hz = 8, least_state_hz = 4;
 // Two poses within the time after which one counts as lost: with fewer a single lost one stops the flight.
@@ -66,6 +68,17 @@ void judge_presence(const DroneFacts& drone, Lines& lines) {
               "look where each is with `ledgerline tello find`, and give it its address in the file");
   } else {
     lines.ok("drone", where(drone));
+  }
+}
+
+void judge_temperature(const DroneFacts& drone, Lines& lines) {
+  if (!drone.temperature_c) return;  // not every firmware says it
+  const std::string degrees = fmt::format("{:.0f} degrees", *drone.temperature_c);
+  if (*drone.temperature_c > warm_c) {
+    lines.warn("temperature", degrees + ": on the ground nothing cools it, and it may switch itself off",
+               "take off soon, or switch it off and let it cool");
+  } else {
+    lines.ok("temperature", degrees);
   }
 }
 
@@ -126,7 +139,7 @@ void judge_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
 
 void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const std::string by = fmt::format("by its own senses ({})", facts.pose_source);
-  if (!drone.velocity_told || drone.refusal == "velocity_lost") {
+  if (!drone.velocity_told || drone.refusal == "velocity_lost" || drone.refusal == "height_lost") {
     lines.bad("pose", by + ", and it tells no velocity that link believes", senses_cure);
   } else if (drone.refusal == "position_uncertain") {
     lines.bad("pose", by + ": too uncertain for the fence", "put it on its mark and switch it off and on");
@@ -142,7 +155,7 @@ void judge_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const auto source = from_name<link::PoseSource>(facts.pose_source);
   if (!source || !link::uses_mocap(*source)) return judge_own_senses(facts, drone, lines);
   // By its own senses it may have landed, and no pose has come since.
-  if (drone.refusal == "velocity_lost" || drone.refusal == "position_uncertain") {
+  if (drone.refusal == "velocity_lost" || drone.refusal == "height_lost" || drone.refusal == "position_uncertain") {
     lines.bad("pose", "its newest place is of its own senses, not of motion capture",
               "look whether motion capture sees the drone");
   } else {
@@ -170,8 +183,11 @@ void judge_refusal(const DroneFacts& drone, Lines& lines) {
       {"ledger_doubted", "agent's log says what of the ledger contradicts itself (docs/failsafe.md)"},
       {"tilted", "put it on level ground"},
       {"too_near", "put the drones further apart"},
+      {"other_client",
+       "end the other program that commands it: link of another host with its address, or `ledgerline tello`"},
       {"fence", "put it inside the fence, or let [fence] be the room's"}};
-  const std::string told_elsewhere[] = {"", "none", "battery_low", "pose_lost", "velocity_lost", "position_uncertain"};
+  const std::string told_elsewhere[] = {
+      "", "none", "battery_low", "pose_lost", "velocity_lost", "height_lost", "position_uncertain"};
   if (std::find(std::begin(told_elsewhere), std::end(told_elsewhere), drone.refusal) != std::end(told_elsewhere))
     return;
   const auto* known =
@@ -300,6 +316,7 @@ std::vector<Line> judge(const Facts& facts) {
     judge_presence(drone, lines);
     if (drone.there) {
       judge_battery(facts, drone, lines);
+      judge_temperature(drone, lines);
       judge_state(drone, lines);
       judge_pose(facts, drone, lines);
       judge_refusal(drone, lines);

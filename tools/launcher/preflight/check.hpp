@@ -35,6 +35,7 @@ struct DroneFacts {
   bool there = false;                     ///< it answers
   std::string serial{}, wanted_serial{};  ///< that it told, and that it must tell; empty: not told, any
   std::optional<double> battery{};        ///< 0..1; none: not told
+  std::optional<double> temperature_c{};  ///< the hotter one that it reports; none: not told
   std::optional<double> state_hz{};       ///< of its state text; none: nobody counted
   bool velocity_told = true;              ///< in its state text: what it flies by without motion capture
   std::optional<PoseFacts> pose{};        ///< none: none has come

@@ -27,6 +27,9 @@ void take_drone(const json& one, DroneFacts& drone) {
   if (drone.refusal == "none") drone.refusal.clear();
   const auto battery = one.find("battery");
   if (battery != one.end() && battery->is_number()) drone.battery = battery->get<double>();
+  const auto temperature = one.find("temperature_c");
+  if (temperature != one.end() && temperature->is_number() && temperature->get<double>() != 0)
+    drone.temperature_c = temperature->get<double>();
   const auto age_ms = one.find("pose_age_ms");
   const auto position = one.find("position");
   drone.pose.reset();

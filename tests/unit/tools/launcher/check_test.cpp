@@ -100,6 +100,15 @@ TEST(PreflightCheck, ABatteryIsEnoughLowOrTooLow) {
   expect(facts, "battery", Verdict::warn, "does not say", "info 10.0.0.1");
 }
 
+TEST(PreflightCheck, ADroneThatIsHotOnTheGroundIsWarnedOf) {
+  Facts facts = good();
+  EXPECT_EQ(line_of(facts, "temperature").what, "no line") << "a firmware that does not say it";
+  facts.drones[0].temperature_c = 85;
+  expect(facts, "temperature", Verdict::ok, "85 degrees", "");
+  facts.drones[0].temperature_c = 86;
+  expect(facts, "temperature", Verdict::warn, "86 degrees: on the ground nothing cools it", "let it cool");
+}
+
 TEST(PreflightCheck, StateTextThatIsRareOrMissing) {
   Facts facts = good();
   facts.drones[0].state_hz = 0;
@@ -167,7 +176,7 @@ TEST(PreflightCheck, WhatElseLinkRefusesIsNamedWithACure) {
   Facts facts = good();
   EXPECT_EQ(line_of(facts, "link").what, "no line");
   for (const char* cause : {"stopped", "state_stale", "agent_silent", "ledger_silent", "ledger_doubted", "tilted",
-                            "too_near", "fence", "of_tomorrow"}) {
+                            "too_near", "other_client", "fence", "of_tomorrow"}) {
     facts.drones[0].refusal = cause;
     expect(facts, "link", Verdict::bad, cause, " ");
   }

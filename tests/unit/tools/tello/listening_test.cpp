@@ -35,6 +35,7 @@ TEST(PreflightListening, AStateTextsRateIsThatOfItsGaps) {
   EXPECT_NEAR(*drone.state_hz, 10, 0.01);
   EXPECT_NEAR(*drone.battery, 0.87, 1e-6);
   EXPECT_TRUE(drone.velocity_told);
+  EXPECT_EQ(drone.temperature_c, 62);
   listening.tell(14 * ns_per_s, real_ns, true, drone);  // it fell silent
   EXPECT_NEAR(*drone.state_hz, 20.0 / 12, 0.01);
 }
@@ -45,6 +46,7 @@ TEST(PreflightListening, AStateTextWithoutVelocitiesIsSeen) {
   fly::DroneFacts drone;
   listening.tell(ns_per_s, real_ns, true, drone);
   EXPECT_FALSE(drone.velocity_told);
+  EXPECT_FALSE(drone.temperature_c);
 }
 
 TEST(PreflightListening, APoseIsAsOldAsItsStampOrItsArrival) {

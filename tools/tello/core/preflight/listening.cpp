@@ -41,6 +41,7 @@ void Listening::tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::Dro
   if (states_.times > 0) {
     drone.battery = static_cast<double>(state_.battery);
     drone.velocity_told = state_.velocity_told;
+    if (state_.temperature_c != 0) drone.temperature_c = static_cast<double>(state_.temperature_c);
   }
   if (poses_.times == 0) return;
   const TimeNs since_ns = now_real_ns - (stamps_count ? pose_.stamp_ns : poses_.last_ns);
