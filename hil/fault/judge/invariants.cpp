@@ -51,6 +51,12 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
 });
 static_assert(invariant_names.size() == which::count);
 
+// Where link takes it to be, beside the truth.
+std::string estimated(const DroneFacts& facts) {
+  if (!facts.pose) return {};
+  return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
+}
+
 Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
   return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];
 }
@@ -139,14 +145,29 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
           fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
 }
 
+bool Invariants::check_blind(const DroneFacts& facts, bool blind, Drone& drone) {
+  const auto& at = facts.truth.position_m;
+  if (!blind) {
+    drone.blind_from_m.reset();
+    return false;
+  }
+  if (!drone.blind_from_m) drone.blind_from_m = {at[0], at[1]};
+  if (facts.pose) {
+    const double off = std::hypot(facts.pose->position_m[0] - at[0], facts.pose->position_m[1] - at[1]);
+    drone.misled_m = std::max(drone.misled_m, std::min(off, blind_way_m));
+  }
+  return std::hypot(at[0] - (*drone.blind_from_m)[0], at[1] - (*drone.blind_from_m)[1]) <= blind_way_m;
+}
+
 // Speed, height, place.
 void Invariants::check_limits(const Moment& moment, std::size_t index) {
   const DroneFacts& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
-  const auto& at = excuse.blind && facts.pose ? facts.pose->position_m : facts.truth.position_m;
+  const auto& at = facts.truth.position_m;
   const auto& v = facts.truth.velocity_mps;
   if (!facts.truth.in_flight || facts.truth.crashed) return;
+  const bool within_way = check_blind(facts, excuse.blind, drone);
   if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
@@ -157,10 +178,12 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
     drone.far_m = far;
     return;
   }
+  if (within_way) drone.far_m = far;
   const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
   if (beyond(high, drone.high_m)) broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
-  if (beyond(far, drone.far_m))
-    broke(which::too_far, moment.now, fmt::format("{}: at {:.2f}, {:.2f} m", facts.name, at[0], at[1]));
+  if (beyond(far, drone.far_m) && far > drone.misled_m)
+    broke(which::too_far, moment.now,
+          fmt::format("{}: at {:.2f}, {:.2f} m{}", facts.name, at[0], at[1], estimated(facts)));
 }
 
 void Invariants::check_unseen(const Moment& moment, std::size_t index) {

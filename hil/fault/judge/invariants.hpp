@@ -1,6 +1,7 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "hil/fault/judge/rule.hpp"
@@ -12,8 +13,8 @@ namespace ledgerline::hil {
 ///     speed, height, distance   never beyond the limits, but of a drone that was pushed, broken or deafened, until 5 s
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
 ///                               meanwhile it may stay, but no farther than 0.5 m on.
-///                               The place is the true one; of a drone that has its own senses alone, and they were
-///                               blinded, the one where link believes it to be
+///                               All of it is the truth. One whose own velocity is lost may get blind_way_m away from
+///                               where that began, no faster than the others, and as far outside as it is then wrong
 ///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
 ///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
 ///                               down after 25 s: whatever became of the link before
@@ -48,6 +49,9 @@ class Invariants {
   static constexpr double told_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
   static constexpr double farther_m = 0.5;  ///< than where it got while it was deaf
+  /// From where a drone's own velocity was lost. At 1 m/s it goes 0.5 m until that is noticed, and with the sticks at
+  /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double a drone may run away for 5 s.
+  static constexpr double blind_way_m = 5;
   static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
   static constexpr double upright_rad = 0.5;
   static constexpr double unseen_mps = 0.4;  ///< horizontally: gusts, and how a Tello drifts
@@ -55,9 +59,11 @@ class Invariants {
  private:
   struct Drone {
     TimeNs hovering_since_ns = 0;
-    TimeNs unseen_since_ns = 0;    ///< in the air, and link runs but does not see it
-    double high_m = 0, far_m = 0;  ///< beyond the limits: where it got while it was deaf
-    TimeNs rested_since_ns = 0;    ///< link runs and the drone flies, without a break
+    TimeNs unseen_since_ns = 0;                         ///< in the air, and link runs but does not see it
+    double high_m = 0, far_m = 0;                       ///< beyond the limits: where it got while it was deaf
+    std::optional<std::array<double, 2>> blind_from_m;  ///< where its own velocity was lost; nothing: it is not
+    double misled_m = 0;                                ///< how wrong its estimate became then, at most blind_way_m
+    TimeNs rested_since_ns = 0;                         ///< link runs and the drone flies, without a break
     std::array<double, 3> told{};
     double may_change_mps = 0;  ///< what it is told, now
     TimeNs looked_ns = 0;
@@ -67,6 +73,8 @@ class Invariants {
   };
   void check_drone(const Moment& moment, std::size_t drone);
   void check_limits(const Moment& moment, std::size_t drone);
+  /// Whether it is blind and still within its physical bound.
+  static bool check_blind(const DroneFacts& facts, bool blind, Drone& drone);
   void check_unseen(const Moment& moment, std::size_t drone);
   void check_ramp(const Moment& moment, std::size_t drone, bool rested);
   void check_brake(const Moment& moment, std::size_t drone, bool flies);

@@ -21,9 +21,9 @@ struct Moment {
     bool physical = false;  ///< it was broken or pushed: speed, height and place are not the flight's own
     bool broken = false;    ///< a fault took a part of it: it may turn over
     bool cut = false;       ///< somebody asked for its motors to be cut
-    bool blind = false;  ///< flown by its own senses, which were blinded: it is where it should be, as far as it knows
-    bool spins = false;  ///< broken: its pose is older than the heading that rc is said by
-    bool deaf = false;   ///< nobody tells it anything, or it may not get there: it goes by what it heard last
+    bool blind = false;     ///< its own velocity is lost: it cannot know how far it goes, but physics bounds that
+    bool spins = false;     ///< broken: its pose is older than the heading that rc is said by
+    bool deaf = false;      ///< nobody tells it anything, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;

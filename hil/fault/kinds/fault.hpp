@@ -42,7 +42,7 @@ struct FaultActs {
   bool stops_link = false;         ///< nobody tells drones anything until link runs again
   bool needs_supervisors = false;  ///< others than the operator speak
   bool cuts = false;               ///< motors, as somebody asks for by name
-  bool blinds = false;             ///< a drone's own senses: by them it never knows how far it went meanwhile
+  bool blinds = false;             ///< a drone's own velocity: it cannot know how far it goes meanwhile
   double misleads_m = 0;           ///< by how much mocap may say another place
   double misleads_mps = 0;      ///< how fast the place that a drone knows by its own senses may go away from the true
   std::string_view kills = {};  ///< the program that dies by SIGKILL: "link"

@@ -11,9 +11,10 @@ using Said = FaultKind::Said;
 
 constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 
-/// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong or lost, so that it
-/// drifts, and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away from
-/// where its own senses say that it is. `blinds`: nothing bounds that, since it does not feel its own speed.
+/// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong, so that it drifts,
+/// and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away from where
+/// its own senses say that it is. `blinds`: its own velocity is lost, and physics alone bounds how far it gets
+/// (Invariants::blind_way_m), no speed: who steers it is to notice.
 template <class Set>
 FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = false) {
   return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },
@@ -24,7 +25,7 @@ FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = fa
 }
 
 Result<FaultActs> flow_lost(const Said&) {
-  return senses([](sim::Sensing& sensing) { sensing.light = 0; }, true, 0, true);
+  return senses([](sim::Sensing& sensing) { sensing.light = 0; }, false, 0, true);
 }
 
 Result<FaultActs> light_or_floor(const Said& said) {
@@ -33,7 +34,7 @@ Result<FaultActs> light_or_floor(const Said& said) {
     return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
   double sim::Sensing::*const which = said.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;
   return senses([which, share = *share](sim::Sensing& sensing) { sensing.*which = std::min(sensing.*which, share); },
-                true, 0, true);
+                false, 0, true);
 }
 
 // Biases add up, and so do drifts.

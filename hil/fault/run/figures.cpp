@@ -12,6 +12,9 @@ constexpr FigureKind figure_table[] = {
     {.name = "path_rms_m", .help = "distance of the truth from the path, root mean square", .least = 0.002},
     {.name = "path_max_m", .help = "the same, at most", .least = 0.01},
     {.name = "pose_rms_m", .help = "distance of what link believes from the truth, in flight", .least = 0.002},
+    {.name = "pose_max_m", .help = "the same, at most", .least = 0.01},
+    {.name = "beyond_fence_m", .help = "how far the truth got beyond the fence, in flight", .least = 0.01},
+    {.name = "pose_beyond_fence_m", .help = "the same, as link takes it to be", .least = 0.01},
     {.name = "speed_max_mps", .help = "of the truth", .least = 0.02},
     {.name = "told_change_mps2",
      .help = "how fast the velocity that a drone is told changes, root mean square",
@@ -39,6 +42,14 @@ constexpr FigureKind figure_table[] = {
     {.name = "flown_s", .help = "until the run was over", .least = 0.1},
     {.name = "transactions", .help = "on the ledger", .least = 2},
 };
+
+// Of the fence's walls and ceiling: nothing is below the ground.
+double beyond_m(const Limits& limits, const std::array<double, 3>& at) {
+  double beyond = at[2] - limits.fence_max_m[2];
+  for (std::size_t i = 0; i < 2; ++i)
+    beyond = std::max({beyond, limits.fence_min_m[i] - at[i], at[i] - limits.fence_max_m[i]});
+  return std::max(0.0, beyond);
+}
 
 double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
   return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
@@ -73,9 +84,15 @@ void FigureMaker::observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs
   }
   const auto& v = facts.truth.velocity_mps;
   speed_max_mps_ = std::max(speed_max_mps_, std::hypot(v[0], v[1], v[2]));
+  if (facts.truth.in_flight) beyond_fence_m_ = std::max(beyond_fence_m_, beyond_m(limits_, facts.truth.position_m));
   if (facts.phase == FlightPhase::flying) {
     flying_ns_ += passed_ns;
-    if (facts.pose) off_pose_.add(distance_m(facts.pose->position_m, facts.truth.position_m));
+    if (facts.pose) {
+      const double off = distance_m(facts.pose->position_m, facts.truth.position_m);
+      off_pose_.add(off);
+      off_pose_max_m_ = std::max(off_pose_max_m_, off);
+      pose_beyond_fence_m_ = std::max(pose_beyond_fence_m_, beyond_m(limits_, facts.pose->position_m));
+    }
     if (facts.told_ns > before.told_ns && before.told_ns > 0)
       told_change_.add(distance_m(facts.told, before.told) / to_seconds(facts.told_ns - before.told_ns));
   }
@@ -110,6 +127,9 @@ Figures FigureMaker::finish(TimeNs flown_ns) const {
   add_rms("path_rms_m", off_path_);
   if (off_path_.count > 0) figures.push_back({"path_max_m", off_path_max_m_});
   add_rms("pose_rms_m", off_pose_);
+  if (off_pose_.count > 0) figures.push_back({"pose_max_m", off_pose_max_m_});
+  figures.push_back({"beyond_fence_m", beyond_fence_m_});
+  if (off_pose_.count > 0) figures.push_back({"pose_beyond_fence_m", pose_beyond_fence_m_});
   figures.push_back({"speed_max_mps", speed_max_mps_});
   add_rms("told_change_mps2", told_change_);
   if (nearest_m_) figures.push_back({"nearest_m", *nearest_m_});

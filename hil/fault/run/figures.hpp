@@ -32,6 +32,7 @@ using Figures = std::vector<FigureValue>;
 /// recording of a real one as many as its traces tell. Of bounded size; one thread.
 class FigureMaker {
  public:
+  explicit FigureMaker(const Limits& limits) : limits_(limits) {}
   void observe(const Moment& moment);
   /// Those that there was something to see of.
   Figures finish(TimeNs flown_ns) const;
@@ -53,9 +54,11 @@ class FigureMaker {
   void observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs passed_ns);
   void observe_distances(const Moment& moment);
 
+  Limits limits_;
   std::vector<OfDrone> drones_;
   Squares off_path_, off_pose_, told_change_;
-  double off_path_max_m_ = 0, speed_max_mps_ = 0;
+  double off_path_max_m_ = 0, off_pose_max_m_ = 0, speed_max_mps_ = 0;
+  double beyond_fence_m_ = 0, pose_beyond_fence_m_ = 0;
   std::optional<double> nearest_m_;  ///< of two drones in the air
   Histogram age_;
   std::uint64_t applied_ = 0, holds_ = 0, brakes_ = 0, landings_ = 0;

@@ -78,7 +78,7 @@ RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::ve
 
 RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones,
                          const Limits& limits)
-    : judge_(script.must, limits) {
+    : judge_(script.must, limits), figures_(limits) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;

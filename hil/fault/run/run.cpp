@@ -61,13 +61,12 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
     schedule.step(world);
     pilot.step(world);
     world.step();
-    const bool own_senses = script.flight.pose != link::PoseSource::mocap;
     for (std::size_t i = 0; i < excuses.size(); ++i) {
       const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
       excuses[i] = {.physical = effect.pushed || world.facts()[i].truth.battery <= 0,
                     .broken = effect.broken,
                     .cut = effect.cut,
-                    .blind = effect.blinded && own_senses,
+                    .blind = effect.blinded,
                     .spins = effect.broken,
                     .deaf = effect.deafened};
     }

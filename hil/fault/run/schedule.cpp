@@ -128,10 +128,10 @@ FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) co
     const bool its = std::find(item.drones.begin(), item.drones.end(), drone) != item.drones.end();
     const FaultActs& acts = item.fault.acts;
     effect.cut = effect.cut || (item.begun_ns && its && acts.cuts);
-    effect.blinded = effect.blinded || (item.begun_ns && its && acts.blinds);
     const TimeNs after = acts.stops_link ? restart_ns : aftermath_ns;
     if (!item.begun_ns || !its || (!acts.for_good && item.ended_ns && now > *item.ended_ns + after)) continue;
     effect.pushed = effect.pushed || acts.pushes;
+    effect.blinded = effect.blinded || acts.blinds;
     effect.deafened = effect.deafened || acts.deafens || acts.stops_link;
     effect.broken = effect.broken || acts.breaks;
   }

@@ -41,7 +41,7 @@ class FaultSchedule {
     bool pushed = false;    ///< from outside, or broken (that for good): how fast and how high it gets says nothing
     bool broken = false;    ///< for good: it may turn over
     bool cut = false;       ///< for good: its motors, by who asked for it
-    bool blinded = false;   ///< for good: its own senses
+    bool blinded = false;   ///< its own velocity is lost
     bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
   };
   Effect effect_on(std::size_t drone, TimeNs now) const;

@@ -137,22 +137,45 @@ TEST(FaultJudge, NobodyCutsAnUprightDroneUnlessItWasAskedFor) {
   EXPECT_TRUE(broken("emergency", [&](Judged& r) { r.moment.excuses = pushed; }));
 }
 
-TEST(FaultJudge, ABlindedDronesPlaceIsTheOneThatItBelieves) {
-  const std::string rule = "always: never farther than the limits";
-  const auto broken = [&](bool blind, double true_m, double believed_m) {
+TEST(FaultJudge, ADroneWithoutVelocityIsJudgedByTheTruthWithAPhysicalBound) {
+  const auto broken = [&](bool blind, double from_m, double to_m, double estimated_m, double mps) {
     Judged run("");
     std::vector<Moment::Excuse> excuses(1);
     excuses[0].blind = blind;
     run.moment.excuses = excuses;
-    run.drones[0].truth.position_m[0] = true_m;
-    run.drones[0].pose = Pose{.drone = 1, .position_m = {believed_m, 0, 1}};
+    run.drones[0].truth.position_m[0] = from_m;
+    run.drones[0].pose = Pose{.drone = 1, .position_m = {from_m, 0, 1}};
     run.pass(ns_per_s);
-    return run.broken().contains(rule);
+    run.drones[0].truth.position_m[0] = to_m;
+    run.drones[0].truth.velocity_mps[0] = mps;
+    run.drones[0].pose->position_m[0] = estimated_m;
+    run.pass(ns_per_s);
+    return run.broken();
   };
-  EXPECT_TRUE(broken(false, 101, 0));
-  EXPECT_FALSE(broken(false, 0, 101));
-  EXPECT_FALSE(broken(true, 101, 0));
-  EXPECT_TRUE(broken(true, 0, 101));
+  const std::string far = "always: never farther than the limits", fast = "always: never faster than the limits";
+  EXPECT_TRUE(broken(false, 98, 101, 98, 0).contains(far));
+  EXPECT_FALSE(broken(true, 98, 101, 98, 0).contains(far)) << "3 m are what its drag needs";
+  EXPECT_TRUE(broken(true, 98, 104, 98, 0).contains(far)) << "6 m are a runaway, wherever it takes itself to be";
+  EXPECT_FALSE(broken(true, 98, 98, 104, 0).contains(far)) << "the estimate decides nothing";
+  EXPECT_TRUE(broken(true, 0, 0, 0, 3).contains(fast));
+  EXPECT_FALSE(broken(true, 0, 0, 0, 2).contains(fast));
+}
+
+TEST(FaultJudge, WhatWasMissedWhileItWasBlindIsNoFaultOfTheFlightBehindIt) {
+  const auto broken = [&](double missed_m) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0].blind = true;
+    run.moment.excuses = excuses;
+    run.drones[0].pose = Pose{.drone = 1, .position_m = {missed_m, 0, 1}};
+    run.pass(ns_per_s);
+    excuses[0].blind = false;
+    run.drones[0].truth.position_m[0] = 100.8;
+    run.pass(ns_per_s);
+    return run.broken().contains("always: never farther than the limits");
+  };
+  EXPECT_FALSE(broken(1.0));
+  EXPECT_TRUE(broken(0.5));
 }
 
 TEST(FaultJudge, WhatASpinningDroneIsToldNeedNotRamp) {

@@ -88,7 +88,8 @@ TEST(FaultKinds, SaysWhatAJudgeMayExpect) {
   EXPECT_FALSE(acts("drone tello1 answers loss 5%").deafens);
   EXPECT_TRUE(acts("operator cut tello1").pushes);
   EXPECT_FALSE(acts("operator stop tello1").pushes);
-  EXPECT_TRUE(acts("drone tello1 flow lost").pushes);
+  EXPECT_FALSE(acts("drone tello1 flow lost").pushes) << "how fast it gets is a matter of who steers it";
+  EXPECT_TRUE(acts("drone tello1 flow lost").blinds);
   EXPECT_FALSE(acts("drone tello1 tof nothing").pushes);
   EXPECT_TRUE(acts("link kill").stops_link);
   EXPECT_FALSE(acts("agent kill").stops_link);

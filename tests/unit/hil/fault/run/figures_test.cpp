@@ -37,7 +37,7 @@ struct Flown {
     return values;
   }
 
-  FigureMaker maker;
+  FigureMaker maker{Limits{}};
   std::vector<DroneFacts> drones;
   std::vector<WorldEvent> events;
   TimeNs now = 0;
@@ -70,9 +70,20 @@ TEST(Figures, OfErrorsAreTheRootMeanSquareAndTheMost) {
   EXPECT_NEAR(figures.at("path_rms_m"), std::sqrt((0.09 + 0.16) / 2), 1e-12);
   EXPECT_EQ(figures.at("path_max_m"), 0.4);
   EXPECT_NEAR(figures.at("pose_rms_m"), 0.06, 1e-12);
+  EXPECT_NEAR(figures.at("pose_max_m"), 0.06, 1e-12);
   EXPECT_NEAR(figures.at("speed_max_mps"), 0.5, 1e-12);
   EXPECT_EQ(figures.at("nearest_m"), 2);
   EXPECT_NEAR(figures.at("flown_s"), 1, 1e-9);
+}
+
+TEST(Figures, OfTheFenceTellTheTruthBesideTheEstimate) {
+  Flown flown;
+  flown.drones[0].truth.position_m = {Limits{}.fence_max_m[0] + 3, 0, 1};
+  flown.drones[0].pose = Pose{};
+  flown.drones[0].pose->position_m = {0, Limits{}.fence_min_m[1] - 0.5, 1};
+  flown.pass(ns_per_s);
+  EXPECT_NEAR(flown.figures().at("beyond_fence_m"), 3, 1e-9);
+  EXPECT_NEAR(flown.figures().at("pose_beyond_fence_m"), 0.5, 1e-9);
 }
 
 TEST(Figures, CountHoldsInFlightAndHowLongTheyLast) {
@@ -119,7 +130,7 @@ TEST(Figures, OfWhatADroneIsToldAreChangesOverTime) {
 }
 
 TEST(Figures, OfWhatWasNotThereAreNotThere) {
-  FigureMaker maker;
+  FigureMaker maker{Limits{}};
   const std::vector<DroneFacts> drones(1);
   Moment moment;
   moment.now = ns_per_ms;
