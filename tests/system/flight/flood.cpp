@@ -53,7 +53,9 @@ std::string unendorsed_stop(const fabric::ClientConfig& config) {
   protos::ProposalResponsePayload response;
   response.set_proposal_hash(
       fabric::proposal_hash(header.channel_header(), header.signature_header(), asked.SerializeAsString()));
-  response.set_extension(protos::ChaincodeAction().SerializeAsString());
+  protos::ChaincodeAction result;
+  result.mutable_chaincode_id()->set_name(config.where.contract);
+  response.set_extension(result.SerializeAsString());
   protos::ChaincodeActionPayload action;
   action.set_chaincode_proposal_payload(asked.SerializeAsString());
   action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());

@@ -35,7 +35,9 @@ class UrgencyTest : public ::testing::Test {
     protos::ProposalResponsePayload response;
     response.set_proposal_hash(
         fabric::proposal_hash(proposal.header.channel_header(), proposal.header.signature_header(), proposal.payload));
-    response.set_extension(protos::ChaincodeAction().SerializeAsString());
+    protos::ChaincodeAction action;  // as a contract's, so that nothing but its endorsements is wrong
+    action.mutable_chaincode_id()->set_name("ledgerline");
+    response.set_extension(action.SerializeAsString());
     return *fabric::sign_envelope(who, make_envelope(proposal, response.SerializeAsString(), endorsements));
   }
 
