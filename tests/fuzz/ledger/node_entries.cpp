@@ -22,7 +22,9 @@ Outcome outcome_of_reply(const Reply& reply) {
 
 /// Enrolled: tello1; operator with the lease: pilot.
 std::unique_ptr<FakeNetwork> make_network() {
-  auto net = std::make_unique<FakeNetwork>();
+  CoreConfig settings;  // hardly anything here is valid: nobody is kept out for it
+  settings.invalid_of_identity = settings.invalid_of_organisation = 1'000'000'000;
+  auto net = std::make_unique<FakeNetwork>(settings);
   net->submit(net->admin1, "enroll", enroll_call(net->host.name, {"tello1"}));
   net->submit(net->admin2, "enroll", enroll_call(net->pilot.name, {}, OPERATOR));
   net->submit(net->admin1, "grant", grant_call("Org2MSP", {"tello1"}));
