@@ -115,6 +115,12 @@ struct SensorParameters {
   double pad_min_m = 0.3, pad_max_m = 1.2;  ///< [A] heights in which pads are seen
   double pad_reach_by_height = 0.6;         ///< [A] half of the downward picture is so wide a metre of height
   double pad_max_tilt_rad = 0.35;           ///< [A]
+
+  // How one drone's own velocity differs from another's: drawn for tests, since nobody measured a Tello.
+  double flow_scale_offset = 0;           ///< added to the share by which it is too large or too small
+  std::array<double, 2> flow_bias_mps{};  ///< a slow error that it keeps; map frame
+  double velocity_lag_s = 0;              ///< [A] vgx and vgy are behind the estimate by that (first order)
+  bool velocity_truncated = false;        ///< [A] cast to whole dm/s, toward zero; else rounded
 };
 
 /// What a drone's sensors have to do with, and what is wrong with them, beyond noise.

@@ -80,7 +80,10 @@ Telemetry Sensors::read(const Body& body, const Flown& flown) {
   // What fades after flow was lost is no measurement: it has no noise.
   if (!flown.flow_lost)
     for (int i = 0; i < 2; ++i) velocity[i] += noise_.flow_noise_mps * later_.normal();
-  for (std::size_t i = 0; i < 3; ++i) t.velocity_dmps[i] = rounded(velocity[static_cast<int>(i)] * 10);
+  for (std::size_t i = 0; i < 3; ++i) {
+    const double dmps = velocity[static_cast<int>(i)] * 10;
+    t.velocity_dmps[i] = noise_.velocity_truncated ? static_cast<int>(dmps) : rounded(dmps);
+  }
   t.temperature_low_c = static_cast<int>(temperature_c_);
   t.temperature_high_c = t.temperature_low_c + temperature_spread_c;
 

@@ -12,7 +12,9 @@ constexpr std::uint64_t scale_seed = 0x666c6f77;  // of random numbers beside th
 }  // namespace
 
 Flow::Flow(const SensorParameters& parameters, std::uint64_t seed)
-    : p_(parameters), random_(seed), scale_error_(parameters.flow_scale * Random(seed ^ scale_seed).normal()) {}
+    : p_(parameters),
+      random_(seed),
+      scale_error_(parameters.flow_scale_offset + parameters.flow_scale * Random(seed ^ scale_seed).normal()) {}
 
 const Vector& Flow::step(const Body& body, const Sensing& sensing) {
   if (steps_++ % steps_per_error == 0) {
@@ -25,9 +27,17 @@ const Vector& Flow::step(const Body& body, const Sensing& sensing) {
     velocity_.head<2>() *= std::exp(-step_s / p_.flow_lost_s);
   } else {
     velocity_.head<2>() = (1 + scale_error_) * body.velocity.head<2>() + error_.head<2>();
-    for (int axis = 0; axis < 2; ++axis) velocity_[axis] += sensing.flow_bias_mps[static_cast<std::size_t>(axis)];
+    for (int axis = 0; axis < 2; ++axis) {
+      const auto at = static_cast<std::size_t>(axis);
+      velocity_[axis] += p_.flow_bias_mps[at] + sensing.flow_bias_mps[at];
+    }
   }
   velocity_.z() = body.velocity.z();
+  if (p_.velocity_lag_s > step_s) {
+    reported_ += (velocity_ - reported_) * (step_s / p_.velocity_lag_s);
+  } else {
+    reported_ = velocity_;
+  }
   return velocity_;
 }
 

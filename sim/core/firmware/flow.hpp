@@ -17,6 +17,8 @@ class Flow {
   /// Every millisecond; map frame.
   const Vector& step(const Body& body, const Sensing& sensing);
   const Vector& velocity() const { return velocity_; }
+  /// The same as the state text has it: behind by SensorParameters::velocity_lag_s.
+  const Vector& reported() const { return reported_; }
   bool lost() const { return lost_; }
   double scale_error() const { return scale_error_; }
 
@@ -25,7 +27,7 @@ class Flow {
   Random random_;
   double scale_error_;
   Vector error_ = Vector::Zero();
-  Vector velocity_ = Vector::Zero();
+  Vector velocity_ = Vector::Zero(), reported_ = Vector::Zero();
   bool lost_ = false;
   int steps_ = 0;
 };

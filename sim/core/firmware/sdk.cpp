@@ -197,7 +197,7 @@ void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
 Telemetry Sdk::telemetry(const Drone& drone) const {
   const Flow& flow = drone.pilot.flow();
   Telemetry t = drone.sensors.read(
-      drone.body, {flow.velocity(), flow.lost(), drone.pilot.takeoff_z(), drone.pilot.motor_seconds()});
+      drone.body, {flow.reported(), flow.lost(), drone.pilot.takeoff_z(), drone.pilot.motor_seconds()});
   if (pads_wanted_ && looks_down_) t.pad = drone.sensors.pad(drone.body);
   return t;
 }

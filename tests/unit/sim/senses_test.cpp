@@ -70,6 +70,22 @@ TEST(Senses, ADroneThatTrustsAFlowOfAnotherScaleFliesFasterThanItSays) {
   EXPECT_GT(std::abs(flight.truth().velocity_mps[0] - 0.6), 0.05);
 }
 
+TEST(Senses, AnotherScaleALagAndACastAreInTheVelocityThatItReports) {
+  Parameters p = Flight::calm();
+  p.sensors.flow_scale_offset = -0.3;
+  p.sensors.velocity_lag_s = 0.3;
+  p.sensors.velocity_truncated = true;
+  Flight flight(p);
+  flight.take_off();
+  flight.tell("rc 0 57 0 0");
+  flight.run(0.4);
+  const double early = flight.told("vgx");
+  flight.run(3);
+  EXPECT_LT(early, 3) << "the drone's own lag, and that of what it reports";
+  EXPECT_EQ(flight.told("vgx"), 5) << "0.57 by its own estimate";
+  EXPECT_NEAR(flight.truth().velocity_mps[0], 0.57 / 0.7, 0.05);
+}
+
 TEST(Senses, TheToldVelocityIsItsOwnInWholeDecimetresASecond) {
   Parameters p = Flight::calm();
   p.sensors.flow_noise_mps = 0.02;
