@@ -74,9 +74,10 @@ enum class FailsafeCause : std::uint8_t {
   motion_differs = 14,
   tilted = 15,
   overturned = 16,
-  too_near = 17,     ///< another drone of this host
-  height_lost = 18,  ///< tof sees nothing, and a drone's own velocity has no scale without
-  other_client = 19  ///< on the ground: somebody else says `command` to it as well
+  too_near = 17,      ///< another drone of this host
+  height_lost = 18,   ///< tof sees nothing, and a drone's own velocity has no scale without
+  other_client = 19,  ///< on the ground: somebody else says `command` to it as well
+  sources_differ = 20
 };
 
 /// Why a plan or setpoint was not flown.

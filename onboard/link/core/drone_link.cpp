@@ -32,6 +32,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       source_(drone.source),
       by_hand_without_pose_(drone.by_hand_without_pose),
       odometry_(own_senses_of(drone)),
+      velocity_known_(drone.velocity_known),
       failover_(drone.own_senses_after_ns, drone.odometry.correction_mps),
       pads_(drone.source == PoseSource::pads ? settings.pads : std::vector<PadSettings>{}),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),

@@ -15,6 +15,7 @@
 #include "onboard/link/core/playout/playout.hpp"
 #include "onboard/link/core/pose/failover.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
+#include "onboard/link/core/pose/source_check.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
@@ -99,6 +100,8 @@ class DroneLink {
 
  private:
   void take_state(TimeNs now, const TelloState& state) noexcept;
+  /// Holds motion capture against the odometry, which took this text.
+  void check_sources(TimeNs now, const TelloState& state) noexcept;
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
   /// Its own senses said where it is.
   bool by_own_senses() const noexcept;
@@ -144,9 +147,11 @@ class DroneLink {
 
   PoseSource source_;
   bool by_hand_without_pose_;
-  Odometry odometry_;              ///< where its own senses are the source
+  Odometry odometry_;  ///< by its own senses: the source of its pose, or what motion capture is checked against
+  bool velocity_known_;
+  SourceCheck source_check_;
   Failover failover_;              ///< where they stand in for motion capture
-  Pose mocap_pose_;                ///< the newest of motion capture, there
+  Pose mocap_pose_;                ///< the newest of motion capture
   std::vector<PadSettings> pads_;  ///< none where they are not the source
   TiltWatch tilt_watch_;
   MotionWatch motion_watch_;

@@ -121,6 +121,7 @@ struct FailsafeMoment {
   bool pose_lost = false;           ///< and a position is needed
   bool position_uncertain = false;  ///< the same
   bool dark = false;                ///< the same: it may run away, and nobody would know
+  bool sources_differ = false;      ///< the same
   FailsafeCause no_plan = FailsafeCause::none;
   bool resting = false;  ///< what made it hover is away, but not long enough
 
@@ -137,7 +138,8 @@ using Moment = FailsafeMoment;
 void rest(Moment& at, FailsafeState& memory) noexcept {
   bool away = false;
   if (memory.mode == FailsafeMode::brake)
-    away = !at.state_stale && !at.pose_lost && !at.dark && !at.position_uncertain && !at.doubted(OnDoubt::hold);
+    away = !at.state_stale && !at.pose_lost && !at.dark && !at.position_uncertain && !at.sources_differ &&
+           !at.doubted(OnDoubt::hold);
   if (memory.mode == FailsafeMode::hold)
     away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
   if (!away) {
@@ -184,6 +186,10 @@ bool dark(const Moment& at) {
 bool position_uncertain(const Moment& at) {
   return at.position_uncertain || brakes_for(at, FailsafeCause::position_uncertain);
 }
+bool sources_differ(const Moment& at) { return at.sources_differ || brakes_for(at, FailsafeCause::sources_differ); }
+bool sources_unresolved(const Moment& at) {
+  return at.facts.sources_unresolved && at.facts.needs_position && at.facts.phase == FlightPhase::flying;
+}
 bool overturned(const Moment& at) { return at.facts.overturned && at.facts.phase != FlightPhase::disconnected; }
 bool tilted(const Moment& at) { return at.facts.tilted; }
 bool motion_differs(const Moment& at) { return at.facts.motion_differs && at.facts.phase == FlightPhase::flying; }
@@ -196,7 +202,8 @@ bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_r
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
   const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || height_lost(at) ||
-                       position_uncertain(at) || doubted_holds(at) || at.no_plan != FailsafeCause::none;
+                       position_uncertain(at) || sources_differ(at) || doubted_holds(at) ||
+                       at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
 bool outside_fence(const Moment& at) {
@@ -210,7 +217,7 @@ bool blind(const Moment& at) { return at.facts.blind; }
 
 }  // namespace
 
-const std::array<FailsafeRow, 23> failsafe_table{{
+const std::array<FailsafeRow, 25> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
     {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, Clears::on_ground, overturned},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
@@ -219,12 +226,14 @@ const std::array<FailsafeRow, 23> failsafe_table{{
     {"FS-17", FailsafeCause::tilted, FailsafeMode::land, Clears::on_ground, tilted},
     {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, Clears::on_ground, motion_differs},
     {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, Clears::on_ground, dark},
+    {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, Clears::on_ground, sources_unresolved},
     {"FS-14", FailsafeCause::ledger_doubted, FailsafeMode::land, Clears::on_ground, doubted_lands},
     {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
     {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, Clears::when_rested, velocity_lost},
     {"FS-48", FailsafeCause::height_lost, FailsafeMode::brake, Clears::when_rested, height_lost},
+    {"FS-44", FailsafeCause::sources_differ, FailsafeMode::brake, Clears::when_rested, sources_differ},
     {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, Clears::when_rested, position_uncertain},
     {"FS-15", FailsafeCause::ledger_doubted, FailsafeMode::brake, Clears::when_rested, doubted_holds},
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
@@ -255,8 +264,9 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   at.state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, memory));
   const bool lost = lost_pose(settings, memory, now, facts);
   at.pose_lost = lost && facts.needs_position;
-  at.position_uncertain = facts.needs_position && uncertain(settings, memory, fence, facts);
+  at.position_uncertain = facts.needs_position && (facts.fix_overdue || uncertain(settings, memory, fence, facts));
   at.dark = facts.needs_position && facts.dark_since_ns != 0;
+  at.sources_differ = facts.needs_position && facts.sources_differ;
   at.no_plan = lack_of_plan(settings, memory, now, facts);
   remember_fence(fence_for(settings, fence, memory, now, facts), memory, now, facts, lost);
   if (facts.too_near) memory.too_near_ns = now;

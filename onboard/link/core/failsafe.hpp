@@ -32,8 +32,12 @@ struct FailsafeFacts {
   TimeNs dark_since_ns = 0;
   bool other_client = false;  ///< commands it as well (watch/client_watch.hpp)
   bool height_lost = false;   ///< tof sees nothing, and without a height flow has no scale
-  bool tilted = false;        ///< beyond what flying needs (watch/tilt_watch.hpp) ...
-  bool overturned = false;    ///< ... and it lies so
+  bool fix_overdue = false;   ///< it flies by mission pads, and has seen none for too long
+  /// Motion capture and its own velocity contradict each other (pose/source_check.hpp): neither is used ...
+  bool sources_differ = false;
+  bool sources_unresolved = false;  ///< ... and have for so long that nothing is left to fly by
+  bool tilted = false;              ///< beyond what flying needs (watch/tilt_watch.hpp) ...
+  bool overturned = false;          ///< ... and it lies so
   double tilt_rad = 0;
   double landing_battery = 0;  ///< share of the battery that landing from here takes (watch/battery_watch.hpp)
   /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
@@ -84,11 +88,11 @@ struct FailsafeRow {
 ///          no plan: FS-08 to 10                 land_after: FS-05
 ///   none ──────────────────────────▶ hold ──────────────────────────────▶ land ──▶ none, on the ground
 ///   │ ▲ ▲      a plan again          │ │                                 ▲ ▲ │
-///   │ │ └────────────────────────────┘ │ FS-06, 07, 15, 19, 37, 48       │ │ │
+///   │ │ └────────────────────────────┘ │ FS-06, 07, 15, 19, 37, 44, 48   │ │ │
 ///   │ │        rested                  ▼         land_after: FS-05       │ │ │
 ///   │ └────────────────────────────── brake ─────────────────────────────┘ │ │
-///   ├──▶ stale state, lost pose or velocity, doubt: 06, 07, 15, 19, 37, 48 │ │ cut asked for by name, or it
-///   └──▶ stop, battery, fence, doubt, tilt, dark: 02 to 04, 13, 14, 17, 18, 47 ┘ ▼ lies overturned: FS-01, FS-16
+///   ├──▶ stale state, lost pose, velocity: 06, 07, 15, 19, 37, 44, 48      │ │ cut asked for by name, or it
+///   └──▶ stop, battery, fence, tilt, dark: 02 to 04, 13, 14, 17, 18, 43, 47 ┘ ▼ lies overturned: FS-01, FS-16
 ///                                                                            cut ──▶ none, on the ground
 ///
 /// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover. brake: the same with twice the
@@ -96,7 +100,7 @@ struct FailsafeRow {
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
-extern const std::array<FailsafeRow, 23> failsafe_table;
+extern const std::array<FailsafeRow, 25> failsafe_table;
 
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is the
 /// height alone: the walls are the pilot's to see.

@@ -31,7 +31,20 @@ void read_odometry(Config& config, PoseSettings& pose) {
   odometry.flow_s =
       config.number({"pose.flow_s", "how long that error lasts (correlation time)"}, odometry.flow_s, 0.1, 600);
   odometry.flow_scale =
-      config.number({"pose.flow_scale", "standard deviation of its velocities' scale"}, odometry.flow_scale, 0, 0.5);
+      config.number({"pose.flow_scale", "standard deviation of its velocities' scale, wide until somebody measured it"},
+                    odometry.flow_scale, 0, 0.5);
+  odometry.velocity_scale =
+      config.number({"pose.velocity_scale", "what vgx and vgy are multiplied by to be metres a second"}, 1, 0.5, 2);
+  odometry.velocity_truncated =
+      config.boolean({"pose.velocity_truncated", "vgx and vgy are cast to whole dm/s; else they are rounded"}, false);
+  odometry.velocity_lag_s =
+      config.number({"pose.velocity_lag_s", "by how much vgx and vgy are late"}, odometry.velocity_lag_s, 0, 1);
+  odometry.velocity_lag_sigma_s =
+      config.number({"pose.velocity_lag_sd_s", "standard deviation of that"}, odometry.velocity_lag_sigma_s, 0, 1);
+  odometry.max_unfixed_s =
+      config.number({"pose.max_unfixed_s", "with pads: a path is flown for so long without one; then it brakes"},
+                    odometry.max_unfixed_s, 1, 3600);
+  odometry.max_unfixed_m = config.number({"pose.max_unfixed_m", "the same, so far"}, odometry.max_unfixed_m, 1, 10'000);
 }
 
 void read_pads(Config& config, std::vector<PadSettings>& pads) {
@@ -124,6 +137,7 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.odometry = pose.odometry;
   drone.own_senses_after_ns = pose.own_senses_after_ns;
   const bool own = uses_own_senses(drone.source);
+  drone.velocity_known = pose.signs_told;
   if (own && !pose.signs_told && !config.describes()) {
     config.wrong("pose.velocity_signs",
                  fmt::format("must be there: drone {} flies by its own senses, or may, and with a wrong sign "

@@ -63,19 +63,18 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
     flow_watch_.reset();
   }
   told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  if (!uses_own_senses(source_)) return;
   TelloState believed = state;
   believed.velocity_told = state.velocity_told && !flow_watch_.blind();
   odometry_.take(now, believed, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
+  facts_.fix_overdue = source_ == PoseSource::pads && odometry_.overdue();
+  if (uses_mocap(source_)) check_sources(now, state);
   if (!uses_mocap(source_)) {
     accept_pose(now, odometry_.pose());
-  } else if (!failover_.missing(now)) {
-    if (mocap_pose_.stamp_ns != 0) odometry_.fix(at_text(mocap_pose_, now));
-  } else if (in_flight(phase)) {  // who stands may be carried away unseen
-    accept_pose(now, odometry_.pose());
+  } else if (source_ == PoseSource::mocap_then_tello && failover_.missing(now) && in_flight(phase)) {
+    accept_pose(now, odometry_.pose());  // who stands may be carried away unseen
   }
 }
 
@@ -103,14 +102,49 @@ void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
   facts_.position_m[2] = static_cast<double>(facts_.height_m);
 }
 
+void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
+  using Sources = SourceCheck::Verdict;
+  const FlightPhase phase = session_.phase();
+  const Pose& own = odometry_.pose();
+  // Less than half of what it should fly by what was sent, or of what is seen: flow that fades (watch/flow_watch.hpp), no
+  // contradiction. A frame that creeps is followed, so that its drone flies faster than it is seen to.
+  const double expected =
+      std::max(motion_watch_.expected_mps(), std::hypot(mocap_pose_.velocity_mps[0], mocap_pose_.velocity_mps[1]));
+  const bool fades = expected > FlowWatch::moving_mps && odometry_.velocity_mps().norm() < expected / 2;
+  const OwnMotion motion{
+      .velocity_mps = odometry_.velocity_mps(),
+      .scale_sigma = odometry_.scale_sigma(),
+      .lag_s = odometry_.settings().velocity_lag_s,
+      .lag_sigma_s = odometry_.settings().velocity_lag_sigma_s,
+      .height_m = static_cast<double>(state.height_m),
+      .barometer_m = state.barometer_m,
+      .usable = velocity_known_ && own.stamp_ns == now && !fades,
+      .position_m = {own.position_m[0], own.position_m[1]},
+      .sigma_m = std::sqrt(static_cast<double>(own.variance[0] + own.variance[1])),
+  };
+  const Sources before = source_check_.verdict();
+  source_check_.take(now, motion, mocap_pose_, phase == FlightPhase::flying);
+  if (before != Sources::unresolved && source_check_.verdict() == Sources::unresolved)
+    odometry_.widen(source_check_.off_m());
+  const bool fresh = mocap_pose_.stamp_ns != 0 && now - mocap_pose_.stamp_ns <= failsafe_settings_.pose_lost_ns;
+  const bool fixes = source_check_.verdict() == Sources::agree && !failover_.missing(now);
+  if (fresh && fixes) odometry_.fix(at_text(mocap_pose_, now));
+  facts_.sources_unresolved = source_ == PoseSource::mocap && source_check_.verdict() == Sources::unresolved;
+  facts_.sources_differ = source_check_.verdict() == Sources::differ || facts_.sources_unresolved;
+}
+
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
-  if (!uses_mocap(source_)) return;
-  if (uses_own_senses(source_)) {
-    if (pose.stamp_ns > now || now - pose.stamp_ns > failsafe_settings_.pose_lost_ns || !finite(pose)) return;
-    failover_.heard(now);
-    mocap_pose_ = pose;
-  }
-  accept_pose(now, pose);
+  if (!uses_mocap(source_) || pose.stamp_ns > now || pose.stamp_ns <= mocap_pose_.stamp_ns || !finite(pose)) return;
+  const bool stands_in = uses_own_senses(source_);
+  if (stands_in && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return;
+  if (!source_check_.accepts(pose, in_flight(session_.phase()))) return;
+  mocap_pose_ = pose;
+  if (stands_in && source_check_.verdict() == SourceCheck::Verdict::unresolved) return;  // the odometry alone
+  if (stands_in) failover_.heard(now);
+  Pose known = pose;
+  const auto off = static_cast<float>(source_check_.off_m());
+  for (std::size_t i = 0; i < 2; ++i) known.variance[i] += off * off;
+  accept_pose(now, known);
 }
 
 bool DroneLink::by_own_senses() const noexcept {

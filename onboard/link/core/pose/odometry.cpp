@@ -28,9 +28,12 @@ constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_
 // One text in ten seconds may be that late. What is flown unseen for longer is not known any more.
 constexpr double max_gap_s = 1.0;
 // A fix is believed within so many standard deviations: beyond is one in 16,000. One that goes on saying the same is
-// believed all the same: the third is within a second.
+// believed all the same: the third is within a second. A heading that turns in flight is five seconds' worth of fixes:
+// a pad that lies askew or another body is not seen for as long, and a gyroscope does not drift by that.
 constexpr double fix_sigmas = 4;
-constexpr int max_fixes_refused = 2;
+constexpr int places_that_agree = 3, headings_that_agree = 50;
+// Two fixes of one place, a text apart: what a drone moves by otherwise than it tells meanwhile.
+constexpr double moved_between_m = 0.05;
 
 constexpr int px = 0, flow = 2, scale = 4, heading = 5;  // of the plane
 constexpr int z = 0, floor_z = 1, drift = 2, zero = 3;   // of the height
@@ -39,9 +42,22 @@ double square(double x) { return x * x; }
 
 }  // namespace
 
+bool FixAgreement::holds(const Eigen::Vector2d& off, double spread) noexcept {
+  count_ = count_ > 0 && (off - off_).norm() <= spread ? count_ + 1 : 1;
+  off_ = off;
+  if (count_ < needed_) return false;
+  count_ = 0;
+  return true;
+}
+
+Odometry::Odometry(const OdometrySettings& settings) noexcept
+    : settings_(settings), refused_places_(places_that_agree), refused_headings_(headings_that_agree) {}
+
 void Odometry::start(const TelloState& state, bool at_start) noexcept {
   placed_ = at_start;
-  fixes_refused_ = 0;
+  refused_places_.reset();
+  refused_headings_.reset();
+  last_fix_ = {};
   const double sigma = at_start ? settings_.start_sigma_m : anywhere_m;
   const double turn = at_start ? settings_.start_sigma_rad : std::numbers::pi;
   plane_ << settings_.start_m[0], settings_.start_m[1], 0, 0, 0, 0;
@@ -64,7 +80,9 @@ Eigen::Vector3d Odometry::told_velocity(const TelloState& state) const noexcept 
   Eigen::Vector3d told;
   for (int i = 0; i < 3; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    told[i] = static_cast<double>(settings_.velocity_signs[at] * state.velocity_dmps[at]) / 10;
+    const double reported = static_cast<double>(settings_.velocity_signs[at] * state.velocity_dmps[at]) / 10;
+    const double cut_off = settings_.velocity_truncated && reported != 0 ? velocity_step_mps / 2 : 0;
+    told[i] = (i < 2 ? settings_.velocity_scale : 1) * (reported + std::copysign(cut_off, reported));
   }
   if (settings_.velocity_in_body) {
     const double c = std::cos(told_yaw_rad_), s = std::sin(told_yaw_rad_);
@@ -79,6 +97,12 @@ Eigen::Vector3d Odometry::in_map(const Eigen::Vector3d& velocity) const noexcept
   return {by * (c * velocity.x() - s * velocity.y()) - plane_[flow],
           by * (s * velocity.x() + c * velocity.y()) - plane_[flow + 1], velocity.z()};
 }
+
+Eigen::Vector2d Odometry::velocity_mps() const noexcept {
+  return in_map(last_velocity_mps_).head<2>() + plane_.segment<2>(flow);
+}
+
+double Odometry::scale_sigma() const noexcept { return std::sqrt(plane_cov_(scale, scale)); }
 
 double Odometry::yaw() const noexcept {
   return std::remainder(frame_yaw_rad_ + plane_[heading] + told_yaw_rad_, 2 * std::numbers::pi);
@@ -99,6 +123,8 @@ void Odometry::predict(double seconds, const Eigen::Vector3d& velocity, bool sta
   f(px + 1, heading) = c * seconds;
   f(flow, flow) = f(flow + 1, flow + 1) = keeps;
   plane_.head<2>() += moved.head<2>() * seconds;
+  last_fix_.flown_s += seconds;
+  last_fix_.flown_m += moved.head<2>().norm() * seconds;
   plane_.segment<2>(flow) *= keeps;
   plane_cov_ = f * plane_cov_ * f.transpose();
   for (int i = 0; i < 2; ++i) {
@@ -139,7 +165,7 @@ void Odometry::measure_height(const TelloState& state) noexcept {
     update_height(Height(1, 0, 0, 1), static_cast<double>(state.barometer_m), barometer_sigma_m);
 }
 
-void Odometry::doubt_place(double metres) noexcept {
+void Odometry::widen(double metres) noexcept {
   plane_cov_(px, px) += square(metres);
   plane_cov_(px + 1, px + 1) += square(metres);
 }
@@ -155,7 +181,7 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   const double seconds = std::min(silence_s, max_gap_s);
   const double speed_mps = last_velocity_mps_.norm();
   // What it did meanwhile nobody saw: it may have gone on as fast as it flew, and landed somewhere.
-  if (silence_s > max_gap_s && !(stands && stood_)) doubt_place((speed_mps + 1) * silence_s);
+  if (silence_s > max_gap_s && !(stands && stood_)) widen((speed_mps + 1) * silence_s);
   stood_ = stands;
   text_ns_ = now;
   told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
@@ -165,7 +191,7 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
                                    : usable ? told_velocity(state)
                                             : last_velocity_mps_;
   const double unseen_m = usable || stands ? 0 : unseen_m_ + (speed_mps + 0.5) * seconds;
-  if (unseen_m > 0) doubt_place(std::sqrt(square(unseen_m) - square(unseen_m_)));  // as much as it may be by now
+  if (unseen_m > 0) widen(std::sqrt(square(unseen_m) - square(unseen_m_)));  // as much as it may be by now
   unseen_m_ = unseen_m;
   predict(seconds, (last_velocity_mps_ + velocity) / 2, stands);
   last_velocity_mps_ = velocity;
@@ -180,6 +206,15 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   tell(velocity);
 }
 
+bool Odometry::heading_fits(const Fix& fix) noexcept {
+  const double off = std::remainder(fix.yaw_rad - yaw(), 2 * std::numbers::pi);
+  const bool fits = square(off) < square(fix_sigmas) * (plane_cov_(heading, heading) + square(fix.sigma_rad));
+  if (!fits && !refused_headings_.holds({off, 0}, fix_sigmas * std::numbers::sqrt2 * fix.sigma_rad)) return false;
+  refused_headings_.reset();
+  if (!fits) plane_cov_(heading, heading) += square(off);
+  return true;
+}
+
 void Odometry::fix_heading(const Fix& fix) noexcept {
   const double innovation = std::remainder(fix.yaw_rad - yaw(), 2 * std::numbers::pi);
   const double variance = plane_cov_(heading, heading) + square(fix.sigma_rad);
@@ -189,12 +224,22 @@ void Odometry::fix_heading(const Fix& fix) noexcept {
 }
 
 Eigen::Vector2d Odometry::beside(const Fix& fix) const noexcept {
-  return {fix.position_m[0] - plane_[px], fix.position_m[1] - plane_[px + 1]};
+  return Eigen::Vector2d(fix.position_m[0], fix.position_m[1]) - place();
+}
+
+Eigen::Vector2d Odometry::place() const noexcept {
+  return plane_.head<2>() + settings_.velocity_lag_s * speed_change();
+}
+
+Eigen::Vector2d Odometry::speed_change() const noexcept {
+  if (last_velocity_mps_.isZero()) return -last_fix_.velocity_mps;
+  return in_map(last_velocity_mps_).head<2>() - last_fix_.velocity_mps;
 }
 
 Eigen::Matrix2d Odometry::place_variance(const Fix& fix) const noexcept {
   Eigen::Matrix2d variance = plane_cov_.topLeftCorner<2, 2>();
   variance.diagonal().array() += square(fix.sigma_m);
+  variance.diagonal() += (settings_.velocity_lag_sigma_s * speed_change()).cwiseAbs2();
   return variance;
 }
 
@@ -202,15 +247,14 @@ void Odometry::fix(const Fix& fix) noexcept {
   if (text_ns_ == 0) return;
   const Eigen::Vector2d off = beside(fix);
   const bool believable = off.dot(place_variance(fix).inverse() * off) < square(fix_sigmas);
-  if (!believable && fixes_refused_ < max_fixes_refused) {
-    ++fixes_refused_;
-    return;
-  }
-  fixes_refused_ = 0;
+  const double apart_m = fix_sigmas * std::numbers::sqrt2 * fix.sigma_m + moved_between_m;
+  if (!believable && !refused_places_.holds(off, apart_m)) return;
+  refused_places_.reset();
   placed_ = true;
-  if (!believable) doubt_place(off.norm());
-  const Eigen::Vector3d before(plane_[px], plane_[px + 1], height_[z]);
-  fix_heading(fix);
+  if (!believable) widen(off.norm());
+  const auto place_now = [this] { return Eigen::Vector3d(place().x(), place().y(), height_[z]); };
+  const Eigen::Vector3d before = place_now();
+  if (heading_fits(fix)) fix_heading(fix);
   const Eigen::Vector2d innovation = beside(fix);
   const Eigen::Matrix2d variance = place_variance(fix);
   const Eigen::Matrix<double, 6, 2> gain = plane_cov_.leftCols<2>() * variance.inverse();
@@ -218,20 +262,23 @@ void Odometry::fix(const Fix& fix) noexcept {
   plane_cov_ -= gain * variance * gain.transpose();
   plane_cov_ = (0.5 * (plane_cov_ + plane_cov_.transpose())).eval();
   update_height(Height(1, 0, 0, 0), fix.position_m[2], fix.sigma_m);
+  plane_.head<2>() += settings_.velocity_lag_s * speed_change();
+  last_fix_ = {.velocity_mps = last_fix_.velocity_mps + speed_change()};
   // On the ground nothing follows what is told, so nothing can jump.
-  if (!stood_) held_back_m_ += before - Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]);
+  if (!stood_) held_back_m_ += before - place_now();
   tell(last_velocity_mps_);
 }
 
 void Odometry::tell(const Eigen::Vector3d& velocity) noexcept {
-  const Eigen::Vector3d place = Eigen::Vector3d(plane_[px], plane_[px + 1], height_[z]) + held_back_m_;
+  const Eigen::Vector3d known = Eigen::Vector3d(place().x(), place().y(), height_[z]) + held_back_m_;
   const Eigen::Vector3d moves = velocity.isZero() ? Eigen::Vector3d::Zero() : in_map(velocity);
   for (int i = 0; i < 3; ++i) {
     const auto at = static_cast<std::size_t>(i);
-    pose_.position_m[at] = place[i];
+    pose_.position_m[at] = known[i];
     pose_.velocity_mps[at] = moves[i];
     const double variance = i < 2 ? plane_cov_(px + i, px + i) : height_cov_(z, z);
-    pose_.variance[at] = static_cast<float>(variance + square(held_back_m_[i]));
+    const double late_m = i < 2 ? settings_.velocity_lag_sigma_s * speed_change()[i] : 0;
+    pose_.variance[at] = static_cast<float>(variance + square(held_back_m_[i]) + square(late_m));
   }
   pose_.yaw_rad = yaw();
   pose_.variance[3] = static_cast<float>(plane_cov_(heading, heading) + square(rounding(yaw_step_rad)));

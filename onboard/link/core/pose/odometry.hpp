@@ -8,13 +8,28 @@
 
 namespace ledgerline::link {
 
+/// A fix that is far off what a filter expects may be right all the same: it is believed when so many in a row agree
+/// with each other, not only in being off.
+class FixAgreement {
+ public:
+  explicit FixAgreement(int needed) noexcept : needed_(needed) {}
+  void reset() noexcept { count_ = 0; }
+  /// One more that is off by so much; two agree where they are no further apart than `spread`.
+  bool holds(const Eigen::Vector2d& off, double spread) noexcept;
+
+ private:
+  int needed_, count_ = 0;
+  Eigen::Vector2d off_ = Eigen::Vector2d::Zero();
+};
+
 /// Where a drone is by its own senses: velocities from its optical flow, yaw, height above what is below it (tof), above
 /// where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with Applications,
 /// 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each metre and second:
 /// the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went away) bring it back.
 ///
-/// The place that is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until then
-/// is part of the variance. A fix that is far beyond what the variance allows is believed when it comes three times.
+/// The place that is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until
+/// then is part of the variance. A fix that is far beyond what the variance allows is believed when three in a row
+/// agree, a heading when fifty do: the filter's own is a gyroscope's.
 ///
 ///   plane:  x, y | slow error of the flow in x, y | its scale | heading of the frame that velocities are told in
 ///   height: z | height of what is below | drift of h | zero of the barometer
@@ -22,7 +37,7 @@ namespace ledgerline::link {
 /// Core: no I/O, no clock, no allocation; one thread.
 class Odometry {
  public:
-  explicit Odometry(const OdometrySettings& settings) noexcept : settings_(settings) {}
+  explicit Odometry(const OdometrySettings& settings) noexcept;
 
   /// A state text that came at `now`. `stands`: it is seen on the ground, so it does not move. It is where the settings
   /// say when it is first seen standing, and when it was switched off and on; first seen in the air (a link that starts
@@ -35,6 +50,18 @@ class Odometry {
     double yaw_rad = 0, sigma_rad = 0;
   };
   void fix(const Fix& fix) noexcept;
+  /// Something says that it may be off by so much more.
+  void widen(double metres) noexcept;
+
+  /// Newest velocity in the map, by the scale and heading that fixes have shown, but with the flow's slow error in it:
+  /// what else is checked against must not have been corrected by it.
+  Eigen::Vector2d velocity_mps() const noexcept;
+  double scale_sigma() const noexcept;
+  const OdometrySettings& settings() const noexcept { return settings_; }
+  /// It has flown for too long, or too far, since its place was known by more than its own senses.
+  bool overdue() const noexcept {
+    return last_fix_.flown_s > settings_.max_unfixed_s || last_fix_.flown_m > settings_.max_unfixed_m;
+  }
 
   /// Map frame. Its stamp is that of the newest text with usable velocities; 0: there was none.
   const Pose& pose() const noexcept { return pose_; }
@@ -46,11 +73,15 @@ class Odometry {
   using HeightMatrix = Eigen::Matrix4d;
 
   void start(const TelloState& state, bool at_start) noexcept;
+  bool heading_fits(const Fix& fix) noexcept;
+  /// What it moved in the map since the newest fix, which the lag of its velocities makes late.
+  Eigen::Vector2d speed_change() const noexcept;
+  /// In x and y, as late as it is not any more.
+  Eigen::Vector2d place() const noexcept;
   /// How far a fix is beside the place in x and y, and the variance of that.
   Eigen::Vector2d beside(const Fix& fix) const noexcept;
   Eigen::Matrix2d place_variance(const Fix& fix) const noexcept;
   void fix_heading(const Fix& fix) noexcept;
-  void doubt_place(double metres) noexcept;
   void predict(double seconds, const Eigen::Vector3d& velocity_mps, bool stands) noexcept;
   void measure_height(const TelloState& state) noexcept;
   void update_height(const Height& by, double measured, double sigma) noexcept;
@@ -71,8 +102,12 @@ class Odometry {
   bool placed_ = false;       ///< it was seen standing at its start, or has been fixed
   bool stood_ = false;        ///< at the newest text
   double unseen_m_ = 0;       ///< how far it may have gone since its velocity was usable
-  int fixes_refused_ = 0;     ///< in a row
-  TimeNs text_ns_ = 0;        ///< the newest text
+  FixAgreement refused_places_, refused_headings_;
+  struct {
+    Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< then
+    double flown_s = 0, flown_m = 0;                         ///< since
+  } last_fix_;                                               ///< when its place was known last
+  TimeNs text_ns_ = 0;                                       ///< the newest text
   Eigen::Vector3d last_velocity_mps_ = Eigen::Vector3d::Zero();
   Eigen::Vector3d held_back_m_ = Eigen::Vector3d::Zero();  ///< of corrections, not yet told
   Pose pose_;

@@ -51,7 +51,19 @@ struct State {
 enum class Place { inside, back, out };
 enum class Asked { nothing, stop, cut, empty_battery };
 /// What else its senses say, or that it is flown by hand.
-enum class Sensed { well, tilted, overturned, differs, uncertain, dark, no_height, by_hand, by_hand_uncertain };
+enum class Sensed {
+  well,
+  tilted,
+  overturned,
+  differs,
+  uncertain,
+  dark,
+  no_height,
+  sources_differ,
+  sources_unresolved,
+  by_hand,
+  by_hand_uncertain
+};
 
 struct Input {
   bool beat = false, ledger_alive = false, doubted = false, plan = false, pose = false;
@@ -131,8 +143,9 @@ class Search {
         made.push_back(
             {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
     if (all_heard.size() > 3) return made;  // where doubt is looked at, nothing else is
-    for (const auto sensed : {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::dark,
-                              Sensed::no_height, Sensed::by_hand, Sensed::by_hand_uncertain})
+    for (const auto sensed :
+         {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::dark, Sensed::no_height,
+          Sensed::sources_differ, Sensed::sources_unresolved, Sensed::by_hand, Sensed::by_hand_uncertain})
       for (const int bits : {0, 2, 5, 7})
         made.push_back({(bits & 4) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0,
                         (bits & 4) != 0 ? Input::Text::charged : Input::Text::none, Place::inside, Asked::nothing,
@@ -199,6 +212,8 @@ class Search {
     f.motion_differs = input.sensed == Sensed::differs;
     f.dark_since_ns = since(s.dark);
     f.height_lost = input.sensed == Sensed::no_height;
+    f.sources_unresolved = input.sensed == Sensed::sources_unresolved;
+    f.sources_differ = f.sources_unresolved || input.sensed == Sensed::sources_differ;
     f.needs_position = input.sensed != Sensed::by_hand && input.sensed != Sensed::by_hand_uncertain;
     if (input.sensed == Sensed::uncertain || input.sensed == Sensed::by_hand_uncertain) f.sigma_m = {50, 50, 0.1};
     f.too_near = input.too_near;
@@ -269,8 +284,9 @@ class Search {
         const bool placed =
             !by_pose || 2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
         const bool sure = last.cause != FailsafeCause::position_uncertain || f.sigma_m[0] <= 0 || !f.needs_position;
+        const bool agree = last.cause != FailsafeCause::sources_differ || !f.sources_differ || !f.needs_position;
         const bool trusted = last.cause != FailsafeCause::ledger_doubted || !f.ledger_doubted;
-        return seen && placed && sure && trusted && last.cause_gone_since_ns != 0 &&
+        return seen && placed && sure && agree && trusted && last.cause_gone_since_ns != 0 &&
                now - last.cause_gone_since_ns > settings_.clear_after_ns;
       }
       case Clears::with_a_plan:
@@ -304,6 +320,8 @@ class Search {
     if (f.tilted && in_flight(f.phase) && !down) told("it is tilted, and is not landed");
     if (f.motion_differs && f.phase == FlightPhase::flying && !down) told("it moves otherwise, and is not landed");
     if (s.dark >= dark_lands && !down) told("it sees nothing, and is not landed");
+    if (f.sources_unresolved && f.phase == FlightPhase::flying && !down)
+      told("nothing to fly by, and it is not landed");
     if (f.blind && !down) told("it may fly unseen, and is not landed");
     if (f.ledger_doubted && settings_.doubt == OnDoubt::land && !down)
       told("the ledger is doubted, and it is not landed");

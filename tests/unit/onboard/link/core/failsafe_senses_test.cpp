@@ -96,6 +96,33 @@ TEST_F(FailsafeTest, FS19AnUncertainPositionMeansBrakeUntilItFitsTheFenceForAWhi
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
+TEST_F(FailsafeTest, FS44SourcesThatDifferMeanBrakeUntilTheyAgreeForAWhile) {
+  pass(ns_per_s);
+  facts.sources_differ = true;
+  pass(ms);
+  expect(FailsafeMode::brake, FailsafeCause::sources_differ);
+  facts.sources_differ = false;
+  pass(settings.clear_after_ns - 20 * ms);
+  expect(FailsafeMode::brake, FailsafeCause::sources_differ);
+  pass(40 * ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.sources_differ = true;
+  facts.needs_position = false;  // a pilot who sees it
+  pass(ns_per_s);
+  expect(FailsafeMode::none, FailsafeCause::none);
+}
+
+TEST_F(FailsafeTest, FS43SourcesThatStillDifferLandWhereNothingStandsIn) {
+  pass(ns_per_s);
+  facts.sources_differ = facts.sources_unresolved = true;
+  facts.needs_position = false;
+  pass(ms);
+  expect(FailsafeMode::none, FailsafeCause::none);
+  facts.needs_position = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::sources_differ);
+}
+
 TEST_F(FailsafeTest, AVagueHeadingIsAnUncertainPosition) {
   pass(ns_per_s);
   facts.sigma_yaw_rad = settings.max_yaw_sigma_rad + 0.01;

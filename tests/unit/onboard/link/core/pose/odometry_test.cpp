@@ -14,10 +14,20 @@ namespace {
 constexpr TimeNs text_ns = 100 * ms;
 constexpr double text_s = 0.1;
 
+/// Of a good drone that was measured.
+OdometrySettings calibrated() {
+  OdometrySettings settings;
+  settings.flow_mps = 0.011;
+  settings.flow_s = 5;
+  settings.flow_scale = 0.02;
+  settings.velocity_lag_sigma_s = 0.03;
+  return settings;
+}
+
 /// A drone that tells a Tello's state of how it really moves, with the errors that the odometry is set for.
 class Walker {
  public:
-  explicit Walker(std::uint64_t seed, OdometrySettings settings = {})
+  explicit Walker(std::uint64_t seed, OdometrySettings settings = calibrated())
       : random(seed), settings(settings), odometry(settings) {
     position = {settings.start_m[0] + settings.start_sigma_m * random.normal(),
                 settings.start_m[1] + settings.start_sigma_m * random.normal(), settings.start_m[2]};
@@ -103,7 +113,7 @@ TelloState told(double tof_m, double height_m) {
 }
 
 TEST(Odometry, WhereItStartsIsWhereTheConfigSaysAndStandingAddsNothing) {
-  OdometrySettings settings;
+  OdometrySettings settings = calibrated();
   settings.start_m = {1, 2, 0};
   settings.start_yaw_rad = 0.7;
   Walker drone(1, settings);
@@ -143,7 +153,7 @@ TEST(Odometry, TheVarianceGrowsWithTimeInTheAir) {
 }
 
 TEST(Odometry, VelocitiesAreReadInTheFrameAndWithTheSignsOfTheSettings) {
-  OdometrySettings settings;
+  OdometrySettings settings = calibrated();
   settings.start_yaw_rad = std::numbers::pi / 2;
   settings.velocity_signs = {-1, 1, -1};
   settings.start_sigma_rad = 1e-6;
@@ -309,6 +319,69 @@ TEST(Odometry, OneFixFarOffIsRefusedAndThreeInARowAreBelieved) {
   EXPECT_GT(drone.sigma(0), 1) << "what is held back is uncertain";
   drone.fly(30, {0, 0, 0});
   EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0] + 5, 0.5);
+}
+
+TEST(Odometry, FixesFarOffThatDoNotAgreeAreNeverBelieved) {
+  Walker drone(16);
+  drone.fly(5, {0, 0, 0.2});
+  const auto before = drone.odometry.pose().position_m;
+  for (int i = 0; i < 12; ++i) {
+    const double angle = i * 2.1;
+    drone.odometry.fix(drone.fix_at({before[0] + 3 * std::cos(angle), before[1] + 3 * std::sin(angle), before[2]}));
+    drone.fly(text_s, {0, 0, 0});
+    EXPECT_LT(drone.sigma(0), 0.3) << i;
+  }
+  EXPECT_NEAR(drone.error(0), 0, 0.2);
+}
+
+TEST(Odometry, AHeadingFarOffIsRefusedForSecondsWhileItsPlaceCounts) {
+  Walker drone(17);
+  drone.fly(5, {0, 0, 0.2});
+  const auto turned_fix = [&] {
+    auto fix = drone.fix_at(drone.position);
+    fix.yaw_rad += 1.5;
+    return fix;
+  };
+  for (int i = 0; i < 30; ++i) {
+    drone.odometry.fix(turned_fix());
+    drone.fly(text_s, {0.3, 0, 0});
+  }
+  EXPECT_NEAR(std::remainder(drone.odometry.pose().yaw_rad - drone.fix_at({}).yaw_rad, 6.2832), 0, 0.15);
+  EXPECT_LT(std::hypot(drone.error(0), drone.error(1)), 0.1);
+  for (int i = 0; i < 30; ++i) {
+    drone.odometry.fix(turned_fix());
+    drone.fly(text_s, {0, 0, 0});
+  }
+  EXPECT_GT(std::abs(std::remainder(drone.odometry.pose().yaw_rad - drone.fix_at({}).yaw_rad, 6.2832)), 1)
+      << "said for five seconds it is so";
+}
+
+TEST(Odometry, AfterHalfAMinuteOr15MWithoutAFixItIsOverdue) {
+  Walker drone(18);
+  drone.stand(60);
+  EXPECT_FALSE(drone.odometry.overdue());
+  drone.fly(29, {0, 0, 0});
+  EXPECT_FALSE(drone.odometry.overdue());
+  drone.fly(2, {0, 0, 0});
+  EXPECT_TRUE(drone.odometry.overdue());
+  drone.odometry.fix(drone.fix_at(drone.position));
+  EXPECT_FALSE(drone.odometry.overdue());
+  drone.fly(14, {1, 0, 0});
+  EXPECT_FALSE(drone.odometry.overdue());
+  drone.fly(3, {1, 0, 0});
+  EXPECT_TRUE(drone.odometry.overdue());
+}
+
+TEST(Odometry, AVelocityThatMayBeLateIsInTheVarianceWhileItsSpeedIsAnother) {
+  OdometrySettings settings = calibrated();
+  settings.velocity_lag_sigma_s = 0.2;
+  Walker drone(19, settings);
+  drone.fly(5, {0, 0, 0.2});
+  const double hovering = drone.sigma(0);
+  drone.fly(2, {1, 0, 0});
+  EXPECT_GT(drone.sigma(0), 0.19);
+  drone.fly(3, {0, 0, 0});
+  EXPECT_LT(drone.sigma(0), hovering + 0.1);
 }
 
 TEST(Odometry, FirstSeenInTheAirItsHeadingComesWithAFix) {

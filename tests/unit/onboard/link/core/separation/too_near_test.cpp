@@ -129,8 +129,17 @@ struct Above : LinkWorld {
   explicit Above(DroneNumber upper = 1, LinkSettings settings = {})
       : LinkWorld(2, std::move(settings)), upper_(upper), lower_(3U - upper) {
     take_off();
-    pass(2 * ns_per_s);
-    tellos[upper_ - 1U].position = {tellos[lower_ - 1U].position[0] - 0.1, 0, 2};
+    pass(ns_per_s);
+    // Within a second: what is elsewhere at once is no pose.
+    const auto from = tellos[upper_ - 1U].position;
+    for (int i = 1; i <= 100; ++i) {
+      const double share = i / 100.0;
+      auto &at = tellos[upper_ - 1U].position;
+      at[0] = from[0] + share * (tellos[lower_ - 1U].position[0] - 0.1 - from[0]);
+      at[1] = (1 - share) * from[1];
+      at[2] = from[2] + share * (2 - from[2]);
+      pass(10 * ns_per_ms);
+    }
     hover(500 * ns_per_ms);
   }
   void hover(TimeNs duration) {
