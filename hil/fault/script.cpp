@@ -115,6 +115,8 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
   flight.pose = from_name<link::PoseSource>(config.choice({"flight.pose", "how a drone knows where it is"},
                                                           {"mocap", "tello", "pads", "mocap+tello"}, "mocap"))
                     .value_or(flight.pose);
+  flight.calibrated = config.boolean(
+      {"flight.calibrated", "link knows the scale, lag and bias of its drones' own velocities"}, flight.calibrated);
   flight.doubt =
       from_name<link::OnDoubt>(config.choice({"flight.doubt", "what link does while agent doubts the ledger"},
                                              {"ignore", "hold", "land"}, "ignore"))
@@ -248,6 +250,7 @@ std::string text_of(const Script& script) {
     text += fmt::format("idle_evict = \"{:g} s\"\n", to_seconds(f.idle_evict_ns));
   if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
   if (f.pose != usual.pose) text += fmt::format("pose = \"{}\"\n", name(f.pose));
+  if (f.calibrated != usual.calibrated) text += fmt::format("calibrated = {}\n", f.calibrated);
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.drawn_tello) text += "tello = \"drawn\"\n";

@@ -40,9 +40,10 @@ bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text
   if (at == std::string::npos) return true;
   const std::string said = text.substr(at, size);
   std::string wrong = said;
+  if (fault.kind == SensorFault::Kind::stuck && fault.last.empty()) fault.last = said;
+  if (fault.share < 1 && random.uniform() >= fault.share) return true;
   switch (fault.kind) {
     case SensorFault::Kind::stuck:
-      if (fault.last.empty()) fault.last = said;
       wrong = fault.last;
       break;
     case SensorFault::Kind::garbage:
@@ -57,6 +58,9 @@ bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text
     case SensorFault::Kind::bias:
       if (const auto value = parse_number(said)) wrong = fmt::format("{}", std::lround(*value + fault.bias));
       break;
+    case SensorFault::Kind::says:
+      wrong = fmt::format("{}", std::lround(fault.bias));
+      break;
     case SensorFault::Kind::every:
       break;
   }
@@ -67,14 +71,20 @@ bool misreport(TimeNs now, SensorFault& fault, Random& random, std::string& text
 }  // namespace
 
 Result<SensorFault> parse_sensor(std::string_view text) {
-  const Error wrong{
-      fmt::format("\"{}\": must be `FIELD|all stuck|garbage`, `FIELD bias NUMBER` or `all every 2s`; fields are those "
-                  "of the Tello's "
-                  "state text: h, tof, bat, yaw, vgx ...",
-                  printable(text, 100))};
-  const auto words = words_of(text);
-  if (words.size() < 2 || words.size() > 3) return wrong;
+  const Error wrong{fmt::format(
+      "\"{}\": must be `FIELD|all stuck|garbage`, `FIELD bias|says NUMBER` or `all every 2s`, the first three "
+      "with a share of the texts (`30%`) behind them; fields are those of the Tello's state text: h, tof, "
+      "bat, yaw, vgx ...",
+      printable(text, 100))};
+  auto words = words_of(text);
   SensorFault fault;
+  if (words.size() > 2 && words[1] != "every" && words.back().ends_with('%')) {
+    const auto percent = parse_number(words.back().substr(0, words.back().size() - 1));
+    if (!percent || *percent <= 0 || *percent > 100) return wrong;
+    fault.share = *percent / 100;
+    words.pop_back();
+  }
+  if (words.size() < 2 || words.size() > 3) return wrong;
   const bool all = words[0] == "all";
   if (!all) fault.field = words[0];
   if (!all && std::find(fields.begin(), fields.end(), words[0]) == fields.end()) return wrong;
@@ -83,10 +93,10 @@ Result<SensorFault> parse_sensor(std::string_view text) {
     fault.kind = what == "stuck" ? SensorFault::Kind::stuck : SensorFault::Kind::garbage;
     return fault;
   }
-  if (words.size() == 3 && what == "bias" && !all) {
+  if (words.size() == 3 && (what == "bias" || what == "says") && !all) {
     const auto bias = parse_number(words[2]);
     if (!bias || std::abs(*bias) > 1e6) return wrong;
-    fault.kind = SensorFault::Kind::bias;
+    fault.kind = what == "bias" ? SensorFault::Kind::bias : SensorFault::Kind::says;
     fault.bias = *bias;
     return fault;
   }

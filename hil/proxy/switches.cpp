@@ -17,7 +17,8 @@ constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "st
 static_assert(way_names.size() == ways);
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
-    "cut, sensor NAME FIELD|all stuck|garbage|bias N|every TIME, of the shim sdk NAME answers|states FAULT, clear, "
+    "cut, sensor NAME FIELD|all stuck|garbage|bias N|says N|every TIME, of the shim sdk NAME answers|states FAULT, "
+    "clear, "
     "list";
 
 Error wrong(std::string_view command, std::string_view why) {

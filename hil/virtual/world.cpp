@@ -76,7 +76,7 @@ Status VirtualWorld::set_up() {
   ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
   ledger_.on_committed([this](const fabric::Call& call) { witness_.committed(call); });
   start_link();
-  mocap_intake_.emplace([this] { return real_offset(); });
+  mocap_intake_.emplace([this] { return real_offset(Host::drones); });
   if (!local_) {
     if (auto s = start_agent(); !s) return s;
   }
@@ -84,7 +84,9 @@ Status VirtualWorld::set_up() {
   return done;
 }
 
-TimeNs VirtualWorld::real_offset() const { return real_epoch_s * ns_per_s + clock_jump_ns_; }
+TimeNs VirtualWorld::real_offset(Host host) const {
+  return real_epoch_s * ns_per_s + clock_jump_ns_ + host_jump_ns_[static_cast<std::size_t>(host)];
+}
 
 void VirtualWorld::say_control(Stopper who, std::size_t drone, ControlWord word) {
   stoppers_.say(now_, who, drone_name(static_cast<int>(drone) + 1), word);
@@ -100,6 +102,8 @@ std::string VirtualWorld::plans_text(std::size_t drone) const {
 
 void VirtualWorld::step() {
   now_ += tick_ns;
+  for (std::size_t host = 0; host < host_drift_.size(); ++host)
+    host_jump_ns_[host] += static_cast<TimeNs>(host_drift_[host] * static_cast<double>(tick_ns));
   witness_.begin_step();
   step_sim();
   if (!ledger_stalled_) ledger_.step(now_);
@@ -157,7 +161,7 @@ void VirtualWorld::step_sim() {
 
 void VirtualWorld::step_mocap(const std::vector<sim::MocapPose>& poses) {
   for (const sim::MocapPose& measured : poses)
-    wires_->drones[measured.drone - 1U].lines.push_mocap(now_, real_offset(), measured);
+    wires_->drones[measured.drone - 1U].lines.push_mocap(now_, real_offset(Host::mocap), measured);
   for (Wires::Drone& drone : wires_->drones) {
     while (auto unit = drone.lines.pop(now_, LineAt::mocap)) {
       digester_->put(unit->bytes);

@@ -87,7 +87,11 @@ class VirtualWorld {
   LedgerPort& port(Process process) { return process == Process::agent ? host_ : operator_; }
   Relay& relay() { return ledger_.relay(); }
   VirtualLedger& ledger() { return ledger_; }
+  /// Real time, of all hosts or of one. What a drift has made of it stays.
+  enum class Host : std::uint8_t { mocap, drones };
   void jump_clock(TimeNs by_ns) { clock_jump_ns_ += by_ns; }
+  void jump_clock(Host host, TimeNs by_ns) { host_jump_ns_[static_cast<std::size_t>(host)] += by_ns; }
+  void drift_clock(Host host, double share) { host_drift_[static_cast<std::size_t>(host)] = share; }
   sim::Simulator& sim() { return sim_; }
   /// The contract's stop, and its end.
   void say_control(Stopper who, std::size_t drone, ControlWord word);
@@ -114,7 +118,8 @@ class VirtualWorld {
   void step_link();
   void give_ground(ground::FlightInputs inputs);
   Result<Control> read_control(LedgerPort& port, const std::string& drone);
-  TimeNs real_offset() const;
+  /// Real time minus now().
+  TimeNs real_offset(Host host) const;
   bool stopped(Process process) const { return stopped_[static_cast<std::size_t>(process)]; }
 
   WorldConfig config_;
@@ -132,6 +137,8 @@ class VirtualWorld {
   std::unique_ptr<Digester> digester_;
   Witness witness_;
   TimeNs now_ = 0, next_ground_ns_ = 0, next_clock_ns_ = 0, quiet_since_ns_ = 0, clock_jump_ns_ = 0;
+  std::array<TimeNs, 2> host_jump_ns_{};
+  std::array<double, 2> host_drift_{};
   std::uint64_t starts_ = 0, link_start_ = 0;
   bool ledger_stalled_ = false;
   std::array<bool, process_count> stopped_{};

@@ -29,7 +29,7 @@ void VirtualWorld::start_link() {
 
 Status VirtualWorld::start_agent() {
   agent_.emplace(agent_config(config_, ++starts_), ledger_.registry());
-  mocap_intake_.emplace([this] { return real_offset(); });
+  mocap_intake_.emplace([this] { return real_offset(Host::drones); });
   agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   agent_->on_connection(now_, true);
   host_.begin(agent_checkpoint_);

@@ -67,6 +67,7 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.battery.start = config.battery;
   parameters.start_yaw_rad = config.yaw_deg / 180 * std::numbers::pi;
   parameters.pads = config.pads;
+  parameters.sensors = config.sensors;
   parameters.sdk.keeps_rc = config.keeps_rc;
   parameters.sdk.command_counts = config.command_counts;
   parameters.wind.gust_mps = config.gust_mps;
@@ -83,6 +84,22 @@ sim::Parameters sim_parameters(const WorldConfig& config) {
   parameters.control.max_speed_mps = std::max(parameters.control.max_speed_mps, 1.5 * config.full_scale_mps);
   return config.drawn_tello ? sim::draw_tello(parameters, config.seed) : parameters;
 }
+
+namespace {
+
+// As somebody who measured the simulator's drone.
+void set_calibrated(const sim::SensorParameters& sensors, link::OdometrySettings& odometry) {
+  odometry.velocity_scale = 1 / (1 + sensors.flow_scale_offset);
+  odometry.velocity_truncated = sensors.velocity_truncated;
+  odometry.velocity_lag_s = sensors.velocity_lag_s;
+  odometry.velocity_lag_sigma_s = 0.03;
+  odometry.flow_scale = 0.02;
+  const double bias_mps = std::hypot(sensors.flow_bias_mps[0], sensors.flow_bias_mps[1]) / std::numbers::sqrt2;
+  odometry.flow_mps = std::hypot(1.1 * sensors.flow_mps, bias_mps);
+  if (bias_mps < sensors.flow_mps) odometry.flow_s = sensors.flow_s;
+}
+
+}  // namespace
 
 link::LinkSettings link_settings(const WorldConfig& config) {
   const sim::Parameters places;
@@ -104,6 +121,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
     drone.odometry.start_m[0] += config.start_error_m * put.normal();
     drone.odometry.start_m[1] += config.start_error_m * put.normal();
     drone.odometry.start_yaw_rad = config.yaw_deg / 180 * std::numbers::pi + config.start_error_rad * put.normal();
+    if (config.calibrated) set_calibrated(config.sensors, drone.odometry);
     settings.drones.push_back(drone);
   }
   for (const sim::Pad& pad : config.pads)

@@ -54,7 +54,9 @@ struct WorldConfig {
   TimeNs request_after_ns = 0;
   double start_error_m = 0,
          start_error_rad = 0;  ///< of where drones are put for their own odometry: standard deviations
-  link::PoseSource pose = link::PoseSource::mocap;         ///< of every drone
+  link::PoseSource pose = link::PoseSource::mocap;  ///< of every drone
+  bool calibrated = false;                          ///< link knows scale, lag and bias of its drones' own velocities
+  sim::SensorParameters sensors;                    ///< of every drone
   fabric::BlockSource blocks = fabric::BlockSource::peer;  ///< agent's and ground's
   bool supervisors = false;  ///< enrolled besides the operator: for scripts in which they speak
 };

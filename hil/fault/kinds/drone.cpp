@@ -152,6 +152,19 @@ Result<FaultActs> mocap_jump(const Said& said) {
   return of_mocap(add, *offset, std::hypot((*offset)[0], (*offset)[1], (*offset)[2]));
 }
 
+constexpr double max_creep_mps = 5;
+constexpr double crept_m = 0.6;  // until link sees that its sources differ, and stops
+
+Result<FaultActs> mocap_creep(const Said& said) {
+  const auto velocity = vector_of(said.words);
+  const double speed = velocity ? std::hypot((*velocity)[0], (*velocity)[1], (*velocity)[2]) : 0;
+  if (speed <= 0 || speed > max_creep_mps) return Error{"creep must be followed by three velocities, up to 5 m/s"};
+  const auto add = [](MocapFault& mocap, const auto& mps) {
+    for (std::size_t i = 0; i < 3; ++i) mocap.creep_mps[i] += mps[i];
+  };
+  return of_mocap(add, *velocity, crept_m);
+}
+
 // What a drone can fly the wrong way until link sees that it does not move as it is told.
 constexpr double turned_m = 2;
 
@@ -199,6 +212,7 @@ constexpr FaultKind drone_table[] = {
     {"sensor NAME FIELD...", sensor},
     {"mocap NAME frozen", mocap_frozen},
     {"mocap NAME jump X Y Z", mocap_jump},
+    {"mocap NAME creep X Y Z", mocap_creep},
     {"mocap NAME turn DEGREES", mocap_turn},
     {"mocap NAME noise METRES", mocap_noise},
     {"mocap NAME every TIME", mocap_every},

@@ -31,6 +31,8 @@ void Effects::apply_to(VirtualWorld& world) const {
     if (process != Process::link) set_port(world.port(process), world.now(), port(process));
   }
   world.sim().set_wind(wind_mps);
+  for (const auto host : {VirtualWorld::Host::mocap, VirtualWorld::Host::drones})
+    world.drift_clock(host, clock_drift[static_cast<std::size_t>(host)]);
   for (std::size_t i = 0; i < drones.size(); ++i) {
     for (std::size_t at = 0; at < line_count; ++at) world.lines(i).impair(static_cast<LineAt>(at), drones[i].lines[at]);
     [[maybe_unused]] const Status set = world.sdk().set(i, drones[i].sdk);

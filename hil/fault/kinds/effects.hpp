@@ -42,6 +42,7 @@ struct Effects {
   std::array<bool, process_count> stopped{};
   std::optional<OfRelay> relay;
   bool ledger_stalled = false;
+  std::array<double, 2> clock_drift{};  ///< by VirtualWorld::Host: so much faster than real time
   std::array<double, 3> wind_mps{};
 
   OfPort& port(Process process) { return ports[static_cast<std::size_t>(process)]; }

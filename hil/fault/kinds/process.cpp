@@ -59,18 +59,60 @@ Result<FaultActs> restart_link(const Said&) {
                    .stops_link = true};
 }
 
-Result<FaultActs> jump_clock(const Said& said) {
-  const bool back = said.words[0].starts_with('-');
-  const auto by = parse_time(said.words[0].substr(back ? 1 : 0));
+constexpr const char* not_its_clock = "the machine's clock is not this flight's alone: virtual time alone has it";
+
+Result<TimeNs> jump_of(std::string_view word) {
+  const bool back = word.starts_with('-');
+  const auto by = parse_time(word.substr(back ? 1 : 0));
   if (!by) return by.error();
-  return FaultActs{.begin = [by_ns = back ? -*by : *by](VirtualWorld& world) { world.jump_clock(by_ns); },
-                   .not_real = because("the machine's clock is not this flight's alone: virtual time alone has it"),
+  return back ? -*by : *by;
+}
+
+Result<FaultActs> jump_clock(const Said& said) {
+  const auto by = jump_of(said.words[0]);
+  if (!by) return by.error();
+  return FaultActs{.begin = [by_ns = *by](VirtualWorld& world) { world.jump_clock(by_ns); },
+                   .not_real = because(not_its_clock),
                    .momentary = true};
 }
 
+VirtualWorld::Host host_of(std::string_view word) {
+  return word == "mocap" ? VirtualWorld::Host::mocap : VirtualWorld::Host::drones;
+}
+
+// Its stamps are of another time than they say, by a second at most: older ones are not believed.
+constexpr double off_clock_m = 1;
+
+Result<FaultActs> jump_clock_of(const Said& said) {
+  const auto by = jump_of(said.words[1]);
+  if (!by) return by.error();
+  return FaultActs{
+      .begin = [host = host_of(said.words[0]), by_ns = *by](VirtualWorld& world) { world.jump_clock(host, by_ns); },
+      .not_real = because(not_its_clock),
+      .momentary = true,
+      .for_good = true,
+      .misleads_m = off_clock_m};
+}
+
+Result<FaultActs> drift_clock_of(const Said& said) {
+  const auto share = parse_number(said.words[1]);
+  if (!share || *share == 0 || std::abs(*share) > 0.1)
+    return Error{"drift must be followed by seconds a second, up to 0.1 and not 0"};
+  return FaultActs{.lasts = [host = static_cast<std::size_t>(host_of(said.words[0])),
+                             share = *share](Effects& effects) { effects.clock_drift[host] += share; },
+                   .not_real = because(not_its_clock),
+                   .for_good = true,
+                   .misleads_m = off_clock_m};
+}
+
 constexpr FaultKind process_table[] = {
-    {"agent|link|ground kill", kill}, {"agent|link|ground stop", stop}, {"link end", end_link},
-    {"link restart", restart_link},   {"clock jump TIME", jump_clock},
+    {"agent|link|ground kill", kill},
+    {"agent|link|ground stop", stop},
+    {"link end", end_link},
+    {"link restart", restart_link},
+    {"clock jump TIME", jump_clock},
+    {"clock mocap|drones jump TIME", jump_clock_of},
+    {"clock mocap|drones drift RATE", drift_clock_of},
 };
 
 Result<FaultActs> kill_part_named(const std::string& part) {

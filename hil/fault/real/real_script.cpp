@@ -85,6 +85,7 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   }
   if (flight.battery != usual.battery) refuse("flight.battery", "./fly flies with full batteries");
   if (flight.pose == link::PoseSource::pads) refuse("flight.pose", "./fly lays no pads for it");
+  if (flight.calibrated) refuse("flight.calibrated", "./fly's drones are not");
   if (!flight.pads.empty()) refuse("flight.pads", "./fly lays none");
   if (flight.yaw_deg != usual.yaw_deg) refuse("flight.yaw_deg", "./fly's drones look along x");
   if (flight.drawn_tello) refuse("flight.tello", "./fly flies the usual Tello");

@@ -26,8 +26,13 @@ void DroneLines::push_mocap(TimeNs now, TimeNs real_offset_ns, const sim::MocapP
     if (now < next_mocap_ns_) return;
     next_mocap_ns_ = now + mocap_.period_ns;
   }
+  if (mocap_.creep_mps == std::array<double, 3>{}) {
+    creeps_since_ns_ = 0;
+  } else if (creeps_since_ns_ == 0) {
+    creeps_since_ns_ = now;
+  }
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    pose.position_m[axis] += mocap_.offset_m[axis];
+    pose.position_m[axis] += mocap_.offset_m[axis] + mocap_.creep_mps[axis] * to_seconds(now - creeps_since_ns_);
     if (mocap_.noise_m > 0) pose.position_m[axis] += mocap_.noise_m * noise_.normal();
   }
   if (mocap_.turn_rad != 0) {

@@ -19,8 +19,9 @@ inline constexpr std::size_t line_count = 5;
 struct MocapFault {
   bool frozen = false;
   std::array<double, 3> offset_m{};
-  double turn_rad = 0;  ///< of its heading, counter-clockwise
-  double noise_m = 0;   ///< standard deviation
+  std::array<double, 3> creep_mps{};  ///< its frame goes away so fast
+  double turn_rad = 0;                ///< of its heading, counter-clockwise
+  double noise_m = 0;                 ///< standard deviation
   TimeNs period_ns = 0;
 };
 
@@ -52,7 +53,7 @@ class DroneLines {
   std::vector<SensorFault> sensors_;
   MocapFault mocap_;
   std::optional<sim::MocapPose> frozen_at_;
-  TimeNs next_mocap_ns_ = 0;
+  TimeNs next_mocap_ns_ = 0, creeps_since_ns_ = 0;
   Random noise_{0};
 };
 

@@ -21,15 +21,21 @@ struct Told {
   std::string why;
 };
 
-Told fly_square(std::uint64_t seed, int laps, link::PoseSource source) {
+WorldConfig square(std::uint64_t seed, int laps, link::PoseSource source) {
   WorldConfig config;
   config.seed = seed;
   config.pose = source;
   config.side_m = 2;
   config.laps = laps;
+  config.calibrated = true;
+  config.room_m.reset();
   if (source == link::PoseSource::pads) config.pads = sim::parse_pads("1:0:0,2:2:0:90,3:2:2:200,4:0:2:-30").value();
   config.start_error_m = link::OdometrySettings{}.start_sigma_m;
   config.start_error_rad = link::OdometrySettings{}.start_sigma_rad;
+  return config;
+}
+
+Told fly(const WorldConfig& config) {
   auto world = VirtualWorld::create(config);
   Told told;
   if (!world) {
@@ -65,7 +71,7 @@ TEST(OwnSenses, ASquareByTheDronesOwnOdometryAndAVarianceThatIsTrue) {
   double sum = 0;
   int samples = 0, inside = 0;
   for (int seed = 1; seed <= count; ++seed) {
-    const Told told = fly_square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::tello);
+    const Told told = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::tello));
     EXPECT_TRUE(told.ok) << seed << ": " << told.why;
     std::printf("seed %d: error at most %.2f m, at the end %.2f m of sigma %.2f m; normalised squared error %.2f\n",
                 seed, told.max_error_m, told.last_error_m, told.last_sigma_m, told.normalised_squared / told.samples);
@@ -83,7 +89,7 @@ TEST(OwnSenses, ASquareByTheDronesOwnOdometryAndAVarianceThatIsTrue) {
 TEST(OwnSenses, WithFourPadsTheErrorStaysSmall) {
   const int count = seeds(slow ? 1 : 5, 100), laps = slow ? 1 : 3;
   for (int seed = 1; seed <= count; ++seed) {
-    const Told told = fly_square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::pads);
+    const Told told = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::pads));
     EXPECT_TRUE(told.ok) << seed << ": " << told.why;
     std::printf("seed %d, four pads: error at most %.2f m, normalised squared error %.2f\n", seed, told.max_error_m,
                 told.normalised_squared / told.samples);
