@@ -168,7 +168,8 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   const auto& v = facts.truth.velocity_mps;
   if (!facts.truth.in_flight || facts.truth.crashed) return;
   const bool within_way = check_blind(facts, excuse.blind, drone);
-  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > limits_.speed_mps && !excuse.physical)
+  const double max_mps = excuse.steered ? std::max(steered_mps, limits_.speed_mps) : limits_.speed_mps;
+  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > max_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
   double far = 0;

@@ -138,10 +138,12 @@ TEST(FaultJudge, NobodyCutsAnUprightDroneUnlessItWasAskedFor) {
 }
 
 TEST(FaultJudge, ADroneWithoutVelocityIsJudgedByTheTruthWithAPhysicalBound) {
-  const auto broken = [&](bool blind, double from_m, double to_m, double estimated_m, double mps) {
+  const auto broken = [&](bool blind, double from_m, double to_m, double estimated_m, double mps,
+                          bool steered = false) {
     Judged run("");
     std::vector<Moment::Excuse> excuses(1);
     excuses[0].blind = blind;
+    excuses[0].steered = steered;
     run.moment.excuses = excuses;
     run.drones[0].truth.position_m[0] = from_m;
     run.drones[0].pose = Pose{.drone = 1, .position_m = {from_m, 0, 1}};
@@ -159,6 +161,8 @@ TEST(FaultJudge, ADroneWithoutVelocityIsJudgedByTheTruthWithAPhysicalBound) {
   EXPECT_FALSE(broken(true, 98, 98, 104, 0).contains(far)) << "the estimate decides nothing";
   EXPECT_TRUE(broken(true, 0, 0, 0, 3).contains(fast));
   EXPECT_FALSE(broken(true, 0, 0, 0, 2).contains(fast));
+  EXPECT_FALSE(broken(true, 0, 0, 0, 3, true).contains(fast)) << "motion capture steers it";
+  EXPECT_TRUE(broken(true, 0, 0, 0, 4.5, true).contains(fast)) << "nobody does";
 }
 
 TEST(FaultJudge, WhatWasMissedWhileItWasBlindIsNoFaultOfTheFlightBehindIt) {
