@@ -135,6 +135,7 @@ Status MissionRun::end(const std::string& why) {
 
 void MissionRun::hold(const std::string& why) {
   if (paused_) return;
+  awaits_check_ = false;
   paused_ = true;
   tell(Level::warning, "", fmt::format("mission {}: all hover: {}", mission_.name, why));
 }
@@ -142,7 +143,7 @@ void MissionRun::hold(const std::string& why) {
 void MissionRun::abort(const std::string& why) {
   phase_ = RunPhase::aborted;
   why_ = printable(why, max_why);
-  paused_ = false;
+  paused_ = awaits_check_ = false;
   land_all();
   tell(Level::alarm, "", fmt::format("mission {}: all land: {}", mission_.name, why_));
 }
@@ -267,7 +268,13 @@ void MissionRun::recover() {
   if (phase_ == RunPhase::taking_off) waits = "nobody takes off by itself after a restart";
   if (!missing) waits = missing.error().what;
   if (!waits.empty()) hold(waits);
-  if (!paused_) tell(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
+  awaits_check_ = !paused_;
+}
+
+void MissionRun::go_on(const Status& checked) {
+  if (!std::exchange(awaits_check_, false)) return;
+  if (!checked) return hold(checked.error().what);
+  tell(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
 }
 
 void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std::size_t index) {
@@ -369,7 +376,7 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
       if (indices[i] < drones.size()) look(now, i, drones[indices[i]]);
     }
   }
-  if (!recovering_ && active()) conduct(now, drones, indices);
+  if (!recovering_ && !awaits_check_ && active()) conduct(now, drones, indices);
   if (!recovering_ && active()) advance();
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     if (indices[i] < drones.size()) land(i, drones[indices[i]], indices[i]);

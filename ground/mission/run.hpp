@@ -59,7 +59,8 @@ struct RunOutputs {
 ///
 /// Kept and restored, it waits until FlightCore has found each drone that was in the air, and then goes on, hovers or
 /// lands (AfterRestart). It goes on only if what was kept is approved, and waits as long for the approvals to be set as for
-/// the drones; nobody takes off by itself after a restart.
+/// the drones; then it awaits_check(), since batteries, corridors and the fence may be others by now. Nobody takes off
+/// by itself after a restart.
 ///
 /// Deterministic; no clock; one thread.
 class MissionRun {
@@ -98,6 +99,10 @@ class MissionRun {
   Status pause();
   Status resume();
   Status end(const std::string& why);  ///< all land
+  /// After a restart its drones hover until somebody has checked rest() and says by go_on() what came of it.
+  bool awaits_check() const { return awaits_check_; }
+  /// An error: they go on hovering until somebody resumes.
+  void go_on(const Status& checked);
 
   /// `drones`: all of the flight, in FlightConfig's order, behind FlightCore's step.
   RunOutputs step(TimeNs now, std::span<const DroneNow> drones);
@@ -147,6 +152,7 @@ class MissionRun {
   RunPhase phase_ = RunPhase::checked;
   bool paused_ = false;
   bool recovering_ = false;
+  bool awaits_check_ = false;
   TimeNs recovering_since_ns_ = 0;
   std::string why_;
   bool approvals_read_ = false;

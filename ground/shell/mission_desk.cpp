@@ -265,6 +265,8 @@ void MissionDesk::step(TimeNs now) {
     for (const mission::RunEvent& event : out.events) parts_.tell(event.level, event.drone, event.text);
     for (const std::string& id : out.kept) keep(id);
     for (const std::string& id : out.ended) write_record(id);
+    for (const std::string& id : out.awaiting_check)
+      check(book_.rest(id), [this, id](const Checked& checked) { book_.go_on(id, checked, parts_.core); });
   }
   if (book_.changed()) parts_.publish(book_.list());
 }

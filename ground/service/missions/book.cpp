@@ -216,6 +216,13 @@ Status MissionBook::land(const std::string& id, const std::string& why) {
   return stir(id, [&](const Entry& entry) { return entry.run->end(why); });
 }
 
+void MissionBook::go_on(const std::string& id, const Checked& checked, const FlightView& core) {
+  Entry* entry = find(id);
+  if (entry == nullptr || !entry->run->awaits_check()) return;
+  entry->run->go_on(may_fly(*entry, entry->run->rest(), entry->by, checked, core));
+  changed_ = entry->stirred = true;
+}
+
 bool MissionBook::busy() const {
   return std::any_of(missions_.begin(), missions_.end(),
                      [](const auto& one) { return one.second.stirred || one.second.run->active(); });
@@ -249,6 +256,7 @@ MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& core) {
     out.events.insert(out.events.end(), made.events.begin(), made.events.end());
     if (made.changed) out.kept.push_back(id);
     changed_ = changed_ || made.changed;
+    if (entry.run->awaits_check() && !std::exchange(entry.check_requested, true)) out.awaiting_check.push_back(id);
     const RunPhase phase = entry.run->phase();
     if (std::exchange(entry.phase, phase) != phase && phase >= RunPhase::done) out.ended.push_back(id);
   }

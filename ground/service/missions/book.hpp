@@ -60,12 +60,15 @@ class MissionBook {
   Status resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                 const FlightView& core);
   Status land(const std::string& id, const std::string& why);
+  /// One of Outputs::awaiting_check; `checked`: rest(). It goes on as resume() would have it, or hovers and says why.
+  void go_on(const std::string& id, const Checked& checked, const FlightView& core);
 
   struct Outputs {
     std::vector<PilotWish> wishes;
     std::vector<mission::RunEvent> events;
-    std::vector<std::string> kept;   ///< ids whose keep() is another by now
-    std::vector<std::string> ended;  ///< ids of those that are done or aborted by now
+    std::vector<std::string> kept;            ///< ids whose keep() is another by now
+    std::vector<std::string> ended;           ///< ids of those that are done or aborted by now
+    std::vector<std::string> awaiting_check;  ///< ids of those that a restart has found in the air, once each
   };
   /// Behind FlightCore's step.
   Outputs step(TimeNs now, const FlightView& core);
@@ -96,6 +99,7 @@ class MissionBook {
     std::optional<crypto::IdentityName> by{};
     std::vector<crypto::IdentityName> signers{};
     std::vector<mission::Finding> findings{};
+    bool check_requested = false;
     bool stirred = false;  ///< step() has something to tell of it
     mission::RunPhase phase = mission::RunPhase::checked;
   };

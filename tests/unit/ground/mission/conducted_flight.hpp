@@ -36,6 +36,12 @@ struct Flight {
     now += from_seconds(seconds);
     RunOutputs out = run.step(now, drones);
     changed = out.changed;
+    if (run.awaits_check()) {  // after a restart
+      run.go_on(checked);
+      RunOutputs more = run.step(now, drones);
+      out.wishes.insert(out.wishes.end(), more.wishes.begin(), more.wishes.end());
+      out.events.insert(out.events.end(), more.events.begin(), more.events.end());
+    }
     wishes = std::move(out.wishes);
     events.insert(events.end(), out.events.begin(), out.events.end());
     for (const PilotWish& wish : wishes) obey(wish, drones.at(wish.drone));
@@ -105,6 +111,7 @@ struct Flight {
   }
 
   RunConfig config;
+  Status checked = done;  ///< what check() comes to behind a restart
   MissionRun run;
   std::vector<DroneNow> drones{standing("tello3", 9, 9), standing("tello2", 0, 2), standing("tello1", 0, 0)};
   TimeNs now = ns_per_s;

@@ -85,6 +85,35 @@ TEST(MissionRestored, ItGoesOnWithTheRestOfEachPathInOneStepWhenAllAreFound) {
   EXPECT_EQ(flight.run.phase(), RunPhase::done);
 }
 
+// Its battery, its corridors and the fence may be others than at its start.
+TEST(MissionRestored, WhatTheCheckForbidsByNowHoversUntilSomebodyResumes) {
+  Killed flight(AfterRestart::go_on);
+  flight.checked = Error{"tello1: its battery is for 20 s, its path takes 60 s"};
+  flight.rises("tello1");
+  flight.rises("tello2");
+  flight.step();
+  flight.step();
+  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_TRUE(flight.run.paused());
+  EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: tello1: its battery is for 20 s")));
+  ASSERT_TRUE(flight.run.resume());
+  flight.step();
+  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+}
+
+TEST(MissionRestored, NothingIsFlownBeforeTheCheckIsThere) {
+  Killed flight(AfterRestart::go_on);
+  flight.rises("tello1");
+  flight.rises("tello2");
+  (void)flight.run.step(flight.now, flight.drones);
+  EXPECT_TRUE(flight.run.awaits_check());
+  EXPECT_THAT(flight.run.step(flight.now + ns_per_s, flight.drones).wishes, IsEmpty());
+  ASSERT_TRUE(flight.run.pause());
+  flight.run.go_on(done);
+  EXPECT_TRUE(flight.run.paused()) << "a pause counts more than a check that comes late";
+  EXPECT_THAT(flight.run.step(flight.now + 2 * ns_per_s, flight.drones).wishes, IsEmpty());
+}
+
 TEST(MissionRestored, ItHoversUntilSomebodyResumesIt) {
   Killed flight(AfterRestart::hover);
   flight.step();

@@ -267,11 +267,25 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
   ASSERT_TRUE(again) << again.error().what;
   EXPECT_EQ(*again, id);
   EXPECT_TRUE(other.busy()) << "it has drones to find";
+  MissionBook forbidden(settings, operator_name);
+  ASSERT_TRUE(forbidden.restore(book.keep(id)));
   other.set_signers(id, {operator_name});
+  forbidden.set_signers(id, {operator_name});
+  EXPECT_EQ(forbidden.step(world.now_ns, world.core).awaiting_check, std::vector{id});
+  forbidden.go_on(id, {.findings = {{.drone = "tello1", .words = "its battery is for 20 s", .forbids = true}}},
+                  world.core);
+  EXPECT_TRUE(json::parse(forbidden.show(id))["paused"]);
+  int checks = 0;
   for (int i = 0; i < 800; ++i) {
     world.run(0.05);
-    for (const PilotWish& wish : other.step(world.now_ns, world.core).wishes) world.say(wish);
+    const auto out = other.step(world.now_ns, world.core);
+    for (const PilotWish& wish : out.wishes) world.say(wish);
+    for (const std::string& due : out.awaiting_check) {
+      ++checks;
+      other.go_on(due, {}, world.core);
+    }
   }
+  EXPECT_EQ(checks, 1);
   EXPECT_EQ(json::parse(other.show(id))["phase"], "done");
 }
 
