@@ -47,8 +47,9 @@ std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std:
   return std::nullopt;
 }
 
-FlightCore::Drone::Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen)
-    : planner(config, i, lease, seen, status), phases(config, lease, seen, planner, status) {}
+FlightCore::Drone::Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen,
+                         const PlanTiming& timing)
+    : planner(config, i, lease, seen, status), phases(config, lease, seen, timing, planner, status) {}
 
 FlightCore::FlightCore(FlightConfig config)
     : config_(std::move(config)),
@@ -59,7 +60,7 @@ FlightCore::FlightCore(FlightConfig config)
       requests_(config_) {
   std::vector<CommandOutbox::Slot> slots;
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
-    drones_.push_back(std::make_unique<Drone>(config_, i, leases_.of(i), intake_.of(i)));
+    drones_.push_back(std::make_unique<Drone>(config_, i, leases_.of(i), intake_.of(i), timing_));
     slots.push_back({config_.drones[i], &drones_[i]->status});
   }
   if (!config_.ledger) return;

@@ -70,7 +70,7 @@ class FlightCore {
 
  private:
   struct Drone {
-    Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen);
+    Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen, const PlanTiming& timing);
     FlightStatus status;
     Planner planner;
     Phases phases;

@@ -158,7 +158,7 @@ void Phases::advance_waiting(TimeNs now) {
     return;
   }
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
-  if (grounded && !may_take_off(s, config_.manual)) return;
+  if (grounded && (!may_take_off(s, config_.manual) || !timing_.too_slow().empty())) return;
   status_.origin_m = {s.position_m[0], s.position_m[1]};
   if (const Status begun = planner_.begin_path(status_.origin_m, s.yaw_rad); !begun) {
     status_.why = begun.error().what;
@@ -251,7 +251,7 @@ std::string Phases::not_ready(TimeNs now) const {
   if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
   if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))
     return fmt::format("it may not take off ({})", words_for(seen_.state.cause));
-  return "";
+  return in_flight(seen_.state.phase) ? "" : timing_.too_slow();
 }
 
 std::string Phases::check_time(TimeNs now) {

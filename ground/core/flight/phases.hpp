@@ -20,8 +20,9 @@ bool may_take_off(const StateSample& state, bool manual);
 /// Deterministic; one thread. What it is given must outlive it; it writes the status's phase, progress and reasons.
 class Phases {
  public:
-  Phases(const FlightConfig& config, const Lease& lease, const Seen& seen, Planner& planner, FlightStatus& status)
-      : config_(config), lease_(lease), seen_(seen), planner_(planner), status_(status) {}
+  Phases(const FlightConfig& config, const Lease& lease, const Seen& seen, const PlanTiming& timing, Planner& planner,
+         FlightStatus& status)
+      : config_(config), lease_(lease), seen_(seen), timing_(timing), planner_(planner), status_(status) {}
 
   void begin(TimeNs now) { entered_ns_ = now; }
   bool in_air() const { return is_in_air(status_.phase); }
@@ -66,6 +67,7 @@ class Phases {
   const FlightConfig& config_;
   const Lease& lease_;
   const Seen& seen_;
+  const PlanTiming& timing_;
   Planner& planner_;
   FlightStatus& status_;
   TimeNs entered_ns_ = 0;  ///< the phase; the ground's clock

@@ -2,6 +2,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "common/msg/onboard.hpp"
@@ -35,6 +36,8 @@ class PlanTiming {
   const Timing& of(std::size_t drone) const;
   /// How much later than they say link flies the drone's setpoints.
   TimeNs margin_ns(std::size_t drone) const { return drones_[drone].margin.value_ns(); }
+  /// Why no plan could be flown in time, as far as our own calls tell; empty: one could, or nothing was measured yet.
+  std::string too_slow() const;
   /// The longest of all drones'.
   TimeNs max_delay_ns() const;
 
@@ -49,13 +52,21 @@ class PlanTiming {
   };
   struct Drone {
     motion::PlayoutMargin margin;
-    motion::Window arrivals;       ///< from a plan's making until it was there; the drone's clock
-    std::optional<Timing> timing;  ///< by arrivals
+    motion::Window arrivals;                           ///< from a plan's making until it was there; the drone's clock
+    motion::Window spacings;                           ///< between two plans that came
+    TimeNs first_arrival_ns = 0, last_arrival_ns = 0;  ///< of those; 0: none
+    std::optional<Timing> timing;                      ///< by arrivals
     /// Of the newest plans submitted, as far back as one may be on its way.
     std::array<PlanRecord, (max_plan_delay_ns + overdue_ns) / state_every_ns + 1> plans{};
     std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
   };
-  static Timing timing_for(TimeNs soonest_ns, TimeNs in_time_ns, TimeNs tail_ns);
+  /// How long plans take, as a distribution, and how far apart they come.
+  struct Ways {
+    TimeNs soonest_ns = 0, in_time_ns = 0, tail_ns = 0, spacing_ns = 0;
+  };
+  static Timing timing_for(const Ways& ways);
+  static void take_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns);
+  static void forget_arrivals(Drone& drone);
 
   std::vector<Drone> drones_;
   motion::TwoWay two_way_;
