@@ -134,6 +134,7 @@ std::string mocap_fault(Draw& draw, const std::string& drone, const std::string&
 std::string what(Draw& draw, const std::string& drone, const std::string& recording) {
   constexpr std::array<const char*, 5> ways{"to", "answers", "states", "from", "both"};
   constexpr std::array<const char*, 3> processes{"agent", "link", "ground"};
+  constexpr std::array<const char*, 4> halts{"agent stop", "link stop", "ground stop", "host suspend"};
   switch (draw.below(21)) {
     case 0:
       return fmt::format("drone {} reboot", drone);
@@ -157,7 +158,7 @@ std::string what(Draw& draw, const std::string& drone, const std::string& record
       return fmt::format("{} kill", draw.of(processes));
     case 10:
     case 11:
-      return fmt::format("{} stop", draw.of(processes));
+      return draw.of(halts);
     case 12:
     case 13:
     case 14:

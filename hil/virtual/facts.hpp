@@ -39,7 +39,8 @@ struct DroneFacts {
   TimeNs told_ns = 0;             ///< when it was sent; 0: never
   TimeNs told_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
   TimeNs land_until_ns = 0;       ///< of a landing that waits for room below (SeparationSettings); 0: none does
-  TimeNs plan_end_ns = 0;         ///< the later of both, the plan's by playout's margin now; 0: none
+  TimeNs made_room_ns = 0;        ///< when its failsafe made room for another last, which link steers without a plan
+  TimeNs plan_end_ns = 0;         ///< the latest of these three, the plan's by playout's margin now; 0: none
   std::uint64_t plans_given = 0;  ///< FLY plans that link was given
   std::optional<Pose> pose;       ///< newest that link was given, or made of the drone's own senses
   ground::DronePhase ground_phase = ground::DronePhase::waiting;

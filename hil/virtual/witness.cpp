@@ -94,7 +94,7 @@ void Witness::given(const std::vector<Pose>& poses) {
   for (const Pose& pose : poses) facts_[pose.drone - 1U].pose = pose;
 }
 
-void Witness::given(TimeNs now, const std::vector<Plan>& plans) {
+void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& plans) {
   for (const Plan& plan : plans) {
     DroneFacts& facts = facts_[plan.drone - 1U];
     // From the first word on, however often it is said.
@@ -105,7 +105,7 @@ void Witness::given(TimeNs now, const std::vector<Plan>& plans) {
     const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
     const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
-    facts.told_until_ns = std::max(facts.told_until_ns, last + hold);
+    facts.told_until_ns = std::max(facts.told_until_ns, last + hold + host_slept_ns);
     ++facts.plans_given;
   }
 }
@@ -178,6 +178,7 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
 }
 
 void Witness::handed(TimeNs now, const Plan& plan) {
+  if (link::is_empty_plan(plan)) return;  // nobody's: a lease has ended
   handed_unasked(now, plan);
   if (is_contract_word(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
@@ -225,18 +226,20 @@ void Witness::link_ended() {
     facts.phase = FlightPhase::disconnected;
     facts.mode = FailsafeMode::none;
     facts.cause = FailsafeCause::none;
-    facts.told_until_ns = facts.land_until_ns = facts.plan_end_ns = 0;
+    facts.told_until_ns = facts.land_until_ns = facts.made_room_ns = facts.plan_end_ns = 0;
   }
 }
 
-void Witness::end_step(const sim::Simulator& sim, const ground::FlightCore* ground, const link::LinkCore* link) {
+void Witness::end_step(TimeNs now, const sim::Simulator& sim, const ground::FlightCore* ground,
+                       const link::LinkCore* link) {
   for (WorldEvent& event : std::exchange(noted_, {})) events_.push_back(std::move(event));
   for (std::size_t i = 0; i < facts_.size(); ++i) {
     DroneFacts& facts = facts_[i];
     facts.truth = sim.truth(facts.number);
     if (link) {
       const TimeNs told_ns = facts.told_until_ns == 0 ? 0 : facts.told_until_ns + link->margin_ns(facts.number);
-      facts.plan_end_ns = std::max(told_ns, facts.land_until_ns);
+      if (facts.mode != FailsafeMode::none && link->makes_room(facts.number)) facts.made_room_ns = now;
+      facts.plan_end_ns = std::max({told_ns, facts.land_until_ns, facts.made_room_ns});
     }
     facts.off_path_m.reset();
     const auto& at_m = facts.truth.position_m;

@@ -32,7 +32,8 @@ class Witness {
   void note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::string text);
   void begin_step();
   void given(const std::vector<Pose>& poses);
-  void given(TimeNs now, const std::vector<Plan>& plans);
+  /// `host_slept_ns`: so far is the clock that plans are made by behind `now`.
+  void given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& plans);
   void handed(TimeNs now, const Plan& plan);
   /// A call that its creator signed: what agent hands on must be in one.
   void asked(const fabric::Call& call);
@@ -45,7 +46,7 @@ class Witness {
   void traced(TimeNs now, const TraceRecord& record);
   void link_ended();
   /// What is not running is null.
-  void end_step(const sim::Simulator& sim, const ground::FlightCore* ground, const link::LinkCore* link);
+  void end_step(TimeNs now, const sim::Simulator& sim, const ground::FlightCore* ground, const link::LinkCore* link);
   /// Every drone is on the ground and known to be.
   bool all_down() const;
 

@@ -76,7 +76,7 @@ Status VirtualWorld::set_up() {
   ledger_.on_asked([this](const fabric::Call& call) { witness_.asked(call); });
   ledger_.on_committed([this](const fabric::Call& call) { witness_.committed(call); });
   start_link();
-  mocap_intake_.emplace([this] { return real_offset(Host::drones); });
+  mocap_intake_.emplace([this] { return host_real_offset(); });
   if (!local_) {
     if (auto s = start_agent(); !s) return s;
   }
@@ -104,6 +104,7 @@ void VirtualWorld::step() {
   now_ += tick_ns;
   for (std::size_t host = 0; host < host_drift_.size(); ++host)
     host_jump_ns_[host] += static_cast<TimeNs>(host_drift_[host] * static_cast<double>(tick_ns));
+  if (host_suspended_) host_slept_ns_ += tick_ns;
   witness_.begin_step();
   step_sim();
   if (!ledger_stalled_) ledger_.step(now_);
@@ -121,7 +122,7 @@ void VirtualWorld::step() {
   }
   step_link();
   deliver_to_drones();
-  witness_.end_step(sim_, ground_.get(), link_ ? &*link_ : nullptr);
+  witness_.end_step(now_, sim_, ground_.get(), link_ ? &*link_ : nullptr);
   if (!ground_done() || !witness_.all_down()) {
     quiet_since_ns_ = 0;
   } else if (quiet_since_ns_ == 0) {
@@ -166,7 +167,7 @@ void VirtualWorld::step_mocap(const std::vector<sim::MocapPose>& poses) {
     while (auto unit = drone.lines.pop(now_, LineAt::mocap)) {
       digester_->put(unit->bytes);
       if ((agent_ || local_) && drone.mocap_ring.size() < mocap_ring)
-        drone.mocap_ring.emplace_back(now_, std::move(unit->bytes));
+        drone.mocap_ring.emplace_back(host_now(), std::move(unit->bytes));
     }
   }
 }
@@ -199,26 +200,27 @@ void VirtualWorld::step_agent() {
     }
     return;
   }
-  if (now_ >= next_clock_ns_) {
-    next_clock_ns_ = now_ + clock_period_ns;
+  if (host_now() >= next_clock_ns_) {
+    next_clock_ns_ = host_now() + clock_period_ns;
     mocap_intake_->clock().refresh();
     agent_->set_real_offset(mocap_intake_->clock().offset_ns());
   }
   for (std::size_t i = 0; i < facts().size(); ++i) {
     for (const agent::MocapPose& measured : take_mocap(i))
-      agent_->on_mocap(now_, facts()[i].number, measured, agent_out_);
+      agent_->on_mocap(host_now(), facts()[i].number, measured, agent_out_);
   }
-  for (const auto& state : take(wires_->states)) agent_->on_state(now_, state, agent_out_);
+  for (const auto& state : take(wires_->states)) agent_->on_state(host_now(), state, agent_out_);
   for (const auto& transition : take(wires_->transitions)) agent_->on_transition(transition);
-  if (const auto connected = host_.take_connection()) agent_->on_connection(now_, *connected);
-  for (const auto& ended : host_.take_outcomes()) agent_->on_outcome(now_, ended.id, ended.outcome, agent_out_);
-  for (const std::string& why : host_.take_contradictions()) agent_->on_doubt(now_, agent::DoubtKind::stream, why);
-  for (const auto& block : host_.take_blocks()) agent_->on_block(now_, block, agent_out_);
+  if (const auto connected = host_.take_connection()) agent_->on_connection(host_now(), *connected);
+  for (const auto& ended : host_.take_outcomes()) agent_->on_outcome(host_now(), ended.id, ended.outcome, agent_out_);
+  for (const std::string& why : host_.take_contradictions())
+    agent_->on_doubt(host_now(), agent::DoubtKind::stream, why);
+  for (const auto& block : host_.take_blocks()) agent_->on_block(host_now(), block, agent_out_);
   if (const auto granted = agent_->await_roles(); !granted.empty()) {
     const auto read = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); }, granted);
     if (read) agent_->add_roles(*read);
   }
-  agent_->step(now_, agent_out_);
+  agent_->step(host_now(), agent_out_);
   for (const auto& word : agent_out_.doubts) note(WorldEvent::Kind::doubted, 0, word.words);
   for (auto& submit : agent_out_.submits) host_.submit(now_, submit.frame, std::move(submit.call));
   for (const auto& trace : agent_out_.traces) digester_->put(trace);
@@ -303,9 +305,12 @@ void VirtualWorld::step_link() {
   const auto poses = take(wires_->poses);
   const auto beats = take(wires_->beats);
   witness_.given(poses);
-  const auto& out = link_->step(
-      now_,
-      {.received = received, .plans = plans, .poses = poses, .beats = beats, .stop_all = link_ends_ns_.has_value()});
+  const auto& out = link_->step(host_now(), {.received = received,
+                                             .plans = plans,
+                                             .poses = poses,
+                                             .beats = beats,
+                                             .stop_all = link_ends_ns_.has_value(),
+                                             .suspended_ns = host_slept_ns_});
   if (link::uses_own_senses(config_.pose)) {  // made there, or joined there
     std::vector<Pose> own;
     for (const DroneFacts& drone : facts()) {
@@ -330,7 +335,7 @@ void VirtualWorld::step_link() {
     digester_->put(record);
     witness_.traced(now_, record);
   }
-  witness_.given(now_, plans);
+  witness_.given(now_, host_slept_ns_, plans);
   link_stops_ = link_->local_stops();
   if (!link_ends_ns_ || !(link_->all_landed_or_told() || now_ >= *link_ends_ns_)) return;
   kill(Process::link);

@@ -80,6 +80,8 @@ class VirtualWorld {
   void kill(Process process);   ///< also one whose start waits for the ledger
   void start(Process process);  ///< no effect while it lives
   void stop(Process process, bool stopped) { stopped_[static_cast<std::size_t>(process)] = stopped; }
+  /// The drones' host, link and agent, sleeps: its clock stands still meanwhile.
+  void suspend_host(bool suspended) { host_suspended_ = suspended; }
   /// SIGTERM: link lands what flies and ends, as its loop does; `again`: whoever watches over it then starts it anew.
   void end_link(bool again = false);
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
@@ -120,7 +122,12 @@ class VirtualWorld {
   Result<Control> read_control(LedgerPort& port, const std::string& drone);
   /// Real time minus now().
   TimeNs real_offset(Host host) const;
-  bool stopped(Process process) const { return stopped_[static_cast<std::size_t>(process)]; }
+  /// CLOCK_MONOTONIC of the drones' host, and real time less it.
+  TimeNs host_now() const { return now_ - host_slept_ns_; }
+  TimeNs host_real_offset() const { return real_offset(Host::drones) + host_slept_ns_; }
+  bool stopped(Process process) const {
+    return stopped_[static_cast<std::size_t>(process)] || (host_suspended_ && process != Process::ground);
+  }
 
   WorldConfig config_;
   VirtualLedger ledger_;
@@ -140,7 +147,8 @@ class VirtualWorld {
   std::array<TimeNs, 2> host_jump_ns_{};
   std::array<double, 2> host_drift_{};
   std::uint64_t starts_ = 0, link_start_ = 0;
-  bool ledger_stalled_ = false;
+  bool ledger_stalled_ = false, host_suspended_ = false;
+  TimeNs host_slept_ns_ = 0;
   std::array<bool, process_count> stopped_{};
   std::optional<TimeNs> link_ends_ns_;  ///< SIGTERM came: at the latest then
   bool link_begins_again_ = false;

@@ -29,12 +29,12 @@ void VirtualWorld::start_link() {
 
 Status VirtualWorld::start_agent() {
   agent_.emplace(agent_config(config_, ++starts_), ledger_.registry());
-  mocap_intake_.emplace([this] { return real_offset(Host::drones); });
+  mocap_intake_.emplace([this] { return host_real_offset(); });
   agent_->set_real_offset(mocap_intake_->clock().offset_ns());
-  agent_->on_connection(now_, true);
+  agent_->on_connection(host_now(), true);
   host_.begin(agent_checkpoint_);
   if (agent_checkpoint_) {
-    for (const Control& control : agent_records_.controls) agent_->set_control(now_, control);
+    for (const Control& control : agent_records_.controls) agent_->set_control(host_now(), control);
     agent_->set_roles(agent_records_.roles);
     return done;
   }
@@ -42,7 +42,7 @@ Status VirtualWorld::start_agent() {
   for (const DroneFacts& drone : facts()) {
     auto control = read_control(host_, drone.name);
     if (!control) return control.error();
-    agent_->set_control(now_, *control);
+    agent_->set_control(host_now(), *control);
     controls.push_back(std::move(*control));
   }
   auto roles = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); },

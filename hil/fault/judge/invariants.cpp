@@ -237,6 +237,15 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
                         to_ms(silent_for)));
     }
   }
+  // A landing of the failsafe waits for room below, but not for ever.
+  if (!flies || facts.mode != FailsafeMode::land) {
+    drone.waits_since_ns = 0;
+  } else if (drone.waits_since_ns == 0) {
+    drone.waits_since_ns = now;
+  } else if (now - drone.waits_since_ns > landing_waits_ns) {
+    broke(which::hovers, now,
+          fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(now - drone.waits_since_ns)));
+  }
   const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
   if (!hovering) {
     drone.hovering_since_ns = 0;

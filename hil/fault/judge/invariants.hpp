@@ -21,7 +21,8 @@ namespace ledgerline::hil {
 ///                               down after 25 s: whatever became of the link before
 ///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later it
 ///                               tells the drone zero
-///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing
+///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing, which
+///                               waits for room below for 10 s at most
 ///     rc in range               as the SDK takes it
 ///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
 ///                               link that stood still, and of a drone that lost a propeller: it spins, and nobody tells
@@ -49,7 +50,8 @@ class Invariants {
   static constexpr TimeNs ramp_ns = 600 * ns_per_ms;  ///< from 2 m/s at 4 m/s2, and a step of rc
   static constexpr double told_at_once_mps = 0.3;     ///< between two rc of a ramp, and their rounding
   static constexpr TimeNs land_after_ns = 5'500 * ns_per_ms;
-  static constexpr double farther_m = 0.5;  ///< than where it got while it was deaf
+  static constexpr TimeNs landing_waits_ns = 10'500 * ns_per_ms;  ///< for room below: SeparationSettings, and 0.5 s
+  static constexpr double farther_m = 0.5;                        ///< than where it got while it was deaf
   /// From where a drone's own velocity was lost. At 1 m/s it goes 0.5 m until that is noticed, and with the sticks at
   /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double a drone may run away for 5 s.
   static constexpr double blind_way_m = 5;
@@ -63,6 +65,7 @@ class Invariants {
  private:
   struct Drone {
     TimeNs hovering_since_ns = 0;
+    TimeNs waits_since_ns = 0;                          ///< its failsafe lands it, and it is still steered
     TimeNs unseen_since_ns = 0;                         ///< in the air, and link runs but does not see it
     double high_m = 0, far_m = 0;                       ///< beyond the limits: where it got while it was deaf
     std::optional<std::array<double, 2>> blind_from_m;  ///< where its own velocity was lost; nothing: it is not

@@ -105,6 +105,13 @@ Result<FaultActs> drift_clock_of(const Said& said) {
                    .misleads_m = off_clock_m};
 }
 
+Result<FaultActs> suspend_host(const Said&) {
+  return FaultActs{.begin = [](VirtualWorld& world) { world.suspend_host(true); },
+                   .end = [](VirtualWorld& world) { world.suspend_host(false); },
+                   .not_real = because("who looks on would sleep with it: virtual time alone has it"),
+                   .stops_link = true};
+}
+
 constexpr FaultKind process_table[] = {
     {"agent|link|ground kill", kill},
     {"agent|link|ground stop", stop},
@@ -113,6 +120,7 @@ constexpr FaultKind process_table[] = {
     {"clock jump TIME", jump_clock},
     {"clock mocap|drones jump TIME", jump_clock_of},
     {"clock mocap|drones drift RATE", drift_clock_of},
+    {"host suspend", suspend_host},
 };
 
 Result<FaultActs> kill_part_named(const std::string& part) {

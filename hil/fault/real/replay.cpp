@@ -99,6 +99,9 @@ class Player {
       drone->phase = static_cast<FlightPhase>(r.id);
       drone->mode = static_cast<FailsafeMode>(r.extra);
       drone->cause = static_cast<FailsafeCause>(static_cast<int>(r.v[0]));
+      // A landing of the failsafe is steered until there is room below it.
+      if (drone->phase == FlightPhase::flying && drone->mode == FailsafeMode::land)
+        drone->plan_end_ns = r.t_ns - begin_ns_ + from_seconds(link::SeparationSettings{}.landing_wait_s);
       events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::mode, index, 0, mode_text(*drone)});
     } else if (r.kind == TraceKind::state_sampled) {
       drone->pose = Pose{.drone = r.drone, .stamp_ns = r.stamp_ns, .position_m = {r.v[0], r.v[1], r.v[2]}};

@@ -40,7 +40,7 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       playout_(settings.playout, admission_),
       limiter_(settings.playout),
       in_common_frame_(drone.in_common_frame),
-      landing_wait_ns_(from_seconds(settings.separation.landing_wait_s)),
+      landing_(from_seconds(settings.separation.landing_wait_s)),
       drawn_fence_(settings.fence),
       local_stop_(local_stop) {}
 
@@ -71,6 +71,11 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
                      .stamp_ns = plan.state_stamp_ns,
                      .v = {}});
   if (admission_.admit(at.now, plan) != DropReason::none) return;
+  if (is_empty_plan(plan)) {
+    playout_.clear(DropReason::superseded);
+    admission_.applied();
+    return;
+  }
   if (!is_contract_word(plan.action)) {
     arrived_sequence_ = plan.sequence;
     arrived_ns_ = at.now;
@@ -78,7 +83,7 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
   const bool flies = plan.action == PlanAction::fly;
   // One that a brake drops counts all the same: by hand it may end.
   if (flies && session_.phase() == FlightPhase::flying) by_hand_ = plan.body_frame;
-  const DropReason reason = flies ? may_follow(at) : obey(at, plan);
+  const DropReason reason = flies ? may_follow(at, plan) : obey(at, plan);
   if (reason != DropReason::none) {
     admission_.dropped(plan, reason);
   } else if (flies) {
@@ -90,9 +95,10 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
   }
 }
 
-DropReason DroneLink::may_follow(const LinkMoment& at) const noexcept {
+DropReason DroneLink::may_follow(const LinkMoment& at, const Plan& plan) const noexcept {
+  if (plan.state_stamp_ns < at.not_before_ns) return DropReason::too_old;
   const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
-  const bool flying = session_.phase() == FlightPhase::flying && landing_asked_ns_ == 0;
+  const bool flying = session_.phase() == FlightPhase::flying && !landing_.asked();
   return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
 }
 
@@ -116,7 +122,7 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
 
 DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
   const FlightPhase phase = session_.phase();
-  if (landing_asked_ns_ != 0) return DropReason::not_flying;
+  if (landing_.asked()) return DropReason::not_flying;
   if (phase == FlightPhase::taking_off || phase == FlightPhase::flying) return DropReason::none;
   if (!on_ground(phase)) return DropReason::not_flying;
   if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
@@ -133,50 +139,11 @@ DropReason DroneLink::land(TimeNs now) noexcept {
   session_.land_again(now, BlindTalk::Asker::holder);
   if (session_.phase() != FlightPhase::flying) {
     session_.request_land(now);
-  } else if (landing_asked_ns_ == 0) {
-    landing_asked_ns_ = now;  // step() tells it, in this step where nobody is below
+  } else {
+    landing_.ask(now);  // step() tells it, in this step where nobody is below
   }
   playout_.clear(DropReason::superseded);
   return DropReason::none;
-}
-
-void DroneLink::stop(TimeNs now, const Plan& plan) noexcept {
-  stop_ = true;
-  cut_ = cut_ || plan.action == PlanAction::cut;
-  stopped_ns_ = std::max(stopped_ns_, plan.verified_ns);
-  resumed_ = resumed_locally_ = false;
-  takeoff_after_ns_ = now;
-  session_.land_again(now, BlindTalk::Asker::contract);
-  playout_.clear(DropReason::superseded);
-}
-
-void DroneLink::stop_locally(TimeNs now) noexcept {
-  session_.land_again(now, BlindTalk::Asker::local);
-  if (!may_fly() || !session_.heard()) return;
-  local_stop_ = true;
-  stopped_ns_ = std::max(stopped_ns_, now);
-  resumed_ = resumed_locally_ = false;
-}
-
-// One that was overtaken by a newer stop lifts nothing.
-DropReason DroneLink::resume(const Plan& plan) noexcept {
-  if (plan.verified_ns < stopped_ns_) return DropReason::out_of_order;
-  resumed_ = true;
-  resumed_locally_ = resumed_locally_ || plan.action == PlanAction::resumed_by_owner;
-  lift_stops();  // a take-off may come with it
-  return DropReason::none;
-}
-
-void DroneLink::resume_locally() noexcept {
-  resumed_locally_ = true;
-  lift_stops();
-}
-
-void DroneLink::lift_stops() noexcept {
-  if (may_fly()) return;
-  if (resumed_) stop_ = cut_ = false;
-  if (resumed_locally_) local_stop_ = false;
-  resumed_ = resumed_locally_ = false;
 }
 
 void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept {
@@ -212,12 +179,13 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
   lift_stops();
-  const Playout::Wish wish = wished(now);
+  Playout::Wish wish = wished(now);
   update_facts(at, wish);
   facts_.blind = session_.blind(now);
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
   obey_failsafe(now);
-  if (landing_asked_ns_ != 0 && !landing_waits(at)) session_.request_land(now);
+  if (landing_.asked() && !landing_waits(at)) session_.request_land(now);
+  if (landing_.asked()) wish = wished(now);
   if (session_.phase() == FlightPhase::flying) fly(at, wish);
   talk(at);
   watch_phase(at);
@@ -229,7 +197,11 @@ void DroneLink::step(const LinkMoment& at) noexcept {
 void DroneLink::obey_failsafe(TimeNs now) noexcept {
   switch (failsafe_.mode) {
     case FailsafeMode::land:
-      session_.request_land(now);
+      if (session_.phase() == FlightPhase::flying) {
+        landing_.ask(now);
+      } else {
+        session_.request_land(now);
+      }
       break;
     case FailsafeMode::cut:
       session_.request_cut(now);
@@ -263,11 +235,13 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
     if (last_rc_ != Rc{}) send_rc(at, {}, {});
     return;
   }
-  const bool follows = follows_plan(failsafe_.mode, wish.valid);
+  // Whoever was to land and did not wait is not flying any more.
+  const bool follows = landing_.asked() || follows_plan(failsafe_.mode, wish.valid);
   const double yaw = yaw_rad(now);
   const Velocity apart = left_by_others(in_map(wish, now));
   drawn_fence_ = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
-  const Velocity goal = follows ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
+  const Velocity goal =
+      follows || steps_aside() ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
   const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
   const BodyCommand command = to_body(rc_settings_, limited, yaw);
 
@@ -277,7 +251,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
                                                      : rc_settings_.max_gap_ns;
   if (gap < wanted_gap) return;
   send_rc(at, command.told, command.rc);
-  if (!follows || landing_asked_ns_ != 0) return;
+  if (!follows || landing_.asked()) return;
   const bool first = playout_.mark_sent();
   applied_sequence_ = wish.sequence;
   applied_stamp_ns_ = wish.state_stamp_ns;
@@ -305,7 +279,7 @@ void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
   const FlightPhase phase = session_.phase();
   if (phase != last_phase_) {
-    landing_asked_ns_ = 0;
+    landing_.reset();
     motion_watch_.reset();
     if (phase == FlightPhase::flying) {
       limiter_.reset(at.now);

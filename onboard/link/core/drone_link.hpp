@@ -16,6 +16,7 @@
 #include "onboard/link/core/pose/failover.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/pose/source_check.hpp"
+#include "onboard/link/core/separation/landing_wait.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
@@ -46,7 +47,9 @@ struct DroneReport {
 /// What all drones share in a step of link.
 struct LinkMoment {
   TimeNs now;
-  bool healthy;   ///< steps come in time, and have for LinkSettings::health_rest_ns
+  bool healthy;  ///< steps come in time, and have for LinkSettings::health_rest_ns
+  /// The host was suspended before: what is stamped earlier is older than it says. 0: it was not.
+  TimeNs not_before_ns = 0;
   bool stop_all;  ///< the local stop key was pressed
   LinkOutputs& out;
 };
@@ -75,6 +78,8 @@ class DroneLink {
   bool stopped_locally() const noexcept { return local_stop_; }
   /// Link was started too often: `land` is said again to a drone that is not seen.
   void land_again(TimeNs now) noexcept { session_.land_again(now, BlindTalk::Asker::local); }
+  /// The clock stood still for `slept_ns` while time passed: plans and poses in hand are that much older.
+  void grow_older(TimeNs now, TimeNs slept_ns) noexcept;
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
   /// the drone is.
   void dead_reckon(double seconds) noexcept;
@@ -96,6 +101,8 @@ class DroneLink {
   bool may_fly() const noexcept { return in_flight(session_.phase()) || session_.may_fly_unseen(); }
   bool heard() const noexcept { return session_.heard(); }
   bool told_to_land(TimeNs now) const noexcept { return session_.told_to_land(now); }
+  /// It is flown to make room for another, not by a plan: it steps aside while it holds, or waits to land.
+  bool makes_room() const noexcept;
   DroneReport report() const;
 
  private:
@@ -108,7 +115,7 @@ class DroneLink {
   double yaw_rad(TimeNs now) const noexcept;
   Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
-  DropReason may_follow(const LinkMoment& at) const noexcept;
+  DropReason may_follow(const LinkMoment& at, const Plan& plan) const noexcept;
   /// Does what any other plan asks for; none: done, or it was so already.
   DropReason obey(const LinkMoment& at, const Plan& plan) noexcept;
   DropReason take_off(const LinkMoment& at, const Plan& plan) noexcept;
@@ -129,6 +136,10 @@ class DroneLink {
   Velocity left_by_others(Velocity wish) const noexcept;
   bool too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
+  /// A hold with a usable position gets out of the wash of another that hovers above or below.
+  bool steps_aside() const noexcept;
+  /// The newest pose is young enough to be steered by.
+  bool placed(TimeNs now) const noexcept;
   void talk(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::Wish& wish) noexcept;
   void send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept;
@@ -176,9 +187,8 @@ class DroneLink {
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone
-  TimeNs landing_wait_ns_;
-  TimeNs landing_asked_ns_ = 0;  ///< when the holder asked a flying drone to land, which it is not told yet; 0: nobody
-  FenceSettings drawn_fence_;    ///< as it held in the last step that flew
+  LandingWait landing_;
+  FenceSettings drawn_fence_;  ///< as it held in the last step that flew
   // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one

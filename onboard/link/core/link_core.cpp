@@ -30,7 +30,7 @@ DroneLink* LinkCore::find(DroneNumber number) noexcept {
 const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
   out_.clear();
   const double passed_s = last_step_ns_ == 0 ? 0 : to_seconds(now - last_step_ns_);
-  watch_health(now);
+  watch_health(now, has_slept(now, inputs.suspended_ns));
   for (DroneLink& drone : drones_) {
     if (inputs.stop_all && !stop_all_) drone.stop_locally(now);
     if (land_first_) drone.land_again(now);
@@ -39,7 +39,11 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   land_first_ = false;
   stop_all_ = stop_all_ || inputs.stop_all;
 
-  const LinkMoment at{.now = now, .healthy = now >= unhealthy_until_ns_, .stop_all = stop_all_, .out = out_};
+  const LinkMoment at{.now = now,
+                      .healthy = now >= unhealthy_until_ns_,
+                      .not_before_ns = not_before_ns_,
+                      .stop_all = stop_all_,
+                      .out = out_};
   take_inputs(at, inputs);
   keep_apart(now, passed_s);
   for (DroneLink& drone : drones_) drone.step(at);
@@ -47,14 +51,23 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   return out_;
 }
 
-void LinkCore::watch_health(TimeNs now) noexcept {
+void LinkCore::watch_health(TimeNs now, bool slept) noexcept {
   if (last_step_ns_ == 0) {
     next_sample_ns_ = now;
   } else {
-    if (now - last_step_ns_ > health_gap_ns_) unhealthy_until_ns_ = now + health_rest_ns_;
+    if (slept || now - last_step_ns_ > health_gap_ns_) unhealthy_until_ns_ = now + health_rest_ns_;
     for (DroneLink& drone : drones_) drone.dead_reckon(to_seconds(now - last_step_ns_));
   }
   last_step_ns_ = now;
+}
+
+bool LinkCore::has_slept(TimeNs now, TimeNs suspended_ns) noexcept {
+  const TimeNs slept_ns = last_step_ns_ == 0 ? 0 : suspended_ns - suspended_ns_;
+  suspended_ns_ = suspended_ns;
+  if (slept_ns <= health_gap_ns_) return false;
+  not_before_ns_ = now;
+  for (DroneLink& drone : drones_) drone.grow_older(now, slept_ns);
+  return true;
 }
 
 void LinkCore::keep_apart(TimeNs now, double passed_s) noexcept {
@@ -80,6 +93,7 @@ void LinkCore::take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexc
     }
   }
   for (const Pose& pose : inputs.poses) {
+    if (pose.stamp_ns < not_before_ns_) continue;
     if (DroneLink* drone = find(pose.drone)) drone->take_pose(at.now, pose);
   }
   for (const Plan& plan : inputs.plans) {
@@ -127,6 +141,11 @@ FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
 Pose LinkCore::pose(DroneNumber number) const noexcept {
   const DroneLink* drone = find(number);
   return drone ? drone->pose() : Pose{};
+}
+
+bool LinkCore::makes_room(DroneNumber number) const noexcept {
+  const DroneLink* drone = find(number);
+  return drone && drone->makes_room();
 }
 
 TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {

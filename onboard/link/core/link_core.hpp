@@ -36,6 +36,8 @@ class LinkCore {
   FailsafeMode mode(DroneNumber drone) const noexcept;
   /// The newest; its stamp is 0 where there was none.
   Pose pose(DroneNumber drone) const noexcept;
+  /// Link flies it to make room for another, though no plan says so.
+  bool makes_room(DroneNumber drone) const noexcept;
   /// How much later than they say its setpoints are flown now.
   TimeNs margin_ns(DroneNumber drone) const noexcept;
 
@@ -46,7 +48,10 @@ class LinkCore {
  private:
   const DroneLink* find(DroneNumber number) const noexcept;
   DroneLink* find(DroneNumber number) noexcept;
-  void watch_health(TimeNs now) noexcept;
+  void watch_health(TimeNs now, bool slept) noexcept;
+  /// The host was suspended: the clock stood still meanwhile, so all that is kept is older than its stamps say, and is
+  /// aged here.
+  bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
   void take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept;
   /// Of what the drones wish each is left so much that they do not come too near to each other.
   void keep_apart(TimeNs now, double passed_s) noexcept;
@@ -59,6 +64,8 @@ class LinkCore {
   bool stop_all_ = false;
   bool land_first_;  ///< link was started too often
   TimeNs last_step_ns_ = 0;
+  TimeNs suspended_ns_ = 0;   ///< since the host booted, as of the last step
+  TimeNs not_before_ns_ = 0;  ///< what is stamped earlier is from before it was suspended
   TimeNs unhealthy_until_ns_ = 0;
   TimeNs next_sample_ns_ = 0;
   Separation separation_;

@@ -42,6 +42,7 @@ struct LinkInputs {
   std::span<const Pose> poses;
   std::span<const AgentBeat> beats;
   bool stop_all = false;      ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+  TimeNs suspended_ns = 0;    ///< how long this host was suspended since it booted (LoopClock)
   bool resume_local = false;  ///< the local stops are lifted by somebody at this host (SIGUSR1)
 };
 

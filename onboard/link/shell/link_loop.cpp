@@ -33,6 +33,7 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
                                             .poses = {poses_.data(), poses},
                                             .beats = {beats_.data(), beats},
                                             .stop_all = stopping,
+                                            .suspended_ns = clock.suspended_ns(),
                                             .resume_local = resume_local_.exchange(false, std::memory_order_relaxed)});
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
   for (const ToSend& message : out.to_send) figures_.sends_failed += transport_.send(message) ? 0 : 1;

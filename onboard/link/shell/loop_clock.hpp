@@ -17,6 +17,8 @@ class LoopClock {
   /// When the newest turn was due.
   virtual TimeNs due_ns() const noexcept = 0;
   virtual TimeNs now() const noexcept = 0;
+  /// How long the host was suspended since it booted: now() stood still meanwhile.
+  virtual TimeNs suspended_ns() const noexcept = 0;
   /// Nobody moves it any more: there will be no turn.
   virtual bool lost() const noexcept = 0;
 
@@ -32,6 +34,12 @@ class RealClock final : public LoopClock {
   TimeNs wait(const std::atomic<bool>&) noexcept override { return turns_.wait(); }
   TimeNs due_ns() const noexcept override { return turns_.due_ns(); }
   TimeNs now() const noexcept override { return monotonic_ns(); }
+  /// CLOCK_MONOTONIC stands still while the host is suspended, CLOCK_BOOTTIME goes on. The one is read behind the
+  /// other, so the difference jitters by what lies between.
+  TimeNs suspended_ns() const noexcept override {
+    const TimeNs monotonic = monotonic_ns();
+    return read_clock(CLOCK_BOOTTIME) - monotonic;
+  }
   bool lost() const noexcept override { return false; }
   std::uint64_t overruns() const noexcept override { return turns_.overruns(); }
   const Histogram& late() const noexcept override { return turns_.late(); }

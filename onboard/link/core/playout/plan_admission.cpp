@@ -23,7 +23,8 @@ DropReason PlanAdmission::check(TimeNs now, const Plan& plan) const noexcept {
   const bool wants_flight = plan.action == PlanAction::fly || plan.action == PlanAction::takeoff;
   if (wants_flight && now - plan.state_stamp_ns > settings_.max_age_ns) return DropReason::too_old;
   if (plan.action != PlanAction::fly) return DropReason::none;
-  if (plan.state_stamp_ns > now || plan.count == 0 || plan.count > max_setpoints) return DropReason::bad_value;
+  if (plan.state_stamp_ns > now || plan.count > max_setpoints) return DropReason::bad_value;
+  if (plan.count == 0 && !is_empty_plan(plan)) return DropReason::bad_value;
   for (std::uint32_t i = 0; i < plan.count; ++i) {
     const Setpoint& setpoint = plan.setpoints[i];
     if (!believable(setpoint) || setpoint.at_ns < 0 || setpoint.at_ns > now + settings_.max_ahead_ns)

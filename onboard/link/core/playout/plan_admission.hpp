@@ -24,6 +24,12 @@ struct PlanEnd {
   DropReason reason = DropReason::none;  ///< none: late
 };
 
+/// Of agent itself, when a lease has ended: what its holder has planned is not flown to its end. It begins the next
+/// lease's epoch, before the first plan under it.
+inline bool is_empty_plan(const Plan& plan) noexcept {
+  return plan.action == PlanAction::fly && plan.count == 0 && plan.sequence == 0;
+}
+
 /// Whether a drone's plan may be acted on, whatever its action, and what became of each. A plan never goes behind a
 /// newer one: (epoch, sequence) only rises. What wants flight must be young and made of believable numbers; a landing
 /// is never too old, and what comes from the contract (stop, cut, resumed) carries no sequence and is always admitted.

@@ -174,6 +174,16 @@ Velocity DroneLink::in_map(const Playout::Wish& wish, TimeNs now) const noexcept
   return wish.body_frame ? to_map(wish.velocity, yaw_rad(now)) : wish.velocity;
 }
 
+void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
+  playout_.clear(DropReason::too_old);
+  const auto age = [&](TimeNs& stamp) { stamp = stamp == 0 ? 0 : std::max<TimeNs>(1, stamp - slept_ns); };
+  age(pose_.stamp_ns);
+  age(told_pose_.stamp_ns);
+  age(mocap_pose_.stamp_ns);
+  odometry_.grow_older(slept_ns);
+  takeoff_after_ns_ = now;
+}
+
 void DroneLink::dead_reckon(double seconds) noexcept {
   motion_watch_.tell(seconds, sent_.mps);
   for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent_.mps[i]) * seconds;

@@ -43,6 +43,10 @@ class Odometry {
   /// say when it is first seen standing, and when it was switched off and on; first seen in the air (a link that starts
   /// again), or standing where it was seen flying before a silence, it may be anywhere.
   void take(TimeNs now, const TelloState& state, bool stands) noexcept;
+  /// The clock stood still for so long while the drone went on: the next text counts as so much later.
+  void grow_older(TimeNs slept_ns) noexcept {
+    if (text_ns_ != 0) text_ns_ -= slept_ns;
+  }
   /// An absolute fix at the time of the newest text: place and heading in the map, with their standard deviations.
   struct Fix {
     std::array<double, 3> position_m{};

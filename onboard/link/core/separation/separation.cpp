@@ -25,6 +25,8 @@ constexpr double takeoff_height_m = 1.2, lowest_m = 0.3;
 // right of way.
 constexpr double headroom_m = 0.05;
 constexpr double below_all_m = -1e3;
+// Beyond being apart: so far from another a drone that left its wash is still beside it.
+constexpr double about_m = 0.5;
 
 double level(const Vec3& v) noexcept { return length({v[0], v[1], 0}); }
 bool moves(const Vec3& v) noexcept { return length(v) > moving_mps; }
@@ -50,6 +52,7 @@ std::span<const Verdict> Separation::step(double passed_s, std::span<const Neigh
     see(i);
   }
   find_near();
+  for (std::size_t i = 0; i < in_.size(); ++i) watch_wash(i);
   std::sort(order.begin(), order.begin() + static_cast<std::ptrdiff_t>(in_.size()),
             [&](std::size_t a, std::size_t b) { return in_[a].number < in_[b].number; });
   for (std::size_t k = 0; k < in_.size(); ++k) decide(order[k]);
@@ -147,7 +150,7 @@ void Separation::decide(std::size_t i) noexcept {
   verdicts_[i] = {.velocity_mps = drone.wish_mps};
   Memory& memory = memory_[std::min(drone.number, max_drones)];
   if (drone.kind != Neighbour::Kind::steered) {
-    memory = {};
+    if (!drone.can_step_aside || !leave_wash(i)) memory = {};
     return;
   }
   // Who is too near already, or comes with the right of way: then hovering is no answer.
@@ -165,6 +168,7 @@ void Separation::decide(std::size_t i) noexcept {
       pressing = j;
     }
   }
+  if (pressing == i && leave_wash(i)) return;
   const std::size_t hindered = hindered_by(i, drone.wish_mps, true);
   if (pressing == i && hindered == i) {
     memory.clear_s += passed_s_;
@@ -186,6 +190,60 @@ void Separation::decide(std::size_t i) noexcept {
     return;
   }
   go_round(i, pressing != i ? pressing : other);
+}
+
+bool Separation::can_step_aside(std::size_t i) const noexcept {
+  return in_[i].kind == Neighbour::Kind::steered || in_[i].can_step_aside;
+}
+
+void Separation::watch_wash(std::size_t i) noexcept {
+  DownwashWatch& wash = wash_[std::min(in_[i].number, max_drones)];
+  const auto flies = [&](std::size_t j) {
+    return (in_[j].kind == Neighbour::Kind::steered || in_[j].kind == Neighbour::Kind::held) && !in_[j].lands;
+  };
+  const bool left = wash.advice() == DownwashWatch::Advice::leave;
+  const double beside_m = apart_m_ + (left ? headroom_m : 0);
+  double least = apart_m_ + about_m;
+  drones_[i].stacked_with = i;
+  for (std::size_t j = 0; j < in_.size() && flies(i); ++j) {
+    const Vec3 &at = drones_[i].course.at_m, &other = drones_[j].course.at_m;
+    if (j == i || !flies(j) || std::abs(at[2] - other[2]) >= DownwashWatch::height_m) continue;
+    const double level_m = level({at[0] - other[0], at[1] - other[1], 0});
+    if (level_m >= least) continue;
+    least = level_m;
+    drones_[i].stacked_with = j;
+  }
+  const std::size_t j = drones_[i].stacked_with;
+  const Vec3 &mine = in_[i].motion.told_mps, &others = in_[j].motion.told_mps;
+  const bool still =
+      length({mine[0] - others[0], mine[1] - others[1], mine[2] - others[2]}) < DownwashWatch::passing_mps;
+  wash.step(passed_s_, j != i && least < beside_m, still, j != i && !moves(others));
+}
+
+bool Separation::leave_wash(std::size_t i) noexcept {
+  using Advice = DownwashWatch::Advice;
+  const Advice advice = wash_[std::min(in_[i].number, max_drones)].advice();
+  const std::size_t other = drones_[i].stacked_with;
+  const Vec3& wish = in_[i].wish_mps;
+  Memory& memory = memory_[std::min(in_[i].number, max_drones)];
+  const bool mine = in_[i].number > in_[other].number || !can_step_aside(other);
+  if (advice == Advice::none || other == i || !mine || leads_away(i, other)) {
+    if (std::exchange(memory.aside, false)) memory.way = Way::none;
+    return false;
+  }
+  if (advice == Advice::stay_out) {
+    if (std::exchange(memory.aside, false)) memory.way = Way::none;
+    // Level it waits beside the other; up and down it is free.
+    verdicts_[i].other = in_[other].number;
+    return level(wish) > 0 && try_fly(i, {0, 0, wish[2]}, Verdict::Kind::hold, true);
+  }
+  memory.parting_s += passed_s_;
+  if (!std::exchange(memory.aside, true) || memory.way == Way::none || memory.parting_s > way_for_s)
+    choose_way(i, other, std::array{Way::away, Way::right, Way::left});
+  const Vec3 way = way_mps(i, other, memory.way);
+  if (!moves(way) || !try_fly(i, way, Verdict::Kind::part, false)) fly(i, {}, Verdict::Kind::hold);
+  verdicts_[i].other = in_[other].number;
+  return true;
 }
 
 bool Separation::leads_away(std::size_t i, std::size_t other) const noexcept {
@@ -221,14 +279,20 @@ bool Separation::has_room(std::size_t i, std::size_t other, Way way) const noexc
 }
 
 void Separation::choose_way(std::size_t i, std::size_t other) noexcept {
-  Memory& memory = memory_[std::min(in_[i].number, max_drones)];
   const Vec3& wish = in_[i].wish_mps;
   const bool below = in_[i].motion.position_m[2] < in_[other].motion.position_m[2] - headroom_m;
   const bool upright = std::abs(wish[2]) > level(wish) || in_[other].kind == Neighbour::Kind::sinking ||
                        in_[other].kind == Neighbour::Kind::rising;
   const Way first = below ? Way::down : Way::up, second = below ? Way::up : Way::down;
-  std::array<Way, 5> ways{first, second, Way::right, Way::left, Way::away};
-  if (upright) ways = {Way::away, Way::right, Way::left, first, second};
+  if (upright) {
+    choose_way(i, other, std::array{Way::away, Way::right, Way::left, first, second});
+  } else {
+    choose_way(i, other, std::array{first, second, Way::right, Way::left, Way::away});
+  }
+}
+
+void Separation::choose_way(std::size_t i, std::size_t other, std::span<const Way> ways) noexcept {
+  Memory& memory = memory_[std::min(in_[i].number, max_drones)];
   for (std::size_t k = 0; k < ways.size(); ++k) {
     const Way way = ways[(static_cast<std::size_t>(memory.tries) + k) % ways.size()];
     if (!has_room(i, other, way) || hindered_by(i, way_mps(i, other, way), false) != i) continue;
@@ -293,18 +357,18 @@ void Separation::refuse_takeoffs() noexcept {
 // What is too near already does not hold a landing up unless it brings the two nearer: one beside it, or above.
 void Separation::delay_landings() noexcept {
   for (std::size_t i = 0; i < in_.size(); ++i) {
-    if (!in_[i].lands) continue;
+    if (in_[i].kind != Neighbour::Kind::steered && in_[i].kind != Neighbour::Kind::held) continue;
     Capsule column = drones_[i].now;
     column.low_m = below_all_m;
     for (std::size_t j = 0; j < in_.size() && !verdicts_[i].landing_waits; ++j) {
-      if (j == i) continue;
+      if (j == i || !drones_[i].near.test(j)) continue;
       // One that stands is where it was put; half of the margin is for who comes down.
       const bool stands = in_[j].kind == Neighbour::Kind::standing;
       const double apart_m = stands ? apart_m_ - settings_.margin_m / 2 : apart_m_;
       const double gap = gap_m(column, drones_[j].now);
       if (gap >= apart_m || gap >= gap_m(drones_[i].now, drones_[j].now)) continue;
       verdicts_[i].landing_waits = true;
-      verdicts_[i].other = in_[j].number;
+      if (in_[i].lands) verdicts_[i].other = in_[j].number;
     }
   }
 }

@@ -6,6 +6,7 @@
 
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/separation/capsule.hpp"
+#include "onboard/link/core/separation/downwash_watch.hpp"
 #include "onboard/link/core/separation/separation_settings.hpp"
 
 namespace ledgerline::link {
@@ -22,8 +23,9 @@ struct Neighbour {
   DroneNumber number = 0;
   Kind kind = Kind::held;
   Motion motion;
-  Vec3 wish_mps{};     ///< of its plan, behind fence
-  bool lands = false;  ///< its wish is to come down, and to land once there is room for it
+  Vec3 wish_mps{};              ///< of its plan, behind fence
+  bool can_step_aside = false;  ///< one that is held, with a usable position: out of the wash of another
+  bool lands = false;           ///< its wish is to come down, and to land once there is room for it
   double floor_m = 0, ceiling_m = 0;
 };
 
@@ -37,7 +39,7 @@ struct Verdict {
   Vec3 velocity_mps{};           ///< what it may fly
   DroneNumber other = 0;         ///< because of whom
   bool takeoff_refused = false;  ///< of one that stands: another is beside it or above
-  bool landing_waits = false;    ///< of one that lands: another is below, or stands there
+  bool landing_waits = false;    ///< of one in the air: another is below, or stands there, and a landing would wait
 };
 
 /// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.
@@ -52,6 +54,9 @@ struct Verdict {
 /// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers: whoever
 /// moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well, whatever its
 /// number, and who found no way tries the next direction.
+///
+/// Nobody hovers in another's wash (downwash_watch.hpp): above or below another two may pass, but of two that stay so
+/// the higher number gets beside the lower one, or the one that can.
 ///
 /// A landing is not steered any more, and all below it is its: so it is begun with room for it. Until then who is to
 /// land comes down as any wish leads, and goes round whoever is there.
@@ -77,6 +82,7 @@ class Separation {
     double idle_s = 0;     ///< on this way, without getting further
     int tries = 0;         ///< where the next way is looked for
     double clear_s = 0;    ///< the wish is flown
+    bool aside = false;    ///< that way is out of another's wash
   };
   struct Drone {
     Capsule now;         ///< until rest: first of who is told to stop, then of what was decided
@@ -85,6 +91,7 @@ class Separation {
     bool moves = false;
     Course course;
     std::bitset<max_drones> near;  ///< who could come into its way at all
+    std::size_t stacked_with = 0;  ///< who is nearest of those above and below; itself: nobody
   };
 
   void see(std::size_t i) noexcept;
@@ -95,6 +102,11 @@ class Separation {
   void go_round(std::size_t i, std::size_t other) noexcept;
   /// Takes the first of its ways that leads anywhere.
   void choose_way(std::size_t i, std::size_t other) noexcept;
+  void choose_way(std::size_t i, std::size_t other, std::span<const Way> ways) noexcept;
+  /// Out of another's wash, or not back into it; false: nothing of that is needed.
+  bool leave_wash(std::size_t i) noexcept;
+  void watch_wash(std::size_t i) noexcept;
+  bool can_step_aside(std::size_t i) const noexcept;
   bool has_room(std::size_t i, std::size_t other, Way way) const noexcept;
   Vec3 way_mps(std::size_t i, std::size_t other, Way way) const noexcept;
   /// Who is in the way of this velocity; itself: nobody.
@@ -115,6 +127,7 @@ class Separation {
   std::array<Drone, max_drones> drones_{};
   std::array<Verdict, max_drones> verdicts_{};
   std::array<Memory, max_drones + 1> memory_{};  ///< by number
+  std::array<DownwashWatch, max_drones + 1> wash_{};
 };
 
 }  // namespace ledgerline::link

@@ -39,6 +39,8 @@ class LockstepClock final : public LoopClock {
   TimeNs wait(const std::atomic<bool>& stopping) noexcept override;
   TimeNs due_ns() const noexcept override { return now_ns_; }
   TimeNs now() const noexcept override { return now_ns_; }
+  /// The other end's clock is no host's.
+  TimeNs suspended_ns() const noexcept override { return 0; }
   bool lost() const noexcept override { return lost_; }
   std::uint64_t overruns() const noexcept override { return 0; }
   const Histogram& late() const noexcept override { return late_; }

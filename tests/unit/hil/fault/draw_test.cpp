@@ -44,9 +44,10 @@ TEST(FaultRandom, DrawsEveryKindOfFaultAndOfDistribution) {
     const Script script = draw_script(number, recording);
     for (const Fault& fault : script.faults) drawn += fault.text + "\n";
   }
-  for (const char* wanted : {"ledger restart", "ledger stall", " rate ", "normal ", "gamma ", "uniform ", " plans ",
-                             "lies hash", "errs twice", "reboot", "corrupt ", "clock jump", "wind ", "answers shifted",
-                             "answers late", "states torn", "states other", "imu invalid", "heat 10"})
+  for (const char* wanted :
+       {"ledger restart",  "ledger stall", " rate ",      "normal ",      "gamma ",      "uniform ",     " plans ",
+        "lies hash",       "errs twice",   "reboot",      "corrupt ",     "clock jump",  "host suspend", "wind ",
+        "answers shifted", "answers late", "states torn", "states other", "imu invalid", "heat 10"})
     EXPECT_NE(drawn.find(wanted), std::string::npos) << wanted;
   EXPECT_NE(drawn.find("delay recorded " + recording.string()), std::string::npos);
   EXPECT_NE(drawn.find("jitter recorded " + recording.string()), std::string::npos);

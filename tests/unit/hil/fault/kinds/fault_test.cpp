@@ -59,6 +59,7 @@ TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
                            "supervisor resume tello1",
                            "agent kill",
                            "link end",
+                           "host suspend",
                            "clock jump -5s"}) {
     EXPECT_TRUE(parse_fault(text, "path", "").ok()) << text;
   }

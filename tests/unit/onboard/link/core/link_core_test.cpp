@@ -313,6 +313,75 @@ TEST(LinkCore, AStutteringLinkStopsTheDroneAndThenKeepsSilentSoThatItLandsByItse
   EXPECT_GT(w.sent.size(), 5U);  // healthy again: hold keeps the drone awake
 }
 
+// Agent's, when a lease has ended.
+TEST(LinkCore, AnEmptyPlanEndsWhatIsFlownAndTheNextHoldersPlanIsFlown) {
+  LinkWorld w;
+  w.take_off();
+  w.fly_plan({1, 0, 0}, 40);
+  w.pass(500 * ms);
+  ASSERT_GT(w.tellos[0].rc[1], 50);
+  Plan& empty = w.plan(PlanAction::fly);
+  empty.epoch = 2;
+  empty.sequence = 0;
+  w.step();
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::hold);
+  w.pass(500 * ms);
+  EXPECT_EQ(w.tellos[0].rc[1], 0);
+  w.fly_plan({1, 0, 0}, 40);  // the loser's, that comes late
+  w.pass(100 * ms);
+  EXPECT_EQ(w.tellos[0].rc[1], 0);
+  Plan& next = w.fly_plan({1, 0, 0}, 40);
+  next.epoch = 2;
+  next.sequence = 1;
+  w.pass(500 * ms);
+  EXPECT_GT(w.tellos[0].rc[1], 50);
+  w.core.finish();
+  const PlanCounters counters = w.core.reports()[0].plans;
+  EXPECT_EQ(counters.received, counters.applied + counters.late + counters.dropped);
+}
+
+// A laptop that sleeps, a virtual machine that is paused: CLOCK_MONOTONIC shows no gap.
+TEST(LinkCore, AHostThatWasSuspendedFliesNoPlanAndNoPoseOfBefore) {
+  LinkWorld w;
+  w.take_off();
+  w.fly_plan({1, 0, 0}, 40);
+  w.pass(500 * ms);
+  ASSERT_GT(w.tellos[0].rc[1], 50);
+  const TimeNs before = w.now;
+  Plan on_its_way = w.fly_plan({1, 0, 0}, 40);
+  w.plans.clear();
+  w.suspended_ns = 2 * ns_per_s;
+  w.sent.clear();
+  w.mocap = false;
+  w.pass(100 * ms);
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::brake) << "its pose is 2 s old";
+  w.mocap = true;
+  w.pass(w.settings_.health_rest_ns - 200 * ms);
+  ASSERT_EQ(w.sent.size(), 1U);
+  EXPECT_EQ(w.sent[0].second, "rc 0 0 0 0");
+  w.pass(w.settings_.failsafe.clear_after_ns + 300 * ms);
+  ASSERT_EQ(w.core.mode(1), FailsafeMode::hold);
+  w.plans.push_back(on_its_way);  // it was in a queue meanwhile; young enough, by a clock that stood still
+  w.plans.back().state_stamp_ns = before - 10 * ms;
+  w.pass(100 * ms);
+  EXPECT_EQ(w.tellos[0].rc[1], 0);
+  w.fly_plan({1, 0, 0}, 40);
+  w.pass(500 * ms);
+  EXPECT_GT(w.tellos[0].rc[1], 50) << "a plan of now is flown";
+}
+
+TEST(LinkCore, WhatTheTwoClocksDifferByInEverydayIsNoSuspend) {
+  LinkWorld w;
+  w.suspended_ns = 5 * ns_per_s;  // the laptop slept yesterday
+  w.take_off();
+  w.fly_plan({1, 0, 0}, 40);
+  for (int i = 0; i < 500; ++i) {
+    w.suspended_ns += i % 2 == 0 ? 40 * ms : -40 * ms;  // read one behind the other
+    w.step();
+  }
+  EXPECT_GT(w.tellos[0].rc[1], 50);
+}
+
 TEST(LinkCore, ALinkThatIsStartedAgainInTheAirBeginsWithZeroAndWithinItsLimits) {
   LinkWorld w;
   w.take_off();

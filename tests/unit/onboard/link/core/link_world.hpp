@@ -150,6 +150,7 @@ class LinkWorld {
                                              .poses = poses,
                                              .beats = beats,
                                              .stop_all = stop_all,
+                                             .suspended_ns = suspended_ns,
                                              .resume_local = resume_local});
     resume_local = false;
     plans.clear();
@@ -204,6 +205,7 @@ class LinkWorld {
   std::vector<Plan> plans;
   bool mocap = true, agent = true, ledger = true, stop_all = false;
   bool resume_local = false;  ///< once
+  TimeNs suspended_ns = 0;    ///< since the host booted; `now` stands still meanwhile
   TimeNs mocap_late_ns = 0;   ///< from a pose's stamp until link has it
   std::deque<Pose> measured;  ///< on their way
   std::vector<std::pair<TimeNs, std::string>> sent;

@@ -217,6 +217,55 @@ TEST(Separation, ALandingDoesNotWaitForWhoIsBesideItOrAbove) {
   EXPECT_FALSE(waits({0.6, 0, 0}, Kind::standing));
 }
 
+TEST(Separation, NobodyHoversAboveAnother) {
+  for (const double height_m : {1.8, 2.4}) {
+    TrafficWorld world;
+    const Vec3 lower{0, 0, 1}, upper{0.1, 0, height_m};
+    world.add(lower, lower);
+    world.add(upper, upper);
+    double stacked_s = 0;
+    for (int i = 0; i < 4000; ++i) {
+      world.step();
+      const Vec3 &a = world.drones[0].place, &b = world.drones[1].place;
+      if (std::hypot(a[0] - b[0], a[1] - b[1]) < 0.6) stacked_s += to_seconds(world.tick_);
+    }
+    EXPECT_LT(stacked_s, 8) << "of 20 s, with its goal above the other: it may try again";
+    EXPECT_GE(world.nearest_m, min_m);
+    EXPECT_LT(std::hypot(world.drones[0].place[0], world.drones[0].place[1]), 0.1) << "the lower number stays";
+  }
+}
+
+TEST(Separation, TwoMayHoverOneAboveTheOtherFartherApartThanTheWashReaches) {
+  TrafficWorld world;
+  const Vec3 lower{0, 0, 0.8}, upper{0.1, 0, 2.4};
+  world.add(lower, lower);
+  world.add(upper, upper);
+  for (int i = 0; i < 1000; ++i) {
+    world.step();
+    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.verdict.kind, Verdict::Kind::unchanged);
+  }
+}
+
+TEST(Separation, APassAboveOneThatHoversIsNotHeldUp) {
+  TrafficWorld world;
+  world.add({0, 0, 1}, {0, 0, 1});
+  world.add({-2, 0, 1.9}, {2, 0, 1.9}).speed = 0.4;
+  for (int i = 0; i < 4000 && !world.all_arrived(); ++i) {
+    world.step();
+    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.verdict.kind, Verdict::Kind::unchanged);
+  }
+  EXPECT_TRUE(world.all_arrived());
+}
+
+TEST(Separation, OfOneThatCannotBeSteeredTheOtherGetsBeside) {
+  TrafficWorld world;
+  PointDrone& first = world.add({0, 0, 1.9}, {0, 0, 1.9});
+  world.add({0.1, 0, 1}, {0.1, 0, 1}).kind = Neighbour::Kind::held;
+  for (int i = 0; i < 800; ++i) world.step();
+  EXPECT_GT(std::abs(first.place[0] - 0.1), 0.6);
+  EXPECT_GE(world.nearest_m, min_m);
+}
+
 TEST(Separation, OneThatAGustBringsTooNearIsLeft) {
   TrafficWorld world;
   world.add({0, 0, 1}, {0, 0, 1});

@@ -236,5 +236,92 @@ TEST(TooNear, ALandingIsMadeWhenItsTimeIsOverWhoeverIsBelow) {
   EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
 }
 
+/// Both are flown by plans until the same moment; the failsafe lands both in one step.
+struct BothLand : Above {
+  using Above::Above;
+  /// `until`: what makes the failsafe land both. False: one of them still flies after 20 s.
+  bool land_both() {
+    for (const TimeNs end = now + 20 * ns_per_s; now < end;) {
+      step();
+      const auto &a = tellos[0].position, &b = tellos[1].position;
+      nearest_m = std::min(nearest_m, std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]));
+      if (core.all_on_ground()) return true;
+    }
+    return false;
+  }
+};
+
+// FS-64: one station dies, both run out of plans at once (FS-10, FS-05).
+TEST(TooNear, TwoThatTheFailsafeLandsAtOnceComeDownBesideEachOther) {
+  for (const DroneNumber upper : {DroneNumber{1}, DroneNumber{2}}) {
+    BothLand w(upper);
+    EXPECT_TRUE(w.land_both());
+    EXPECT_GE(w.nearest_m, w.settings_.separation.min_m) << "the upper one is " << upper;
+  }
+}
+
+// FS-64: the same without the time of a hold, in which one would step aside (FS-03).
+TEST(TooNear, TwoOfAnEmptyBatteryComeDownBesideEachOther) {
+  BothLand w;
+  for (FakeTello &tello : w.tellos) tello.battery = 8;
+  w.pass(500 * ns_per_ms);
+  EXPECT_EQ(w.core.mode(1), FailsafeMode::land);
+  EXPECT_EQ(w.core.mode(2), FailsafeMode::land);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
+  EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
+  EXPECT_EQ(w.cause(), FailsafeCause::battery_critical);
+  EXPECT_TRUE(w.land_both());
+  EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
+}
+
+TEST(TooNear, AStopDoesNotWaitBehindALandingOfTheFailsafe) {
+  BothLand w;
+  for (FakeTello &tello : w.tellos) tello.battery = 8;
+  w.pass(500 * ns_per_ms);
+  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  w.plan(PlanAction::stop, 1);
+  w.step();
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+}
+
+TEST(TooNear, ALandingOfTheFailsafeWithoutAPositionDoesNotWait) {
+  BothLand w;
+  for (FakeTello &tello : w.tellos) tello.battery = 8;
+  w.pass(500 * ns_per_ms);
+  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  w.mocap = false;
+  w.pass(w.settings_.failsafe.pose_lost_ns + 100 * ns_per_ms);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+}
+
+TEST(TooNear, ALandingOfTheFailsafeIsMadeWhenItsTimeIsOver) {
+  LinkSettings settings;
+  settings.separation.landing_wait_s = 1;
+  BothLand w(1, settings);
+  w.tellos[0].battery = 8;  // the lower one hovers on
+  w.hover(500 * ns_per_ms);
+  ASSERT_EQ(w.core.phase(1), FlightPhase::flying);
+  w.hover(ns_per_s);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
+}
+
+// Nobody hovers in another's wash: in a hold as well, which has 5 s for it.
+TEST(TooNear, OneThatHoldsAboveAnotherStepsAside) {
+  Above w;
+  w.hover(2 * ns_per_s);
+  const auto &upper = w.tellos[0].position, &lower = w.tellos[1].position;
+  w.hover(2 * ns_per_s);
+  EXPECT_GT(std::hypot(upper[0] - lower[0], upper[1] - lower[1]), 0.6);
+  EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
+}
+
+TEST(TooNear, OneThatHoldsWithoutAPositionDoesNotStepAside) {
+  Above w(2);
+  w.mocap = false;
+  const auto before = w.tellos[1].position;
+  w.pass(2 * ns_per_s);  // it is not landed yet
+  EXPECT_EQ(w.tellos[1].position, before);
+}
+
 }  // namespace
 }  // namespace ledgerline::link

@@ -28,8 +28,10 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
   if (sigma_m > max_sigma_m) return false;
   if (!flies && now - pose_.stamp_ns > failsafe_settings_.pose_lost_ns) return false;
   const Playout::Wish wish = wished(now);
-  const bool steered = phase == FlightPhase::flying && follows_plan(failsafe_.mode, wish.valid);
-  const bool sinks = phase == FlightPhase::landing || failsafe_.mode >= FailsafeMode::land;
+  const bool flying = phase == FlightPhase::flying;
+  const bool steered = flying && (landing_.asked() || follows_plan(failsafe_.mode, wish.valid));
+  const bool sinks = phase == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
+                     (failsafe_.mode == FailsafeMode::land && !landing_.asked());
   using Kind = Neighbour::Kind;
   out = {.number = number_,
          .kind = !flies                             ? Kind::standing
@@ -40,14 +42,15 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
          .motion = {.velocity_mps = pose_.velocity_mps,
                     .late_s = to_seconds(pose_came_ns_ - pose_.stamp_ns),
                     .age_s = to_seconds(now - pose_.stamp_ns)},
-         .lands = landing_asked_ns_ != 0,
+         .can_step_aside = flying && failsafe_.mode == FailsafeMode::hold && placed(now),
+         .lands = landing_.asked(),
          .floor_m = fence_.min_m[2],
          .ceiling_m = fence_.max_m[2]};
   std::array<double, 3> place_m{};
   for (std::size_t i = 0; i < 3; ++i) place_m[i] = pose_.position_m[i] + moved_m_[i];
   out.motion.position_m = place_m;
   out.motion.blur_m = blur_sigmas * sigma_m;
-  if (phase == FlightPhase::flying) {
+  if (flying) {
     for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
   }
   if (!steered) return true;
@@ -57,15 +60,25 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
 }
 
 Playout::Wish DroneLink::wished(TimeNs now) noexcept {
-  if (landing_asked_ns_ == 0) return playout_.wish(now);
+  if (!landing_.asked()) return playout_.wish(now);
   return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
 }
 
-// In any mode but none it is not steered. Then, or when its place is lost, a wait leads nowhere.
+bool DroneLink::placed(TimeNs now) const noexcept {
+  return now - pose_.stamp_ns <= pose_limit_ns(failsafe_settings_, facts_.own_senses);
+}
+
 bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
-  const TimeNs limit_ns = pose_limit_ns(failsafe_settings_, facts_.own_senses);
-  return verdict_ && verdict_->landing_waits && at.healthy && failsafe_.mode == FailsafeMode::none &&
-         at.now - pose_.stamp_ns <= limit_ns && at.now - landing_asked_ns_ < landing_wait_ns_;
+  return verdict_ && verdict_->landing_waits && at.healthy && can_wait_to_land(failsafe_, facts_) && placed(at.now) &&
+         landing_.in_time(at.now);
+}
+
+bool DroneLink::steps_aside() const noexcept {
+  return failsafe_.mode == FailsafeMode::hold && verdict_ && verdict_->kind == Verdict::Kind::part;
+}
+
+bool DroneLink::makes_room() const noexcept {
+  return session_.phase() == FlightPhase::flying && (landing_.asked() || steps_aside());
 }
 
 Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
@@ -76,7 +89,7 @@ Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
 
 bool DroneLink::too_near() const noexcept {
   if (!verdict_) return false;
-  return verdict_->kind != Verdict::Kind::unchanged || verdict_->landing_waits ||
+  return verdict_->kind != Verdict::Kind::unchanged || (landing_.asked() && verdict_->landing_waits) ||
          (!may_fly() && verdict_->takeoff_refused);
 }
 
