@@ -195,6 +195,7 @@ void VirtualWorld::step_agent() {
   if (!agent_ || stopped(Process::agent)) {
     if (!agent_) {
       (void)host_.take_blocks();
+      (void)host_.take_refused();
       (void)host_.take_outcomes();
       (void)host_.take_connection();
     }
@@ -216,6 +217,7 @@ void VirtualWorld::step_agent() {
   for (const std::string& why : host_.take_contradictions())
     agent_->on_doubt(host_now(), agent::DoubtKind::stream, why);
   for (const auto& block : host_.take_blocks()) agent_->on_block(host_now(), block, agent_out_);
+  for (const auto& block : host_.take_refused()) agent_->on_refused_block(host_now(), block, agent_out_);
   if (const auto granted = agent_->await_roles(); !granted.empty()) {
     const auto read = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); }, granted);
     if (read) agent_->add_roles(*read);

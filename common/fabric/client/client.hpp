@@ -123,6 +123,9 @@ class Client {
     /// tell two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that was
     /// taken as it was ordered was before.
     std::function<void(const std::string& what)> on_contradiction = {};
+    /// A block that was refused, or that either stream brings behind a contradiction, with none of its flags: for who
+    /// acts on a signature alone, as on a stop. It may come again, out of order, or be of no chain at all.
+    std::function<void(const Block&)> on_refused = {};
     /// A block that was handed over as an orderer told it (Block::confirmed) is the peer's, too.
     struct Confirmed {
       std::uint64_t number = 0;

@@ -5,6 +5,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/belief/calls.hpp"
+#include "common/fabric/tx/decode.hpp"
 #include "common/msg/contract.hpp"
 #include "hil/virtual/peer/words.hpp"
 #include "ledgerline.pb.h"
@@ -199,6 +200,7 @@ void LedgerPort::forget() {
   arrived_blocks_.clear();
   arrived_outcomes_.clear();
   contradictions_.clear();
+  refused_blocks_.clear();
   reading_ = false;
 }
 
@@ -234,6 +236,26 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
 
 std::optional<fabric::Checkpoint> LedgerPort::checkpoint() const { return newest_believed_; }
 
+void LedgerPort::refuse(const common::Block& message) {
+  if (auto block = fabric::decode_block(message)) refused_blocks_.push_back(std::move(*block));
+}
+
+// As fabric::BlockHandOver: behind a contradiction both streams go on for what counts by its signature alone.
+void LedgerPort::read_on(TimeNs now) {
+  const std::uint64_t first = *intake_->next_of_peer();
+  next_refused_ = std::max(next_refused_, first);
+  next_ordered_refused_ = std::max(next_ordered_refused_, first);
+  std::size_t told = 0;
+  const auto read = [&](ServingPeer& from, std::uint64_t& next) {
+    for (; const auto message = from.serve(now, next); ++next, ++told) refuse(*message);
+  };
+  read(peer_, next_refused_);
+  if (source_ != fabric::BlockSource::peer) read(orderer_, next_ordered_refused_);
+  if (told == 0 || now < next_contradiction_ns_) return;
+  next_contradiction_ns_ = now + ns_per_s;
+  contradictions_.push_back(intake_->contradiction());
+}
+
 void LedgerPort::leave_peer(TimeNs now, const std::string& why) {
   contradictions_.push_back(why);
   connection_ = false;
@@ -257,13 +279,20 @@ bool LedgerPort::find_place(TimeNs now) {
 
 void LedgerPort::read_blocks(TimeNs now) {
   if (!find_place(now)) return;
+  if (!intake_->contradiction().empty()) return read_on(now);
   read_ordered(now);
   while (const auto message = peer_.serve(now, *intake_->next_of_peer())) {
     if (intake_->confirms_next()) {
-      if (const auto confirmed = intake_->confirm(*message); !confirmed) return leave_peer(now, confirmed.error().what);
+      if (const auto confirmed = intake_->confirm(*message); !confirmed) {
+        refuse(*message);
+        return leave_peer(now, confirmed.error().what);
+      }
     } else {
       auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
-      if (!block) return leave_peer(now, block.error().what);
+      if (!block) {
+        refuse(*message);
+        return leave_peer(now, block.error().what);
+      }
       hand_over(std::move(*block));
     }
     (void)take_ordered(now);
@@ -283,7 +312,10 @@ void LedgerPort::read_ordered(TimeNs now) {
   while (orderer_connected_) {
     const auto message = orderer_.serve(now, *intake_->next_ordered());
     if (!message) return;
-    if (const Status added = intake_->add_ordered(*message); !added) return leave_orderer(now, added.error().what);
+    if (const Status added = intake_->add_ordered(*message); !added) {
+      refuse(*message);
+      return leave_orderer(now, added.error().what);
+    }
     if (!take_ordered(now)) return;
   }
 }
@@ -317,7 +349,7 @@ void LedgerPort::step(TimeNs now) {
   now_ = now;
   if (!cut_ && connect_at_ns_ != 0 && now >= connect_at_ns_) {
     connect_at_ns_ = 0;
-    connection_ = true;
+    connection_ = intake_->contradiction().empty();
     intake_->begin();
   }
   const bool connected = !cut_ && connect_at_ns_ == 0;

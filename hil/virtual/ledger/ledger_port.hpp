@@ -66,6 +66,8 @@ class LedgerPort {
   /// Moves what is due, both ways. After the ledger's own step.
   void step(TimeNs now);
   std::vector<fabric::Block> take_blocks();
+  /// That were refused: of either stream, by nobody's flag.
+  std::vector<fabric::Block> take_refused() { return std::exchange(refused_blocks_, {}); }
   std::vector<VirtualLedger::Ended> take_outcomes();
   /// Whether the block stream has come or gone since the last call.
   std::optional<bool> take_connection();
@@ -130,6 +132,8 @@ class LedgerPort {
   void read_blocks(TimeNs now);
   void read_ordered(TimeNs now);
   bool take_ordered(TimeNs now);
+  void refuse(const common::Block& message);
+  void read_on(TimeNs now);
   void leave_orderer(TimeNs now, const std::string& why);
   void hand_over(fabric::Block block);
   bool find_place(TimeNs now);
@@ -166,7 +170,9 @@ class LedgerPort {
   std::optional<fabric::Checkpoint> newest_believed_;
   std::vector<std::string> contradictions_;
   std::deque<fabric::Block> newest_;  ///< that came, for `stale`
-  std::vector<fabric::Block> arrived_blocks_;
+  std::vector<fabric::Block> arrived_blocks_, refused_blocks_;
+  std::uint64_t next_refused_ = 0, next_ordered_refused_ = 0;  ///< of the peer and an orderer, behind a contradiction
+  TimeNs next_contradiction_ns_ = 0;
   std::vector<VirtualLedger::Ended> arrived_outcomes_;
   std::vector<std::string> acknowledged_;
   Counts counts_;

@@ -166,8 +166,20 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
   }
   ++blocks_;
   progress(now);
+  take_checked(now, block, checked, out);
+}
+
+void AgentCore::on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
+  const auto checked = check_.check_refused(now, block);
+  doubt_block(now, block, checked);
+  take_checked(now, block, checked, out);
+}
+
+void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked,
+                             AgentOutputs& out) {
   for (const Plan& plan : checked.plans) {
     if (is_contract_word(plan.action) && !is_contract_stop(plan.action)) continue;
+    if (plan.action == PlanAction::fly && plan.count == 0) continue;
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
@@ -209,7 +221,8 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
     plan.verified_ns = now;
-    if (!is_contract_word(plan.action)) {
+    const bool empty = plan.action == PlanAction::fly && plan.count == 0;  // nobody's: what was flown ends
+    if (!is_contract_word(plan.action) && !empty) {
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

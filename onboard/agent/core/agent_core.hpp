@@ -95,6 +95,8 @@ class AgentCore {
   void on_mocap(TimeNs now, DroneNumber drone, const MocapPose& measured, AgentOutputs& out);
   void on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out);
   void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
+  /// One that the stream refused: stops are taken from it, and nothing else.
+  void on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
   /// A reason to doubt the ledger that was found outside, in words: by the stream, by another organisation's records.
   void on_doubt(TimeNs now, DoubtKind kind, const std::string& words) { doubt_.add(now, kind, newest_block(), words); }
@@ -151,6 +153,7 @@ class AgentCore {
   void submit_folds(TimeNs now, AgentOutputs& out);
   void submit_evictions(TimeNs now, AgentOutputs& out);
   void submit_alarm(TimeNs now, AgentOutputs& out);
+  void take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked, AgentOutputs& out);
   void doubt_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked);
   std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
   bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);

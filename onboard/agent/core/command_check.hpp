@@ -87,7 +87,7 @@ class CommandCheck {
   struct Checked {
     std::vector<Plan>
         plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the last
-                ///< stopper's `resume` as resumed
+                ///< stopper's `resume` as resumed; a change of who commands as one without setpoints
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: a fold is due
     /// Stops that are obeyed although the ledger as we are told has none such: a peer may lie, or it came to nothing.
@@ -129,6 +129,10 @@ class CommandCheck {
   void set_evicting(DroneNumber number, bool evicting);
   /// `now_s`: real time, for the certificates' validity.
   Checked check(TimeNs now, std::int64_t now_s, const fabric::Block& block);
+
+  /// A block that the stream refused: of no chain, by nobody's flag. A stop proves itself by its signer, nothing else
+  /// does.
+  Checked check_refused(TimeNs now, const fabric::Block& block);
 
   /// The stop that the ledger's record asks of link, or one that was heard and must be flown once; none when the drone is
   /// not stopped.
@@ -179,6 +183,8 @@ class CommandCheck {
                             belief::Creator& signer);
   bool endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
                    const fabric::Transaction& tx);
+  /// Takes what link still has of another's plans away.
+  static Plan empty_plan(TimeNs now, DroneNumber number, std::uint64_t epoch);
   static Plan contract_word(TimeNs now, const Drone& drone, PlanAction action);
   static bool commands(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;

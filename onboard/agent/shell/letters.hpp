@@ -45,8 +45,12 @@ struct Confirmed {
 struct Contradiction {
   std::string what;
 };
-using Letter = std::variant<fabric::Block, FrameEnded, StreamState, Continued, RecordsRead, RolesRead, SecondReading,
-                            Contradiction, Confirmed>;
+/// A block that a stream refused: its stops count all the same.
+struct RefusedBlock {
+  fabric::Block block;
+};
+using Letter = std::variant<fabric::Block, RefusedBlock, FrameEnded, StreamState, Continued, RecordsRead, RolesRead,
+                            SecondReading, Contradiction, Confirmed>;
 
 /// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
 /// flight; a contradiction for each attempt of the stream, which backs off).

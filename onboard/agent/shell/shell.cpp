@@ -74,6 +74,8 @@ Status AgentShell::take_letters() {
     const TimeNs now = monotonic_ns();
     if (auto* block = std::get_if<fabric::Block>(&letter)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
+    } else if (const auto* refused = std::get_if<RefusedBlock>(&letter)) {
+      core_.on_refused_block(now, refused->block, out_);
     } else if (const auto* ended = std::get_if<FrameEnded>(&letter)) {
       core_.on_outcome(now, ended->frame, ended->outcome, out_);
       tell_outcome(ended->outcome);

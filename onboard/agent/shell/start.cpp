@@ -131,6 +131,7 @@ void AgentShell::open_block_stream() {
   };
   handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
+  handlers.on_refused = [this](const fabric::Block& block) { mailbox_.put_in_turn(RefusedBlock{block}); };
   handlers.on_confirmed = [this](const auto& confirmed) {
     confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
     mailbox_.put(Confirmed{confirmed.number, confirmed.hash});

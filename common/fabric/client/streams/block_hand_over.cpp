@@ -11,6 +11,7 @@ namespace ledgerline::fabric {
 namespace {
 
 constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
+constexpr TimeNs contradiction_period_ns = 1 * ns_per_s;  // below what agent's integrity hold lasts
 constexpr TimeNs max_connecting_ns = 10 * ns_per_s;
 constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's thread may be behind on a busy machine
 
@@ -45,7 +46,32 @@ void BlockHandOver::peer_connected() {
 
 BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
-  return intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
+  if (!intake_.contradiction().empty()) {
+    read_on(message, now);
+    return {};
+  }
+  Told told = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
+  if (!told.problem.empty()) refuse(message);
+  return told;
+}
+
+bool BlockHandOver::is_contradicted() const {
+  const std::lock_guard lock(mutex_);
+  return !intake_.contradiction().empty();
+}
+
+void BlockHandOver::read_on(const common::Block& message, TimeNs now) {
+  if (now >= next_contradiction_ns_) {
+    next_contradiction_ns_ = now + contradiction_period_ns;
+    tell_contradiction(intake_.contradiction());
+  }
+  refuse(message);
+}
+
+void BlockHandOver::refuse(const common::Block& message) const {
+  if (!handlers_.on_refused) return;
+  const auto block = decode_block(message);
+  if (block) handlers_.on_refused(*block);
 }
 
 BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
@@ -116,11 +142,18 @@ std::string BlockHandOver::orderer_tells(common::Block message, TimeNs now) {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
   orderer_heard_ = true;
-  if (const Status added = intake_.add_ordered(std::move(message)); !added) {
+  if (!intake_.contradiction().empty()) {
+    read_on(message, now);
+    return {};
+  }
+  if (const Status added = intake_.add_ordered(message); !added) {
     tell_contradiction(added.error().what);
+    refuse(message);
     return added.error().what;
   }
-  return take_ordered(now);
+  std::string problem = take_ordered(now);
+  if (!problem.empty()) refuse(message);
+  return problem;
 }
 
 std::string BlockHandOver::take_ordered(TimeNs now) {

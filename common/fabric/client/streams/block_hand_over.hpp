@@ -47,6 +47,8 @@ class BlockHandOver {
   void define(const std::string& policy);
   /// What a connection begins with; none: with the peer's newest.
   std::optional<std::uint64_t> begin();
+  /// Peer and orderers contradict each other: both streams are read on, for on_refused alone.
+  bool is_contradicted() const;
   /// Its first block is here.
   void peer_connected();
   /// In words why the stream cannot go on; empty: it can.
@@ -70,6 +72,8 @@ class BlockHandOver {
 
  private:
   void tell_contradiction(const std::string& what) const;
+  void refuse(const common::Block& message) const;
+  void read_on(const common::Block& message, TimeNs now);
   Told take(const common::Block& message, TimeNs now, const Fetch& fetch);
   Told confirm(const common::Block& message, TimeNs now);
   std::string take_ordered(TimeNs now);
@@ -88,6 +92,7 @@ class BlockHandOver {
   const Client::StreamHandlers handlers_;
   std::uint64_t unbelievable_ = 0;
   TimeNs next_word_ns_ = 0;
+  TimeNs next_contradiction_ns_ = 0;  ///< it is told once a second while it lasts
 };
 
 }  // namespace ledgerline::fabric

@@ -49,7 +49,7 @@ std::string BlockReader::follow(Follower& follower) {
   if (std::string problem = seek(*connection_, *stream, channels->peer_tls_hashes[peer], start); !problem.empty())
     return problem;
   std::optional<Seeing> seeing;
-  if (start) {
+  if (start && !blocks_->is_contradicted()) {
     seeing.emplace(*connection_->commits);
     follower.connected();
   }
@@ -62,6 +62,7 @@ std::string BlockReader::follow(Follower& follower) {
       (void)stream->Finish();
       return problem;
     }
+    if (blocks_->is_contradicted()) continue;  // read on for stops alone: it is no connection to the ledger
     if (!seeing) seeing.emplace(*connection_->commits);
     follower.connected();
     follower.progress();
@@ -166,6 +167,7 @@ std::string OrderedReader::follow(Follower& follower) {
       (void)stream->Finish();
       return problem;
     }
+    if (blocks_->is_contradicted()) continue;
     follower.connected();
     follower.progress();
   }

@@ -61,6 +61,7 @@ class OrderedStream : public GrowingChannel {
     Client::StreamHandlers handlers;
     handlers.on_block = [this](const Block& block, std::string_view) { keep(numbers_, block.number); };
     handlers.on_contradiction = [this](const std::string& what) { keep(contradictions_, what); };
+    handlers.on_refused = [this](const Block& block) { keep(refused_, block.number); };
     handlers.on_orderers = [this](bool connected, const std::string& why) {
       if (!connected) keep(orderers_, why);
     };
@@ -88,7 +89,7 @@ class OrderedStream : public GrowingChannel {
   const std::int64_t start_s_ = realtime_ns() / ns_per_s;
   std::mutex mutex_;
   std::condition_variable changed_;
-  Numbers numbers_, confirmed_;
+  Numbers numbers_, confirmed_, refused_;
   std::vector<std::string> contradictions_, orderers_;
   std::atomic<int> held_{0};
   Door door_;  ///< outlives whoever waits at it
@@ -124,8 +125,32 @@ TEST_F(OrderedStream, AnOrdererThatForgesIsAnAlarmAndThePeerGoesOn) {
   follow(1);
   EXPECT_EQ(await(contradictions_, 1)[0], "block 3: no orderer has signed it");
   EXPECT_EQ(await(numbers_, 2), (Numbers{1, 2})) << "nothing of it came";
+  EXPECT_EQ(await(refused_, 1)[0], 3U) << "but for who acts on a signature alone";
   door_.open();
   EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
+}
+
+// A stop that comes behind must be seen all the same.
+TEST_F(OrderedStream, BehindAContradictionBothStreamsAreReadOnAndNothingIsTakenFromThem) {
+  serve([&](std::uint64_t number) -> std::optional<common::Block> {
+    if (number != 3) return std::nullopt;
+    door_.pass();
+    common::Block other = of_peer(3);
+    other.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
+                                           std::string(1, char(protos::MVCC_READ_CONFLICT)));
+    return other;
+  });
+  follow(1);
+  EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));  // as they were ordered
+  door_.open();
+  EXPECT_NE(await(contradictions_, 1)[0].find("the peer does not flag transaction 0 valid"), std::string::npos);
+  more();
+  gateway_->add_block("set", "");
+  const std::uint64_t last = chain_.size() - 1;
+  std::unique_lock lock(mutex_);
+  const auto told = [&] { return std::count(refused_.begin(), refused_.end(), last); };
+  changed_.wait(lock, [&] { return told() >= 2; });  // by the peer, and by an orderer
+  EXPECT_EQ(numbers_, (Numbers{1, 2, 3, 4}));
 }
 
 TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {

@@ -398,7 +398,7 @@ TEST_F(CommandCheckTest, SequencesStartAnewWithTheEpoch) {
   free.clear_holder();
   const auto checked =
       give({control_event("release", free), control_event("acquire", control("tello1", epoch + 2)), command(plan)});
-  EXPECT_EQ(checked.plans.size(), 1U);
+  EXPECT_EQ(checked.plans.size(), 2U) << "the first one is empty";
 }
 
 TEST_F(CommandCheckTest, ACommandFromAnOldStateIsRefusedAtTheLimitExactly) {
@@ -460,9 +460,10 @@ TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
   auto new_tx = command(new_plan);
   new_tx.creator = other;
   const auto checked = give({old_plan, control_event("acquire", taken), command(good_plan(2)), new_tx});
-  ASSERT_EQ(checked.plans.size(), 2U);
+  ASSERT_EQ(checked.plans.size(), 3U);
   EXPECT_EQ(checked.plans[0].epoch, epoch);
-  EXPECT_EQ(checked.plans[1].epoch, epoch + 1);
+  EXPECT_EQ(checked.plans[1].count, 0U) << "the loser's plan ends";
+  EXPECT_EQ(checked.plans[2].epoch, epoch + 1);
   ASSERT_EQ(checked.refused.size(), 1U);
   EXPECT_EQ(checked.refused[0].why, Refusal::not_holder);
 }

@@ -133,8 +133,15 @@ TEST_F(ControlCheckTest, AnAcquireMakesItsCreatorTheHolderAndNothingElse) {
   Control without_right = taken;
   without_right.set_priority(0);
   expect_refused(event("acquire", without_right, rival), "no higher priority");
-  expect_taken(event("acquire", taken, rival));
-  expect_taken(event("acquire", taken, rival));  // had already, as by a record that was read beside the blocks
+  const auto lost = give(event("acquire", taken, rival));
+  EXPECT_TRUE(lost.refused.empty());
+  ASSERT_EQ(lost.plans.size(), 1U) << "the loser's plan is not flown to its end";
+  EXPECT_EQ(lost.plans[0].action, PlanAction::fly);
+  EXPECT_EQ(lost.plans[0].count, 0U);
+  EXPECT_EQ(lost.plans[0].sequence, 0U) << "the first of the new holder is newer";
+  EXPECT_EQ(lost.plans[0].epoch, epoch + 1);
+  EXPECT_TRUE(give(event("acquire", taken, rival))
+                  .plans.empty());  // had already, as by a record that was read beside the blocks
 }
 
 TEST_F(ControlCheckTest, AnAcquireLiftsNoStop) {

@@ -119,6 +119,37 @@ TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) 
   EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
 }
 
+// Of a fork, of a block that no orderer signed, of a stream behind a contradiction.
+TEST_F(StopCheckTest, OfARefusedBlockStopsAreTakenAndNothingElse) {
+  CommandCall call;
+  auto* plan = call.add_plans();
+  plan->set_drone("tello1");
+  plan->set_action(LAND);
+  plan->set_epoch(epoch);
+  Tx command;
+  command.event_payload = call.SerializeAsString();
+  ledger_.lose_a_block();
+  const fabric::Block block =
+      ledger_.block({command, stop(guard), control_event("acquire", control("tello1", epoch + 1), stranger)});
+  const std::uint64_t height = check_->height();
+  const auto checked = check_->check_refused(now, block);
+  ASSERT_EQ(checked.plans.size(), 1U);
+  EXPECT_EQ(checked.plans[0].action, PlanAction::stop);
+  EXPECT_EQ(checked.unconfirmed.size(), 1U) << "an alarm: nobody's flag says that the ledger has it";
+  EXPECT_EQ(check_->height(), height);
+  EXPECT_EQ(check_->lease(1), epoch);
+  EXPECT_TRUE(check_->check_refused(now, block).plans.empty()) << "a stream that begins again brings it again";
+}
+
+TEST_F(StopCheckTest, OfARefusedBlockAForgedStopOrOneByNobodyWhoMayIsNone) {
+  Tx forged = stop(guard);
+  forged.spoil.creator_signature = true;
+  fabric::Block block = ledger_.block({forged, stop(peer3)});
+  for (fabric::Transaction& tx : block.transactions) tx.creator_fits = true;  // whoever read it says so
+  EXPECT_TRUE(check_->check_refused(now, block).plans.empty());
+  EXPECT_FALSE(is_stopped_now());
+}
+
 TEST_F(StopCheckTest, WhoeverEndorsedItItIsObeyedAndOnTheLedgerWithoutAnAlarm) {
   for (const auto& endorser : {peer3, holder}) {
     start(control("tello1", epoch));

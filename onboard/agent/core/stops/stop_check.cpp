@@ -1,0 +1,100 @@
+#include <algorithm>
+#include <utility>
+
+#include "common/belief/calls.hpp"
+#include "common/belief/control_events.hpp"
+#include "common/belief/identity.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/stops.hpp"
+#include "onboard/agent/core/command_check.hpp"
+
+/// Which stops are obeyed: one proves itself by its signer, whatever block brings it.
+namespace ledgerline::agent {
+
+CommandCheck::Checked CommandCheck::check_refused(TimeNs now, const fabric::Block& block) {
+  Checked out;
+  for (fabric::Transaction tx : block.transactions) {
+    if (tx.config || tx.function != contract::stop) continue;
+    // What its flag, its event and whoever read it before say is not verified.
+    tx.code = -1;
+    tx.event_name.clear();
+    tx.event_payload.clear();
+    tx.creator_fits = false;
+    take_stops(now, tx, out);
+  }
+  return out;
+}
+
+// Stopping needs less than going. Who signed the stop counts, by the contract's own rule on the records that are
+// believed; flag, endorsers and the wall clock, which a peer or a host without a clock gets wrong, only say whether the
+// ledger has it as well.
+void CommandCheck::take_stops(TimeNs now, const fabric::Transaction& tx, Checked& out) {
+  const auto asked = belief::read_stop_call({tx.function, tx.args});
+  const bool valid = tx.code == 0 && tx.event_name == contract::stop;
+  Stops told;
+  if (valid && !parse_message(tx.event_payload, told)) told.Clear();
+  const auto ours = [this](const auto& name) { return find(name) != nullptr; };
+  const bool asks = asked && std::any_of(asked->drones().begin(), asked->drones().end(), ours);
+  const bool tells =
+      std::any_of(told.stops().begin(), told.stops().end(), [&](const Stop& s) { return ours(s.drone()); });
+  if (!asks && !tells) return;
+  belief::Creator signer;
+  if (const Refusal why = check_creator(std::nullopt, tx, signer); why != Refusal::none)
+    return refuse_control_event(why, 0, out);
+  std::optional<belief::ControlEvent> event;
+  if (valid) {
+    auto read = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+    if (read) {
+      event = std::move(*read);
+    } else {
+      refuse_control_event(Refusal::altered, 0, out);
+    }
+  }
+  if (!asks) return;
+  const StopSaid said{.signer = signer,
+                      .endorsed_by_us = event && endorsed_by({config_.msp_id}, std::nullopt, tx),
+                      .again = std::find(heard_stops_.begin(), heard_stops_.end(), tx.tx_id) != heard_stops_.end(),
+                      .event = event ? &*event : nullptr,
+                      .tx = tx};
+  for (Drone& drone : drones_) {
+    if (std::find(asked->drones().begin(), asked->drones().end(), drone.name.name) == asked->drones().end()) continue;
+    const Stop stop = belief::signed_stop(*asked, tx.event_payload, drone.name.name, belief::to_message(signer.name));
+    take_stop(now, said, stop, drone, out);
+  }
+}
+
+void CommandCheck::take_stop(TimeNs now, const StopSaid& said, const Stop& stop, Drone& drone, Checked& out) {
+  Control record = drone.control.value_or(Control());
+  record.set_drone(drone.name.name);  // none was read yet: it is stopped, whoever flies it
+  const Stop* told = nullptr;
+  if (said.event != nullptr) {
+    const auto& stops = said.event->stops.stops();  // of exactly the drones that were asked for
+    told = &*std::find_if(stops.begin(), stops.end(), [&](const Stop& one) { return one.drone() == stop.drone(); });
+    if (!belief::stop_follows(*said.event, record, *told, said.signer)) {
+      refuse_control_event(Refusal::altered, drone.name.number, out);
+      told = nullptr;
+    }
+  }
+  const bool vouched = told != nullptr && said.endorsed_by_us;
+  if (!vouched && !belief::may_stop(record, roles_.of(said.signer.name), stop.stopper())) {
+    const bool known = told == nullptr && said.tx.code == 0;  // as altered
+    if (!known) refuse_control_event(Refusal::may_not_stop, drone.name.number, out);
+    return;
+  }
+  if (stop.resumes() < resumes_of(record, stop.stopper())) return;
+  if (told != nullptr) add_stop(record, *told);
+  if (!is_stopped_by(record, stop.stopper())) {
+    if (said.again) return;
+    drone.heard = HeardStop{};
+    if (heard_stops_.empty() || heard_stops_.back() != said.tx.tx_id) heard_stops_.push_back(said.tx.tx_id);
+    if (heard_stops_.size() > max_heard_stops) heard_stops_.pop_front();
+    ++unconfirmed_stops_;
+    const bool judged = said.tx.creator_fits && !said.tx.by_flag && said.tx.problem.empty();
+    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code, judged});
+  }
+  drone.control = std::move(record);
+  if (auto plan = standing_stop(now, drone.name.number)) out.plans.push_back(*plan);
+}
+
+}  // namespace ledgerline::agent
