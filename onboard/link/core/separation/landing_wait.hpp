@@ -32,7 +32,7 @@ class LandingWait {
 inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts& facts) noexcept {
   if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
   const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||
-                    failsafe.cause == FailsafeCause::height_lost;
+                    failsafe.cause == FailsafeCause::height_lost || failsafe.cause == FailsafeCause::sources_differ;
   return !facts.stop && !facts.cut && !facts.tilted && !facts.overturned && !facts.motion_differs && !lost;
 }
 
