@@ -44,6 +44,17 @@ TimeNs duration(Config& config, const Key& key, TimeNs otherwise, TimeNs least, 
   return from_seconds(amount->value);
 }
 
+constexpr std::array<std::string_view, 3> after_restart_names{"hover", "land", "go_on"};  // AfterRestart
+
+void read_after_restart(Config& config, WorldConfig& flight) {
+  const std::string name = config.choice(
+      {"flight.after_restart", "what drones of a mission do that a ground which was started again finds in the air"},
+      {"hover", "land", "go_on"}, "hover");
+  const auto found = std::find(after_restart_names.begin(), after_restart_names.end(), name);
+  if (found != after_restart_names.end())
+    flight.after_restart = static_cast<ground::mission::AfterRestart>(found - after_restart_names.begin());
+}
+
 // The drones, and the floor below them.
 void which_tello(Config& config, const std::string& folder, WorldConfig& flight) {
   flight.drawn_tello =
@@ -122,6 +133,7 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
                                              {"ignore", "hold", "land"}, "ignore"))
           .value_or(flight.doubt);
   which_tello(config, folder, flight);
+  read_after_restart(config, flight);
   flight.room_m =
       config.number({"flight.room_m", "the fence's distance from the paths; below 0 its far sides cut through them"},
                     *flight.room_m, -10, 100);
@@ -252,6 +264,8 @@ std::string text_of(const Script& script) {
   if (f.pose != usual.pose) text += fmt::format("pose = \"{}\"\n", name(f.pose));
   if (f.calibrated != usual.calibrated) text += fmt::format("calibrated = {}\n", f.calibrated);
   if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
+  if (f.after_restart != usual.after_restart)
+    text += fmt::format("after_restart = \"{}\"\n", after_restart_names[static_cast<std::size_t>(f.after_restart)]);
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);
   if (f.drawn_tello) text += "tello = \"drawn\"\n";
   if (f.wifi) text += fmt::format("wifi = {}\n", quoted(f.wifi->file));

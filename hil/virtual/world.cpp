@@ -80,8 +80,14 @@ Status VirtualWorld::set_up() {
   if (!local_) {
     if (auto s = start_agent(); !s) return s;
   }
+  if (config_.manual) mission_.emplace(config_);
   if (auto s = start_ground(); !s) return s;
   return done;
+}
+
+void VirtualWorld::say(MissionWord word) {
+  const std::string refused = mission_ && ground_ ? mission_->say(word, *ground_) : "nobody conducts missions";
+  if (!refused.empty()) note(WorldEvent::Kind::fault, 0, "the mission's operator is refused: " + refused);
 }
 
 TimeNs VirtualWorld::real_offset(Host host) const {
@@ -287,6 +293,9 @@ void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   for (const Plan& plan : out.plans) {  // of a local flight
     local_->answered(plan.drone - 1U, now_ - plan.state_stamp_ns);
     put(wires_->plans, plan, plan_queue);
+  }
+  if (mission_) {
+    for (ground::PilotWish& wish : mission_->step(now_, *ground_)) wishes_.push_back(std::move(wish));
   }
   for (auto& submission : out.submissions) operator_.submit(now_, submission.id, std::move(submission.call));
   for (const auto& trace : out.traces) digester_->put(trace);

@@ -13,6 +13,7 @@
 #include "hil/virtual/ledger/stoppers.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "hil/virtual/local_loop.hpp"
+#include "hil/virtual/mission/mission_station.hpp"
 #include "hil/virtual/wires/drone_lines.hpp"
 #include "hil/virtual/witness.hpp"
 #include "hil/virtual/world_setup.hpp"
@@ -99,6 +100,8 @@ class VirtualWorld {
   void say_control(Stopper who, std::size_t drone, ControlWord word);
   /// What the pilot of a manual flight wants; with ground's next step.
   void wish(const ground::PilotWish& wish) { wishes_.push_back(wish); }
+  /// What the operator of a manual flight says of its mission; refused while ground does not run.
+  void say(MissionWord word);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
     witness_.note(now_, kind, drone, std::move(text));
   }
@@ -140,6 +143,7 @@ class VirtualWorld {
   std::optional<agent::AgentCore> agent_;
   std::optional<agent::MocapIntake> mocap_intake_;
   std::unique_ptr<ground::FlightCore> ground_;
+  std::optional<MissionStation> mission_;  ///< of a manual flight
   std::unique_ptr<Wires> wires_;
   std::unique_ptr<Digester> digester_;
   Witness witness_;

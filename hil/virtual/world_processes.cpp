@@ -60,6 +60,7 @@ Status VirtualWorld::start_ground() {
     if (!control) return control.error();
     if (auto s = ground_->set_control(control->SerializeAsString()); !s) return s;
   }
+  if (mission_) mission_->ground_began();
   return done;
 }
 
@@ -103,6 +104,7 @@ void VirtualWorld::kill(Process process) {
       break;
     case Process::ground:
       ground_.reset();
+      if (mission_) mission_->ground_ended();
       operator_.forget();
       ground_outcomes_.clear();
       stoppers_.forgotten(now_);

@@ -8,6 +8,7 @@
 
 #include "common/fabric/stream/block_source.hpp"
 #include "ground/core/flight.hpp"
+#include "ground/mission/run.hpp"
 #include "hil/lines/impairment.hpp"
 #include "hil/virtual/ledger/virtual_ledger.hpp"
 #include "onboard/agent/core/agent_core.hpp"
@@ -49,7 +50,8 @@ struct WorldConfig {
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
   bool manual = false;  ///< flown by the wishes of a pilot
-  double seconds = 0;   ///< manual: then it is landed, and over; 0: never
+  ground::mission::AfterRestart after_restart = ground::mission::AfterRestart::hover;  ///< manual: of a mission
+  double seconds = 0;  ///< manual: then it is landed, and over; 0: never
   ground::RequestRule request_rule = ground::RequestRule::none;
   TimeNs request_after_ns = 0;
   double start_error_m = 0,

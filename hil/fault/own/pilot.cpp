@@ -4,6 +4,7 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 #include "hil/lines/distribution.hpp"
@@ -14,7 +15,11 @@ namespace {
 
 constexpr TimeNs usual_for_ns = ns_per_s;
 constexpr std::string_view pilot_words =
-    "must be takeoff, land, stop, cut, or fly X Y Z TURN, in m/s and rad/s, as \"fly 0.3 0 0 0\"";
+    "must be takeoff, land, stop, cut, mission approve (start, pause, resume, land), or fly X Y Z TURN, in m/s and "
+    "rad/s, "
+    "as \"fly 0.3 0 0 0\"";
+
+constexpr std::array<std::string_view, 5> mission_words{"approve", "start", "pause", "resume", "land"};  // MissionWord
 
 bool parse_do(const std::string& text, PilotRow& row) {
   const auto words = words_of(text);
@@ -25,6 +30,12 @@ bool parse_do(const std::string& text, PilotRow& row) {
     row.stop = words[0] == "stop";
     row.cut = words[0] == "cut";
     return !row.flies();
+  }
+  if (words.size() == 2 && words[0] == "mission") {
+    const auto found = std::find(mission_words.begin(), mission_words.end(), words[1]);
+    if (found == mission_words.end()) return false;
+    row.mission = static_cast<MissionWord>(found - mission_words.begin());
+    return true;
   }
   if (words.size() != 5 || words[0] != "fly") return false;
   constexpr double max_wish = 10;
@@ -43,8 +54,9 @@ std::vector<PilotRow> read_pilot(Config& config, int drones) {
   for (std::size_t i = 0; i < config.table_count({"pilot", "of a manual flight: what its pilot says"}); ++i) {
     const std::string prefix = fmt::format("pilot.{}.", i);
     PilotRow row;
-    const std::string text = config.text(Key(prefix + "do", "takeoff, land, stop, cut, or fly X Y Z TURN")
-                                             .like(R"(^\s*(takeoff|land|stop|cut|fly(\s+-?[0-9.]+){4})\s*$)"));
+    const std::string text =
+        config.text(Key(prefix + "do", "takeoff, land, stop, cut, mission WORD, or fly X Y Z TURN")
+                        .like(R"(^\s*(takeoff|land|stop|cut|mission\s+[a-z]+|fly(\s+-?[0-9.]+){4})\s*$)"));
     row.at = config.text({prefix + "at", "when, as of a fault"}, "1s");
     const std::string lasts = config.text({prefix + "for", "of fly: said again for so long"}, "");
     const std::string drone = config.text({prefix + "drone", "to whom; * is everybody"}, "*");
@@ -114,6 +126,10 @@ void Pilot::step(VirtualWorld& world) {
     if (one.begun_ns < 0) one.begun_ns = now;
     one.next_ns = now + again_ns;
     one.over = !row.flies() || one.next_ns >= one.begun_ns + row.for_ns;
+    if (row.mission) {
+      world.say(*row.mission);
+      continue;
+    }
     for (const std::size_t drone : one.drones) {
       ground::PilotWish wish{.drone = drone, .came_ns = now};
       if (row.flies()) wish.velocity = row.velocity;

@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -8,8 +9,8 @@
 
 namespace ledgerline::hil {
 
-/// One thing that the pilot of a manual flight says, a [[pilot]] of the script: `do` is takeoff, land, stop, cut, or
-/// "fly X Y Z TURN", the velocity in the drone's own frame (forward, left, up, m/s) and its turn (rad/s), said again
+/// One thing that the pilot of a manual flight says, a [[pilot]] of the script: `do` is takeoff, land, stop, cut,
+/// "mission WORD" (approve, start, pause, resume, land: of the courses of all drones, flown together), or "fly X Y Z TURN", the velocity in the drone's own frame (forward, left, up, m/s) and its turn (rad/s), said again
 /// twenty times a second for `for`.
 struct PilotRow {
   std::string text;   ///< `do`, with one blank between words
@@ -18,8 +19,9 @@ struct PilotRow {
   Trigger trigger{};
   TimeNs for_ns = 0;
   bool takeoff = false, land = false, stop = false, cut = false;
+  std::optional<MissionWord> mission{};
   Twist velocity{};  ///< of fly
-  bool flies() const { return !takeoff && !land && !stop && !cut; }
+  bool flies() const { return !takeoff && !land && !stop && !cut && !mission; }
 };
 
 /// Reads each [[pilot]]. After the number of drones.
