@@ -24,7 +24,8 @@ class PhasesTest : public testing::Test {
   Seen seen;
   FlightStatus status;
   Planner planner{config, 0, lease, seen, status};
-  Phases phases{config, lease, seen, planner, status};
+  PlanTiming timing{1};
+  Phases phases{config, lease, seen, timing, planner, status};
 };
 
 TEST_F(PhasesTest, OnTheGroundUnderOurLeaseItTakesOffAndSaysSoInAPlan) {
