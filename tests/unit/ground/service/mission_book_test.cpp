@@ -271,7 +271,12 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
   ASSERT_TRUE(forbidden.restore(book.keep(id)));
   other.set_signers(id, {operator_name});
   forbidden.set_signers(id, {operator_name});
-  EXPECT_EQ(forbidden.step(world.now_ns, world.core).awaiting_check, std::vector{id});
+  std::vector<std::string> awaiting;
+  for (int i = 0; i < 800 && awaiting.empty(); ++i) {
+    world.run(0.05);
+    awaiting = forbidden.step(world.now_ns, world.core).awaiting_check;
+  }
+  EXPECT_EQ(awaiting, std::vector{id}) << "once its drone is found in the air";
   forbidden.go_on(id, {.findings = {{.drone = "tello1", .words = "its battery is for 20 s", .forbids = true}}},
                   world.core);
   EXPECT_TRUE(json::parse(forbidden.show(id))["paused"]);
