@@ -64,7 +64,8 @@ Result<std::string> OwnedFolder::read(const std::string& name, std::int64_t max_
     return Error{errno == ENOENT ? fmt::format("{}: there is no such file", path)
                                  : fmt::format("{}: {}", path, std::strerror(errno))};
   struct stat info {};
-  Status status = ::fstat(fd, &info) == 0 ? check(path, info, S_IFREG, false) : Status(Error{path + ": gone"});
+  Status status =
+      ::fstat(fd, &info) == 0 ? check(path, info, S_IFREG, false) : Status(Error{path + ": " + std::strerror(errno)});
   if (status && info.st_size > max_bytes)
     status = Error{fmt::format("{}: it has {} bytes, and at most {} are read", path, info.st_size, max_bytes)};
   std::string text(status ? static_cast<std::size_t>(info.st_size) : 0, '\0');

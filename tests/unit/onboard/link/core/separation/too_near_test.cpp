@@ -320,7 +320,8 @@ TEST(TooNear, OneThatHoldsWithoutAPositionDoesNotStepAside) {
   w.mocap = false;
   const auto before = w.tellos[1].position;
   w.pass(2 * ns_per_s);  // it is not landed yet
-  EXPECT_EQ(w.tellos[1].position, before);
+  const auto &after = w.tellos[1].position;
+  EXPECT_LT(std::hypot(after[0] - before[0], after[1] - before[1]), 0.05) << "the rest of what it flew";
 }
 
 }  // namespace
