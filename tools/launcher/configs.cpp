@@ -206,10 +206,14 @@ std::string ledger_keys(const Options& options) {
 // Without any pose link waits for those of motion capture, in vain, and its drones may be flown by hand.
 std::string source_for_link(const std::string& pose) { return pose == "none" ? "mocap" : pose; }
 
+// Link shares the port of state texts with nobody: at one address it leaves the others to a proxy.
+const char* const simulated_listen = "listen = \"127.0.0.1:8890\"\n";
+
 // What a deployment says of its own drones comes as it stands there.
 std::string link_config(const RunFiles& files, const Options& options) {
   return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
-         fmt::format("\n[state]\nrate_hz = {:.3f}\n", options.rate_hz) + playout_table(options) +
+         fmt::format("\n[state]\nrate_hz = {:.3f}\n{}", options.rate_hz, options.own ? "" : simulated_listen) +
+         playout_table(options) +
          (options.shim ? fmt::format("\n[tello]\ntransport = \"shim\"\n\n[shim]\nmemory = \"{}\"\n", shim_memory(files))
                        : "") +
          (options.own
