@@ -311,8 +311,10 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(control.drone());
     if (!drone) continue;
     const bool lifted = event->function == contract::resume && is_stopped(*drone->control) && !is_stopped(control);
-    // Who commands no more must not fly on until the end of his plan, seconds on a far ledger.
-    const bool lost = drone->control->has_holder() && control.epoch() > drone->control->epoch() &&
+    // Who commands no more must not fly on until the end of his plan, seconds on a far ledger. Who hands the drone over
+    // does, until the first plan of the other: nobody holds it up in between.
+    const bool lost = event->function != contract::hand_over && drone->control->has_holder() &&
+                      control.epoch() > drone->control->epoch() &&
                       belief::to_name(commander_of(*drone->control)) != belief::to_name(commander_of(control));
     if (lost) out.plans.push_back(empty_plan(now, drone->name.number, control.epoch()));
     drone->control = control;
