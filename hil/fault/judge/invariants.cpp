@@ -182,7 +182,8 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   if (within_way) drone.far_m = far;
   const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
   if (beyond(high, drone.high_m)) broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
-  if (beyond(far, drone.far_m) && far > drone.misled_m)
+  const double misled_m = excuse.blind && !within_way ? 0 : drone.misled_m;
+  if (beyond(far, drone.far_m) && far > misled_m)
     broke(which::too_far, moment.now,
           fmt::format("{}: at {:.2f}, {:.2f} m{}", facts.name, at[0], at[1], estimated(facts)));
 }

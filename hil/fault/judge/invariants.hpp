@@ -14,8 +14,8 @@ namespace ledgerline::hil {
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
 ///                               meanwhile it may stay, but no farther than 0.5 m on.
 ///                               All of it is the truth. One whose own velocity is lost may get blind_way_m away from
-///                               where that began, no faster than the others (steered by
-///                               motion capture: than steered_mps), and as far outside as it is then wrong
+///                               where that began, no faster than the others (steered
+///                               by motion capture: than steered_mps), and as far outside as it is then wrong
 ///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
 ///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
 ///                               down after 25 s: whatever became of the link before
@@ -53,10 +53,10 @@ class Invariants {
   static constexpr TimeNs landing_waits_ns = 10'500 * ns_per_ms;  ///< for room below: SeparationSettings, and 0.5 s
   static constexpr double farther_m = 0.5;                        ///< than where it got while it was deaf
   /// From where a drone's own velocity was lost. At 1 m/s it goes 0.5 m until that is noticed, and with the sticks at
-  /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double a drone may run away for 5 s.
+  /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double it may run away for 5 s.
   static constexpr double blind_way_m = 5;
-  /// Of one that motion capture steers all the same: it flies on, in attitude mode by a ground that may be a second away: 2.6 m/s
-  /// were seen until it was landed for moving otherwise (FS-18). Half is a fast flight; a runaway has 5 m/s.
+  /// Of one that motion capture steers all the same: it flies on, in attitude mode by a ground that may be a second
+  /// away: 2.6 m/s were seen until it was landed for moving otherwise (FS-18). Half is a fast flight; a runaway has 5 m/s.
   static constexpr double steered_mps = 4;
   static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
   static constexpr double upright_rad = 0.5;
