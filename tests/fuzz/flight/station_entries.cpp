@@ -61,16 +61,21 @@ class StreamEntry final : public Entry {
             R"({"op":"cut","drone":"tello1","confirmed":true})", R"({"op":"land","drone":"tello2","id":1})"};
   }
   Outcome feed(std::string_view bytes) override {
-    const std::deque<Event> events;
-    const std::vector<Operator> operators{{"alice", {"Org2MSP", "CN=alice"}}};
-    const auto said = read_stream_message(bytes, {}, {names, "[]", "{}", events, operators}, ns_per_s);
-    if (!said) return refused(said.error().what);
-    if (!said->command) return accepted();
-    const ApiAnswer& made = said->command->made;
+    const auto onlookers = read_stream_message(bytes, {}, known_, ns_per_s);
+    if (!onlookers) return refused(onlookers.error().what);
+    if (!onlookers->command) return accepted();
     // An onlooker lands, and does nothing else.
-    if (!std::all_of(made.wishes.begin(), made.wishes.end(), ground::only_lands)) return refused("");
+    const auto& wishes = onlookers->command->made.wishes;
+    if (!std::all_of(wishes.begin(), wishes.end(), ground::only_lands)) return refused("");
+    const auto operators = read_stream_message(bytes, {.who = 0}, known_, ns_per_s);
+    const ApiAnswer& made = operators->command->made;
     return made.status < 300 ? accepted() : refused(made.body);
   }
+
+ private:
+  const std::deque<Event> events_;
+  const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
+  const Known known_{names, "[]", "{}", events_, operators_};
 };
 
 /// Host, Origin and token, a line each: only the right ones are heard.

@@ -37,7 +37,7 @@ def test_a_second_node_in_the_same_directory_says_so(tmp_path):
 
 
 def test_a_node_whose_disk_takes_no_more_ends_and_loses_nothing_that_it_confirmed(tmp_path, node_modules):
-    ledger = Embedded(tmp_path / "node", file_limit=220_000)
+    ledger = Embedded(tmp_path / "node", file_limit=400_000)
     node = Node(node_modules, ledger)
     host = node.user(1, "User1")
     confirmed = []
