@@ -79,7 +79,7 @@ def test_an_ended_session_and_the_pages_token_stop_and_never_cut(tmp_path):
             stream.close_socket()
     alice.say("drones/tello1/lift")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
-    end(flight, tmp_path)
+    end(flight, tmp_path, 1)  # it was stopped
 
 
 def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path):
