@@ -8,7 +8,7 @@ from websockets.exceptions import InvalidStatus
 
 from flights import BIN, fly, no_flight_outlives_its_test, printed
 from station import Station, take_off, velocity
-from test_station import end
+from test_station import STOPPED, end
 
 
 class Signed(Station):
@@ -79,7 +79,7 @@ def test_an_ended_session_and_the_pages_token_stop_and_never_cut(tmp_path):
             stream.close_socket()
     alice.say("drones/tello1/lift")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
-    end(flight, tmp_path, 1)  # it was stopped
+    end(flight, tmp_path, STOPPED)
 
 
 def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path):
