@@ -71,17 +71,18 @@ def secured(ledger, organisation: int, user: str, directory: pathlib.Path) -> st
         ("private_key", next((msp / "keystore").iterdir()))))
 
 
-def make_documents(ledger, organisation: int, directory: pathlib.Path) -> None:
+def make_documents(ledger, organisation: int, directory: pathlib.Path, writes_poses: str) -> None:
     ca = ledger.organisation(organisation) / "ca"
-    members = [next((ledger.msp_dir(organisation, user) / "signcerts").iterdir()) for user in ("User1", "Admin")]
+    members = {user: next((ledger.msp_dir(organisation, user) / "signcerts").iterdir()) for user in ("User1", "Admin")}
     subprocess.run([BIN / "ledgerline", "dds-security", "--ca", ca / f"ca.org{organisation}.ledgerline-cert.pem", "--ca-key",
-                    ca / "priv_sk", "--out", directory / f"org{organisation}", *members], check=True, stdout=subprocess.DEVNULL)
+                    ca / "priv_sk", "--out", directory / f"org{organisation}", *members.values(), "--mocap", members[writes_poses]],
+                   check=True, stdout=subprocess.DEVNULL)
 
 
 def test_an_outsider_hears_and_says_nothing_on_a_secured_domain(embedded, bridges, hosts, running, tmp_path):
     """sim and agent are of Org1's domain, ground and a bridge of Org2's; the outsider is in both."""
-    for organisation in (1, 2):
-        make_documents(embedded, organisation, tmp_path)
+    make_documents(embedded, 1, tmp_path, "Admin")
+    make_documents(embedded, 2, tmp_path, "User1")  # ground brings them from the ledger
     (tmp_path / "sim.toml").write_text(f"[dds]\ndomain = {DRONE_HOST}\n{secured(embedded, 1, 'Admin', tmp_path)}")
     sim = subprocess.Popen([BIN / "ledgerline-sim", "--config", tmp_path / "sim.toml", "--mocap-hz", "20"],
                            stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, preexec_fn=die_with_parent)
