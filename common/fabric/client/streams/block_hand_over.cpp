@@ -55,9 +55,9 @@ BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, Time
   return told;
 }
 
-bool BlockHandOver::is_contradicted() const {
+std::string BlockHandOver::contradiction() const {
   const std::lock_guard lock(mutex_);
-  return !intake_.contradiction().empty();
+  return intake_.contradiction();
 }
 
 void BlockHandOver::read_on(const common::Block& message, TimeNs now) {

@@ -47,8 +47,8 @@ class BlockHandOver {
   void define(const std::string& policy);
   /// What a connection begins with; none: with the peer's newest.
   std::optional<std::uint64_t> begin();
-  /// Peer and orderers contradict each other: both streams are read on, for on_refused alone.
-  bool is_contradicted() const;
+  /// How peer and orderers contradict each other: both streams are then read on, for on_refused alone. Empty: they do not.
+  std::string contradiction() const;
   /// Its first block is here.
   void peer_connected();
   /// In words why the stream cannot go on; empty: it can.

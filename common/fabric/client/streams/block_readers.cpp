@@ -49,7 +49,7 @@ std::string BlockReader::follow(Follower& follower) {
   if (std::string problem = seek(*connection_, *stream, channels->peer_tls_hashes[peer], start); !problem.empty())
     return problem;
   std::optional<Seeing> seeing;
-  if (start && !blocks_->is_contradicted()) {
+  if (start && blocks_->contradiction().empty()) {
     seeing.emplace(*connection_->commits);
     follower.connected();
   }
@@ -57,12 +57,15 @@ std::string BlockReader::follow(Follower& follower) {
   for (bool first = true; stream->Read(&response); first = false) {
     if (first) blocks_->peer_connected();
     std::string problem = take(response, follower);
+    const std::string contradiction = blocks_->contradiction();
+    if (seeing && problem.empty())
+      problem = contradiction;  // an orderer's block told it: this connection is lost by it
     if (!problem.empty() || follower.stopping()) {
       context.TryCancel();
       (void)stream->Finish();
       return problem;
     }
-    if (blocks_->is_contradicted()) continue;  // read on for stops alone: it is no connection to the ledger
+    if (!contradiction.empty()) continue;  // read on for stops alone: it is no connection to the ledger
     if (!seeing) seeing.emplace(*connection_->commits);
     follower.connected();
     follower.progress();
@@ -167,7 +170,7 @@ std::string OrderedReader::follow(Follower& follower) {
       (void)stream->Finish();
       return problem;
     }
-    if (blocks_->is_contradicted()) continue;
+    if (!blocks_->contradiction().empty()) continue;
     follower.connected();
     follower.progress();
   }
