@@ -33,6 +33,7 @@ class TraceKind(enum.IntEnum):
     LOOP_TURNS = 20
     RC_SENT = 21
     POSE_TOLD = 22
+    SETPOINT_LEFT = 23
 
 
 class Record(NamedTuple):

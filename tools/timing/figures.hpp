@@ -33,14 +33,16 @@ inline constexpr std::array<Stage, mark_count - 1> stages{{
     {"verify", "signatures, lease, limits", Mark::picked_up, Mark::verified},
     {"handover", "shared memory, until link's turn", Mark::verified, Mark::received},
     {"apply", "waits in playout for its moment", Mark::received, Mark::applied},
-    {"send", "from that turn's beginning until the datagram has left", Mark::applied, Mark::sent},
+    {"send", "from that turn's beginning until the kernel has the datagram", Mark::applied, Mark::sent},
+    {"device", "until the network device has it (SO_TIMESTAMPING)", Mark::sent, Mark::at_device},
 }};
 static_assert(static_cast<std::size_t>(stages.back().to) + 1 == mark_count);
 /// Across several stages.
-inline constexpr std::array<Stage, 3> totals{{
+inline constexpr std::array<Stage, 4> totals{{
     {"two_way", "a state's stamp until its command is verified", Mark::sampled, Mark::verified},
-    {"age", "a state's stamp until its setpoint has left", Mark::sampled, Mark::sent},
-    {"setpoint", "block on the drone's host until the setpoint has left", Mark::in_block, Mark::sent},
+    {"age", "a state's stamp until its setpoint is sent", Mark::sampled, Mark::sent},
+    {"setpoint", "block on the drone's host until the setpoint is sent", Mark::in_block, Mark::sent},
+    {"datagram", "a state's stamp until the network device has its setpoint", Mark::sampled, Mark::at_device},
 }};
 /// As `setpoint`, of those that playout did not hold back on purpose.
 inline constexpr std::string_view at_once = "setpoint_at_once";

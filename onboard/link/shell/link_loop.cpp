@@ -36,7 +36,17 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
                                             .suspended_ns = clock.suspended_ns(),
                                             .resume_local = resume_local_.exchange(false, std::memory_order_relaxed)});
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
-  for (const ToSend& message : out.to_send) figures_.sends_failed += transport_.send(message) ? 0 : 1;
+  for (const auto& [drone, t_ns] : transport_.at_device()) {
+    TraceRecord& record = newest_sent_[drone];
+    if (record.kind != TraceKind::setpoint_sent) continue;
+    record.kind = TraceKind::setpoint_left;
+    record.t_ns = t_ns;
+    hand_over(record);
+  }
+  for (const ToSend& message : out.to_send) {
+    newest_sent_[message.drone] = {};
+    figures_.sends_failed += transport_.send(message) ? 0 : 1;
+  }
   const TimeNs sent_ns = out.to_send.empty() ? now : clock.now();
   for (const StateSample& state : out.states) {
     courier_.put(state);
@@ -54,6 +64,7 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
     record.kind = TraceKind::setpoint_sent;
     record.t_ns = sent_ns;
     hand_over(record);
+    newest_sent_[record.drone] = record;
   }
 }
 

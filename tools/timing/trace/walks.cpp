@@ -55,6 +55,7 @@ void Walks::add(Writer writer, const TraceRecord& record, std::uint32_t life) {
     if (record.kind == TraceKind::plan_received) see(record, Mark::received, life);
     if (record.kind == TraceKind::command_applied) see(record, Mark::applied, life);
     if (record.kind == TraceKind::setpoint_sent) see(record, Mark::sent, life);
+    if (record.kind == TraceKind::setpoint_left) see(record, Mark::at_device, life);
     return;
   }
   Calls& calls = writer == Writer::agent ? frames_ : calls_;
@@ -107,6 +108,7 @@ bool Walks::finish(Open& open) const {
   acknowledge(walk, Mark::endorsed, Mark::ordered, Mark::delivered);
   acknowledge(walk, Mark::command_endorsed, Mark::command_ordered, Mark::in_block);
   receive(walk);
+  if (walk.has(Mark::at_device)) at(walk, Mark::at_device) = std::max(walk.at(Mark::at_device), walk.at(Mark::sent));
   TimeNs before = 0;
   for (const TimeNs t : walk.at_ns) {
     if (t == 0) continue;

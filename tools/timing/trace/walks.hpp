@@ -29,6 +29,7 @@ enum class Mark : std::uint8_t {
   received,
   applied,
   sent,
+  at_device,
 };
 inline constexpr std::size_t mark_count = enum_count<Mark>;
 
@@ -56,6 +57,7 @@ struct Walk {
 ///   - of records that are there twice the first counts; of a sample that rode in two frames (the first one was
 ///     refused), or a plan in two calls, the last;
 ///   - the orderer's acknowledgement may come after the block itself, or not at all: then the block's time counts;
+///   - a device may have the datagram before the call that sent it returns: it then counts as had when sent;
 ///   - link stamps with the beginning of its turn; a plan that came within the turn counts as received when verified;
 ///   - a record whose sample link did not write down is a stray: not part of any walk;
 ///   - a walk whose times go backwards (a damaged trace) is left out.

@@ -15,6 +15,8 @@
 namespace ledgerline::link {
 namespace {
 
+constexpr TimeNs max_stamp_age_ns = 20 * ns_per_ms;  // a driver that stamps has done so, or the next setpoint is due
+
 Result<Descriptor> open_states(const std::string& interface, const sockaddr_in& listen, std::span<const int> own) {
   auto socket = open_udp(interface);
   if (!socket) return socket.error();
@@ -29,6 +31,7 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
   std::optional<Error> missing;
   sockets.state_listen_ = settings.state_listen;
   sockets.state_port_ = settings.state_port;
+  sockets.stamps_ = !settings.trace.empty();
   for (std::size_t i = 0; i < settings.link.drones.size(); ++i) {
     Drone drone;
     drone.name = settings.link.drones[i].name;
@@ -41,6 +44,9 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
       continue;
     }
     drone.commands = std::move(*commands);
+    if (sockets.stamps_) {
+      if (auto status = stamp_sends(drone.commands); !status) return status.error();
+    }
     drone.reached = connect_to(drone.commands, drone.address);
     const bool open = std::any_of(sockets.states_.begin(), sockets.states_.end(),
                                   [&](const StateText& states) { return states.interface == drone.interface; });
@@ -130,8 +136,9 @@ bool TelloSockets::is_from(const Drone& drone, const StateText& states, const so
 }
 
 bool TelloSockets::send(const ToSend& message) noexcept {
-  for (const Drone& drone : drones_) {
+  for (Drone& drone : drones_) {
     if (drone.number != message.drone) continue;
+    if (stamps_) drone.sent_ns = realtime_ns();
     const std::string_view bytes = message.command.view();
     // A refusal of an earlier datagram (ICMP) comes back in place of this one's sending.
     for (int tries = 0; tries < 2; ++tries) {
@@ -140,6 +147,18 @@ bool TelloSockets::send(const ToSend& message) noexcept {
     }
   }
   return false;
+}
+
+std::span<const Transport::AtDevice> TelloSockets::at_device() noexcept {
+  std::size_t count = 0;
+  for (Drone& drone : drones_) {
+    if (drone.sent_ns == 0) continue;
+    const TimeNs now_ns = realtime_ns();
+    const std::optional<TimeNs> at_ns = sent_at(drone.commands, drone.sent_ns);
+    if (at_ns) at_device_[count++] = {drone.number, monotonic_ns() - (now_ns - *at_ns)};
+    if (at_ns || now_ns > drone.sent_ns + max_stamp_age_ns) drone.sent_ns = 0;
+  }
+  return {at_device_.data(), count};
 }
 
 std::vector<std::string> TelloSockets::tend() {
@@ -168,6 +187,7 @@ void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
   const int commands = drone.commands.get();
   if (!found || (drone.reached && same_interface(commands, probe->get()) && same_address(commands, probe->get())))
     return;
+  if (stamps_) (void)stamp_sends(*probe);  // a figure that the trace is then without
   const Status replaced = put_in_place_of(commands, std::move(*probe));
   drone.reached = static_cast<bool>(replaced);
   news.push_back(fmt::format("{}: {}", drone.name, replaced ? "there is a new way to it" : replaced.error().what));

@@ -34,6 +34,8 @@ class TelloSockets final : public Transport {
 
   std::span<const Received> receive() noexcept override;
   bool send(const ToSend& message) noexcept override;
+  /// Nothing without a trace that it is for.
+  std::span<const AtDevice> at_device() noexcept override;
 
   /// A connected socket keeps the address and the interface that it
   /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or anew, an adapter
@@ -54,6 +56,7 @@ class TelloSockets final : public Transport {
     bool reached = false;  ///< a way to it was found; tend()'s
     std::string told;      ///< the newest trouble; tend()'s
     bool told_port = false;
+    TimeNs sent_ns = 0;  ///< CLOCK_REALTIME before the newest datagram was sent, until its stamp is read; the loop's
   };
   struct StateText {
     std::string interface;
@@ -77,6 +80,8 @@ class TelloSockets final : public Transport {
   std::unique_ptr<std::array<std::atomic<std::uint16_t>, max_drones>> strange_ports_;
   std::vector<std::array<char, max_bytes>> buffers_;
   std::array<Received, max_received> received_{};
+  std::array<AtDevice, max_drones> at_device_{};
+  bool stamps_ = false;
   std::size_t count_ = 0;
 };
 

@@ -3,6 +3,8 @@
 #include <arpa/inet.h>
 #include <fcntl.h>
 #include <fmt/format.h>
+#include <linux/errqueue.h>
+#include <linux/net_tstamp.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -66,6 +68,34 @@ Status listen_beside(std::span<const int> own, const Descriptor& socket, const s
 
 bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept {
   return ::connect(socket.get(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+}
+
+Status stamp_sends(const Descriptor& socket) {
+  const int flags = SOF_TIMESTAMPING_TX_SOFTWARE | SOF_TIMESTAMPING_SOFTWARE | SOF_TIMESTAMPING_OPT_TSONLY;
+  if (::setsockopt(socket.get(), SOL_SOCKET, SO_TIMESTAMPING, &flags, sizeof flags) == 0) return done;
+  return Error{fmt::format("no time stamps of what is sent: {}", std::strerror(errno))};
+}
+
+std::optional<TimeNs> sent_at(const Descriptor& socket, TimeNs since_ns) noexcept {
+  constexpr std::size_t most = 4;  // of datagrams to one drone in a turn
+  std::array<std::array<char, 256>, most> controls{};
+  std::array<mmsghdr, most> messages{};
+  for (std::size_t i = 0; i < most; ++i) {
+    messages[i].msg_hdr.msg_control = controls[i].data();
+    messages[i].msg_hdr.msg_controllen = controls[i].size();
+  }
+  const int count = ::recvmmsg(socket.get(), messages.data(), most, MSG_ERRQUEUE | MSG_DONTWAIT, nullptr);
+  for (int i = 0; i < count; ++i) {
+    msghdr& message = messages[static_cast<std::size_t>(i)].msg_hdr;
+    for (cmsghdr* part = CMSG_FIRSTHDR(&message); part != nullptr; part = CMSG_NXTHDR(&message, part)) {
+      if (part->cmsg_level != SOL_SOCKET || part->cmsg_type != SCM_TIMESTAMPING) continue;
+      scm_timestamping stamps{};
+      std::memcpy(&stamps, CMSG_DATA(part), sizeof stamps);
+      const TimeNs at_ns = stamps.ts[0].tv_sec * ns_per_s + stamps.ts[0].tv_nsec;
+      if (at_ns >= since_ns) return at_ns;
+    }
+  }
+  return std::nullopt;
 }
 
 bool same_interface(int one, int other) noexcept {

@@ -1,13 +1,16 @@
 #pragma once
 #include <netinet/in.h>
 
+#include <optional>
 #include <span>
 #include <string>
 
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 /// UDP sockets as link needs them: non-blocking, and behind one network interface where one is named. Errors say what
-/// to do. Any thread, but not the real-time loop.
+/// to do. Any thread, but not the real-time loop, where nothing else
+/// is said.
 namespace ledgerline::link {
 
 /// Owns a descriptor.
@@ -38,6 +41,12 @@ Status listen_beside(std::span<const int> own, const Descriptor& socket, const s
 
 /// From now on the kernel drops what does not come from exactly there. False where no route leads there yet.
 bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept;
+
+/// From now on sent_at() tells of what this socket sends.
+Status stamp_sends(const Descriptor& socket);
+/// When the network device had a datagram of this socket that was sent at `since_ns` or later: CLOCK_REALTIME, from the
+/// kernel's software stamp. None: no device had one yet, or its driver does not stamp. Does not wait; the loop's.
+std::optional<TimeNs> sent_at(const Descriptor& socket, TimeNs since_ns) noexcept;
 
 /// By its index: an adapter that was unplugged and plugged in again has another, by the same name.
 bool same_interface(int one, int other) noexcept;

@@ -44,6 +44,7 @@ struct Flight {
     link.push_back(record(TraceKind::plan_received, sampled + 13 * ms, sampled, n));
     link.push_back(record(TraceKind::command_applied, sampled + 14 * ms, sampled, n));
     link.push_back(record(TraceKind::setpoint_sent, sampled + 15 * ms, sampled, n));
+    link.push_back(record(TraceKind::setpoint_left, sampled + 16 * ms, sampled, n));
   }
   TraceRecord& of(TraceKind kind) {
     for (auto* records : {&link, &agent, &ground}) {

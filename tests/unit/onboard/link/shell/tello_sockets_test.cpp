@@ -109,6 +109,27 @@ TEST_F(Sockets, TheFirstZeroReachesEachDroneAndAlsoThoseBesideOneWhoseInterfaceI
   EXPECT_EQ(tello2.hear(from), "rc 0 0 0 0");
 }
 
+TEST_F(Sockets, SayWhenTheDeviceHadWhatWasSentOnceEachAndOnlyWhereThereIsATrace) {
+  command(3, tello1);
+  EXPECT_TRUE(sockets->at_device().empty());
+  sockets.reset();
+  settings.trace = "a file";
+  sockets = std::make_unique<TelloSockets>(std::move(*TelloSockets::create(settings)));
+  for (int i = 0; i < 3; ++i) {
+    const TimeNs before = monotonic_ns();
+    command(3, tello1, "rc 0 0 0 1");
+    command(3, tello1, "rc 0 0 0 2");  // of two the newer one counts
+    const auto at = sockets->at_device();
+    ASSERT_EQ(at.size(), 1U);
+    EXPECT_EQ(at[0].drone, 3);
+    EXPECT_GE(at[0].t_ns, before);
+    EXPECT_LE(at[0].t_ns, monotonic_ns() + ns_per_ms) << "two clocks are read one after the other";
+    EXPECT_TRUE(sockets->at_device().empty());
+  }
+  tello1.say(command(3, tello1), "ok");
+  EXPECT_EQ(received(), (Texts{"3 answers ok"})) << "what is not read of stamps keeps no answer back";
+}
+
 TEST_F(Sockets, AnAnswerThatTheDroneDidNotSendFromItsCommandPortIsDropped) {
   const sockaddr_in link = command(3, tello1);
   tello2.say(link, "ok");                 // another drone

@@ -22,6 +22,7 @@ TEST(Walks, AWholeWalkHasEveryMarkAndEveryStage) {
   EXPECT_EQ(figures.find("two_way")->max(), 12 * ms);
   EXPECT_EQ(figures.find("age")->max(), 15 * ms);
   EXPECT_EQ(figures.find("setpoint")->max(), 5 * ms);
+  EXPECT_EQ(figures.find("datagram")->max(), 16 * ms);
 }
 
 TEST(Walks, TheOrderOfRecordsAndFilesDoesNotMatter) {
@@ -57,7 +58,14 @@ TEST(Walks, ASampleThatWasMergedEndedBeforeItsFrame) {
   const Figures figures = make_figures(flight.walks().take(), {});
   EXPECT_EQ(figures.walks, 2U);
   EXPECT_EQ(figures.got_to[static_cast<std::size_t>(Mark::taken)], 1U);
-  EXPECT_EQ(figures.got_to[static_cast<std::size_t>(Mark::sent)], 1U);
+  EXPECT_EQ(figures.got_to[static_cast<std::size_t>(Mark::at_device)], 1U);
+}
+
+TEST(Walks, ADatagramThatTheDeviceHadWithinTheCallWasThereWhenTheCallEnded) {
+  Flight flight;
+  flight.walk(start, 1);
+  flight.of(TraceKind::setpoint_left).t_ns = start + 14 * ms;
+  EXPECT_EQ(flight.walks().take().at(0).at(Mark::at_device), start + 15 * ms);
 }
 
 TEST(Walks, OfDoubledRecordsTheFirstCounts) {
