@@ -62,11 +62,13 @@ void which_tello(Config& config, const std::string& folder, WorldConfig& flight)
                      "the usual one, or each seed draws what nobody knows of a real one: latency, response, "
                      "drift at take-off, ground effect, downwash, heat"},
                     {"usual", "drawn"}, "usual") == "drawn";
-  const std::string wifi = config.text(
-      {"flight.wifi", "a recorded day of every drone's radio, beside the script; the seed says where in it it begins"},
-      "");
+  const std::string wifi = config.text({"flight.wifi",
+                                        "every drone's radio: a recorded day beside the script, or `crowded`, a made "
+                                        "one; the seed says where it begins"},
+                                       "");
   if (!wifi.empty()) {
-    auto day = read_day(wifi.front() == '/' || folder.empty() ? wifi : folder + "/" + wifi);
+    auto day = wifi == "crowded" ? Result<Day>(crowded_day())
+                                 : read_day(wifi.front() == '/' || folder.empty() ? wifi : folder + "/" + wifi);
     if (day)
       flight.wifi = Impairment::RecordedLink{*day, wifi, 0};
     else

@@ -7,6 +7,7 @@
 #include <iterator>
 
 #include "common/base/printable.hpp"
+#include "common/base/random.hpp"
 #include "hil/lines/distribution.hpp"
 #include "hil/lines/text_parse.hpp"
 
@@ -53,6 +54,35 @@ RecordedDay::Fate RecordedDay::at(TimeNs since_start) const noexcept {
   if (next == moments_.begin() || next == moments_.end() || next->lost) return {false, now.delay_ns};
   const double share = static_cast<double>(t - now.at_ns) / static_cast<double>(next->at_ns - now.at_ns);
   return {false, now.delay_ns + std::llround(share * static_cast<double>(next->delay_ns - now.delay_ns))};
+}
+
+Day crowded_day() {
+  constexpr TimeNs length = 120 * ns_per_s, step = 30 * ns_per_ms, beacon = 102'400 * ns_per_us;
+  Random random(1);
+  const auto drawn = [&](double from_s, double to_s) {
+    return from_seconds(from_s + random.uniform() * (to_s - from_s));
+  };
+  struct Spell {
+    double every_s, from_s, to_s;  ///< how often it comes, how long it lasts
+    TimeNs begin = 0, end = 0;
+  };
+  Spell sleep{9, 0.4, 2.5}, interference{7, 0.04, 0.25}, scan{50, 0.25, 0.6};
+  const auto lasts = [&](Spell& spell, TimeNs t) {
+    if (t >= spell.end) {
+      spell.begin = t + drawn(0.5 * spell.every_s, 1.5 * spell.every_s);
+      spell.end = spell.begin + drawn(spell.from_s, spell.to_s);
+    }
+    return t >= spell.begin;
+  };
+  std::vector<DayMoment> moments;
+  for (TimeNs t = 0; t < length; t += step) {
+    DayMoment moment{t, drawn(0.003, 0.007)};
+    if (lasts(sleep, t)) moment.delay_ns += beacon - t % beacon;
+    if (lasts(interference, t)) moment.lost = random.uniform() < 0.6;
+    if (lasts(scan, t)) moment.lost = true;
+    moments.push_back(moment);
+  }
+  return *RecordedDay::make(std::move(moments));
 }
 
 Result<Day> parse_day(const std::string& path, std::string_view content) {

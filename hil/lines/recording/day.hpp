@@ -50,6 +50,11 @@ class RecordedDay {
 
 using Day = std::shared_ptr<const RecordedDay>;
 
+/// Two minutes of a crowded 2.4 GHz channel, made and not recorded: some 5 ms each way; every 9 s or so the radio sleeps
+/// for 0.4 to 2.5 s and wakes with each beacon; every 7 s interference for 40 to 250 ms takes six of ten; every 50 s a
+/// scan for 0.25 to 0.6 s takes all.
+Day crowded_day();
+
 /// From a table's content; `path` is for errors. A line is `SECONDS,DELAY_S` or `SECONDS,lost`, with the seconds
 /// ascending; the first may be the header `seconds,delay_s`; empty lines and those with # are passed over.
 Result<Day> parse_day(const std::string& path, std::string_view content);

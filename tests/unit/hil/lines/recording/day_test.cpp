@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "hil/lines/line.hpp"
 #include "hil/lines/recording/read_day.hpp"
 #include "tests/unit/hil/lines/recording/captures.hpp"
@@ -43,6 +45,18 @@ TEST(RecordedDay, ReadsTheTableThatItWrites) {
   const std::string table = "seconds,delay_s\n0.000000,0.001500\n0.100000,lost\n3600.000000,60.000000\n";
   EXPECT_EQ(table_of(day(table)->moments()), table);
   EXPECT_EQ(day(" 0 , 0.5 \r\n\n# a remark\n1,lost\n")->moments().size(), 2U);
+}
+
+TEST(RecordedDay, ACrowdedOneSleepsAndLosesAndIsTheSameEachTime) {
+  const Day crowded = crowded_day();
+  const auto& moments = crowded->moments();
+  const auto share = [&](auto&& is_so) {
+    return static_cast<double>(std::ranges::count_if(moments, is_so)) / static_cast<double>(moments.size());
+  };
+  EXPECT_EQ(crowded->length_ns(), 120 * ns_per_s);
+  EXPECT_NEAR(share([](const DayMoment& moment) { return moment.lost; }), 0.03, 0.02);
+  EXPECT_NEAR(share([](const DayMoment& moment) { return moment.delay_ns > 7 * ns_per_ms; }), 0.14, 0.08);
+  EXPECT_EQ(moments, crowded_day()->moments());
 }
 
 TEST(RecordedDay, RefusesATableWithFileAndLine) {
