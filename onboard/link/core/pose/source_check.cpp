@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
 namespace ledgerline::link {
 namespace {
@@ -16,7 +17,8 @@ constexpr double drift_mps = 0.1;      // of its own velocity, as gusts and roun
 constexpr double unseen_mps = 1;       // whose own velocity is not usable flies as fast as rc tells it at most
 constexpr double climb_mps = 1;        // PlayoutSettings::max_vertical_mps
 constexpr double height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
-constexpr int texts_in_a_row = 3;      // one that is torn or late is no contradiction
+constexpr double turn_rad = 0.17, turn_rad_per_s = 2.2;  // noise and fusion; a Tello turns by 100 degrees/s at most
+constexpr int texts_in_a_row = 3;                        // one that is torn or late is no contradiction
 constexpr int max_texts_unusable = 3;
 constexpr double scale_sigmas = 1.5, rounded_mps = 0.15;
 constexpr double lag_sigmas = 1.5;     // 0.3 s of a drone that nobody measured
@@ -73,6 +75,8 @@ bool PoseGate::accepts(const Pose& pose, const OwnPath& own, double scale_sigma,
     const double rise = pose.position_m[2] - last_.position_m[2], own_rise = own.height_m - own_.height_m;
     if (std::abs(rise) > near + climb_mps * seconds && std::abs(rise - own_rise) > allowed + height_step_m)
       return false;
+    const double turned = std::remainder(pose.yaw_rad - last_.yaw_rad, 2 * std::numbers::pi);
+    if (std::abs(turned) > turn_rad + turn_rad_per_s * seconds) return false;
   }
   last_ = pose;
   own_ = own;

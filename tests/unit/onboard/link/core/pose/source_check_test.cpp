@@ -25,6 +25,7 @@ class Watched {
       pose.position_m = {at.x() + frame.x(), at.y() + frame.y(), 1 + above};
       const Eigen::Vector2d moves = velocity + creeps;
       pose.velocity_mps = {moves.x(), moves.y(), 0};
+      pose.yaw_rad = heading += turns * 0.01;
       if (posed && check.accepts(pose, flies)) newest = pose, ++accepted;
       if (now % (100 * ms) != 0) continue;
       own.velocity_mps = late * scale + wrong;
@@ -38,7 +39,7 @@ class Watched {
   OwnMotion own{.usable = true, .sigma_m = 0.1};
   TimeNs now = ns_per_s;
   Eigen::Vector2d at{0, 0}, frame{0, 0}, creeps{0, 0}, late{0, 0}, wrong{0, 0};
-  double scale = 1, lag_s = 0.01, above = 0;
+  double scale = 1, lag_s = 0.01, above = 0, heading = 0, turns = 0;
   bool flies = true, posed = true, repeats = false;
   int accepted = 0;
   Pose newest;
@@ -115,6 +116,19 @@ TEST(SourceCheck, AnotherBodyIsNoPose) {
   drone.above = -3;
   drone.pass(1, {0.5, 0});
   EXPECT_EQ(drone.accepted, before + 100) << "nor is one that is 3 m lower";
+}
+
+TEST(SourceCheck, AHeadingThatNobodyTurnsToIsNoPose) {
+  Watched drone;
+  drone.turns = 1.75;  // as fast as a Tello does
+  drone.pass(3, {0.5, 0});
+  EXPECT_EQ(drone.accepted, 300);
+  drone.heading += 2.1;  // for 0.4 s
+  drone.pass(0.4, {0.5, 0});
+  EXPECT_EQ(drone.accepted, 300);
+  drone.heading -= 2.1;
+  drone.pass(1, {0.5, 0});
+  EXPECT_EQ(drone.accepted, 400);
 }
 
 TEST(SourceCheck, WhatIsBackFromALongAbsenceIsTakenWhereItFits) {
