@@ -1,4 +1,4 @@
-// ledgerline bench: the published bridge's design (two-way) and air traffic's (utm) beside Ledgerline.
+// ledgerline bench: the published bridge's design beside Ledgerline.
 #include <fmt/format.h>
 #include <unistd.h>
 
@@ -11,7 +11,6 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/bench/measurement.hpp"
-#include "tools/bench/utm/bench.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace {
@@ -49,28 +48,6 @@ Examples:
   ledgerline bench two-way --dir /var/tmp/two-way              ledgers on that disk
 
 Exit codes: 0 measured (a client that collapses is a figure), 1 failed or interrupted, 2 wrong usage.)";
-
-constexpr const char* about_utm =
-    R"(Registrations of operational intents (ASTM F3548) for unmanned air traffic: several suppliers register volumes of
-airspace and time, some of which overlap. An intent is one record of the ledger: the contract refuses airspace that is
-taken, and of two that come at the same moment one is invalid (MVCC) and is tried again. Latency is from the moment that
-a registration is due until its client is told that it is valid in a block, retries included.)";
-
-constexpr const char* notes_utm = R"(
-Clients:
-  gateway      Fabric's official Node.js client through the gateway
-  ledgerline   Ledgerline's client: endorsed by two peers side by side, sent to the orderer, ends told by blocks
-
-Settings of the ledger, one orderer each:
-  ours         a block for each transaction
-  stock        what Fabric's sample configuration has: a block at 500 messages or after 2 s
-
-Examples:
-  ledgerline bench utm --json utm.json
-  ledgerline bench utm --rates 50 --settings ours --alternations 1 --overlapping 0.5
-  ledgerline bench utm --ledger embedded --alternations 1 --seconds 5            a quick look
-
-Exit codes: 0 measured, 1 failed or interrupted, 2 wrong usage.)";
 
 /// build/PRESET/bin/ledgerline-bench: the rest of the tree is found from there.
 void find_programs(Options& o) {
@@ -159,20 +136,17 @@ int measure(Options& options) {
   return finish(status, options, given);
 }
 
-int measure_utm(utm::Options& options) {
-  const bool given = !options.common.dir.empty();
-  if (auto s = prepare(options.common); !s) return fail(s.error());
-  utm::Bench bench(options, stop_requests);
-  Status status = bench.run();
-  if (!bench.runs().empty()) {
-    fmt::print("{}\n{}", utm::to_table(utm::summarize(bench.runs())), circumstances(options.common, bench.storage()));
-    if (auto written = bench.write_json(); !written && status) status = written;
+void add_options(Verb verb, Options& o) {
+  std::vector<std::string> ids;
+  for (const Contender& one : contenders()) {
+    ids.push_back(one.id);
+    if (!one.only_when_asked) o.clients.push_back(one.id);
   }
-  return finish(status, options.common, given);
-}
-
-/// What both benchmarks have.
-void add_common_options(Verb verb, Options& o) {
+  verb.option("--rates", o.rates, "msg/s of both directions together").comma_list().within(2, 1100).shows_default();
+  verb.option("--clients", o.clients, "Who is measured, see below").comma_list().one_of(ids).shows_default();
+  verb.option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
+      .within(0.0, 10'000.0)
+      .shows_default();
   verb.option("--seconds", o.seconds, "Measured time of a run").within(0.5, 3600.0).shows_default();
   verb.option("--warm-up", o.warm_up_s, "Seconds before, left out").within(0.0, 600.0).shows_default();
   verb.option("--drain", o.drain_s, "Seconds that answers are awaited after it, at most")
@@ -193,58 +167,12 @@ void add_common_options(Verb verb, Options& o) {
   verb.option("--npm", o.place.npm, "Where node_modules is [build/npm]");
 }
 
-void add_options(Verb verb, Options& o) {
-  std::vector<std::string> ids;
-  for (const Contender& one : contenders()) {
-    ids.push_back(one.id);
-    if (!one.only_when_asked) o.clients.push_back(one.id);
-  }
-  verb.option("--rates", o.rates, "msg/s of both directions together").comma_list().within(2, 1100).shows_default();
-  verb.option("--clients", o.clients, "Who is measured, see below").comma_list().one_of(ids).shows_default();
-  verb.option("--poll-ms", o.place.poll_ms, "Polling: pause between an answer and the next question")
-      .within(0.0, 10'000.0)
-      .shows_default();
-  add_common_options(verb, o);
-}
-
-void add_options(Verb verb, utm::Options& o) {
-  o.common.rates = {10, 30, 50};
-  o.common.clients = {"gateway", "ledgerline"};
-  utm::WorkloadOptions& w = o.workload;
-  verb.option("--rates", o.common.rates, "Registrations a second").comma_list().within(1, 200).shows_default();
-  verb.option("--clients", o.common.clients, "Who is measured, see below")
-      .comma_list()
-      .one_of({"gateway", "ledgerline"})
-      .shows_default();
-  verb.option("--settings", o.settings, "Of the ledger, see below")
-      .comma_list()
-      .one_of({"ours", "stock"})
-      .shows_default();
-  verb.option("--overlapping", w.overlapping, "Share of intents in airspace that an earlier one has asked for")
-      .within(0.0, 1.0)
-      .shows_default();
-  verb.option("--racing", w.racing, "Of those, the share that comes at the same moment as its rival")
-      .within(0.0, 1.0)
-      .shows_default();
-  verb.option("--suppliers", w.suppliers, "USS that the intents belong to, of three organisations")
-      .within(1, 1000)
-      .shows_default();
-  verb.option("--attempts", o.attempts, "Of one registration, after MVCC conflicts").within(1, 100).shows_default();
-  verb.option("--seed", w.seed, "Of the workload; each alternation has the next one").shows_default();
-  verb.flag("--evenly", o.evenly, "Registrations come evenly, not as a Poisson process");
-  add_common_options(verb, o.common);
-}
-
 }  // namespace
 
 int main(int argc, char** argv) {
   CommandLine line("bench", "Benchmarks against other designs", "");
   Options o;
-  utm::Options of_utm;
-  const Verb two_way_verb = line.verb("two-way", about, notes);
-  add_options(two_way_verb, o);
-  const Verb utm_verb = line.verb("utm", about_utm, notes_utm);
-  add_options(utm_verb, of_utm);
+  add_options(line.verb("two-way", about, notes), o);
   if (const auto end = line.parse(argc, argv)) return *end;
-  return utm_verb.given() ? measure_utm(of_utm) : measure(o);
+  return measure(o);
 }
