@@ -22,12 +22,10 @@ Key verifier_key() { return {"ledger.verifier", "library that checks signatures"
 BlockSource block_source(Config& config) {
   const std::string name = config.choice(
       {"ledger.blocks",
-       "whose blocks are taken: `peer`, the own peer's; `compared`, likewise, and their headers must be those that an "
-       "orderer tells; `ordered`, whoever is first: an orderer's, judged here, which the peer confirms later (needs "
-       "config_block). The last two cost each block's transfer once more"},
-      {"peer", "compared", "ordered"}, "peer");
-  if (name == "ordered") return BlockSource::ordered;
-  return name == "compared" ? BlockSource::compared : BlockSource::peer;
+       "whose blocks are taken: `peer`, the own peer's; `ordered`, an orderer's where they come first, judged here and "
+       "confirmed by the peer later (needs config_block; costs each block's transfer once more)"},
+      {"peer", "ordered"}, "peer");
+  return name == "ordered" ? BlockSource::ordered : BlockSource::peer;
 }
 
 const char* const tls_ca_meaning =

@@ -87,7 +87,6 @@ const std::vector<Contender>& contenders() {
       {"polling", "gateway, polling", Way::polling, false, ""},
       {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
       {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
-      {"ledgerline-compared", "Ledgerline, compared", Way::ledgerline, false, "libcrypto", false, "compared"},
       {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, "peer", true},
       {"ledgerline-ordered", "Ledgerline, ordered", Way::ledgerline, false, "libcrypto", false, "ordered", true},
       {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true,

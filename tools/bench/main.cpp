@@ -33,7 +33,6 @@ Clients:
   polling               as gateway, but asking again and again, with a cache of what was there the last time
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
-  ledgerline-compared   as ledgerline, and an orderer's blocks are compared with the peer's
   ledgerline-judged     as ledgerline, and each side judges every block and transaction
   ledgerline-ordered    as ledgerline-judged, and takes an orderer's blocks where they are first
   endorser              as ledgerline-judged; each organisation's own endorser endorses in its peer's place (Fabric alone;

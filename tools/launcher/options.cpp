@@ -132,11 +132,11 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .shows_default();
   line.flag("--believe-peer", o.believe_peer,
             "Agent and ground judge neither blocks nor transactions (no config_block), to compare what that costs");
-  line.option(
-          "--blocks", o.blocks,
-          "Whose blocks agent and ground take: the own peer's; the same, compared with an orderer's; or whoever's are\n"
-          "first, an orderer's as soon as they are judged")
-      .one_of({"peer", "compared", "ordered"})
+  line.option("--blocks", o.blocks,
+              "Whose blocks agent and ground take: the own peer's, or whoever's are first, an orderer's as soon as "
+              "they are\n"
+              "judged")
+      .one_of({"peer", "ordered"})
       .shows_default();
   line.option("--batch-timeout", words.batch_timeout,
               "Ledger: a block is cut when its oldest transaction waited this long")

@@ -143,9 +143,8 @@ class Client {
   /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
   /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is
   /// left out alone, see decode_block. A block that breaks the chain is reported through on_connection and the stream
-  /// starts again at the last good one. With ClientConfig::blocks other than `peer` a second stream brings an orderer's
-  /// blocks; once the two differ, nothing more is handed over, and on_connection says so. With `ordered` a block is
-  /// handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our
+  /// starts again at the last good one. With ClientConfig::blocks `ordered` a second stream brings an orderer's blocks;
+  /// once the two differ, nothing more is handed over, and on_connection says so. A block is then handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our
   /// verdicts then), and on_confirmed says when the peer told the same; at most BlockIntake::max_unconfirmed blocks
   /// ahead of the peer. Calls that are told_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;

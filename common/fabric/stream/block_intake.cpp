@@ -182,7 +182,7 @@ Status BlockIntake::add_ordered(common::Block message) {
   std::string hash = header_hash(message.header());
   if (next_ && number < *next_) return compare_with_taken(message, hash);
   told_.ordered(message, std::move(hash));
-  if (setup_.source == BlockSource::ordered) keep_waiting(std::move(message));
+  keep_waiting(std::move(message));
   return done;
 }
 

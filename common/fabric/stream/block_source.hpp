@@ -4,8 +4,7 @@ namespace ledgerline::fabric {
 
 /// Whose blocks a stream hands over.
 enum class BlockSource {
-  peer,      ///< the own peer's
-  compared,  ///< the own peer's, whose headers must be those that the orderers tell
+  peer,     ///< the own peer's
   ordered,  ///< whoever is first: an orderer's, where our own judgement needs no flag of the peer, which confirms it later
 };
 

@@ -109,7 +109,6 @@ class DirectTest : public ::testing::Test {
     fabric::ClientConfig config;
     config.endpoint = own_peer.empty() ? served.endpoint() : own_peer;
     if (!own_peer.empty()) config.other_peers.push_back({served.endpoint(), served.tls_ca_file()});
-    if (!orderers.empty()) config.blocks = fabric::BlockSource::compared;
     config.tls_ca_file = served.tls_ca_file();
     for (const std::string& one : orderers) config.orderers.push_back({one, served.tls_ca_file()});
     for (const std::string& one : endorsers) config.endorsers.push_back({"Org1MSP", one, served.tls_ca_file()});

@@ -18,13 +18,18 @@ class OrderedStream : public GrowingChannel {
   OrderedStream() {
     for (int i = 0; i < 3; ++i) more();
   }
-  /// A block with a state, each made ten seconds behind the one before.
-  void more() {
+  /// A state, each made ten seconds behind the one before.
+  std::string state() {
     Draft made = draft();
     write(made, "judge/free/1");
     made.channel_header.mutable_timestamp()->set_seconds(start_s_ + 10 * static_cast<std::int64_t>(nonces_));
+    return made.seal();
+  }
+  /// A block with one.
+  void more() {
+    const std::string envelope = state();
     const std::lock_guard lock(mutex_);
-    add({made.seal()});
+    add({envelope});
   }
   common::Block of_peer(std::uint64_t number) {
     const std::lock_guard lock(mutex_);
@@ -62,6 +67,9 @@ class OrderedStream : public GrowingChannel {
     handlers.on_block = [this](const Block& block, std::string_view) { keep(numbers_, block.number); };
     handlers.on_contradiction = [this](const std::string& what) { keep(contradictions_, what); };
     handlers.on_refused = [this](const Block& block) { keep(refused_, block.number); };
+    handlers.on_connection = [this](bool connected, const std::string& why) {
+      if (!connected) keep(lost_, why);
+    };
     handlers.on_orderers = [this](bool connected, const std::string& why) {
       if (!connected) keep(orderers_, why);
     };
@@ -90,7 +98,7 @@ class OrderedStream : public GrowingChannel {
   std::mutex mutex_;
   std::condition_variable changed_;
   Numbers numbers_, confirmed_, refused_;
-  std::vector<std::string> contradictions_, orderers_;
+  std::vector<std::string> contradictions_, orderers_, lost_;
   std::atomic<int> held_{0};
   Door door_;  ///< outlives whoever waits at it
   std::optional<FakeGateway> gateway_;
@@ -151,6 +159,24 @@ TEST_F(OrderedStream, BehindAContradictionBothStreamsAreReadOnAndNothingIsTakenF
   const auto told = [&] { return std::count(refused_.begin(), refused_.end(), last); };
   changed_.wait(lock, [&] { return told() >= 2; });  // by the peer, and by an orderer
   EXPECT_EQ(numbers_, (Numbers{1, 2, 3, 4}));
+}
+
+TEST_F(OrderedStream, AForkThatTheOrderersBlockShowsEndsThePeersConnection) {
+  const common::Block other = fork(3, state());
+  serve({}, [&](std::uint64_t number) -> std::optional<common::Block> {
+    if (number != 3) return std::nullopt;
+    door_.pass();  // the peer's is here before
+    return other;
+  });
+  follow(1);
+  EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
+  door_.open();
+  const std::string what = "block 3 of the peer is not the one that was ordered";
+  EXPECT_EQ(await(contradictions_, 1)[0], what);
+  more();
+  gateway_->add_block("set", "");
+  EXPECT_EQ(await(lost_, 1)[0], what);
+  EXPECT_EQ(await(numbers_, 4).size(), 4U) << "for good";
 }
 
 TEST_F(OrderedStream, AnOrdererThatWithholdsIsLeftAndThePeerGoesOn) {

@@ -7,7 +7,6 @@
 #include <set>
 #include <thread>
 
-#include "common/fabric/stream/told_headers.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 
 namespace ledgerline::fabric {
@@ -343,52 +342,6 @@ TEST_F(EventStream, EndsAtAnyMoment) {
                                        logs.on_connection());
     if (i % 4 == 0) logs.events.await(2);
   }
-}
-
-std::unique_ptr<Client> comparing_client_of(const FakeGateway& gateway) {
-  ClientConfig config = gateway.client_config();
-  config.orderers.push_back({config.endpoint, config.tls_ca_file});
-  config.blocks = BlockSource::compared;
-  return Client::create(std::move(config)).value();
-}
-
-TEST(ComparedBlocks, ComeAsTheyWereOrdered) {
-  FakeGateway gateway;
-  Logs logs;
-  const auto client = comparing_client_of(gateway);
-  const auto stream = client->blocks(0, logs.handlers());
-  for (int i = 0; i < 50; ++i) gateway.add_block("set", "x");
-  EXPECT_EQ(logs.blocks.await(51).back().number, 50U);
-  EXPECT_EQ(logs.connection.now().size(), 1U) << "it came once and stayed";
-}
-
-TEST(ComparedBlocks, EndWhereThePeerTellsAnotherChainThanWasOrdered) {
-  FakeGateway gateway({.ordered = [](const common::Block& block) -> std::optional<common::Block> {
-    if (block.header().number() != 3) return std::nullopt;
-    common::Block other = block;
-    other.mutable_header()->set_data_hash(std::string(32, 'x'));
-    return other;
-  }});
-  Logs logs;
-  const auto client = comparing_client_of(gateway);
-  const auto stream = client->blocks(0, logs.handlers());
-  logs.await_connection();
-  const auto found_out = [&] {
-    for (const auto& [there, why] : logs.connection.now()) {
-      if (!there && why == "block 3 of the peer is not the one that was ordered") return true;
-    }
-    return false;
-  };
-  // However late the orderer's stream comes: fewer blocks than are kept for it.
-  for (std::size_t i = 0; i < ToldHeaders::max_kept - 10 && !found_out(); ++i) {
-    gateway.add_block("set", "x");
-    std::this_thread::sleep_for(std::chrono::milliseconds(50));
-  }
-  EXPECT_TRUE(found_out());
-  const std::size_t handed_over = logs.blocks.now().size();
-  for (int i = 0; i < 10; ++i) gateway.add_block("set", "x");
-  std::this_thread::sleep_for(std::chrono::milliseconds(100));
-  EXPECT_EQ(logs.blocks.now().size(), handed_over) << "for good";
 }
 
 }  // namespace

@@ -45,6 +45,13 @@ class GrowingChannel : public ::testing::Test, protected JudgedChannel {
     state_.apply(++height_, verdicts);
     chain_.push_back(std::move(block));
   }
+  /// Another block of that number, which the orderers have signed as well.
+  common::Block fork(std::size_t number, const std::string& envelope) {
+    common::Block block = node::make_block({number, node::header_hash(chain_[number - 1].header())}, {envelope});
+    EXPECT_TRUE(node::sign_block(block, orderer_));
+    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
+    return block;
+  }
   std::size_t below(std::size_t count) { return static_cast<std::size_t>(random_.next() % count); }
   /// Of every kind, good and spoilt, in blocks of up to four; some again.
   void grow(std::size_t transactions) {

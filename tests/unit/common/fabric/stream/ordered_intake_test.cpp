@@ -32,13 +32,7 @@ class OrderedIntake : public GrowingChannel {
       add(states);
     }
   }
-  /// Another block of that number, which the orderers have signed as well.
-  common::Block fork(std::size_t number) {
-    common::Block block = node::make_block({number, node::header_hash(chain_[number - 1].header())}, {state()});
-    EXPECT_TRUE(node::sign_block(block, orderer_));
-    block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
-    return block;
-  }
+  common::Block fork(std::size_t number) { return GrowingChannel::fork(number, state()); }
   /// Begun at a peer, whose first block, `from`, it has taken.
   BlockIntake begun(
       std::size_t from, BlockSource source = BlockSource::ordered,
@@ -195,11 +189,6 @@ TEST_F(OrderedIntake, AForkOfTheOrderersIsFoundWithThePeersBlock) {
   EXPECT_FALSE(first.take_ordered()) << "for good";
   EXPECT_FALSE(first.take(chain_[last], nothing));
 
-  BlockIntake waiting = begun(last - 1, BlockSource::compared);  // the orderer is first, and nothing is taken from it
-  EXPECT_TRUE(tell(waiting, fork(last))->empty());
-  EXPECT_FALSE(waiting.take(chain_[last], nothing));
-  EXPECT_EQ(waiting.contradiction(), found);
-
   BlockIntake behind = begun(last - 1);  // the peer is first
   EXPECT_TRUE(behind.take(chain_[last], nothing));
   EXPECT_FALSE(tell(behind, fork(last)));
@@ -320,16 +309,6 @@ TEST_F(OrderedIntake, IsNeverFurtherAheadOfThePeerThanItsBound) {
   EXPECT_EQ(taken, BlockIntake::max_unconfirmed);
   for (std::size_t number = 2; number < 12; ++number) ASSERT_TRUE(intake.confirm(chain_[number]));
   EXPECT_EQ(take_ordered(intake)->size(), 10u) << "what has waited";
-}
-
-TEST_F(OrderedIntake, WhatIsOnlyComparedNeverComesAsItWasOrdered) {
-  grow(100);
-  BlockIntake intake = begun(1, BlockSource::compared);
-  for (std::size_t number = 2; number < chain_.size(); ++number) {
-    ASSERT_TRUE(tell(intake, ordered(number))->empty());
-    ASSERT_TRUE(intake.take(chain_[number], nothing));
-  }
-  EXPECT_EQ(intake.counts().ordered_first, 0u);
 }
 
 TEST(ToldHeaders, KeepABoundedNumber) {
