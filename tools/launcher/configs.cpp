@@ -321,9 +321,8 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const deployment::OwnLedger* network = is_of_others(options) ? &*options.own->network : nullptr;
   const auto ledger = [&](const std::string& program, int organisation) {
     if (network) return (program == "agent" ? network->agent : network->ground) + "\n";
-    const std::string anchor = options.believe_peer ? "" : anchor_line(files);
     return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
-                        anchor + fmt::format("blocks = \"{}\"\n", options.blocks) + ledger_keys(options)) +
+                        anchor_line(files) + fmt::format("blocks = \"{}\"\n", options.blocks) + ledger_keys(options)) +
            direct(program) + msp_tables(files);
   };
   const std::string with_status = "status_period_ms = 250\n";

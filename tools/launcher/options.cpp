@@ -130,8 +130,6 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
   line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
-  line.flag("--believe-peer", o.believe_peer,
-            "Agent and ground judge neither blocks nor transactions (no config_block), to compare what that costs");
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or whoever's are first, an orderer's as soon as "
               "they are\n"
@@ -221,9 +219,7 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--ca", ledger, of_a_ledger},
       {"--max-age", ledger, of_a_ledger},
       {"--crypto", ledger, of_a_ledger},
-      {"--believe-peer", ledger, of_a_ledger},
       {"--blocks", ledger && !o.gateway, "goes with a ledger and the direct path, which knows its orderers"},
-      {"--believe-peer", o.blocks != "ordered", "goes with the peer's blocks: an orderer's have to be judged"},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
       {"--fault-switches", !o.own, "are of the proxy before simulated drones: a deployment's own have none"},
@@ -239,11 +235,9 @@ std::string contradiction(const CommandLine& line, const Options& o) {
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--endorser-within", fabric && !o.gateway && !o.endorser,
        "goes with --ledger fabric and the direct path, in place of --endorser"},
-      {"--endorser-within", !o.believe_peer, "signs only by blocks that are judged, so it needs the trust anchor"},
       {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},
       {"--storage", !others, of_others},
       {"--crypto", !others, of_others},
-      {"--believe-peer", !others, of_others},
       {"--blocks", !others, of_others},
       {"--ca", !others, of_others},
       {"--gateway", !others, of_others},

@@ -52,7 +52,6 @@ struct Options {
   bool endorser_within = false;  ///< the same within agent, which serves ground, too
   std::vector<std::string> network_options{};  ///< Fabric: more words for `ledgerline fabric run`
   std::string blocks = "peer";                 ///< agent's and ground's ledger.blocks
-  bool believe_peer = false;  ///< agent and ground have no trust anchor: what their peer says is not judged
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   bool shim = false;            ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)

@@ -72,7 +72,6 @@ json to_json(const Results& r) {
              {"storage", r.asked.tmpfs ? "tmpfs" : "disk"},
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
-             {"believe_peer", r.asked.believe_peer},
              {"blocks_of", r.asked.blocks},
              {"endorser", r.asked.endorser},
              {"endorser_within", r.asked.endorser_within},

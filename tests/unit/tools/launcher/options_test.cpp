@@ -170,12 +170,6 @@ TEST(FlyOptions, WhatSignsMayBeSwitched) {
   expect_refused({"--crypto", "none"}, "--crypto");
 }
 
-TEST(FlyOptions, ThePeerIsBelievedWhenThatIsAskedForAlone) {
-  EXPECT_FALSE(parse_command_line({}).options.believe_peer);
-  EXPECT_TRUE(parse_command_line({"--believe-peer"}).options.believe_peer);
-  expect_refused({"--ledger", "none", "--believe-peer"}, "--believe-peer goes with a ledger");
-}
-
 TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
   EXPECT_THAT(parse_command_line({}).options.domains, testing::IsEmpty());
   EXPECT_THAT(parse_command_line({"--domains", "31,232"}).options.domains, testing::ElementsAre(31, 232));
