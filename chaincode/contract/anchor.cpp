@@ -63,8 +63,8 @@ Status find_signers(Stub& stub, const AnchorCall& asked, AnchorPage& page) {
   return done;
 }
 
-/// Everybody's, or one organisation's, in the order of their keys. Where everybody is asked for, an organisation that has
-/// more than its part is left with the rest of it, and the next one begins.
+/// Everybody's, or one organisation's, in the order of their keys. Where everybody is asked for, an organisation that
+/// has more than its part is left with the rest of it, and the next one begins.
 Status find_all(Stub& stub, const AnchorCall& asked, AnchorPage& page) {
   constexpr std::size_t step = 16;
   constexpr std::size_t max_looked_at = 4 * contract::max_page_anchors;  // those of before are passed one by one

@@ -7,9 +7,9 @@
 
 /// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted,
 /// stop/<drone>/<claimant>/claim, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
-/// role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the hot path reads instead of every drone's
-/// control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is kept as an asset, so that `get` serves
-/// it.
+/// role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the hot path reads instead of every
+/// drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is kept as an asset, so that
+/// `get` serves it.
 ///
 /// A record has a keeper: the organisation whose peer alone endorses its changes, by the key's own policy. The policy
 /// is set once, by the call that makes the record, and with it Stored.version. A record of an older version gets both
@@ -141,8 +141,8 @@ Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resume
 /// owner/<drone>.
 Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);
-/// ROLE_NONE leaves it as it is, and only makes the organisation's tables where they are not there. An error: there is no
-/// place for one more.
+/// ROLE_NONE leaves it as it is, and only makes the organisation's tables where they are not there. An error: there is
+/// no place for one more.
 Status write_role(Stub& stub, const crypto::IdentityName& who, Role role);
 
 }  // namespace ledgerline::chaincode

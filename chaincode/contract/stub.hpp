@@ -29,8 +29,8 @@ class Stub {
   virtual ~Stub() = default;
   virtual Result<std::optional<std::string>> get_state(const std::string& key) = 0;
   virtual Status put_state(const std::string& key, const std::string& value) = 0;
-  /// From the next transaction on, whoever writes `key` needs the endorsement of a peer of `msp_id`, and no other one. The key
-  /// must be there, or be written by this call. What follows in the same block and writes the key is invalid.
+  /// From the next transaction on, whoever writes `key` needs the endorsement of a peer of `msp_id`, and no other one.
+  /// The key must be there, or be written by this call. What follows in the same block and writes the key is invalid.
   virtual Status put_policy(const std::string& key, const std::string& msp_id) = 0;
   /// Keys in [start, end), in order, at most `limit`.
   virtual Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
@@ -57,8 +57,8 @@ struct Response {
 /// Forms. Answer and event have the form of the call (protobuf or JSON; plain strings count as JSON). Answers: `get`
 /// gives Assets (in JSON, of one id: the asset alone), `history` Versions, `stop` Stops, enroll, acquire, release,
 /// resume and fold give Controls (the records as they now are, with their epochs); set, delete and command give
-/// nothing. Events are as in ledgerline.proto; readers take both forms (common/msg/proto_json.hpp). Plain strings are ids or
-/// drones; options follow as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
+/// nothing. Events are as in ledgerline.proto; readers take both forms (common/msg/proto_json.hpp). Plain strings are
+/// ids or drones; options follow as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
 ///
 /// A refusal for one id or drone begins with it: "tello3: the lease is held by ...", "tello3/odom: ...". So a client
 /// can send the rest again.

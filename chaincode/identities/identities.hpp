@@ -8,8 +8,8 @@
 #include "common/crypto/crypto.hpp"
 
 /// The identities of a network of our own, in cryptogen's layout under DIR/crypto: three organisations (Org1MSP ...),
-/// each with a CA, a TLS CA, peer0, endorser0, a TLS certificate for its chaincode service, and the users Admin, User1 and User2
-/// (NodeOUs); and an organisation of orderers. The embedded node and the real network have the same.
+/// each with a CA, a TLS CA, peer0, endorser0, a TLS certificate for its chaincode service, and the users Admin, User1
+/// and User2 (NodeOUs); and an organisation of orderers. The embedded node and the real network have the same.
 namespace ledgerline::identities {
 
 inline constexpr int organisations = 3;

@@ -17,8 +17,8 @@ namespace {
 constexpr const char* lifecycle_contract = "_lifecycle";
 // A peer builds what it installs.
 constexpr std::chrono::milliseconds limit{60'000};
-// Of a transaction: a block may be cut seconds later. Orderers without a leader yet take none, and the gateway says so too
-// late for the call; so it is asked again.
+// Of a transaction: a block may be cut seconds later. Orderers without a leader yet take none, and the gateway says so
+// too late for the call; so it is asked again.
 constexpr std::chrono::milliseconds transaction_limit{15'000};
 constexpr std::chrono::seconds patience{60};
 // With jitter, so that administrators whose transactions met in one block do not meet again.

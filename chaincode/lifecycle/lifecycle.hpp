@@ -11,7 +11,8 @@
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
 
-/// Fabric's lifecycle of a chaincode (`_lifecycle`), as an organisation's administrator: no program of Fabric's is needed.
+/// Fabric's lifecycle of a chaincode (`_lifecycle`), as an organisation's administrator: no program of Fabric's is
+/// needed.
 namespace ledgerline::chaincode_lifecycle {
 
 /// What a channel's organisations agree on.
@@ -32,8 +33,8 @@ struct Committed {
   std::map<std::string, bool> approvals;  ///< of it, by MSP id
 };
 
-/// Talks to the one peer of `config`, whose `where` says channel and chaincode; transactions go by its gateway, which finds
-/// the endorsements. One thread. Errors are the peer's words.
+/// Talks to the one peer of `config`, whose `where` says channel and chaincode; transactions go by its gateway, which
+/// finds the endorsements. One thread. Errors are the peer's words.
 class Lifecycle {
  public:
   static Result<Lifecycle> connect(fabric::ClientConfig config);

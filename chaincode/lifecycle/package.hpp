@@ -14,8 +14,8 @@ struct ServicePlace {
 };
 std::string connection_json(const ServicePlace& place);
 
-/// tar.gz of metadata.json and of code.tar.gz with connection.json. The same bytes for the same input, so the package's id
-/// stays, wherever it is made.
+/// tar.gz of metadata.json and of code.tar.gz with connection.json. The same bytes for the same input, so the package's
+/// id stays, wherever it is made.
 std::string make_package(const std::string& label, const std::string& connection);
 /// Of the definition of the contract in this tree. A network of an older one needs a new definition, because what the
 /// contract writes needs other endorsements: the first, of records without a version, named its own policy.

@@ -8,7 +8,8 @@
 /// The same steps as commands of Fabric's `peer`, for those who may run only that. Pure.
 namespace ledgerline::chaincode_lifecycle {
 
-/// `client`: what its files and places are; `msp_dir`: as the peer's program wants it. What is not known stands in capitals.
+/// `client`: what its files and places are; `msp_dir`: as the peer's program wants it. What is not known stands in
+/// capitals.
 struct PeerCommands {
   const fabric::ClientConfig& client;
   std::string msp_dir;

@@ -45,8 +45,8 @@ class Stub {
   virtual Result<std::optional<std::string>> get_state(const std::string& key) = 0;
   virtual Status put_state(const std::string& key, const std::string& value) = 0;
   virtual Status del_state(const std::string& key) = 0;
-  /// The key's own endorsement policy, a serialized common.SignaturePolicyEnvelope (peer_policy makes one), in place of the
-  /// chaincode's from the next transaction on. Of a key that is there or is written by this transaction; a deletion
+  /// The key's own endorsement policy, a serialized common.SignaturePolicyEnvelope (peer_policy makes one), in place of
+  /// the chaincode's from the next transaction on. Of a key that is there or is written by this transaction; a deletion
   /// takes it along. What follows in the same block and writes the key is invalid.
   virtual Status set_state_validation_parameter(const std::string& key, const std::string& policy) = 0;
   /// Keys in [start, end) in order, at most `limit`.
@@ -77,8 +77,8 @@ struct Options {
   std::string key_file;          ///< PEM; empty: no TLS, at a loopback address alone
   std::string certificate_file;  ///< PEM
   std::string client_ca_file;    ///< PEM; given: peers must show a certificate that it signed
-  /// Names (common or alternative) of whose certificates are taken, since that authority signs clients' and orderers', too.
-  /// Empty: any that it signed.
+  /// Names (common or alternative) of whose certificates are taken, since that authority signs clients' and orderers',
+  /// too. Empty: any that it signed.
   std::vector<std::string> client_names{};
   int threads = 16;  ///< transactions at once; more wait
 };

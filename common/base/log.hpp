@@ -10,8 +10,8 @@ namespace ledgerline {
 void init_log(const std::string& program);
 
 /// Behind init_log(), for a program that runs until it is asked to end: from now on no thread waits for who reads the
-/// log (log/log_ring.hpp). A process that leaves by _exit() calls spdlog::default_logger()->flush() before, and one that
-/// forks does so before this call.
+/// log (log/log_ring.hpp). A process that leaves by _exit() calls spdlog::default_logger()->flush() before, and one
+/// that forks does so before this call.
 void log_without_waiting();
 
 }  // namespace ledgerline

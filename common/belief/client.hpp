@@ -4,8 +4,8 @@
 
 namespace ledgerline::belief {
 
-/// A client of the contract asks those to endorse whose keys the call writes (endorsement_need, or the call itself), and
-/// signs no result whose event is not what it asked for (check_event).
+/// A client of the contract asks those to endorse whose keys the call writes (endorsement_need, or the call itself),
+/// and signs no result whose event is not what it asked for (check_event).
 inline fabric::ClientConfig for_contract(fabric::ClientConfig config) {
   config.endorsement_need = [](const fabric::Call& call) { return endorsement_need(call.function); };
   config.likely_policy = [](const std::string& key) { return likely_policy(key); };

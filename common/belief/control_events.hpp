@@ -44,9 +44,9 @@ struct Creator {
 /// Whether `after`, one of the event's records, is what its function makes of `before`; an error says why not. A record
 /// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
 /// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
-/// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before allow,
-/// and taken from its holder by the owner's organisation alone, by a higher priority, where the holder is revoked, or
-/// where he gives it to one who requested it.
+/// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before
+/// allow, and taken from its holder by the owner's organisation alone, by a higher priority, where the holder is
+/// revoked, or where he gives it to one who requested it.
 Status control_follows(const ControlEvent& event, const Control& before, const Control& after, const Creator& creator);
 
 /// Whether the creator may give and take roles of that organisation.

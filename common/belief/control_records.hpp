@@ -51,8 +51,8 @@ class ControlStart {
   Result<Next> on_block(const fabric::Block& block);
   /// The records were read anew: take them, then these blocks in their order.
   std::vector<fabric::Block> on_read();
-  /// For who goes on all the same when more blocks came than can be held: they are forgotten, so what is being read is of no
-  /// use (is_useless()).
+  /// For who goes on all the same when more blocks came than can be held: they are forgotten, so what is being read is
+  /// of no use (is_useless()).
   void forget();
   bool is_useless() const { return forgotten_; }
   /// The records could not be read, or what was read is useless: the next block asks for them as the first one did.

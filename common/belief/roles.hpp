@@ -14,9 +14,9 @@ using Organisations = std::set<std::string>;
 /// The organisations whose roles say something about these drones: their own, and those that they are granted to.
 Organisations organisations_of(const std::vector<Control>& controls);
 
-/// The roles that organisations have given to their people, as the ledger's records say at first and its events from then
-/// on. Each organisation has its own bound, so that none takes another's place, nor makes this as large as it likes. One
-/// thread.
+/// The roles that organisations have given to their people, as the ledger's records say at first and its events from
+/// then on. Each organisation has its own bound, so that none takes another's place, nor makes this as large as it
+/// likes. One thread.
 class Roles {
  public:
   void take(const RoleChange& change);

@@ -57,7 +57,8 @@ struct KeyDescription {
 ///       auto name = config->text("drone." + std::to_string(i) + ".name");
 ///     if (auto s = config->finish(); !s) ...
 ///
-/// A describing one has no file: each key is missing, each [[table]] is there once, and described() lists what was asked for.
+/// A describing one has no file: each key is missing, each [[table]] is there once, and described() lists what was
+/// asked for.
 class Config {
  public:
   static Result<Config> load(const std::string& path);
@@ -83,8 +84,8 @@ class Config {
   std::vector<std::string> texts(const Key& key, std::size_t max);
   /// Number of [[key]] tables; their keys are then "key.0.x", "key.1.x" ...
   std::size_t table_count(const Key& key);
-  /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there is
-  /// none. `without`: keys of the [table] that are not for that program.
+  /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there
+  /// is none. `without`: keys of the [table] that are not for that program.
   std::string table_text(const std::string& key, std::initializer_list<std::string_view> without = {}) const;
   /// Another program judges what is in this table, which goes into its file: here none of its keys is unknown.
   void left_to_another(const Key& table);

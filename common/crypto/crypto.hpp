@@ -9,9 +9,9 @@
 
 #include "common/base/result.hpp"
 
-/// Signatures and identities as Fabric uses them: ECDSA P-256 or P-384 over SHA-256, DER, low S (high S is refused). The
-/// hash is SHA-256 on both curves: that is what Fabric's MSPs sign with (signature_hash_family SHA2).
-/// mbedTLS and libcrypto are both built; the config says which one signs and which one verifies.
+/// Signatures and identities as Fabric uses them: ECDSA P-256 or P-384 over SHA-256, DER, low S (high S is refused).
+/// The hash is SHA-256 on both curves: that is what Fabric's MSPs sign with (signature_hash_family SHA2). mbedTLS and
+/// libcrypto are both built; the config says which one signs and which one verifies.
 namespace ledgerline::crypto {
 
 using Digest = std::array<unsigned char, 32>;
@@ -66,7 +66,8 @@ Result<Certificate> parse_certificate(const std::string& pem);
 Result<std::string> read_certificate_file(const std::string& path);
 /// SHA-256 of the first certificate's DER: its fingerprint.
 Result<Digest> certificate_hash(const std::string& pem);
-/// By what an authority tells the certificates apart that it has made, in hexadecimal. An error: it names no authority's key.
+/// By what an authority tells the certificates apart that it has made, in hexadecimal. An error: it names no
+/// authority's key.
 struct CertificateNumber {
   std::string serial, authority_key;
 };
@@ -92,8 +93,8 @@ class MspRegistry {
     std::shared_ptr<const Verifier> verifier;
   };
   virtual ~MspRegistry() = default;
-  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, revoked, expired (at now_s; nullopt: whenever
-  /// it was valid): an error in Fabric's words (without the "access denied:" around it).
+  /// `serialized`: bytes of msp.SerializedIdentity. Unknown MSP, unknown CA, revoked, expired (at now_s; nullopt:
+  /// whenever it was valid): an error in Fabric's words (without the "access denied:" around it).
   virtual Result<std::shared_ptr<const Member>> member(std::string_view serialized,
                                                        std::optional<std::int64_t> now_s) = 0;
 };
@@ -114,11 +115,11 @@ struct RevocationList {
   std::string msp_id;       ///< whose authority signed it
   std::int64_t made_s = 0;  ///< Unix time, as it says
 };
-/// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one cannot
-/// be read, or none of the authorities has signed it.
+/// For who hands lists over beside the authorities, where none may be ignored. An error: there is no list in it, one
+/// cannot be read, or none of the authorities has signed it.
 Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem, const std::vector<MspRoot>& roots);
-/// The one list, as PEM, that Fabric reads in an entry of a configuration (Go's x509.ParseCRL): the first of a PEM text that
-/// begins with it, or DER. An error: none can be read, with which Fabric takes no configuration.
+/// The one list, as PEM, that Fabric reads in an entry of a configuration (Go's x509.ParseCRL): the first of a PEM text
+/// that begins with it, or DER. An error: none can be read, with which Fabric takes no configuration.
 Result<std::string> list_of_entry(const std::string& entry);
 /// Whether one of these lists names the certificate, whoever has signed them. An error: it cannot be read.
 Result<bool> is_listed(const std::string& lists_pem, const std::string& certificate_pem);
@@ -132,11 +133,12 @@ struct SigningIdentity {
   IdentityName name;
   std::string serialized;  ///< msp.SerializedIdentity
   std::shared_ptr<const Signer> signer;
-  /// Where it is renewed while clients sign with it (identities/identity_in_use.hpp): what they sign with; none: this one.
+  /// Where it is renewed while clients sign with it (identities/identity_in_use.hpp): what they sign with; none: this
+  /// one.
   std::shared_ptr<IdentityInUse> in_use{};
 };
-/// From an MSP's folder: DIR/signcerts/*.pem and DIR/keystore/*_sk (cryptogen, fabric-ca), priv-key.pem (fablo) or the only
-/// file that is there; names with a leading dot are passed over, as Kubernetes' secrets have them. The key by
+/// From an MSP's folder: DIR/signcerts/*.pem and DIR/keystore/*_sk (cryptogen, fabric-ca), priv-key.pem (fablo) or the
+/// only file that is there; names with a leading dot are passed over, as Kubernetes' secrets have them. The key by
 /// read_key_file's rule.
 Result<SigningIdentity> load_identity(Library library, const std::string& msp_id, const std::string& msp_dir);
 /// The same from two files.
@@ -165,8 +167,8 @@ Result<std::string> certificate_file(const std::string& msp_dir);
 Result<std::string> key_file(const std::string& msp_dir);
 /// The content of a private key's file, PEM or not. Refuses one that others may read (is_private()).
 Result<std::string> read_key_file(const std::string& path);
-/// The same of a key that a pass phrase locks (PKCS #8, "ENCRYPTED PRIVATE KEY"); one that is not locked is refused. Takes
-/// some hundred milliseconds, as the phrase is made costly to guess.
+/// The same of a key that a pass phrase locks (PKCS #8, "ENCRYPTED PRIVATE KEY"); one that is not locked is refused.
+/// Takes some hundred milliseconds, as the phrase is made costly to guess.
 Result<SigningIdentity> load_locked_identity(Library library, const std::string& msp_id, const std::string& msp_dir,
                                              const std::string& pass_phrase);
 /// Whose the certificate of such a folder is; no key is read.

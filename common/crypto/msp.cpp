@@ -176,8 +176,9 @@ class CachingRegistry final : public MspRegistry {
     return lists;
   }
 
-  /// A list counts whenever it was made, and until there is another. Fabric finds those of a configuration by the key that
-  /// they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, whoever signed it.
+  /// A list counts whenever it was made, and until there is another. Fabric finds those of a configuration by the key
+  /// that they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, whoever
+  /// signed it.
   Status check_lists(const Authorities& authorities, X509* certificate, X509* issuer) const {
     for (const CrlPtr& list : authorities.lists) {
       if (lists_from_ == ListsFrom::configuration) {

@@ -44,8 +44,8 @@ bool add_name(X509_NAME* name, const char* field, const std::string& value);
 Result<X509Ptr> read_certificate(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
 Result<std::int64_t> unix_time(const ASN1_TIME* time);
-/// The key that a revocation list says has signed it, by its authority key identifier (RFC 5280, 5.2.1); empty: by name and
-/// number alone. nullopt: it has no such extension, or one that cannot be read.
+/// The key that a revocation list says has signed it, by its authority key identifier (RFC 5280, 5.2.1); empty: by name
+/// and number alone. nullopt: it has no such extension, or one that cannot be read.
 std::optional<std::string> authority_key_of(X509_CRL* list);
 struct PublicPoint {
   Curve curve;

@@ -26,11 +26,12 @@ struct ParticipantOptions {
   /// False: the machine may be left. Not said: loopback, unless CYCLONEDDS_URI is set, which then decides. Where the
   /// environment is overruled or decides, the log warns.
   std::optional<bool> local_only{};
-  /// Names of the interfaces to use, four at most, and hosts to look for by unicast. Where one of the two is given, they
-  /// decide; peers alone leave the interfaces to Cyclone.
+  /// Names of the interfaces to use, four at most, and hosts to look for by unicast. Where one of the two is given,
+  /// they decide; peers alone leave the interfaces to Cyclone.
   std::vector<std::string> interfaces{}, peers{};
-  /// Of ROS 2 on this host: "humble", "jazzy" ... It decides the form in which nodes are announced (empty: ROS_DISTRO's),
-  /// and which neighbours are met on a domain that stays on this machine: since Iron they may announce any of its addresses.
+  /// Of ROS 2 on this host: "humble", "jazzy" ... It decides the form in which nodes are announced (empty:
+  /// ROS_DISTRO's), and which neighbours are met on a domain that stays on this machine: since Iron they may announce
+  /// any of its addresses.
   std::string ros_release{};
   /// A file of Cyclone DDS's own configuration, in place of all that; empty: none.
   std::string cyclonedds{};

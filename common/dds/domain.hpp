@@ -27,8 +27,8 @@ struct MadeParticipant {
   dds_entity_t handle = 0;
 };
 
-/// A participant in a domain that is made first where this process has none yet. What Cyclone says meanwhile goes into the
-/// error, or else to the log. Thread-safe.
+/// A participant in a domain that is made first where this process has none yet. What Cyclone says meanwhile goes into
+/// the error, or else to the log. Thread-safe.
 Result<MadeParticipant> make_participant(std::uint32_t domain, const Reach& reach, const dds_qos_t* qos);
 
 }  // namespace ledgerline::dds

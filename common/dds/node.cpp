@@ -11,8 +11,8 @@
 namespace ledgerline::dds {
 namespace {
 
-/// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. Where the config does not say which release is used here, ROS 2's
-/// setup files do.
+/// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. Where the config does not say which release is used here,
+/// ROS 2's setup files do.
 std::size_t gid_bytes_of(std::string_view release) {
   const char* distro = std::getenv("ROS_DISTRO");
   const std::string_view name = !release.empty() ? release : distro ? distro : "";

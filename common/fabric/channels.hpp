@@ -32,18 +32,19 @@ struct Channels {
 };
 
 /// Reads [[channel]], and the keys that say who belongs to which: `channel` of [[drone]], `channels` of [[orderer]],
-/// [[endorser]] and [[peer]]. What is wrong is in config.finish(): names that are there twice, a channel without a drone.
+/// [[endorser]] and [[peer]]. What is wrong is in config.finish(): names that are there twice, a channel without a
+/// drone.
 Channels read_channels(Config& config);
 
 /// Whether an [[orderer]], [[endorser]] or [[peer]] is used for that channel.
 bool is_for(const Channels::For& named, const Channels::Table& channel);
 
-/// A client's config for each channel: `ledger`, which is that of [ledger], with what its [[channel]] says otherwise. With
-/// one channel it is `ledger` itself. An error names the channel whose config block cannot be read.
+/// A client's config for each channel: `ledger`, which is that of [ledger], with what its [[channel]] says otherwise.
+/// With one channel it is `ledger` itself. An error names the channel whose config block cannot be read.
 Result<std::vector<ClientConfig>> each_channel(const ClientConfig& ledger, const Channels& channels);
 
-/// A program's file of one of its channels, such as a checkpoint: that of [ledger] has the name as it is said, so that it
-/// stays the same file when a channel is added; the others' end in "-CHANNEL". Empty where `path` is.
+/// A program's file of one of its channels, such as a checkpoint: that of [ledger] has the name as it is said, so that
+/// it stays the same file when a channel is added; the others' end in "-CHANNEL". Empty where `path` is.
 std::string file_of_channel(const std::string& path, const Channels& channels, std::size_t channel);
 
 /// What went wrong with the client of one of them.

@@ -10,17 +10,18 @@
 /// The tables of a program's config that say where the ledger is and whom to believe; used by agent and ground.
 namespace ledgerline::fabric {
 
-/// Reads [ledger]: endpoint, tls_ca, msp_id, and msp_dir or certificate and private_key (must be there); channel, contract,
-/// signer, server_name, max_in_flight, deadline_ms (have defaults, the last one by the caller); loads the identity. Wrong keys are reported
-/// by config.finish() as always, so call that first when this fails: it has the lines.
+/// Reads [ledger]: endpoint, tls_ca, msp_id, and msp_dir or certificate and private_key (must be there); channel,
+/// contract, signer, server_name, max_in_flight, deadline_ms (have defaults, the last one by the caller); loads the
+/// identity. Wrong keys are reported by config.finish() as always, so call that first when this fails: it has the
+/// lines.
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
 
 /// For the log of a program that acts on blocks, where config_block is empty.
 inline constexpr const char* blocks_not_judged =
     "config_block is not set: the peer is believed about blocks, whoever signed them";
 
-/// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each line:
-/// "channel a: block stream". Of one stream, since it remembers.
+/// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each
+/// line: "channel a: block stream". Of one stream, since it remembers.
 std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream);
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.

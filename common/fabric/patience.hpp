@@ -6,8 +6,8 @@
 /// How long a channel's way of cutting blocks lets its clients wait.
 namespace ledgerline::fabric {
 
-/// What `patience` of [ledger] adds to limits of time: 0 where it is fixed. Of config_block where there is one, so that no
-/// peer can lengthen them, else of the peer, which must answer then. Logs what it costs.
+/// What `patience` of [ledger] adds to limits of time: 0 where it is fixed. Of config_block where there is one, so that
+/// no peer can lengthen them, else of the peer, which must answer then. Logs what it costs.
 Result<TimeNs> added_patience(const ClientConfig& config);
 
 /// The same, of one of a program's channels: its deadline grows, and an error names it.

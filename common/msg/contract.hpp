@@ -7,8 +7,8 @@
 
 #include "common/rt/clock.hpp"
 
-/// The facts of the contract that both sides must know: its limits and the names of its functions. An event has the name
-/// of the function that sets it.
+/// The facts of the contract that both sides must know: its limits and the names of its functions. An event has the
+/// name of the function that sets it.
 namespace ledgerline::contract {
 
 /// Beyond a limit a call is refused at endorsement with the limit named.
@@ -32,15 +32,19 @@ inline constexpr std::size_t max_page_anchors = 64;   ///< that one verify answe
 inline constexpr std::size_t max_organisation_anchors = 16;
 inline constexpr std::size_t max_drone_requests =
     16;  ///< identities of one organisation that ask for one drone at once
-/// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name. One for
-/// all would make whoever reads a role lose to each enrolment in its organisation; one for each identity has no bound.
+/// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name. One
+/// for all would make whoever reads a role lose to each enrolment in its organisation; one for each identity has no
+/// bound.
 inline constexpr std::size_t role_tables = 16;
-/// Identities in one of them: 1,024 of an organisation, which a drone school reaches in decades (names outlive certificates).
+/// Identities in one of them: 1,024 of an organisation, which a drone school reaches in decades (names outlive
+/// certificates).
 inline constexpr std::size_t max_table_roles = 64;
-/// The same with those that are revoked without having had a role: a revocation finds a place where an enrolment does not.
+/// The same with those that are revoked without having had a role: a revocation finds a place where an enrolment does
+/// not.
 inline constexpr std::size_t max_table_entries = 128;
 inline constexpr std::size_t max_organisation_roles = role_tables * max_table_entries;
-/// Of one table, revocations included: 64 subjects of 250 characters, or 15 of 1,024. All of an organisation's are 512 kB.
+/// Of one table, revocations included: 64 subjects of 250 characters, or 15 of 1,024. All of an organisation's are 512
+/// kB.
 inline constexpr std::size_t max_table_bytes = 32'000;
 inline constexpr std::uint32_t max_priority = 999'999'999;  ///< of a lease
 inline constexpr std::size_t max_page_versions = 64;        ///< old values of a key that one call looks at
@@ -51,7 +55,8 @@ inline constexpr std::size_t max_page_keys = 500;
 inline constexpr TimeNs max_plan_ns = 2 * ns_per_s;
 inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 
-/// Of the records as this contract keeps them: 0 had no policies of keys, and leases of one holder for all organisations.
+/// Of the records as this contract keeps them: 0 had no policies of keys, and leases of one holder for all
+/// organisations.
 inline constexpr std::uint32_t record_version = 1;
 
 inline constexpr const char* set = "set";

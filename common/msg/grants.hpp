@@ -7,8 +7,8 @@
 #include "common/msg/stops.hpp"
 #include "ledgerline.pb.h"
 
-/// What a drone's organisation lets others do with it, as the contract decides and as agent and ground judge its events.
-/// Thread-safe as the messages are.
+/// What a drone's organisation lets others do with it, as the contract decides and as agent and ground judge its
+/// events. Thread-safe as the messages are.
 namespace ledgerline {
 
 /// Whether a role is one of those that fly, stop and answer.
@@ -44,8 +44,8 @@ inline Rights rights_of(const Control& control, const Identity& who) {
   return rights_of(control.grants(), control.owner().msp_id(), who);
 }
 
-/// Who alone commands the drone under its lease: the delegate, else the holder. Of a drone that nobody holds it is empty,
-/// as no signer is.
+/// Who alone commands the drone under its lease: the delegate, else the holder. Of a drone that nobody holds it is
+/// empty, as no signer is.
 inline const Identity& commander_of(const Control& control) {
   return control.has_delegate() ? control.delegate() : control.holder();
 }
@@ -88,8 +88,8 @@ inline void forget_unnamed(Control& control) {
             all.end());
 }
 
-/// Whether nothing is flown under the lease any more, which the fold of the drone's host ends: its holder or his delegate
-/// is revoked.
+/// Whether nothing is flown under the lease any more, which the fold of the drone's host ends: its holder or his
+/// delegate is revoked.
 inline bool is_lease_revoked(const Control& control) {
   return control.has_holder() &&
          (is_revoked(control, control.holder()) || (control.has_delegate() && is_revoked(control, control.delegate())));
@@ -102,8 +102,8 @@ inline bool is_lease_of(const Control& control, const Identity& holder, const Id
          (delegate == nullptr || same_identity(control.delegate(), *delegate));
 }
 
-/// Gives a lease to somebody, `delegate` commands in its place (null: it commands itself). The same holder with the same
-/// delegate keeps his epoch.
+/// Gives a lease to somebody, `delegate` commands in its place (null: it commands itself). The same holder with the
+/// same delegate keeps his epoch.
 inline void begin_lease(Control& control, const Identity& holder, const Identity* delegate, std::uint64_t new_epoch,
                         std::uint32_t priority) {
   if (!is_lease_of(control, holder, delegate)) {
@@ -135,8 +135,8 @@ inline void end_revoked(Control& control, std::uint64_t new_epoch) {
   forget_unnamed(control);
 }
 
-/// Puts a grant in place of what its identity or organisation had. A lease that is no longer granted ends, under the new
-/// epoch; a priority that is no longer granted is lowered.
+/// Puts a grant in place of what its identity or organisation had. A lease that is no longer granted ends, under the
+/// new epoch; a priority that is no longer granted is lowered.
 inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_epoch) {
   const auto whose = [](const Grant& one) -> const Identity& { return one.to(); };
   if (grant.fly() || grant.stop() || grant.cut()) {

@@ -29,8 +29,8 @@ constexpr const char* name(PoseMessage message) noexcept {
   return at < names.size() ? names[at] : "unknown";
 }
 
-/// The pose of the drone of that name; nothing where an array has none of it. An array of more than 1,024 poses, or with a
-/// name longer than 255 bytes, is malformed.
+/// The pose of the drone of that name; nothing where an array has none of it. An array of more than 1,024 poses, or
+/// with a name longer than 255 bytes, is malformed.
 Result<std::optional<PoseStamped>> pose_from_message(PoseMessage message, std::string_view cdr, std::string_view drone);
 
 }  // namespace ledgerline

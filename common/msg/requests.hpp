@@ -6,8 +6,8 @@
 #include "common/msg/stops.hpp"
 #include "ledgerline.pb.h"
 
-/// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a newer
-/// request replaces its older one. Thread-safe as the messages are.
+/// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a
+/// newer request replaces its older one. Thread-safe as the messages are.
 namespace ledgerline {
 
 inline const Identity& whose_request(const Request& request) { return request.who(); }
@@ -34,8 +34,8 @@ inline void add_request(Control& control, const Identity& who, const Identity* d
   put_entry(*control.mutable_requests(), one, whose_request);
 }
 
-/// Gives the lease to one who has requested it, with the delegate and at the priority requested, as far as that is granted
-/// to him. False: he has not requested it, or he may not fly it any more, or his delegate is revoked.
+/// Gives the lease to one who has requested it, with the delegate and at the priority requested, as far as that is
+/// granted to him. False: he has not requested it, or he may not fly it any more, or his delegate is revoked.
 inline bool hand_over_lease(Control& control, const Identity& to, std::uint64_t new_epoch) {
   const Request* request = request_of(control, to);
   const Rights rights = rights_of(control, to);

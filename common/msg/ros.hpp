@@ -17,8 +17,8 @@ struct Header {
   std::string frame_id;
 };
 
-/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is told (x, y, z, yaw); zeros mean "unknown", as in ROS.
-/// Quaternion order x, y, z, w.
+/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is told (x, y, z, yaw); zeros mean "unknown", as in
+/// ROS. Quaternion order x, y, z, w.
 struct Odometry {
   Header header;  ///< frame_id "map"
   std::string child_frame_id;

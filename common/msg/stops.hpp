@@ -62,8 +62,8 @@ inline std::uint64_t resumes_of(const Control& control, const Identity& stopper)
   return found == all.end() ? 0 : found->resumes();
 }
 
-/// Adds a stop; of the same stopper, the newer word replaces the older one. One that was lifted since it was given is no
-/// stop any more, however late it comes.
+/// Adds a stop; of the same stopper, the newer word replaces the older one. One that was lifted since it was given is
+/// no stop any more, however late it comes.
 inline void add_stop(Control& control, const Stop& stop) {
   if (stop.resumes() >= resumes_of(control, stop.stopper())) put_entry(*control.mutable_stoppers(), stop, whose_stop);
 }

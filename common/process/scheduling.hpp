@@ -3,15 +3,15 @@
 
 namespace ledgerline {
 
-/// How a program competes for the processors of a busy host, with all threads and programs that it starts. None of these is
-/// a real-time class: whoever spins under one takes no more than its share.
+/// How a program competes for the processors of a busy host, with all threads and programs that it starts. None of
+/// these is a real-time class: whoever spins under one takes no more than its share.
 enum class Scheduling {
   inherited,  ///< as whoever starts it
   /// SCHED_BATCH, nice 19: a seventieth of the share of others, and it interrupts nobody. SCHED_IDLE has a fifth of
   /// that, too little for peers to keep up.
   background,
-  /// The same share in slices of 0.1 ms, which Linux takes from 6.12 on and older ones leave out: the shorter a thread's
-  /// slice the earlier is its turn when it wakes. 0.1 ms is the kernel's least.
+  /// The same share in slices of 0.1 ms, which Linux takes from 6.12 on and older ones leave out: the shorter a
+  /// thread's slice the earlier is its turn when it wakes. 0.1 ms is the kernel's least.
   short_slices,
 };
 

@@ -45,8 +45,8 @@ class Option {
 /// outlive the parsing.
 class Arguments {
  public:
-  /// T: int, unsigned, std::uint16_t, std::uint64_t, double, std::string, a path, or a vector of int or std::string. A name without "--" is a
-  /// place on the line.
+  /// T: int, unsigned, std::uint16_t, std::uint64_t, double, std::string, a path, or a vector of int or std::string. A
+  /// name without "--" is a place on the line.
   template <typename T>
   Option option(const std::string& name, T& value, const std::string& help);
   /// "!--no-x" makes `value` false.
@@ -91,7 +91,8 @@ class CommandLine : public Arguments {
   void verbs_are_optional();
 
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
-  /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins with
+  /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins
+  /// with
   /// "-".
   std::optional<EarlyEnd> read(const std::vector<std::string>& arguments);
   /// read() for main(): prints an early end, and returns its exit code; else starts the log in the program's name.

@@ -28,8 +28,8 @@ void outlive_readers();
 
 /// A line of results, which are read as they come, or by nobody any more: that is no error.
 void print_line(const std::string& line);
-/// The same of a line that the next one replaces: left out while whoever reads stands still, so that no loop waits for him. One
-/// of more than 4,096 bytes may wait all the same.
+/// The same of a line that the next one replaces: left out while whoever reads stands still, so that no loop waits for
+/// him. One of more than 4,096 bytes may wait all the same.
 void print_status(const std::string& line);
 
 /// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.

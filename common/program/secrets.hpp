@@ -11,7 +11,8 @@ Result<std::string> read_secret_file(const std::string& file, std::size_t max_by
 /// The first line of such a file, of at most 4 kB.
 Result<std::string> read_secret(const std::string& file);
 
-/// Asks at the terminal, without showing what is typed; where standard input is none: its first line. `prompt`: "Password".
+/// Asks at the terminal, without showing what is typed; where standard input is none: its first line. `prompt`:
+/// "Password".
 Result<std::string> ask_secret(const std::string& prompt);
 
 }  // namespace ledgerline

@@ -20,8 +20,8 @@ inline void catch_stop_signals(std::initializer_list<int> signals = {SIGINT, SIG
   for (const int signal : signals) ::sigaction(signal, &action, nullptr);
 }
 
-/// catch_stop_signals() for a program that runs until it is asked to end. When its terminal is closed it ends in its own way, too,
-/// unless it was started to outlive that (nohup).
+/// catch_stop_signals() for a program that runs until it is asked to end. When its terminal is closed it ends in its
+/// own way, too, unless it was started to outlive that (nohup).
 inline void catch_stop_signals_of_service() {
   catch_stop_signals();
   struct sigaction hangup {};
@@ -38,8 +38,8 @@ inline sigset_t block_signals(std::initializer_list<int> signals = {SIGINT, SIGT
   return blocked;
 }
 
-/// catch_stop_signals() for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask that this
-/// returns, so none can come unseen between its look at stop_requested and the wait.
+/// catch_stop_signals() for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask
+/// that this returns, so none can come unseen between its look at stop_requested and the wait.
 inline sigset_t catch_stop_signals_while_waiting() {
   catch_stop_signals();
   sigset_t blocked, before;

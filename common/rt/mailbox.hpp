@@ -16,7 +16,8 @@ namespace ledgerline {
 
 /// From any threads to one loop, which the box's file descriptor wakes at once; letters come out in the order in which
 /// they were put. Nobody takes a lock, so no thread that is put aside in here holds up another: the loop's take is one
-/// exchange, wait-free, and a put tries again only if another came in between. (The heap, where letters lie, is shared.)
+/// exchange, wait-free, and a put tries again only if another came in between. (The heap, where letters lie, is
+/// shared.)
 ///
 /// Bounded: whoever brings a letter by put_in_turn() into a full box waits, so a stream slows down instead of memory
 /// growing; put() never waits and may come from the loop itself: for letters of which only few can exist.

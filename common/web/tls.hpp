@@ -34,9 +34,9 @@ class RenewedTls {
   static Result<RenewedTls> open(TlsFiles files);
 
   boost::asio::ssl::context& context() { return *context_; }
-  /// Looks whether the files have changed: three calls of stat where not. New ones are read when they stay the same from
-  /// one look to the next, since certificate and key are two files. nullopt: no news; done: taken; an error: why not, said
-  /// once, and the old ones stay.
+  /// Looks whether the files have changed: three calls of stat where not. New ones are read when they stay the same
+  /// from one look to the next, since certificate and key are two files. nullopt: no news; done: taken; an error: why
+  /// not, said once, and the old ones stay.
   std::optional<Status> look();
   /// Whole days that its certificate is valid for; below 0: it has run out.
   int days_left() const;

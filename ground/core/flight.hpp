@@ -17,15 +17,15 @@
 namespace ledgerline::ground {
 
 /// Flies N drones around a path, through the ledger: blocks in, `command` calls out. One plan per drone and state, the
-/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::InFlight); what is
-/// made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of one
-/// drone ("tello3: ...") is sent again at once without that drone.
+/// plans of all drones in one call, one call in flight until it is committed, or behind a gap (fabric::InFlight); what
+/// is made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of
+/// one drone ("tello3: ...") is sent again at once without that drone.
 ///
 /// Manual: no path, a pilot's wishes instead. A velocity makes a plan at once, from the newest state; one that is not
-/// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. An order
-/// (PilotOrder) has a drone in the air fly a path of its pilot's, and hover or land behind it. A stop
-/// goes out by itself, at once, and again until the ledger has it or refuses it. It ends when it is asked to, and every
-/// drone is down.
+/// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. An
+/// order (PilotOrder) has a drone in the air fly a path of its pilot's, and hover or land behind it. A stop goes out by
+/// itself, at once, and again until the ledger has it or refuses it. It ends when it is asked to, and every drone is
+/// down.
 ///
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
 /// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when three of four

@@ -61,8 +61,8 @@ struct FlightConfig {
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
-/// In a manual flight `manual` stands for the path, except while a pilot's path is flown (PilotOrder), and a take-off is
-/// possible whenever the drone is on the ground.
+/// In a manual flight `manual` stands for the path, except while a pilot's path is flown (PilotOrder), and a take-off
+/// is possible whenever the drone is on the ground.
 enum class DronePhase { waiting, takeoff, path, manual, landing, landed, failed };
 std::string name_of(DronePhase phase);
 

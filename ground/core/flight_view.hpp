@@ -8,8 +8,8 @@
 
 namespace ledgerline::ground {
 
-/// The flights of a ground, one for each channel, as one: a drone is known by its place in the ground's config, whatever
-/// its channel. Refers to the cores, which must outlive it. One thread, theirs.
+/// The flights of a ground, one for each channel, as one: a drone is known by its place in the ground's config,
+/// whatever its channel. Refers to the cores, which must outlive it. One thread, theirs.
 class FlightView {
  public:
   struct Place {

@@ -15,7 +15,8 @@ class Follower {
  public:
   virtual ~Follower() = default;
 
-  /// The path is flown from `from_ns` on, as far as `end_m` along it (laps count on); until then it waits at the origin.
+  /// The path is flown from `from_ns` on, as far as `end_m` along it (laps count on); until then it waits at the
+  /// origin.
   virtual void start(TimeNs from_ns, double end_m) = 0;
   /// A state in flight; `late_ns`: how much later than they say link flies setpoints.
   virtual void observe(const StateSample& state, TimeNs late_ns) = 0;

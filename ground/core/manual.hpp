@@ -14,9 +14,9 @@ bool believable(const Twist& wish);
 bool is_deliberate(const Twist& wish, const ControllerConfig& limits);
 
 /// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y
-/// left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is needed. A
-/// wish holds for `timeout_ns` and not a moment
-/// longer: every plan ends in zero, so that a pilot who falls silent leaves a drone that hovers.
+/// left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is
+/// needed. A wish holds for `timeout_ns` and not a moment longer: every plan ends in zero, so that a pilot who falls
+/// silent leaves a drone that hovers.
 ///
 ///     no wish --take()--> flies it --timeout_ns after it came, or release()--> no wish: zero
 ///

@@ -14,8 +14,8 @@ namespace {
 
 using Json = nlohmann::json;
 
-/// Builds a value as it is read, and stops at the first thing too many. The library's own way to look on while it builds,
-/// a callback, goes through a list once for each object in it.
+/// Builds a value as it is read, and stops at the first thing too many. The library's own way to look on while it
+/// builds, a callback, goes through a list once for each object in it.
 class Builder final : public nlohmann::json_sax<Json> {
  public:
   explicit Builder(const Bounds& bounds) : bounds_(bounds) {}

@@ -7,8 +7,8 @@
 
 #include "ground/motion/course.hpp"
 
-/// JSON of clients, read strictly: what is not expected is refused, and the error says where. And how it is written. Pure; any
-/// thread.
+/// JSON of clients, read strictly: what is not expected is refused, and the error says where. And how it is written.
+/// Pure; any thread.
 namespace ledgerline::ground::json {
 
 inline constexpr std::size_t max_shown = 64;  ///< bytes of a client's word that is given back in an error
@@ -20,8 +20,8 @@ struct Bounds {
   std::size_t max_elements;  ///< values of any kind, lists and objects too
 };
 
-/// An object, or nothing at all, which is the empty one; within those bounds, no key of an object twice. Reading stops at
-/// the first value too many. `what` the error is about: "the body".
+/// An object, or nothing at all, which is the empty one; within those bounds, no key of an object twice. Reading stops
+/// at the first value too many. `what` the error is about: "the body".
 Result<nlohmann::json> object_from(std::string_view text, std::string_view what, const Bounds& bounds);
 
 /// The error names the first key that is not allowed.

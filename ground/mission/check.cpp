@@ -210,8 +210,8 @@ void Check::check_pairs() {
   }
 }
 
-// One that has no part in the mission: it may be anywhere on its path at any time, and all below it while it takes off or
-// lands.
+// One that has no part in the mission: it may be anywhere on its path at any time, and all below it while it takes off
+// or lands.
 void Check::add_other(const DroneNow& now) {
   if (!now.at_m) {
     if (now.seen && !now.on_ground) add(now.name, {}, "has no part in it, is in the air, and nobody knows where");

@@ -38,13 +38,15 @@ struct Finding {
   bool forbids = true;                    ///< the mission is not started; else a warning
 };
 
-/// What speaks against the mission as the drones stand and hover now; empty: nothing. Those of `now` that have no part in
-/// it keep their place, or are anywhere on the path that they fly. `max_findings` at most, the last one then says that there are more.
+/// What speaks against the mission as the drones stand and hover now; empty: nothing. Those of `now` that have no part
+/// in it keep their place, or are anywhere on the path that they fly. `max_findings` at most, the last one then says
+/// that there are more.
 ///
 /// - bounds (check_bounds), names, phases, poses and starts; each waypoint within motion::max_distance_m of where its
 ///   drone is, and of every other one, since a pause may end anywhere between them;
 /// - fence: each waypoint and each start in it, so each way between them, too;
-/// - battery: (takeoff_s + the timetable's time + height at the end / landing_mps) / battery_endurance_s + battery_reserve
+/// - battery: (takeoff_s + the timetable's time + height at the end / landing_mps) / battery_endurance_s +
+/// battery_reserve
 ///   of it must be there. A hovering multirotor needs about as much power as a slow one (Leishman: Principles of
 ///   Helicopter Aerodynamics, 5.5), so time alone counts;
 /// - corridors: each pair of drones apart at all times (Corridor). Where they stand counts, with the column up to

@@ -6,10 +6,10 @@
 
 namespace ledgerline::ground::mission {
 
-/// How far two drones are to be from each other: level or in height, one of both is enough. That is the measure of link's
-/// separation (onboard/link), which keeps the drones of one host 0.5 m apart and begins to hold them 0.18 m before: a
-/// path that is nearer would be flown with waiting. Half a metre more leaves it nothing to do in a gust; less than
-/// 0.5 m is flown by nobody on one host, and collides between two.
+/// How far two drones are to be from each other: level or in height, one of both is enough. That is the measure of
+/// link's separation (onboard/link), which keeps the drones of one host 0.5 m apart and begins to hold them 0.18 m
+/// before: a path that is nearer would be flown with waiting. Half a metre more leaves it nothing to do in a gust; less
+/// than 0.5 m is flown by nobody on one host, and collides between two.
 struct Apart {
   double level_m = 0.68;
   double height_m = 0.68;
@@ -21,9 +21,9 @@ struct Apart {
 /// two heights; a node has all of its pieces within `radius` of one line. 36 bytes a node, two nodes for each moment.
 class Corridor {
  public:
-  /// Of a drone on its timetable, which takes up all from `low_m` to `from_m` until then: hovering, or rising to it. From
-  /// there it climbs to the height that its path begins with. `landing_s`: it lands at the end, and all below it is its
-  /// for so long; nothing: it hovers there.
+  /// Of a drone on its timetable, which takes up all from `low_m` to `from_m` until then: hovering, or rising to it.
+  /// From there it climbs to the height that its path begins with. `landing_s`: it lands at the end, and all below it
+  /// is its for so long; nothing: it hovers there.
   Corridor(const Timetable& table, double low_m, double from_m, std::optional<double> landing_s,
            const ControllerConfig& flight);
   /// Of one that may be anywhere on this straight way at any time.

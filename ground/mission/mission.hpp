@@ -44,8 +44,8 @@ bool is_name(std::string_view text);
 /// depends on where the drones are is check()'s. The error names drone and waypoint, counted from 1.
 Status check_bounds(const Mission& mission);
 
-/// One text for each mission, which mission_from_json() reads: keys and drones in a fixed order, each number as short as
-/// it may be to be read as the same. Of a mission that check_bounds() allows.
+/// One text for each mission, which mission_from_json() reads: keys and drones in a fixed order, each number as short
+/// as it may be to be read as the same. Of a mission that check_bounds() allows.
 std::string canonical(const Mission& mission);
 
 /// SHA-256 of that text: what is approved. Equal for equal missions, however they were written.

@@ -51,16 +51,16 @@ struct RunOutputs {
 ///     checked --approvals--> approved --start()--> taking_off --all hover--> to_start --all at their first waypoint-->
 ///        flying --all at their ends--> done            (from taking_off on: end(), or a loss by its rule --> aborted)
 ///
-/// pause() has all hover and keeps the rest of their paths, resume() has all begin the rest in the same step: so they keep
-/// their distances in time. A drone that is paused by hand pauses all.
+/// pause() has all hover and keeps the rest of their paths, resume() has all begin the rest in the same step: so they
+/// keep their distances in time. A drone that is paused by hand pauses all.
 ///
 /// start() and resume() need approvals of this mission's own digest by as many different signers as required: those of
 /// another count nothing, so a mission that was changed is to be approved anew.
 ///
 /// Kept and restored, it waits until FlightCore has found each drone that was in the air, and then goes on, hovers or
-/// lands (AfterRestart). It goes on only if what was kept is approved, and waits as long for the approvals to be set as for
-/// the drones; then it awaits_check(), since batteries, corridors and the fence may be others by now. Nobody takes off
-/// by itself after a restart.
+/// lands (AfterRestart). It goes on only if what was kept is approved, and waits as long for the approvals to be set as
+/// for the drones; then it awaits_check(), since batteries, corridors and the fence may be others by now. Nobody takes
+/// off by itself after a restart.
 ///
 /// Deterministic; no clock; one thread.
 class MissionRun {
@@ -77,7 +77,8 @@ class MissionRun {
   const Mission& mission() const { return mission_; }  ///< drones in the order of their names
   const crypto::Digest& digest() const { return digest_; }
   const std::string& canonical() const { return canonical_; }
-  /// What is left of it: the drones that are neither lost nor at their end, each with the waypoints that it has not reached.
+  /// What is left of it: the drones that are neither lost nor at their end, each with the waypoints that it has not
+  /// reached.
   Mission rest() const;
   RunPhase phase() const { return phase_; }
   bool paused() const { return paused_; }

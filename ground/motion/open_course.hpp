@@ -7,8 +7,8 @@
 
 namespace ledgerline::motion {
 
-/// A path with an end, as the closed one that Path and Track take. The closing pieces leave its last waypoint straight on
-/// and come to its first corner straight on, so that neither is rounded: the way begins and ends at these places
+/// A path with an end, as the closed one that Path and Track take. The closing pieces leave its last waypoint straight
+/// on and come to its first corner straight on, so that neither is rounded: the way begins and ends at these places
 /// themselves. Whoever flies it stops at the arc length of corner `last`; the closing pieces are flown by nobody.
 ///
 ///     before --> here --> way[0] --> ... --> way[n-1] --> behind
@@ -21,8 +21,8 @@ struct OpenCourse {
   std::size_t last = 0;   ///< the corner that is the way's last waypoint
 };
 
-/// From `here` through all waypoints of `way` (check_way() allows it), which are in metres of the map. Closer than 1 cm to
-/// the first waypoint, the path begins at that. On the way there the first waypoint's own limit of speed holds.
+/// From `here` through all waypoints of `way` (check_way() allows it), which are in metres of the map. Closer than 1 cm
+/// to the first waypoint, the path begins at that. On the way there the first waypoint's own limit of speed holds.
 OpenCourse open_course(const Waypoint& here, const std::vector<Waypoint>& way);
 
 }  // namespace ledgerline::motion

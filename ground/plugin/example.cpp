@@ -3,9 +3,9 @@
 //     g++ -std=c++20 -O2 -shared -fPIC -I LEDGERLINE example.cpp -o my.so
 //     ledgerline fault run hil/scenarios/own/plugin-slow-ledger.toml --controller my.so --seeds 1..100
 //
-// A reference moves along the path, and the drone is steered to it: the reference's velocity and a share of the way that
-// is missing, for the place where the drone will be when the plan takes effect. How fast it is now this controller takes
-// from two poses, so it works beside a pose source that tells no velocity.
+// A reference moves along the path, and the drone is steered to it: the reference's velocity and a share of the way
+// that is missing, for the place where the drone will be when the plan takes effect. How fast it is now this controller
+// takes from two poses, so it works beside a pose source that tells no velocity.
 #include <algorithm>
 #include <array>
 #include <cmath>

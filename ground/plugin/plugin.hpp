@@ -6,8 +6,8 @@
 namespace ledgerline::ground {
 
 /// Loads a shared library that is a controller (ground/plugin/controller_plugin.h); what is given back makes a follower
-/// of it for each drone, from any thread, and keeps the library loaded. Errors name the file: it cannot be loaded, is no
-/// controller, is one of another version, lacks a function.
+/// of it for each drone, from any thread, and keeps the library loaded. Errors name the file: it cannot be loaded, is
+/// no controller, is one of another version, lacks a function.
 ///
 /// A follower made so checks whatever the plug-in says: a plan with a number that is not finite or beyond absurd_speed,
 /// with setpoints out of order or beyond what was asked for, with none or too many, or a progress that is none is not

@@ -105,7 +105,8 @@ void Ground::see_off(TimeNs now_ns) {
   }
 }
 
-// A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave before.
+// A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave
+// before.
 Status Ground::take(const PilotWish& one) {
   if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
   wish(one);

@@ -33,9 +33,9 @@
 
 namespace ledgerline::ground {
 
-/// The shell around the FlightCore of each channel: blocks and outcomes come on the clients' threads, a pilot's messages
-/// on DDS's; they are handed over and wake the one thread that runs the cores, submits their calls, publishes the drones'
-/// topics, and writes trace and status lines.
+/// The shell around the FlightCore of each channel: blocks and outcomes come on the clients' threads, a pilot's
+/// messages on DDS's; they are handed over and wake the one thread that runs the cores, submits their calls, publishes
+/// the drones' topics, and writes trace and status lines.
 class Ground {
  public:
   /// `channels`: at least one, that of [ledger] first. `channel_of`: for each drone, in the config's order.
@@ -53,7 +53,8 @@ class Ground {
   /// the operators'.
   Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
                const std::vector<fabric::ClientConfig>& ledgers);
-  /// Has renewed certificates taken while it runs, and tells their ends on the station, with those of agents. Before serve().
+  /// Has renewed certificates taken while it runs, and tells their ends on the station, with those of agents. Before
+  /// serve().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return server_ ? server_->url() : std::string(); }

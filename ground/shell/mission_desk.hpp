@@ -15,8 +15,8 @@
 
 namespace ledgerline::ground {
 
-/// The shell around MissionBook: what takes long (reading a mission, checking it, asking the ledger who approved it, keeping
-/// it on the disk) is done by a worker, and comes back to the flight's thread, whose the book is.
+/// The shell around MissionBook: what takes long (reading a mission, checking it, asking the ledger who approved it,
+/// keeping it on the disk) is done by a worker, and comes back to the flight's thread, whose the book is.
 class MissionDesk {
  public:
   using Answer = std::function<void(service::ApiAnswer)>;
@@ -38,7 +38,8 @@ class MissionDesk {
       : parts_(std::move(parts)),
         book_(parts_.settings, parts_.core.config().self),
         terms_(parts_.core.config().self, parts_.settings.approval_s) {}
-  /// Reads what an earlier ground kept. An error: the folder cannot be read; a file that is no mission is said and left.
+  /// Reads what an earlier ground kept. An error: the folder cannot be read; a file that is no mission is said and
+  /// left.
   Status restore();
   ~MissionDesk() { close(); }
 
@@ -50,7 +51,8 @@ class MissionDesk {
   void disown(const crypto::IdentityName& owner) { book_.disown(owner); }
   /// Behind FlightCore's step.
   void step(TimeNs now);
-  /// What waits for the worker is dropped, but for what goes to the disk; it waits for one question to the ledger at most.
+  /// What waits for the worker is dropped, but for what goes to the disk; it waits for one question to the ledger at
+  /// most.
   void close();
 
  private:

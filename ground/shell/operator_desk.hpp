@@ -13,9 +13,9 @@
 
 namespace ledgerline::ground {
 
-/// The operators' keys: each is unlocked by its pass phrase for as long as its session lasts, and signs what its operator
-/// asks for through two clients of its own on each channel: one for leases, one for stops, which must not wait behind them. Keys stay in
-/// this process. Any thread.
+/// The operators' keys: each is unlocked by its pass phrase for as long as its session lasts, and signs what its
+/// operator asks for through two clients of its own on each channel: one for leases, one for stops, which must not wait
+/// behind them. Keys stay in this process. Any thread.
 class OperatorDesk final : public service::OperatorKeys {
  public:
   struct Parts {
@@ -44,8 +44,8 @@ class OperatorDesk final : public service::OperatorKeys {
   /// A stop, at once; `ended` comes exactly once. False: his key is locked, and nothing comes.
   bool stop(const crypto::IdentityName& who, std::size_t channel, const fabric::Call& call,
             std::function<void(fabric::Outcome)> ended);
-  /// Behind the calls that wait: gives these drones back, and what he has taken by then, and forgets his key. False: too
-  /// much waits.
+  /// Behind the calls that wait: gives these drones back, and what he has taken by then, and forgets his key. False:
+  /// too much waits.
   bool see_off(std::size_t who, const std::vector<std::size_t>& drones);
   /// Forgets his key at once: nothing more is signed with it.
   void forget(std::size_t who) { set_clients(who, {}); }

@@ -39,8 +39,8 @@ struct PilotSettings {
   bool topics = true;      ///< the five topics are read, but for the next
   bool emergency = false;  ///< that one, too: motors off
 };
-/// Reads [pilot]. Where operators sign in the topics are a way past them, so they have to be asked for; motors off has to be
-/// asked for wherever DDS does not know whom it hears.
+/// Reads [pilot]. Where operators sign in the topics are a way past them, so they have to be asked for; motors off has
+/// to be asked for wherever DDS does not know whom it hears.
 PilotSettings pilot_settings(Config& config, bool has_operators, bool has_dds_security);
 /// Those of `pilot_topics` that are read.
 std::vector<const PilotTopic*> topics_read(const PilotSettings& settings);

@@ -10,8 +10,8 @@
 
 namespace ledgerline::hil {
 
-/// What one direction of a connection does to what goes along it: plain data, all of it off at first. hil/lines/line.hpp says
-/// in which order the effects come.
+/// What one direction of a connection does to what goes along it: plain data, all of it off at first.
+/// hil/lines/line.hpp says in which order the effects come.
 struct Impairment {
   /// Gilbert (1960) and Elliott (1963): with each datagram the line may turn bad or good again, and each loses its
   /// share.
@@ -78,9 +78,10 @@ void overlay(const Impairment& over, Impairment& impairment);
 ///     corrupt 1%                      one bit
 ///     truncate 1%                     at least a byte less
 ///     rate 20kB/s queue 8kB           B/s, kB/s, MB/s; without `queue`: what goes through in a quarter of a second
-///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/lines/recording/read_day.hpp) of the moment
-///                                     as its day goes on, from so far into it (s, min, h; without `at`: its start) around
-///                                     and around; in order
+///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/lines/recording/read_day.hpp) of the
+///     moment
+///                                     as its day goes on, from so far into it (s, min, h; without `at`: its start)
+///                                     around and around; in order
 ///     stall
 ///     partition
 ///     EFFECT off                      `delay off`, `stall off` ...

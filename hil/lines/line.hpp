@@ -26,10 +26,10 @@ struct LineCounts {
 /// numbers of its own, so that one more effect does not change what the others draw. One thread; `now` never goes back.
 ///
 /// Datagrams meet the effects in this order: partition, loss, the recorded day's losses, truncation, corruption; the
-/// rate's queue; delay, and the recorded day's, which keep the order; jitter and reordering, which do not; duplication. A stream keeps its bytes and their order.
-/// When the impairment changes, what is already on its way is due when it was; only a stall holds it back, until the
-/// stall ends. A recorded day begins with the first call of push() or pop() after it was set, and goes on while others
-/// change.
+/// rate's queue; delay, and the recorded day's, which keep the order; jitter and reordering, which do not; duplication.
+/// A stream keeps its bytes and their order. When the impairment changes, what is already on its way is due when it
+/// was; only a stall holds it back, until the stall ends. A recorded day begins with the first call of push() or pop()
+/// after it was set, and goes on while others change.
 ///
 /// Bounded: beyond max_units or max_bytes on their way, a datagram that comes is dropped and counted, and a stream
 /// takes no more (room()).

@@ -38,8 +38,8 @@ struct Settings {
   std::vector<Target> targets() const;
 };
 
-/// The [[fault]] tables of a script, at most 1,000: `at_s`, `for_s` (may be missing) and `do`, a command. What is wrong is
-/// in config.finish().
+/// The [[fault]] tables of a script, at most 1,000: `at_s`, `for_s` (may be missing) and `do`, a command. What is wrong
+/// is in config.finish().
 std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>& targets);
 
 /// From a config and, where its name is not empty, a script of faults. Errors name file, line and key (common/config).

@@ -32,7 +32,8 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/lines/impairment.hpp on one way: to, answers, state, video, from
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/lines/impairment.hpp on one way: to, answers, state,
+///     video, from
 ///                                            (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
@@ -43,8 +44,8 @@ struct Target {
 ///     clear                                  no effect and no fault is left
 ///     list                                   changes nothing; what is switched is in list()
 ///
-/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or a
-/// recorded day, is read once, by the first command that names it.
+/// A command that is wrong anywhere, or that a target cannot have, changes nothing: its error says why. A recording, or
+/// a recorded day, is read once, by the first command that names it.
 class Switches {
  public:
   static constexpr std::size_t max_faults = 16;  ///< of a drone's sensors at once, and as many of its SDK

@@ -14,8 +14,8 @@
 namespace ledgerline::hil::shim {
 
 /// What lies between clients and simulated drones, without a network: for each drone three lines (to it, its answers,
-/// its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed, switches and calls give the same bytes.
-/// One thread; `now` never goes back.
+/// its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed, switches
+/// and calls give the same bytes. One thread; `now` never goes back.
 class DroneWays {
  public:
   DroneWays(int drones, std::uint64_t seed);

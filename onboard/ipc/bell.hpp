@@ -9,8 +9,8 @@
 namespace ledgerline::ipc {
 
 /// Wakes another process: a datagram socket with a name. A ring says only "look", so it comes behind what is to be
-/// seen. Where the socket is full, rings wait in it that the owner has yet to clear, before it looks. So a look is never
-/// missed while the owner lives, and one that starts anew looks at its start.
+/// seen. Where the socket is full, rings wait in it that the owner has yet to clear, before it looks. So a look is
+/// never missed while the owner lives, and one that starts anew looks at its start.
 ///
 /// Its file belongs to the owner's user alone (mode 0600): the kernel turns away rings of other users.
 class Bell {

@@ -8,12 +8,12 @@
 
 namespace ledgerline::roudi {
 
-/// The process that holds a lock on the file with this device and inode, by the text of /proc/locks; none: no process that
-/// can be seen from here does.
+/// The process that holds a lock on the file with this device and inode, by the text of /proc/locks; none: no process
+/// that can be seen from here does.
 std::optional<pid_t> lock_holder(const std::string& locks, dev_t device, ino_t inode);
 
-/// Why RouDi cannot serve beside what answers at its socket, and the cure. `answers`: it took a connection, else this user
-/// may not ask. `program` is the holder's name, of /proc/PID/comm.
+/// Why RouDi cannot serve beside what answers at its socket, and the cure. `answers`: it took a connection, else this
+/// user may not ask. `program` is the holder's name, of /proc/PID/comm.
 Error in_the_way(bool answers, std::optional<pid_t> holder, const std::string& program);
 
 /// An error where another RouDi has this machine, or has left files that this user cannot take over.

@@ -17,9 +17,9 @@ enum class End : std::uint8_t { drones, link };
 /// the memory have threads of their own.
 class Mapping {
  public:
-  /// `lockstep`: whether the drones' end moves link's clock. Errors name the file and the cure: it is no file in memory,
-  /// or another user's, another process holds that end, a build with another layout made it, the other end means
-  /// another `lockstep`, or (link's end) nobody has made it yet.
+  /// `lockstep`: whether the drones' end moves link's clock. Errors name the file and the cure: it is no file in
+  /// memory, or another user's, another process holds that end, a build with another layout made it, the other end
+  /// means another `lockstep`, or (link's end) nobody has made it yet.
   static Result<Mapping> open(const std::string& path, End end, bool lockstep = false);
   Mapping(Mapping&& other) noexcept;
   Mapping& operator=(Mapping&&) = delete;

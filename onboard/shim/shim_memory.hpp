@@ -48,7 +48,8 @@ struct Memory {
 
   SpscRing<Datagram, datagrams> to_link, to_drones;
 
-  /// Lockstep alone: link makes a turn when `asked` differs from `done`, at the virtual time `now_ns`; both are futexes.
+  /// Lockstep alone: link makes a turn when `asked` differs from `done`, at the virtual time `now_ns`; both are
+  /// futexes.
   struct Turns {
     alignas(64) std::atomic<std::uint32_t> asked{0};
     std::atomic<TimeNs> now_ns{0};

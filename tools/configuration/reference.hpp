@@ -20,8 +20,8 @@ struct Part {
 /// All of them; what several files share comes last.
 std::vector<Part> parts();
 
-/// Has the readers of a program ("agent") read its file: the keys, as at its start. What else it loads, such as keys and
-/// certificates, is not judged.
+/// Has the readers of a program ("agent") read its file: the keys, as at its start. What else it loads, such as keys
+/// and certificates, is not judged.
 Status check(const std::string& part, Config& config);
 
 /// One part, or the whole page, as Markdown.

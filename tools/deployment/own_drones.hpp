@@ -57,8 +57,8 @@ struct OwnDrones {
 /// True where the file has no [[host]].
 bool is_of_own_drones(Config& config);
 
-/// Every key is checked; what is dangerous has no default: [fence] with both corners, and pose.source. Errors name file,
-/// line and key. The tables for link are judged by link's own reader (link_config.hpp).
+/// Every key is checked; what is dangerous has no default: [fence] with both corners, and pose.source. Errors name
+/// file, line and key. The tables for link are judged by link's own reader (link_config.hpp).
 Result<OwnDrones> read_own_drones(Config& config);
 
 }  // namespace ledgerline::deployment

@@ -54,8 +54,8 @@ Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places);
 /// The shim's memory: it must be a file in memory, so it is not in the run's folder; of this process and run.
 std::string shim_memory(const RunFiles& files);
 
-/// Writes the proxy's config: every drone but those behind the shim, and for agent and ground a server of their own for each of `places`. The
-/// ready line tells their ports.
+/// Writes the proxy's config: every drone but those behind the shim, and for agent and ground a server of their own for
+/// each of `places`. The ready line tells their ports.
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places);
 
 /// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.

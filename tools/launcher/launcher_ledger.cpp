@@ -58,7 +58,8 @@ Status Launcher::prepare_ledger() {
   return enroll_and_acquire();
 }
 
-// Before anything is asked of the ledger: who holds a drone is named, with the cure, in place of the contract's refusal.
+// Before anything is asked of the ledger: who holds a drone is named, with the cure, in place of the contract's
+// refusal.
 Status Launcher::look_at_leases(const deployment::OwnLedger& network) {
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();

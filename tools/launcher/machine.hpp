@@ -46,7 +46,8 @@ Machine describe_machine();
 /// Asks the kernel (adjtimex(2)); changes nothing, and takes no rights.
 ClockFacts read_kernel_clock();
 
-/// A TCP port of 127.0.0.1 that nobody has now, so that a ground that is started again serves where its page looks for it; 0: there is none.
+/// A TCP port of 127.0.0.1 that nobody has now, so that a ground that is started again serves where its page looks for
+/// it; 0: there is none.
 int free_port();
 
 /// "127.0.0.2" for drone 1.

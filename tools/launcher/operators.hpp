@@ -13,8 +13,8 @@ struct MadeOperator {
   std::string pass_phrase;  ///< of his key; for the terminal alone
 };
 
-/// Makes an identity of Org2 for each of these names, by its CA's key that lies beside a ledger of the flight's own, as an
-/// MSP folder in operators/ of the run.
+/// Makes an identity of Org2 for each of these names, by its CA's key that lies beside a ledger of the flight's own, as
+/// an MSP folder in operators/ of the run.
 Result<std::vector<MadeOperator>> make_operators(const RunFiles& files, const std::vector<std::string>& names);
 
 /// What may be an operator's name: it is a folder and part of a subject.

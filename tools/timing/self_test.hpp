@@ -34,8 +34,8 @@ struct SelfTest {
   bool good() const;
 };
 
-/// The loop that link runs (common/rt/loop_ticker.hpp, 1 kHz), without drones, and cyclictest beside it on the same core.
-/// Blocks for asked.seconds.
+/// The loop that link runs (common/rt/loop_ticker.hpp, 1 kHz), without drones, and cyclictest beside it on the same
+/// core. Blocks for asked.seconds.
 SelfTest run_self_test(const SelfTestOptions& asked);
 
 /// From what `cyclictest --quiet --histogram` prints, for one thread. An error when that holds no sample.

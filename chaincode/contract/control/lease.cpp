@@ -26,8 +26,8 @@ Result<LeaseCall> read_wish(const Arguments& call, const std::string& function) 
   return lease;
 }
 
-/// Why somebody may not let the delegate of its acquire or request command. It needs no role: it commands under a lease,
-/// and may do nothing else by it.
+/// Why somebody may not let the delegate of its acquire or request command. It needs no role: it commands under a
+/// lease, and may do nothing else by it.
 Status check_delegate(Stub& stub, const std::string& function, const Identity& delegate) {
   const crypto::IdentityName who = to_name(delegate), &holder = stub.caller();
   if (who.msp_id.empty() || who.subject.empty()) return Error{function + ": delegate needs mspId and subject"};

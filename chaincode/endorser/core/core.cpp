@@ -105,8 +105,8 @@ Status Core::restore(Snapshot known) {
   return done;
 }
 
-/// Whoever tells the block: of an id that was used in another one no transaction is valid. Without the ids of all blocks
-/// that is not seen.
+/// Whoever tells the block: of an id that was used in another one no transaction is valid. Without the ids of all
+/// blocks that is not seen.
 bool Core::counts(const fabric::Transaction& transaction, std::uint64_t block) const {
   if (transaction.code != protos::VALID) return false;
   const auto known = ledger_.state().find_tx(transaction.tx_id);

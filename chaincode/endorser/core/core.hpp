@@ -34,7 +34,8 @@ class Core {
   Core& operator=(const Core&) = delete;
 
   /// The next block, as a stream that judges blocks handed it over (fabric::Client::blocks): `block` says which of the
-  /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not read.
+  /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not
+  /// read.
   Status take(const fabric::Block& block, std::string_view raw);
   std::uint64_t height() const { return ledger_.height(); }
   /// The newest block's header's, as ChainCheck has it; empty: there is none.
@@ -52,8 +53,9 @@ class Core {
   /// endorsement of it would count.
   Status renew(crypto::SigningIdentity next);
 
-  /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and channels)
-  /// is `unavailable`, as everything is once the own certificate has expired or is revoked: clients then ask the peer.
+  /// protos.Endorser.ProcessProposal, as NodeCore's. What only a peer can answer (history, other contracts and
+  /// channels) is `unavailable`, as everything is once the own certificate has expired or is revoked: clients then ask
+  /// the peer.
   node::Reply process_proposal(std::string_view signed_proposal, node::Now now);
 
  private:

@@ -4,17 +4,18 @@
 
 namespace ledgerline::endorser {
 
-/// Whose blocks an endorser takes that has two sources: the peer's chain from its first block on, read for it alone, and
-/// the stream that its process reads anyway, from some block on. Once the second, connected, has told a block that is not
-/// beyond what was taken, it brings all others, and the first is not needed any more. Pure, one thread at a time.
+/// Whose blocks an endorser takes that has two sources: the peer's chain from its first block on, read for it alone,
+/// and the stream that its process reads anyway, from some block on. Once the second, connected, has told a block that
+/// is not beyond what was taken, it brings all others, and the first is not needed any more. Pure, one thread at a
+/// time.
 ///
 ///     own stream ──▶ height ──▶ the shared stream's newest is below it: joined ──▶ the shared stream alone
 class Feed {
  public:
   enum class Source : std::uint8_t { own, shared };
 
-  /// Whether block `number`, which `from` tells, is to be taken at this height. What is not is either known, or the other
-  /// source brings it.
+  /// Whether block `number`, which `from` tells, is to be taken at this height. What is not is either known, or the
+  /// other source brings it.
   bool wants(Source from, std::uint64_t number, std::uint64_t height) {
     if (from == Source::shared) told_ = number;
     if (joined_) return from == Source::shared && number >= height;

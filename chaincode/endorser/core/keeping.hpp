@@ -8,8 +8,8 @@
 
 namespace ledgerline::endorser {
 
-/// When a checkpoint may be written: once the peer has told its block. One of a block that only an orderer has told yet waits
-/// here; the next one takes its place. Pure, one thread at a time.
+/// When a checkpoint may be written: once the peer has told its block. One of a block that only an orderer has told yet
+/// waits here; the next one takes its place. Pure, one thread at a time.
 class Keeping {
  public:
   /// The peer has told block `number`, whose header has this hash. What may be written now.

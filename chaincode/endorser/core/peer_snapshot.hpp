@@ -10,8 +10,8 @@
 /// A snapshot of a channel as a peer of Fabric 2.5 makes it (`peer snapshot submitrequest`).
 namespace ledgerline::endorser {
 
-/// The files that are read, under the names that Fabric gives them. What else lies in the folder (history of collections,
-/// hashes of private data) the contract does not need.
+/// The files that are read, under the names that Fabric gives them. What else lies in the folder (history of
+/// collections, hashes of private data) the contract does not need.
 namespace peer_snapshot_file {
 inline constexpr std::string_view description = "_snapshot_signable_metadata.json";
 inline constexpr std::string_view description_hash = "_snapshot_additional_metadata.json";
@@ -33,14 +33,14 @@ struct PeerSnapshot {
   node::ChainEnd end;              ///< of the newest block in it
   std::string config;              ///< common.ConfigEnvelope, the channel's newest
   std::uint64_t config_block = 0;  ///< where it was committed
-  /// The contract's keys with values, versions and policies, and the ids of all transactions, as of the newest block and
-  /// with its number, since the snapshot does not say theirs; of the lifecycle the keys alone.
+  /// The contract's keys with values, versions and policies, and the ids of all transactions, as of the newest block
+  /// and with its number, since the snapshot does not say theirs; of the lifecycle the keys alone.
   node::State contract, lifecycle;
 };
 
-/// An error names the file: it is not the one that the description names by its SHA-256, not whole, of another format, or
-/// the snapshot is of another channel. `hash`: SHA-256 of the description, in hex, from somebody who is believed; empty:
-/// nobody has said it. Takes no more memory than the files.
+/// An error names the file: it is not the one that the description names by its SHA-256, not whole, of another format,
+/// or the snapshot is of another channel. `hash`: SHA-256 of the description, in hex, from somebody who is believed;
+/// empty: nobody has said it. Takes no more memory than the files.
 Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fabric::ChannelAndContract& where,
                                         std::string_view hash);
 

@@ -10,8 +10,8 @@ namespace {
 
 namespace file = peer_snapshot_file;
 
-// The ids of some 60 million transactions: a fleet's of years. All files are held in memory while they are read, so that
-// twice as much asks for a host of its own.
+// The ids of some 60 million transactions: a fleet's of years. All files are held in memory while they are read, so
+// that twice as much asks for a host of its own.
 constexpr std::int64_t max_file_bytes = std::int64_t{4} << 30;
 
 }  // namespace

@@ -24,11 +24,12 @@
 
 namespace ledgerline::endorser {
 
-/// The core with its peer: it follows the peer's blocks, answers proposals while it knows that it has them all, and asks
-/// the peer now and then whether it answers the same: always before it signs anything under a definition of the contract
-/// that is new to it, since the peer alone knows whether its organisation has approved that. While it is not sure it answers `unavailable`, so that clients ask
-/// the peer: before it has all blocks that the peer had when the stream began, and while the stream is gone. A block that
-/// cannot be believed, an answer that differs from the peer's, or a state that stays another one ends it for good. Any thread.
+/// The core with its peer: it follows the peer's blocks, answers proposals while it knows that it has them all, and
+/// asks the peer now and then whether it answers the same: always before it signs anything under a definition of the
+/// contract that is new to it, since the peer alone knows whether its organisation has approved that. While it is not
+/// sure it answers `unavailable`, so that clients ask the peer: before it has all blocks that the peer had when the
+/// stream began, and while the stream is gone. A block that cannot be believed, an answer that differs from the peer's,
+/// or a state that stays another one ends it for good. Any thread.
 class Service {
  public:
   struct Options {
@@ -70,8 +71,8 @@ class Service {
   };
   /// process_proposal() under the lock. `renewed`: what take_renewed() said.
   node::Reply process_locked(const std::string& signed_proposal, Asker asker, Status& renewed);
-  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused. With
-  /// the lock held.
+  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused.
+  /// With the lock held.
   Status take_renewed();
   void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
   void on_connection(Feed::Source from, bool connected, const std::string& why);

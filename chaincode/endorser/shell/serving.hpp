@@ -7,7 +7,8 @@
 
 namespace ledgerline::endorser {
 
-/// The peer's service Endorser on a TLS endpoint of its own, for any client of Fabric. Destruction gives open calls 0.2 s.
+/// The peer's service Endorser on a TLS endpoint of its own, for any client of Fabric. Destruction gives open calls 0.2
+/// s.
 class Served {
  public:
   virtual ~Served() = default;

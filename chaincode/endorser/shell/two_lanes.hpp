@@ -4,9 +4,9 @@
 
 namespace ledgerline::endorser {
 
-/// A mutex with a lane for those who must not wait in a crowd. Of the crowd one at most waits for the mutex while another one
-/// has it, and none begins to wait while somebody of the first lane does: so who comes by the first lane waits for two of the
-/// crowd, however many there are. Any thread.
+/// A mutex with a lane for those who must not wait in a crowd. Of the crowd one at most waits for the mutex while
+/// another one has it, and none begins to wait while somebody of the first lane does: so who comes by the first lane
+/// waits for two of the crowd, however many there are. Any thread.
 class TwoLanes {
  public:
   std::unique_lock<std::mutex> first() {

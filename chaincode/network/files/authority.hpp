@@ -44,8 +44,8 @@ struct Revoked {
   std::string user{};             ///< "User1", "endorser0": all certificates that it has
   std::string certificate_pem{};  ///< this one alone: its owner goes on with a renewed one
 };
-/// Revokes at the running server, and what its revocation list (PEM) then is. Again for what is revoked already: just the
-/// list. An error: the list does not name the certificate.
+/// Revokes at the running server, and what its revocation list (PEM) then is. Again for what is revoked already: just
+/// the list. An error: the list does not name the certificate.
 Result<std::string> revoke_at_authority(const Authorities& authorities, int organisation, const Revoked& revoked);
 
 }  // namespace ledgerline::fabric_network

@@ -97,7 +97,8 @@ Result<bool> takes_the_place_of(const crypto::ListOrigin& made, const std::strin
   return true;
 }
 
-/// The newest list of an authority holds all that it revoked; what the organisation's other authorities have revoked stays.
+/// The newest list of an authority holds all that it revoked; what the organisation's other authorities have revoked
+/// stays.
 Status replace_list(msp::FabricMSPConfig& msp, const std::string& list) {
   const auto made = crypto::origin_of_list(list);
   if (!made) return made.error();
@@ -266,7 +267,8 @@ Result<std::string> read_list(const Options& options, int organisation, const st
   const auto lists = crypto::read_revocation_lists(*list, {{identities::msp_id_of(organisation), *ca}});
   if (!lists) return Error{file + ": " + lists.error().what};
   if (lists->size() > 1) return Error{file + ": it holds several lists, of which Fabric would read the first alone"};
-  // With such a list in the configuration peers and orderers refuse everybody of the organisation, its administrator too.
+  // With such a list in the configuration peers and orderers refuse everybody of the organisation, its administrator
+  // too.
   if (!crypto::lists_name_key(*list))
     return Error{file + ": a list has no authority key identifier: Fabric would refuse the whole organisation"};
   return list;

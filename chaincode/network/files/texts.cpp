@@ -29,9 +29,9 @@ std::string organisation_yaml(const std::string& name, const std::string& msp_di
 
 std::string implicit(const std::string& rule) { return fmt::format("{{Type: ImplicitMeta, Rule: \"{}\"}}", rule); }
 
-/// Of organisations as one Signature policy, which costs one verification of the creator's signature. "ANY Writers" tries
-/// the organisations' own policies one after the other, in an order that each start of a process draws anew, and each of
-/// them verifies again.
+/// Of organisations as one Signature policy, which costs one verification of the creator's signature. "ANY Writers"
+/// tries the organisations' own policies one after the other, in an order that each start of a process draws anew, and
+/// each of them verifies again.
 std::string any_member(const std::vector<std::string>& msp_ids) {
   std::string members;
   for (const std::string& id : msp_ids) members += fmt::format("{}'{}.member'", members.empty() ? "" : ", ", id);
@@ -78,9 +78,8 @@ std::string configtx_yaml(const Options& options, const ListenAddresses& places)
   }
   std::vector<std::string> everybody = application;
   everybody.insert(everybody.begin(), orderer_msp);
-  // With MaxInflightBlocks in Raft's hands the leader takes no transaction; Fabric's default of 5 is a burst of five where
-  // each has a block of its own.
-  // A leader that is gone is missed after 1 s (Raft's ElectionTick x TickInterval).
+  // With MaxInflightBlocks in Raft's hands the leader takes no transaction; Fabric's default of 5 is a burst of five
+  // where each has a block of its own. A leader that is gone is missed after 1 s (Raft's ElectionTick x TickInterval).
   return fmt::format(
       R"yaml(Organizations:
 {organisations}Profiles:
@@ -143,9 +142,10 @@ std::vector<std::string> peer_environment(const Options& options, const ListenAd
   const auto own = identities::peer_dir(options.dir, organisation);
   const std::string data = fmt::format("{}/peer{}", options.dir, organisation);
   const std::string listen = places.peer(organisation);
-  // Gossip looks for the other peers once a second: until one that was started again knows them, its gateway finds nobody
-  // to endorse as a second one. A peer whose orderers were gone for an hour would, by Fabric's default, ask them again ten
-  // minutes later. One that has 2 x blockBufferSize blocks to commit (Fabric's default: 40) sleeps 100 ms for each more.
+  // Gossip looks for the other peers once a second: until one that was started again knows them, its gateway finds
+  // nobody to endorse as a second one. A peer whose orderers were gone for an hour would, by Fabric's default, ask them
+  // again ten minutes later. One that has 2 x blockBufferSize blocks to commit (Fabric's default: 40) sleeps 100 ms for
+  // each more.
   return {"FABRIC_CFG_PATH=" + options.tools + "/config",
           "FABRIC_LOGGING_SPEC=warn",
           "CORE_PEER_ID=peer0." + domain_of(organisation),
@@ -207,8 +207,8 @@ std::string builder_script(const std::string& name) {
   // Arguments: detect SOURCE METADATA; build SOURCE METADATA OUTPUT; release OUTPUT RELEASE.
   if (name == "detect") return "#!/bin/sh\ngrep -q '\"type\": *\"ccaas\"' \"$2/metadata.json\"\n";
   if (name == "build") return "#!/bin/sh\ncp \"$1/connection.json\" \"$3/\"\n";
-  // The peer calls the service with its own TLS pair, put in here from its own folder before the file's closing brace: a
-  // package has no key. A package that brings a pair of its own keeps it.
+  // The peer calls the service with its own TLS pair, put in here from its own folder before the file's closing brace:
+  // a package has no key. A package that brings a pair of its own keeps it.
   return R"sh(#!/bin/sh
 set -eu
 umask 077

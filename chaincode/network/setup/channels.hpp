@@ -10,8 +10,8 @@ Status make_first_blocks(Site& site);
 /// This host's orderers and peers, which run, join all channels.
 Status join_orderers(Site& site);
 Status join_peers(Site& site);
-/// Until an orderer leads each channel: after a restart peers answer before the orderers have elected. Where other hosts
-/// run orderers too, the leader may be theirs, and cannot be seen from here.
+/// Until an orderer leads each channel: after a restart peers answer before the orderers have elected. Where other
+/// hosts run orderers too, the leader may be theirs, and cannot be seen from here.
 Status wait_for_leader(Site& site);
 
 struct Counts {

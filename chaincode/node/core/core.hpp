@@ -15,8 +15,9 @@
 
 namespace ledgerline::node {
 
-/// One channel of a Fabric network: an Endorser, an Orderer and a Committer around one Ledger. It does no I/O: proposals, envelopes and time in; answers and blocks out. The same inputs give the same bytes (with
-/// deterministic signers). One thread at a time.
+/// One channel of a Fabric network: an Endorser, an Orderer and a Committer around one Ledger. It does no I/O:
+/// proposals, envelopes and time in; answers and blocks out. The same inputs give the same bytes (with deterministic
+/// signers). One thread at a time.
 ///
 ///     endorse(proposal) -> envelope; the client signs it
 ///     order(envelope)   -> waits

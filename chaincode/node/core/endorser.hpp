@@ -29,8 +29,8 @@ class Endorser {
   /// `peers`: one for each organisation, all of them endorse.
   Endorser(const CoreConfig& config, MemberCheck members, std::vector<crypto::SigningIdentity> peers,
            const Ledger& ledger);
-  /// From now on it answers byte for byte as a peer of Fabric: with the definition that `definition` gives (nullopt: the
-  /// contract is not defined), with the ranges that such a peer reads, and with the result beside a refusal.
+  /// From now on it answers byte for byte as a peer of Fabric: with the definition that `definition` gives (nullopt:
+  /// the contract is not defined), with the ranges that such a peer reads, and with the result beside a refusal.
   void answer_as_fabric(std::function<std::optional<Definition>()> definition) { definition_ = std::move(definition); }
   /// Those of another configuration of the channel.
   void set_members(MemberCheck members) { members_ = std::move(members); }

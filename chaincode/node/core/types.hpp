@@ -49,8 +49,9 @@ struct CoreConfig {
   std::size_t max_waiting_bytes = 64'000'000;     ///< of them together; one alone is always taken
   std::size_t identity_bytes_per_s = 8'000'000;   ///< that one identity may send for ordering on average,
   std::size_t identity_burst_bytes = 24'000'000;  ///< and at once; one alone is always taken
-  /// Urgent envelopes of one identity that were not found valid, and of its organisation. A ground commands at 20 Hz: where
-  /// the disk takes 5 s for a block it has 100 that wait. Twice as many would only let an invalid flood last longer.
+  /// Urgent envelopes of one identity that were not found valid, and of its organisation. A ground commands at 20 Hz:
+  /// where the disk takes 5 s for a block it has 100 that wait. Twice as many would only let an invalid flood last
+  /// longer.
   std::size_t urgent_of_identity = 128, urgent_of_organisation = 512;
   /// Transactions of one identity that turned out invalid, and of its organisation: beyond it nothing is ordered for it
   /// until some are forgiven (InvalidBudget). Everybody who reads blocks checks each of them, at 0.2 ms of a core.

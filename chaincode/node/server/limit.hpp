@@ -17,8 +17,8 @@ class Limit {
   /// `service`: its name, for the refusal.
   Limit(std::string service, int max_open) : service_(std::move(service)), max_open_(max_open) {}
 
-  /// Held until the last copy is gone; nullptr when all are taken. A place may outlive the limit: whatever thread has a stream
-  /// last ends it, the block feed's, too.
+  /// Held until the last copy is gone; nullptr when all are taken. A place may outlive the limit: whatever thread has a
+  /// stream last ends it, the block feed's, too.
   Slot take() {
     if (open_->fetch_add(1) < max_open_) return {open_.get(), [open = open_](void*) { --*open; }};
     --*open_;
@@ -35,9 +35,9 @@ class Limit {
   const std::shared_ptr<std::atomic<int>> open_ = std::make_shared<std::atomic<int>>(0);
 };
 
-/// Streams of which no member is known yet, and from which nothing has come that somebody looks at: whoever opened them may
-/// be anybody. One too many ends the oldest, so that they take no place of members', and a member, who says at once who it
-/// is, always finds one. Any thread.
+/// Streams of which no member is known yet, and from which nothing has come that somebody looks at: whoever opened them
+/// may be anybody. One too many ends the oldest, so that they take no place of members', and a member, who says at once
+/// who it is, always finds one. Any thread.
 class Strangers {
  public:
   class Stream {

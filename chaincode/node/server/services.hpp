@@ -19,12 +19,12 @@ std::unique_ptr<grpc::Service> make_endorser_service(Node& node, std::size_t pee
 std::unique_ptr<grpc::Service> make_deliver_service(Node& node, bool mutual_tls);
 std::unique_ptr<grpc::Service> make_orderer_service(Node& node, bool mutual_tls);
 
-/// All of them behind one TLS endpoint, with the certificate of Org1's peer. Those of the other organisations have endpoints
-/// of their own, with endorser and deliver alone: for who asks peers for their endorsement.
+/// All of them behind one TLS endpoint, with the certificate of Org1's peer. Those of the other organisations have
+/// endpoints of their own, with endorser and deliver alone: for who asks peers for their endorsement.
 class Server {
  public:
-  /// `listen`: of the first, "127.0.0.1:7051"; port 0 takes a free one, as the others do. `client_authorities`: PEM, whose
-  /// certificates clients must show at each endpoint; empty: they need none.
+  /// `listen`: of the first, "127.0.0.1:7051"; port 0 takes a free one, as the others do. `client_authorities`: PEM,
+  /// whose certificates clients must show at each endpoint; empty: they need none.
   static Result<std::unique_ptr<Server>> start(Node& node, const std::string& listen,
                                                std::string client_authorities = {});
   ~Server();

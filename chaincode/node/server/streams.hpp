@@ -39,11 +39,11 @@ struct SeekRequest {
 Result<SeekRequest> read_seek(const common::Envelope& envelope);
 /// One that somebody has kept, or that tells no time, is refused (Fabric's authentication.timewindow).
 bool is_fresh(const SeekRequest& request, TimeNs real_ns);
-/// Under mutual TLS a request names the certificate of its own connection, as in Fabric: who has another one's request reads
-/// nothing by it over a connection of his own. `shown`: shown_hash() of the call.
+/// Under mutual TLS a request names the certificate of its own connection, as in Fabric: who has another one's request
+/// reads nothing by it over a connection of his own. `shown`: shown_hash() of the call.
 bool is_bound(const SeekRequest& request, const std::optional<std::string>& shown);
-/// SHA-256 of the TLS certificate that the client of a call has shown; empty, of which no request is: it cannot be read.
-/// nullopt: without mutual TLS, where none is asked for.
+/// SHA-256 of the TLS certificate that the client of a call has shown; empty, of which no request is: it cannot be
+/// read. nullopt: without mutual TLS, where none is asked for.
 std::optional<std::string> shown_hash(const grpc::CallbackServerContext& context, bool mutual_tls);
 
 /// peer Deliver and DeliverFiltered, orderer Deliver. One seek after the other.

@@ -5,7 +5,8 @@
 
 namespace ledgerline {
 
-/// What readers of a binary format take its numbers and texts from. Once something is missing all that follows is empty.
+/// What readers of a binary format take its numbers and texts from. Once something is missing all that follows is
+/// empty.
 class ByteReader {
  public:
   explicit ByteReader(std::string_view bytes) : left_(bytes) {}

@@ -5,8 +5,8 @@
 
 namespace ledgerline {
 
-/// Sees that files have been replaced or written, by one stat of each a look. A change counts when the files are the same
-/// from one look to the next, since certificate and key are two. One thread.
+/// Sees that files have been replaced or written, by one stat of each a look. A change counts when the files are the
+/// same from one look to the next, since certificate and key are two. One thread.
 class ChangedFiles {
  public:
   /// True once for each change, and once at first: for what has been read before that may be old already.

@@ -67,8 +67,8 @@ class Downlink {
   /// Of one first segment, so that no organisation fills the ids of all. A host has some ten topics a drone, and 16
   /// drones.
   static constexpr std::size_t max_ids_of_one = 256;
-  /// Of those that somebody told first who may not write them: they show what is refused, and leave an organisation room for its
-  /// own.
+  /// Of those that somebody told first who may not write them: they show what is refused, and leave an organisation
+  /// room for its own.
   static constexpr std::size_t max_strange_ids = 64;
   static constexpr std::size_t max_writers = 16;  ///< of one id
 
@@ -100,8 +100,8 @@ class Downlink {
 
   const std::deque<Topic>& topics() const { return topics_; }
   std::uint64_t malformed_frames() const { return malformed_frames_; }
-  /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of an
-  /// id that no honest peer endorses (is_ledger_id).
+  /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of
+  /// an id that no honest peer endorses (is_ledger_id).
   std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }
 
  private:

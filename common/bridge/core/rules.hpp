@@ -85,8 +85,8 @@ bool matches(std::string_view pattern, std::string_view text);
 std::string ledger_id(std::string_view ros_topic, std::string_view msp_id, const std::vector<std::string>& enrolled);
 /// The other way round: an id below an organisation loses its first segment. Empty where nothing is left of it.
 std::string_view ros_topic_of(std::string_view id, std::string& buffer);
-/// Whether the contract lets it through as an id. An organisation's own peer may have endorsed another one: of any length, and no
-/// text in UTF-8.
+/// Whether the contract lets it through as an id. An organisation's own peer may have endorsed another one: of any
+/// length, and no text in UTF-8.
 bool is_ledger_id(std::string_view id);
 std::string_view first_segment(std::string_view id);
 bool is_msp_id(std::string_view segment);

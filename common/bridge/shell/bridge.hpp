@@ -21,8 +21,8 @@ namespace ledgerline::bridge {
 /// none of DDS's threads takes Downlink's, under which readers and writers of DDS are used.
 class Bridge {
  public:
-  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it. `kept`: of this
-  /// channel, read already.
+  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it. `kept`: of
+  /// this channel, read already.
   static Result<std::unique_ptr<Bridge>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                 crypto::MspRegistry& believed, dds::ParticipantPtr participant,
                                                 fabric::KeptCheckpoint kept);

@@ -16,8 +16,8 @@ void warn_of_open_topics(const BridgeConfig& config);
 /// All that a program bridges: a Bridge for each channel that a topic names. One thread.
 class Bridges {
  public:
-  /// `ledgers`: that of [ledger], then those of the program's own further channels; any other channel is asked for where
-  /// that of [ledger] is. `believed` must outlive it.
+  /// `ledgers`: that of [ledger], then those of the program's own further channels; any other channel is asked for
+  /// where that of [ledger] is. `believed` must outlive it.
   static Result<std::unique_ptr<Bridges>> create(const BridgeConfig& config,
                                                  const std::vector<fabric::ClientConfig>& ledgers,
                                                  crypto::MspRegistry& believed, const dds::ParticipantPtr& participant);
@@ -39,8 +39,8 @@ class Bridges {
 /// (BackOff), for as long as the program lives. Ends with the object.
 class BesideBridges {
  public:
-  /// Null where the config names no [[topic]]. `config` is that of the program, checked already; `program`: its clients',
-  /// with whom the bridge's are renewed.
+  /// Null where the config names no [[topic]]. `config` is that of the program, checked already; `program`: its
+  /// clients', with whom the bridge's are renewed.
   static Result<std::unique_ptr<BesideBridges>> create(Config& config, const fabric::ClientConfig& program,
                                                        BridgeConfig bridge, dds::ParticipantPtr participant);
   ~BesideBridges();

@@ -51,8 +51,8 @@ Status read_file(const fs::path& path, bool secret, std::string& out) {
   return status;
 }
 
-/// The first file by name with the ending (cryptogen and fabric-ca make exactly one), or the one of that name, or the only
-/// one that there is. Kubernetes' own folders and links (..data) are none.
+/// The first file by name with the ending (cryptogen and fabric-ca make exactly one), or the one of that name, or the
+/// only one that there is. Kubernetes' own folders and links (..data) are none.
 Result<std::string> file_in(const fs::path& folder, const std::string& ending, const std::string& name) {
   std::error_code error;
   std::vector<fs::path> all, found;
@@ -90,8 +90,8 @@ Result<Named> read_named(const fs::path& file) {
   return named;
 }
 
-/// Of the files beside `first` the one that fits; `first` where that is the only one, or none fits: to load it then says
-/// what is wrong. A locked key fits nobody here, and one who has such has one alone.
+/// Of the files beside `first` the one that fits; `first` where that is the only one, or none fits: to load it then
+/// says what is wrong. A locked key fits nobody here, and one who has such has one alone.
 std::string key_of(const std::string& certificate_file, std::string first) {
   std::string certificate;
   if (!read_file(certificate_file, false, certificate)) return first;

@@ -16,7 +16,8 @@ struct ListOrigin {
 };
 /// `entry`: PEM, of which the first list counts, or DER. An error: it cannot be read.
 Result<ListOrigin> origin_of_list(const std::string& entry);
-/// Whether a list of the one takes the place of one of the other: both are of the same key, or `old` does not say of which.
+/// Whether a list of the one takes the place of one of the other: both are of the same key, or `old` does not say of
+/// which.
 bool is_of_same_authority(const ListOrigin& made, const ListOrigin& old);
 /// By their numbers where both have one, else by their times. Two of one second are as new as each other.
 bool is_older(const ListOrigin& made, const ListOrigin& other);

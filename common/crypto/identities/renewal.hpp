@@ -8,8 +8,9 @@
 namespace ledgerline::crypto {
 
 /// What becomes of the files of a program's certificate when they change: whether what lies there now is taken in place
-/// of what is in use, and when its end is to be told. The ledger knows grants, leases and commands by MSP and subject, so
-/// a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure; one thread.
+/// of what is in use, and when its end is to be told. The ledger knows grants, leases and commands by MSP and subject,
+/// so a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure; one
+/// thread.
 ///
 ///                 a pair that fits, of the same subject, in date, of the MSP's authority
 ///     in use ─────────────────────────────────────────────────────────────────────────▶ the new one is in use
@@ -18,8 +19,8 @@ namespace ledgerline::crypto {
 /// One that is refused since it is not valid yet is to be looked at once more when it becomes so (due).
 class Renewal {
  public:
-  /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it); `not_after_s`:
-  /// the end of the one in use.
+  /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it);
+  /// `not_after_s`: the end of the one in use.
   Renewal(std::string whose, std::string subject, std::int64_t not_after_s)
       : whose_(std::move(whose)), subject_(std::move(subject)), not_after_s_(not_after_s) {}
 

@@ -28,8 +28,8 @@ Status check_fits(const std::string& key_pem, const std::string& certificate_pem
 std::vector<std::string> certificates_in(std::string_view pem);
 
 /// These certificates with the key's own first and the others behind it in their order, since programs and peers take
-/// the first for the own one, and an authority may deliver its own before it. The text as it is where it is in order. An
-/// error: as check_fits, none is of that key.
+/// the first for the own one, and an authority may deliver its own before it. The text as it is where it is in order.
+/// An error: as check_fits, none is of that key.
 Result<std::string> own_first(const std::string& key_pem, const std::string& certificates_pem);
 
 }  // namespace ledgerline::crypto

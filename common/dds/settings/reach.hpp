@@ -13,8 +13,8 @@ namespace ledgerline::dds {
 /// Cyclone's own limit.
 constexpr std::size_t max_interfaces = 4;
 /// A participant's ports are 7410 + 250 x domain + 2 x index and the next one: 120 fit in front of the next domain's.
-/// Each participant asks all of these ports of this host, and of each of [dds] peers, every 8 s, so a higher index costs
-/// everybody packets (docs/dds.md).
+/// Each participant asks all of these ports of this host, and of each of [dds] peers, every 8 s, so a higher index
+/// costs everybody packets (docs/dds.md).
 constexpr int max_participants = 120;
 
 /// How far a participant's domain reaches.
@@ -26,8 +26,8 @@ struct Reach {
   std::vector<std::string> warnings;  ///< what a person would not expect
 };
 
-/// The config beats the environment. `uri`: CYCLONEDDS_URI, empty where it is not set. `host`: the interfaces that there
-/// are; one that is needed but missing, down or without an IPv4 address is an error. Pure.
+/// The config beats the environment. `uri`: CYCLONEDDS_URI, empty where it is not set. `host`: the interfaces that
+/// there are; one that is needed but missing, down or without an IPv4 address is an error. Pure.
 Result<Reach> reach_of(const ParticipantOptions& options, std::string_view uri, const std::vector<Interface>& host);
 
 /// What a person needs to hear of a domain that did not start. `said`: Cyclone's own messages. Pure.

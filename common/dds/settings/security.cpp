@@ -39,8 +39,8 @@ constexpr const char* governance = R"(<?xml version="1.0" encoding="UTF-8"?>
 </dds>
 )";
 
-// Rules are looked through in their order, and the first that names the topic decides. Reading comes first: Cyclone looks for
-// either direction when a topic is made, and what must not be written could not be read behind its rule.
+// Rules are looked through in their order, and the first that names the topic decides. Reading comes first: Cyclone
+// looks for either direction when a topic is made, and what must not be written could not be read behind its rule.
 constexpr const char* grant = R"(
     <grant name="member{}">
       <subject_name>{}</subject_name>

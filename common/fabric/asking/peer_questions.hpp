@@ -9,8 +9,8 @@
 
 namespace ledgerline::fabric {
 
-/// What a program asks the peer of its config directly, waiting at most the config's deadline: not a call of its own, but
-/// about the peer. Any thread.
+/// What a program asks the peer of its config directly, waiting at most the config's deadline: not a call of its own,
+/// but about the peer. Any thread.
 class PeerQuestions {
  public:
   static Result<std::unique_ptr<PeerQuestions>> create(ClientConfig config);
@@ -22,12 +22,13 @@ class PeerQuestions {
   Result<std::uint64_t> height();
   /// A serialized common.Block of the channel.
   Result<std::string> block(std::uint64_t number);
-  /// The channel's newest config block, as the peer tells it: a common.Block for read_channel_config. Nobody has judged it.
+  /// The channel's newest config block, as the peer tells it: a common.Block for read_channel_config. Nobody has judged
+  /// it.
   Result<std::string> config_block();
   /// That, read.
   Result<ChannelConfig> channel_config();
-  /// The payload of a peer's answer to a call of one of its own contracts ("qscc", "cscc", "_lifecycle"), with a channel or
-  /// without (""); an error is the peer's word.
+  /// The payload of a peer's answer to a call of one of its own contracts ("qscc", "cscc", "_lifecycle"), with a
+  /// channel or without (""); an error is the peer's word.
   Result<std::string> ask(const ChannelAndContract& where, const Call& call);
 
  private:

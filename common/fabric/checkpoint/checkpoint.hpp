@@ -17,8 +17,8 @@ struct Checkpoint {
   std::string records;  ///< what the program itself believed behind that block; any bytes
 };
 
-/// As it is in a file: lines, the records, and a SHA-256 of all of it, which tells a torn or overwritten file; whoever may
-/// write the file may as well write the right sum.
+/// As it is in a file: lines, the records, and a SHA-256 of all of it, which tells a torn or overwritten file; whoever
+/// may write the file may as well write the right sum.
 std::string to_text(const Checkpoint& checkpoint);
 /// An error: it is not whole, or of another kind.
 Result<Checkpoint> checkpoint_from(std::string_view text);

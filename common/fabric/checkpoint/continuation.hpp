@@ -27,8 +27,9 @@ struct Continuation {
   bool gap = false;
 };
 
-/// Whether the peer's chain, whose newest block has that header, can be the one that was believed. Refused, in words: it
-/// ends before the checkpoint, or has another block in its place (a fork). Fetches at most the checkpoint's block. Pure.
+/// Whether the peer's chain, whose newest block has that header, can be the one that was believed. Refused, in words:
+/// it ends before the checkpoint, or has another block in its place (a fork). Fetches at most the checkpoint's block.
+/// Pure.
 Result<Continuation> continue_behind(const Believed& believed, const common::Block& newest,
                                      const std::function<Result<common::Block>(std::uint64_t number)>& fetch);
 

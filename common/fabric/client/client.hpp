@@ -30,8 +30,8 @@ struct ClientConfig {
     std::string certificate_file{}, key_file{};
   };
   TlsPair tls_pair;
-  /// Pairs that are renewed while clients run: behind each renewal connections are made anew. None: they never are, and the
-  /// files count as they are when a client is created.
+  /// Pairs that are renewed while clients run: behind each renewal connections are made anew. None: they never are, and
+  /// the files count as they are when a client is created.
   std::shared_ptr<TlsPairsInUse> tls_in_use{};
   struct Server {
     std::string endpoint;
@@ -101,8 +101,8 @@ class Client {
   /// The same, asked of the peer at `endpoint` itself, past any gateway: its own word, of an organisation that need not
   /// be the caller's.
   virtual Result<std::string> evaluate_at_peer(Call call) = 0;
-  /// Whether the gateway finds endorsements enough for the call now, or that of the organisation which the call's `need`
-  /// names; nothing is submitted. Waits as evaluate().
+  /// Whether the gateway finds endorsements enough for the call now, or that of the organisation which the call's
+  /// `need` names; nothing is submitted. Waits as evaluate().
   virtual Status endorsable(Call call) = 0;
 
   /// A running stream; destruction ends it and returns after its last callback (so not from within one). It may outlive
@@ -144,9 +144,10 @@ class Client {
   /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is
   /// left out alone, see decode_block. A block that breaks the chain is reported through on_connection and the stream
   /// starts again at the last good one. With ClientConfig::blocks `ordered` a second stream brings an orderer's blocks;
-  /// once the two differ, nothing more is handed over, and on_connection says so. A block is then handed over as soon as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our
-  /// verdicts then), and on_confirmed says when the peer told the same; at most BlockIntake::max_unconfirmed blocks
-  /// ahead of the peer. Calls that are told_by_block end with the block, too.
+  /// once the two differ, nothing more is handed over, and on_connection says so. A block is then handed over as soon
+  /// as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our verdicts then), and
+  /// on_confirmed says when the peer told the same; at most BlockIntake::max_unconfirmed blocks ahead of the peer.
+  /// Calls that are told_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
   /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from
   /// the next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the

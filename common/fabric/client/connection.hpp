@@ -37,8 +37,8 @@ class Connection {
   const ClientConfig config;  ///< its identity has `in_use`
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
-  /// As they are now: whoever needs two things of them takes them once. After ClientConfig::tls_in_use has a renewed pair they
-  /// are made anew, and who still holds the old ones goes on over them. Any thread.
+  /// As they are now: whoever needs two things of them takes them once. After ClientConfig::tls_in_use has a renewed
+  /// pair they are made anew, and who still holds the old ones goes on over them. Any thread.
   std::shared_ptr<const GrpcChannels> channels() const;
   /// Whom to sign as now; what has begun as one goes on as that one. Any thread.
   std::shared_ptr<const crypto::SigningIdentity> signing() const { return config.identity.in_use->now(); }

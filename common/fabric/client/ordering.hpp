@@ -12,9 +12,9 @@
 
 namespace ledgerline::fabric {
 
-/// One long-lived Broadcast stream to the orderer that orders soonest (OrdererChoice), and to those that were probed; when
-/// it breaks, to the next. Lives on the completion queue
-/// and the thread of a Pipeline; its tags are std::function<void(bool)>*, as the pipeline's.
+/// One long-lived Broadcast stream to the orderer that orders soonest (OrdererChoice), and to those that were probed;
+/// when it breaks, to the next. Lives on the completion queue and the thread of a Pipeline; its tags are
+/// std::function<void(bool)>*, as the pipeline's.
 ///
 ///     send() -> connecting -> writing -> waiting for the acknowledgement -> done
 ///                  ^             |  broken, silent, no leader: the next orderer, after a back-off

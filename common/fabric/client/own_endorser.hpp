@@ -15,8 +15,8 @@ class OwnEndorser {
     std::string problem{};   ///< why there is none; empty: there is
     bool elsewhere = false;  ///< another endorser may answer
   };
-  /// To a protos.SignedProposal. Waits for nobody outside this process, but at most 0.2 s for the first under a definition
-  /// of the contract.
+  /// To a protos.SignedProposal. Waits for nobody outside this process, but at most 0.2 s for the first under a
+  /// definition of the contract.
   virtual Answer endorse(const std::string& signed_proposal) = 0;
 
   /// The handlers of a block stream that the process reads anyway, so that the blocks need not be read for the endorser

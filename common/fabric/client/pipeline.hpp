@@ -27,8 +27,8 @@ namespace ledgerline::fabric {
 /// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
 /// client's transactions as they were submitted (those with EndorsementNeed::in_order). The gateway's Submit is never
 /// repeated: where its answer is lost, CommitStatus tells (an envelope for an orderer may be sent twice: ordering.hpp).
-/// That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the same client
-/// tells in time and the call allows it (Call::told_by_block).
+/// That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the same
+/// client tells in time and the call allows it (Call::told_by_block).
 ///
 /// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
 /// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all. A call that needs two

@@ -20,8 +20,8 @@ namespace ledgerline::fabric {
 bool is_config(const common::Block& block);
 
 /// Whether a block was made by the channel's orderers: their signature over its header, by the policy of the channel's
-/// own configuration, which is followed from one config block, the trust anchor, on. Fabric signs neither a block's flags
-/// nor which blocks a peer leaves out. Pure but for the registry's cache; one thread.
+/// own configuration, which is followed from one config block, the trust anchor, on. Fabric signs neither a block's
+/// flags nor which blocks a peer leaves out. Pure but for the registry's cache; one thread.
 class BlockJudge {
  public:
   /// Who checks the signatures of these organisations' members; a campaign has test signers.
@@ -36,12 +36,12 @@ class BlockJudge {
   /// configuration from then on. The one that is known passes by its hash; what is before it does not pass.
   Status judge(const common::Block& block);
 
-  /// Whether enough orderers have signed the header, by the configuration that is known, whatever else they say; neither
-  /// data nor place count, and no configuration is followed.
+  /// Whether enough orderers have signed the header, by the configuration that is known, whatever else they say;
+  /// neither data nor place count, and no configuration is followed.
   bool is_signed(const common::Block& block) const;
 
-  /// For a block that is far ahead of the configuration that is known: judges each config block between, by those before
-  /// it, which `fetch` brings by their numbers. After an error some of them may be known.
+  /// For a block that is far ahead of the configuration that is known: judges each config block between, by those
+  /// before it, which `fetch` brings by their numbers. After an error some of them may be known.
   using Fetch = std::function<Result<common::Block>(std::uint64_t number)>;
   Status catch_up(const common::Block& block, const Fetch& fetch);
 

@@ -46,14 +46,14 @@ std::optional<TimeNs> read_go_duration(std::string_view text);
 /// Everybody in the channel: the application's organisations and those of the orderers, for a registry of members.
 std::vector<crypto::MspRoot> everybody(const ChannelConfig& config);
 
-/// What a contract's endorsers must satisfy, by the protos.ApplicationPolicy of its definition; empty: the channel's. One
-/// that is not read is satisfied by nobody.
+/// What a contract's endorsers must satisfy, by the protos.ApplicationPolicy of its definition; empty: the channel's.
+/// One that is not read is satisfied by nobody.
 Policy application_policy(const ChannelConfig& config, const std::string& definition);
 
 /// Takes a block with a configuration apart. A policy that is not there, or of a kind that is not read, is satisfied by
 /// nobody. An error names what is missing or not supported; never a crash.
-/// Raft's and the embedded node's orderers alone: with consensus that tolerates liars (BFT) a block needs more than this
-/// reads.
+/// Raft's and the embedded node's orderers alone: with consensus that tolerates liars (BFT) a block needs more than
+/// this reads.
 Result<ChannelConfig> read_channel_config(const common::Block& block);
 
 }  // namespace ledgerline::fabric

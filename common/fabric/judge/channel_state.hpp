@@ -48,11 +48,11 @@ class ChannelState {
     bool version = true, policy = true;
   };
   virtual Known known(const KeyName&) const { return {}; }
-  /// The policy of its own that a key has, if it has one, by those who know the contract; common.SignaturePolicyEnvelope.
-  /// Asked where its policy is not known.
+  /// The policy of its own that a key has, if it has one, by those who know the contract;
+  /// common.SignaturePolicyEnvelope. Asked where its policy is not known.
   virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
-  /// Whether the endorsers of the newest write of the key are all among these, and no policy has changed since: then these
-  /// satisfy the key's policy, which need not be known.
+  /// Whether the endorsers of the newest write of the key are all among these, and no policy has changed since: then
+  /// these satisfy the key's policy, which need not be known.
   virtual bool have_sufficed(const KeyName&, const std::vector<Endorser>&) const { return false; }
   /// Whether its readers go by a count or stamp in its value: a write that comes a second time tells them nothing.
   virtual bool is_of_hot_path(const KeyName&) const { return false; }

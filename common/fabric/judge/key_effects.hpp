@@ -19,9 +19,9 @@ struct KeyEffect {
   std::string policy{};  ///< common.SignaturePolicyEnvelope; empty: none from now on
 };
 
-/// By key, as Fabric 2.5 reads a set. An empty value is a deletion. Fabric adds up what is said of a key, so that a value
-/// given twice in one set counts as new metadata alone, which no contract's peer makes; its state keeps the old value
-/// then (core/ledger/kvledger/txmgmt/validation/tx_ops.go).
+/// By key, as Fabric 2.5 reads a set. An empty value is a deletion. Fabric adds up what is said of a key, so that a
+/// value given twice in one set counts as new metadata alone, which no contract's peer makes; its state keeps the old
+/// value then (core/ledger/kvledger/txmgmt/validation/tx_ops.go).
 std::map<std::string, KeyEffect> effects_of(const kvrwset::KVRWSet& set);
 
 }  // namespace ledgerline::fabric

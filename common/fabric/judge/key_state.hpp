@@ -17,8 +17,8 @@
 
 namespace ledgerline::fabric {
 
-/// The state of a channel as a judge needs it who has followed it: versions and policies of keys, but no values; the ids
-/// of transactions; the definitions of contracts, out of Fabric's `_lifecycle`. One thread.
+/// The state of a channel as a judge needs it who has followed it: versions and policies of keys, but no values; the
+/// ids of transactions; the definitions of contracts, out of Fabric's `_lifecycle`. One thread.
 ///
 /// Followed from its first block on it is whole: memory grows with the number of keys, and by some 120 bytes a
 /// transaction. Followed from a later block on it knows what the blocks since have written, and which versions those
@@ -28,7 +28,8 @@ class KeyState final : public ChannelState {
   KeyState() = default;
   struct Part {
     std::string contract;  ///< whose keys are followed, beside the definitions
-    /// Beyond them the writer with most keys loses the one of its most numerous kind that was longest not used (KeyUse).
+    /// Beyond them the writer with most keys loses the one of its most numerous kind that was longest not used
+    /// (KeyUse).
     std::size_t max_keys = 20'000;
     std::size_t max_ids = 50'000;  ///< of the newest transactions
     std::size_t max_ranges = 1'000;

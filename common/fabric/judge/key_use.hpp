@@ -8,10 +8,10 @@
 
 namespace ledgerline::fabric {
 
-/// Which of the keys that a bounded memory holds has to go. Whoever writes many pushes out his own: the organisation whose
-/// transactions brought most keys loses one, of the kind (a key's first segment) of which it has most, and of these the one
-/// that was longest not used. So keys that are in use stay, and nobody's flood reaches those of others, nor his
-/// organisation's keys of other kinds. Pure; one thread.
+/// Which of the keys that a bounded memory holds has to go. Whoever writes many pushes out his own: the organisation
+/// whose transactions brought most keys loses one, of the kind (a key's first segment) of which it has most, and of
+/// these the one that was longest not used. So keys that are in use stay, and nobody's flood reaches those of others,
+/// nor his organisation's keys of other kinds. Pure; one thread.
 class KeyUse {
  public:
   KeyUse() = default;

@@ -6,9 +6,9 @@
 #include "common/fabric/judge/channel_state.hpp"
 #include "common/fabric/tx/form.hpp"
 
-/// Which of a block's transactions are valid: the rule by which Fabric's peers flag them, for everybody who does not want
-/// to take a peer's word. From an unmodified peer the flags differ in no transaction (tests/system/judge compares them).
-/// Pure but for the registry's cache. One thread.
+/// Which of a block's transactions are valid: the rule by which Fabric's peers flag them, for everybody who does not
+/// want to take a peer's word. From an unmodified peer the flags differ in no transaction (tests/system/judge compares
+/// them). Pure but for the registry's cache. One thread.
 namespace ledgerline::fabric {
 
 struct Verdict {
@@ -37,11 +37,11 @@ struct JudgeRules {
 };
 
 /// Of each transaction in the block, in its order: form, creator, transaction id, contract, endorsements by the
-/// policies of what it writes (those before the block: who writes a key whose policy the block has changed before it, is
-/// invalid), and that what it read is as it was. Where the state is not whole, what it does not know is taken from the
-/// block's flags, if it has some. Certificates count whenever they were valid, as in Fabric, and not when
-/// they are revoked. `members`: of all organisations of the channel, the orderers' among them. Signatures are of a block
-/// that BlockJudge passed.
+/// policies of what it writes (those before the block: who writes a key whose policy the block has changed before it,
+/// is invalid), and that what it read is as it was. Where the state is not whole, what it does not know is taken from
+/// the block's flags, if it has some. Certificates count whenever they were valid, as in Fabric, and not when they are
+/// revoked. `members`: of all organisations of the channel, the orderers' among them. Signatures are of a block that
+/// BlockJudge passed.
 std::vector<Verdict> judge_transactions(const common::Block& block, const ChannelState& state,
                                         crypto::MspRegistry& members, const JudgeRules& rules);
 

@@ -18,8 +18,8 @@ struct Question {
   std::string hash;         ///< what ties answers to it
   std::int64_t time_s = 0;  ///< Unix time, by the asker's word
 };
-/// Reads a protos.Proposal. An error: it does not ask chain_contract for the verdict on that transaction, in the one form
-/// that a question has. (The hash is over three texts, one behind the other, and does not say where one ends.)
+/// Reads a protos.Proposal. An error: it does not ask chain_contract for the verdict on that transaction, in the one
+/// form that a question has. (The hash is over three texts, one behind the other, and does not say where one ends.)
 Result<Question> read_question(std::string_view question, const std::string& channel, const std::string& tx_id);
 
 /// What a peer said: the transaction as its chain has it, with its code. `payload`: protos.ProposalResponsePayload.

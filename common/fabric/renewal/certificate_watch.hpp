@@ -18,14 +18,14 @@
 namespace ledgerline::fabric {
 
 class CertificateWatch;
-/// Of a program's config: judges new identities by its [[msp]], read again, since a registry is of one thread. `ledger` as
-/// for CertificateWatch::create; `further`: TLS pairs of tables that it does not have, such as [[channel]].
+/// Of a program's config: judges new identities by its [[msp]], read again, since a registry is of one thread. `ledger`
+/// as for CertificateWatch::create; `further`: TLS pairs of tables that it does not have, such as [[channel]].
 Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger,
                                                              const std::vector<ClientConfig::TlsPair>& further = {});
 
 /// Takes renewed certificates of a program's clients from their files while it runs: the identity of [ledger], and each
-/// TLS pair of its tables. What it refuses stays as it was (crypto::Renewal). One thread of its own, which sleeps but for a
-/// few calls of stat each `period`.
+/// TLS pair of its tables. What it refuses stays as it was (crypto::Renewal). One thread of its own, which sleeps but
+/// for a few calls of stat each `period`.
 ///
 /// Calls that begin behind a change are signed with the new certificate, and connections are made anew with the new TLS
 /// pair; calls and streams that are under way end over the old ones.
@@ -38,9 +38,9 @@ class CertificateWatch {
   /// On the watch's own thread.
   using Tell = std::function<void(Weight weight, const std::string& words)>;
 
-  /// Makes `ledger` one whose clients are renewed: before they are created. `believed`: a registry of the watch's own, so
-  /// that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the identity
-  /// that is there now: who signed a new one is the ledger's matter. An error: a TLS pair cannot be read.
+  /// Makes `ledger` one whose clients are renewed: before they are created. `believed`: a registry of the watch's own,
+  /// so that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the
+  /// identity that is there now: who signed a new one is the ledger's matter. An error: a TLS pair cannot be read.
   static Result<std::unique_ptr<CertificateWatch>> create(ClientConfig& ledger,
                                                           std::unique_ptr<crypto::MspRegistry> believed,
                                                           const std::vector<ClientConfig::TlsPair>& further = {});

@@ -5,8 +5,8 @@
 #include <utility>
 #include <vector>
 
-/// Endorsements of one proposal, asked of the peers of several organisations side by side. Pure: who asks and who keeps time is
-/// the caller.
+/// Endorsements of one proposal, asked of the peers of several organisations side by side. Pure: who asks and who keeps
+/// time is the caller.
 namespace ledgerline::fabric {
 
 class Gathering {

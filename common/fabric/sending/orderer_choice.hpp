@@ -13,14 +13,15 @@ namespace ledgerline::fabric {
 
 /// Which orderer an envelope goes to. A follower of Raft takes an envelope as well, checks it, and hands it on to the
 /// leader, which checks it once more; no orderer says who leads. So it is measured: how long an envelope takes from its
-/// sending until it is seen in a block. The machine's load moves that by far more than a follower's hop does, so a probe
-/// is compared with the envelope before it alone, and what counts is how often it was sooner.
+/// sending until it is seen in a block. The machine's load moves that by far more than a follower's hop does, so a
+/// probe is compared with the envelope before it alone, and what counts is how often it was sooner.
 ///
 ///     best ──▶ one envelope in probe_every goes to another one ──▶ in two of three sooner there: that is the best now
 ///     best fails ──▶ the next one, and all is measured anew, more often at first
 ///
-/// Only an envelope with none of ours before it still on its way may go to another one than the best, or change the best:
-/// two orderers do not keep the order of one client's envelopes. With one orderer it is always that. Pure, one thread.
+/// Only an envelope with none of ours before it still on its way may go to another one than the best, or change the
+/// best: two orderers do not keep the order of one client's envelopes. With one orderer it is always that. Pure, one
+/// thread.
 class OrdererChoice {
  public:
   // A probe costs what a follower costs, about a millisecond: one in twenty keeps the mean within 0.05 ms of the best.

@@ -40,8 +40,8 @@ struct Outcome {
   }
 };
 
-/// In a block, but what it had read was written by another before it (MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT), or a
-/// key that it writes got its policy in the same block. The latter is ENDORSEMENT_POLICY_FAILURE as well as too few
+/// In a block, but what it had read was written by another before it (MVCC_READ_CONFLICT or PHANTOM_READ_CONFLICT), or
+/// a key that it writes got its policy in the same block. The latter is ENDORSEMENT_POLICY_FAILURE as well as too few
 /// endorsements.
 inline bool lost_to_another(const Outcome& outcome) {
   return outcome.kind == Outcome::Kind::invalidated && outcome.code >= 10 && outcome.code <= 12;

@@ -15,8 +15,8 @@ struct TlsEndpoint {
   std::string name;    ///< of the memory's quota
   std::string listen;  ///< ADDRESS:PORT; port 0: a free one
   std::string key_pem, certificate_pem;
-  /// Clients must show a certificate that one of these has signed. Empty: they need none, since who asks is known by the
-  /// signature on each request.
+  /// Clients must show a certificate that one of these has signed. Empty: they need none, since who asks is known by
+  /// the signature on each request.
   std::string client_authorities_pem{};
   int max_request_bytes = 0;
   std::size_t max_memory_bytes = 0;  ///< of all requests that are being received

@@ -24,7 +24,8 @@ namespace ledgerline::fabric {
 /// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
 /// from whoever tells it first:
 ///
-///      orderer tells N ──▶ states and commands alone, each valid for certain? ──yes──▶ taken ──▶ peer tells N: the same? ──yes──▶ confirmed
+///      orderer tells N ──▶ states and commands alone, each valid for certain? ──yes──▶ taken ──▶ peer tells N: the
+///      same? ──yes──▶ confirmed
 ///                                  │ no                                                               │ no
 ///                                  ▼                                                                  ▼
 ///                          waits for the peer's N                              contradiction: nothing more is taken
@@ -52,17 +53,18 @@ class BlockIntake {
   void begin() { caught_up_ = false; }
   /// The first block; without it the first that comes.
   void start_at(std::uint64_t number) { next_ = number; }
-  /// Goes on behind a checkpoint: an error where the peer's chain, whose newest block that is, cannot be the believed one.
+  /// Goes on behind a checkpoint: an error where the peer's chain, whose newest block that is, cannot be the believed
+  /// one.
   using Fetch = BlockJudge::Fetch;
   Result<Continuation> continue_chain(const Believed& believed, const common::Block& newest, const Fetch& fetch);
 
   /// The next block, with what is to be believed of its transactions: one that is flagged valid and is not is left out
-  /// (code_unbelievable), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the next
-  /// block, which may still come. Where confirms_next(), the peer's next block is for confirm().
+  /// (code_unbelievable), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the
+  /// next block, which may still come. Where confirms_next(), the peer's next block is for confirm().
   Result<Block> take(const common::Block& message, const Fetch& fetch);
 
-  /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has told it: it lies behind the
-  /// first one, and somebody has said what it is.
+  /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has told it: it lies behind
+  /// the first one, and somebody has said what it is.
   void define(const std::string& policy);
   /// Whether that is worth asking.
   bool misses_definition() const { return state_ && !defined_; }
@@ -81,19 +83,20 @@ class BlockIntake {
     return unconfirmed_.empty() ? next_ : std::optional(unconfirmed_.begin()->first);
   }
   bool confirms_next() const { return !unconfirmed_.empty(); }
-  /// The peer's word on a block that was taken as it was ordered. An error: it is not that block, which may still come, or
-  /// contradiction() says that it never will. Else how many of its transactions had used an id that was used before this
-  /// stream: they were taken, and are invalid.
+  /// The peer's word on a block that was taken as it was ordered. An error: it is not that block, which may still come,
+  /// or contradiction() says that it never will. Else how many of its transactions had used an id that was used before
+  /// this stream: they were taken, and are invalid.
   Result<std::size_t> confirm(const common::Block& message);
 
-  /// A connection to an orderer begins: the number of the block that it begins with. None: the peer's has to come first.
+  /// A connection to an orderer begins: the number of the block that it begins with. None: the peer's has to come
+  /// first.
   std::optional<std::uint64_t> begin_ordered();
   /// What the peer's block has shown of the orderer's stream since the last call; empty: nothing.
   std::string take_orderer_problem() { return std::exchange(orderer_problem_, {}); }
   /// What an orderer tells. An error: this orderer is not to be believed, or contradiction() says that nobody is.
   Status add_ordered(common::Block message);
-  /// The next block as an orderer has told it; to be asked behind each add_ordered() and take(), until there is none: then
-  /// the peer's stream brings the next one. An error as of add_ordered().
+  /// The next block as an orderer has told it; to be asked behind each add_ordered() and take(), until there is none:
+  /// then the peer's stream brings the next one. An error as of add_ordered().
   struct Ordered {
     Block block;
     common::Block message;  ///< with our own verdicts as its flags

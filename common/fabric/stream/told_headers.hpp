@@ -8,8 +8,8 @@
 
 namespace ledgerline::fabric {
 
-/// Headers that one of two streams of the same chain has told and the other has not yet. Neither waits for the other: of
-/// each side the newest max_kept are kept. Pure; one thread.
+/// Headers that one of two streams of the same chain has told and the other has not yet. Neither waits for the other:
+/// of each side the newest max_kept are kept. Pure; one thread.
 class ToldHeaders {
  public:
   static constexpr std::size_t max_kept = 1024;

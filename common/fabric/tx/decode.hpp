@@ -9,8 +9,8 @@
 namespace ledgerline::fabric {
 
 Result<Block> decode_block(const common::Block& block);
-/// What a peer has flagged each transaction with (protos.TxValidationCode, a byte each), as long as `block` lives; empty:
-/// nothing, as in an orderer's block.
+/// What a peer has flagged each transaction with (protos.TxValidationCode, a byte each), as long as `block` lives;
+/// empty: nothing, as in an orderer's block.
 std::string_view flags_of(const common::Block& block);
 /// block_header_hash of it.
 std::string header_hash(const common::BlockHeader& header);

@@ -22,8 +22,8 @@ bool good_headers(const common::Header& header, TransactionForm& form) {
          form.channel_header.epoch() == 0 && complete(form.signature_header);
 }
 
-/// That there is one action, and that its response is of this proposal. The action has a signature header of its own, of
-/// which the hash is made; that it is the creator's nobody asks.
+/// That there is one action, and that its response is of this proposal. The action has a signature header of its own,
+/// of which the hash is made; that it is the creator's nobody asks.
 int read_action(const common::Payload& payload, TransactionForm& form) {
   protos::Transaction transaction;
   if (!transaction.ParseFromString(payload.data()) || transaction.actions_size() != 1)

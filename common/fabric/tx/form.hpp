@@ -39,8 +39,8 @@ using CreatorCheck =
 /// something was found wrong are filled in.
 TransactionForm read_form(std::string_view envelope, const CreatorCheck& creator_check = {});
 
-/// What a transaction read and wrote in one namespace, or in one collection of private data of it. There, keys and values
-/// are hashes, as all but the collection's members see them.
+/// What a transaction read and wrote in one namespace, or in one collection of private data of it. There, keys and
+/// values are hashes, as all but the collection's members see them.
 struct NamespaceSet {
   std::string name;
   std::string collection;  ///< empty: the namespace's own keys

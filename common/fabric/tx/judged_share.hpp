@@ -7,9 +7,9 @@
 
 namespace ledgerline::fabric {
 
-/// How many transactions were judged, and how many count by the peer's flag alone, since they rest on what nobody here has
-/// seen. At a start those are many, and soon few. When they grow again, a start does not explain it: somebody may have
-/// pushed out what was known. Deterministic; one thread.
+/// How many transactions were judged, and how many count by the peer's flag alone, since they rest on what nobody here
+/// has seen. At a start those are many, and soon few. When they grow again, a start does not explain it: somebody may
+/// have pushed out what was known. Deterministic; one thread.
 class JudgedShare {
  public:
   void add(TimeNs now, const Block& block);

@@ -21,9 +21,9 @@ struct Endorser {
 std::string peer_policy(const std::string& msp_id);
 std::string member_policy(const std::string& msp_id);
 
-/// Whether these endorsements, each of another identity, satisfy a serialized policy. As Fabric's: each counts once in a
-/// policy. One that does not parse, or asks for anything but members, peers, orderers and numbers of them, is satisfied by
-/// nobody.
+/// Whether these endorsements, each of another identity, satisfy a serialized policy. As Fabric's: each counts once in
+/// a policy. One that does not parse, or asks for anything but members, peers, orderers and numbers of them, is
+/// satisfied by nobody.
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers);
 
 /// A policy of a channel: so many of these signature policies must be satisfied, each by whoever has signed. One

@@ -37,8 +37,8 @@ struct Call {
   std::optional<EndorsementNeed> need{};
 };
 
-/// What a peer, an orderer or a contract says of a call, for logs and terminals: one printable line, of a length into which a
-/// refusal fits that names each drone of an organisation.
+/// What a peer, an orderer or a contract says of a call, for logs and terminals: one printable line, of a length into
+/// which a refusal fits that names each drone of an organisation.
 std::string words_of_peer(std::string_view text);
 
 struct ChannelAndContract {
@@ -92,7 +92,8 @@ struct Endorsement {
   bool fits = false;  ///< as Transaction::creator_fits
 };
 
-/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but it cannot be. One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
+/// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but it cannot be.
+/// One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
 inline constexpr int code_unbelievable = 256;
 
 /// An endorser transaction, taken apart.

@@ -10,9 +10,10 @@
 
 namespace ledgerline::ground {
 
-/// Brings plans onto the ledger: those of all drones of an organisation in one call, since its peer endorses them; one call of
-/// each organisation in flight until it is committed, or behind a gap (fabric::InFlight). What is made meanwhile waits, the newest per drone; what it replaces is counted as merged. A
-/// call that is refused for one drone is sent again at once without it.
+/// Brings plans onto the ledger: those of all drones of an organisation in one call, since its peer endorses them; one
+/// call of each organisation in flight until it is committed, or behind a gap (fabric::InFlight). What is made
+/// meanwhile waits, the newest per drone; what it replaces is counted as merged. A call that is refused for one drone
+/// is sent again at once without it.
 ///
 ///     put() -> waiting -> in flight -> committed: over
 ///                 ^           |     -> refused for one drone: that one's is over, the others wait again unless a

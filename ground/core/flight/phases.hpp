@@ -7,8 +7,8 @@ namespace ledgerline::ground {
 
 constexpr bool is_in_air(DronePhase phase) { return phase >= DronePhase::takeoff && phase <= DronePhase::manual; }
 
-/// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether that
-/// is allowed says the ledger.
+/// On the ground link says what speaks against a take-off. A stop it keeps until the next take-off command; whether
+/// that is allowed says the ledger.
 bool may_take_off(const StateSample& state, bool manual);
 
 /// One drone's flight: which phase it is in, by its states, its lease, its pilot and the time; why it went wrong.

@@ -7,8 +7,8 @@
 
 namespace ledgerline::ground {
 
-/// A path that a pilot gave a drone in the air: what its follower flies, where it ends, and what is left of it when it is
-/// paused. One thread.
+/// A path that a pilot gave a drone in the air: what its follower flies, where it ends, and what is left of it when it
+/// is paused. One thread.
 class PilotPath {
  public:
   /// From `here` on through `way` (check_way() allows it; metres of the map); `height_m`: of waypoints that say none.

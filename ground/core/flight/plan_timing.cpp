@@ -91,7 +91,8 @@ PlanTiming::Timing PlanTiming::timing_for(const Ways& ways) {
   timing.steps = std::min<std::size_t>(max_setpoints, std::max(PathController::steps + steps(2 * ways.tail_ns),
                                                                steps(ways.spacing_ns + ways.tail_ns) + 1));
   // After an outage the tail is long, and agent would refuse every plan that comes sooner: none may speak of more than
-  // max_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see Planner), then sooner ones.
+  // max_beyond_ns behind its arrival, be it as quick as one of ten. Shorter plans first (see Planner), then sooner
+  // ones.
   timing.farthest_ns = ways.soonest_ns + max_beyond_ns;
   timing.delay_ns = std::min(std::clamp(ways.in_time_ns, min_plan_delay_ns, max_plan_delay_ns),
                              timing.farthest_ns - static_cast<TimeNs>(PathController::steps) * PathController::step_ns);

@@ -11,8 +11,8 @@
 
 namespace ledgerline::ground {
 
-/// Which moments a plan is for, of each drone: by what its states say of when plans came, or, while they say nothing, by
-/// how long our own commands take. What states say of a plan belongs to the moment when that plan was made, on the
+/// Which moments a plan is for, of each drone: by what its states say of when plans came, or, while they say nothing,
+/// by how long our own commands take. What states say of a plan belongs to the moment when that plan was made, on the
 /// drone's clock. Deterministic; one thread.
 class PlanTiming {
  public:

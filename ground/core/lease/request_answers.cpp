@@ -96,7 +96,8 @@ std::optional<RequestAnswers::Ended> RequestAnswers::take_outcome(TimeNs now, co
   if (next == fabric::Repeat::Next::again) return ended;
   const Identity to = slot->answer->to();
   slot->answer.reset();
-  // The block that ends the request may come behind its outcome; whatever the end, it is not answered again by the rule.
+  // The block that ends the request may come behind its outcome; whatever the end, it is not answered again by the
+  // rule.
   for (Known& known : slot->known) known.left = known.left || same_identity(known.request.who(), to);
   if (next != fabric::Repeat::Next::on_ledger) {
     ended.problem = fmt::format("no answer to {}'s request: {}; it is left to you", text_of(to),

@@ -9,14 +9,15 @@
 
 namespace ledgerline::ground::service {
 
-/// Who keeps a connection. Who has shown the token needs a place for what lasts (a stream, a connection that is kept alive);
-/// a request is answered without one, so that a stop needs none. Deterministic; one thread.
+/// Who keeps a connection. Who has shown the token needs a place for what lasts (a stream, a connection that is kept
+/// alive); a request is answered without one, so that a stop needs none. Deterministic; one thread.
 ///
 ///   operator who is signed in:  two places of his own, then shared ones; eight at most
 ///   onlooker (page's token):    shared places; eight at most for one address
 class Places {
  public:
-  /// A page has a stream and at most six connections for its requests (a browser's own bound), and somebody looks twice.
+  /// A page has a stream and at most six connections for its requests (a browser's own bound), and somebody looks
+  /// twice.
   static constexpr std::size_t max_of_one = 8;
   static constexpr std::size_t reserved = 2;  ///< of each operator: a stream, and a request beside it
   static constexpr std::size_t max_shared = 48;
@@ -56,13 +57,13 @@ struct StrangerNow {
   bool has_ended_handshake = false;  ///< TLS's; of one without TLS: false until its head is read
 };
 
-/// At so many strangers the next one displaces one of them. At 1,000 new connections a second each then has an eighth of a
-/// second at least: three round trips of 40 ms, which TLS and a request take. Each costs a descriptor and some kB.
+/// At so many strangers the next one displaces one of them. At 1,000 new connections a second each then has an eighth
+/// of a second at least: three round trips of 40 ms, which TLS and a request take. Each costs a descriptor and some kB.
 inline constexpr std::size_t max_strangers = 256;
 
-/// Index of whom a new stranger displaces; `all`: oldest first, not empty. Of those whose handshake has not ended, if there
-/// are any, and of the addresses that have most of them, the one drawn by `random` from the older half: an address that
-/// connects without end displaces its own, and no order of events makes a victim certain.
+/// Index of whom a new stranger displaces; `all`: oldest first, not empty. Of those whose handshake has not ended, if
+/// there are any, and of the addresses that have most of them, the one drawn by `random` from the older half: an
+/// address that connects without end displaces its own, and no order of events makes a victim certain.
 std::size_t displaced_by_next(std::span<const StrangerNow> all, std::uint64_t random);
 
 }  // namespace ledgerline::ground::service

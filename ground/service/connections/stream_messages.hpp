@@ -10,8 +10,9 @@
 /// What clients say on the stream, and what they are answered. Pure; any thread.
 namespace ledgerline::ground::service {
 
-/// {"op":"velocity","drone":"tello1","linear":[x,y,z],"yaw_rate":r,"t_ms":T}. `t_ms` is that of the newest state which its
-/// pilot had: older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with it.
+/// {"op":"velocity","drone":"tello1","linear":[x,y,z],"yaw_rate":r,"t_ms":T}. `t_ms` is that of the newest state which
+/// its pilot had: older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with
+/// it.
 inline constexpr TimeNs max_held_ns = 500 * ns_per_ms;
 Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
 
@@ -29,8 +30,8 @@ struct StreamMessage {
   std::optional<PilotWish> velocity{};
   std::optional<StreamCommand> command{};
 };
-/// {"op":"stop"} of all drones, {"op":"stop","drone":"tello1"}; the same of "cut", which may say "confirmed":true; "land" of
-/// a drone; each may have an "id"; or a velocity. The error: it is none of these.
+/// {"op":"stop"} of all drones, {"op":"stop","drone":"tello1"}; the same of "cut", which may say "confirmed":true;
+/// "land" of a drone; each may have an "id"; or a velocity. The error: it is none of these.
 Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const Known& known,
                                           TimeNs now);
 

@@ -13,7 +13,8 @@ namespace ledgerline::ground::service {
 
 inline constexpr std::size_t max_told_blocks = 50;  ///< the newest; what is older is nobody's news
 
-/// What a transaction was for: a function of the contract that writes, the channel's own configuration, or anything else.
+/// What a transaction was for: a function of the contract that writes, the channel's own configuration, or anything
+/// else.
 inline constexpr std::array<std::string_view, 18> block_kinds{contract::set,
                                                               contract::command,
                                                               contract::anchor,

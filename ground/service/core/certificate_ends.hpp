@@ -8,8 +8,8 @@
 
 namespace ledgerline::ground::service {
 
-/// Whose certificates near their end among those that write drones' states: agents, whose hosts nobody may look at. Read
-/// from the blocks, so an agent of any make is seen. Deterministic; one thread.
+/// Whose certificates near their end among those that write drones' states: agents, whose hosts nobody may look at.
+/// Read from the blocks, so an agent of any make is seen. Deterministic; one thread.
 class CertificateEnds {
  public:
   static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at

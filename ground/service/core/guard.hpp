@@ -18,9 +18,9 @@ struct Head {
   bool websocket = false;
 };
 
-/// Who may ask: whoever knows the token, or that of an operator's session, from a page that this server served, or from no page. Host and Origin must name
-/// the server itself, exactly and with its port, so that neither another site's script nor a name that was bound anew to this address is heard.
-/// Immutable; any thread.
+/// Who may ask: whoever knows the token, or that of an operator's session, from a page that this server served, or from
+/// no page. Host and Origin must name the server itself, exactly and with its port, so that neither another site's
+/// script nor a name that was bound anew to this address is heard. Immutable; any thread.
 class Guard {
  public:
   /// `token`: 64 hex digits. `hosts`: what Host may be, as hosts_of() has them. `tls`: pages are of https alone.
@@ -28,8 +28,8 @@ class Guard {
 
   /// For the page's own files, which need no token: status 0, they may go out.
   ApiAnswer check_place(const Head& head) const;
-  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `over`: it is refused, but
-  /// its session was one until it ended, and it may still bring drones down (ApiRequest::over).
+  /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `over`: it is refused,
+  /// but its session was one until it ended, and it may still bring drones down (ApiRequest::over).
   struct Judged {
     ApiAnswer refused;
     std::optional<SignIns::Session> session{};

@@ -10,8 +10,8 @@
 
 namespace ledgerline::ground::service {
 
-/// Calls that did not get through, said at most once a second for each drone and kind of end, with how many there were: a
-/// storm of them must not push other events out of sight. Deterministic; one thread.
+/// Calls that did not get through, said at most once a second for each drone and kind of end, with how many there were:
+/// a storm of them must not push other events out of sight. Deterministic; one thread.
 class Refusals {
  public:
   /// `names`: of the drones; a refusal of any other name is of none of them.

@@ -33,8 +33,9 @@ struct FaultAsk {
   std::string by{};  ///< the operator's name; empty: nobody signs in
 };
 
-/// What the launcher answers to list, on and off: {"faults":[{"name":...,"drone":...,"label":...,"words":...,"on":false}]}. Read
-/// strictly: the error says what is wrong with it.
+/// What the launcher answers to list, on and off:
+/// {"faults":[{"name":...,"drone":...,"label":...,"words":...,"on":false}]}. Read strictly: the error says what is
+/// wrong with it.
 Result<std::vector<FaultSwitch>> faults_from(std::string_view text);
 
 /// {"faults":[...]}

@@ -9,9 +9,9 @@
 
 namespace ledgerline::ground::service {
 
-/// What an approval is for: one mission, at one ground, for a while. It is an anchor of a digest that is made of all three, so
-/// it counts nowhere else and ends; its withdrawal is an anchor of another one. The ledger takes one anchor of a digest
-/// from each signer, so who has withdrawn approves again in the next period. Pure.
+/// What an approval is for: one mission, at one ground, for a while. It is an anchor of a digest that is made of all
+/// three, so it counts nowhere else and ends; its withdrawal is an anchor of another one. The ledger takes one anchor
+/// of a digest from each signer, so who has withdrawn approves again in the next period. Pure.
 class ApprovalTerms {
  public:
   /// `lasts_s`: an approval ends when it is so old at most, and half of it at least: two periods are looked at.

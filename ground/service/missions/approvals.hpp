@@ -15,12 +15,12 @@ namespace ledgerline::ground::service {
 /// Who of those that anchored a digest is an operator or a supervisor now.
 std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const belief::Roles& roles);
 
-/// Calls of verify that ask for those who may approve a digest by their own keys, so that no stranger's anchors of it stand
-/// in the way: operators and supervisors of these roles, as many a call as it answers.
+/// Calls of verify that ask for those who may approve a digest by their own keys, so that no stranger's anchors of it
+/// stand in the way: operators and supervisors of these roles, as many a call as it answers.
 std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles);
 
-/// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be read
-/// again. An event is anybody's word, so what counts is read from the ledger.
+/// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be
+/// read again. An event is anybody's word, so what counts is read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
                                      std::int64_t unix_s);
 
@@ -30,8 +30,8 @@ bool changes_roles(const fabric::Block& block);
 /// What speaks against a mission that could not be checked now.
 mission::Finding not_checked();
 
-/// Something that is done at once when it is wanted, and again at most every `gap_ns`: whoever can make it wanted often does
-/// not have it done as often. Deterministic; one thread.
+/// Something that is done at once when it is wanted, and again at most every `gap_ns`: whoever can make it wanted often
+/// does not have it done as often. Deterministic; one thread.
 class Spaced {
  public:
   explicit Spaced(TimeNs gap_ns) : gap_ns_(gap_ns) {}

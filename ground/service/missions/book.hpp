@@ -34,8 +34,8 @@ class MissionBook {
   Result<std::string> add(mission::MissionRun run, std::optional<crypto::IdentityName> by = {});
   /// What keep() gave. The error: it is none.
   Result<std::string> restore(std::string_view text);
-  // `by`: who asks; none: ground's own identity, where no operators sign in. A mission is its owner's: who added or started
-  // it. Whatever is asked of it is asked by him, but for the landing, which anybody may ask.
+  // `by`: who asks; none: ground's own identity, where no operators sign in. A mission is its owner's: who added or
+  // started it. Whatever is asked of it is asked by him, but for the landing, which anybody may ask.
 
   /// Of one that is not flown, and of which no drone has yet to land.
   Status remove(const std::string& id, const std::optional<crypto::IdentityName>& by);
@@ -51,8 +51,8 @@ class MissionBook {
     std::vector<mission::Finding> findings{};
     std::vector<mission::DroneNow> then{};
   };
-  /// Whoever starts it has to hold all of its drones, no other mission may fly one of them, and each must still be where it
-  /// was checked.
+  /// Whoever starts it has to hold all of its drones, no other mission may fly one of them, and each must still be
+  /// where it was checked.
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                const FlightView& core);
   Status pause(const std::string& id, const std::optional<crypto::IdentityName>& by);

@@ -38,8 +38,8 @@ fabric::Call anchor_call(const crypto::Digest& digest, const std::string& what);
 /// In words: "take control", ...
 std::string words_of(const OperatorCall& call);
 
-/// The contract's call. `drone`: its name. `commander`: whose commands the drone shall obey under the operator's lease, the ground's own
-/// identity. Pure.
+/// The contract's call. `drone`: its name. `commander`: whose commands the drone shall obey under the operator's lease,
+/// the ground's own identity. Pure.
 fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander);
 
 }  // namespace ledgerline::ground::service

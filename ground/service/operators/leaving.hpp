@@ -20,9 +20,9 @@ struct Held {
 };
 Held held_by(const FlightView& flights, const crypto::IdentityName& who);
 
-/// Operators whose session is over. What one holds is asked to land, again and again, and once it is down given back; after
-/// a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone. Deterministic, no I/O;
-/// one thread.
+/// Operators whose session is over. What one holds is asked to land, again and again, and once it is down given back;
+/// after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
+/// Deterministic, no I/O; one thread.
 class Leaving {
  public:
   static constexpr TimeNs limit_ns = 60 * ns_per_s, again_ns = ns_per_s;

@@ -20,9 +20,10 @@ struct Operator {
   crypto::IdentityName identity;
 };
 
-/// An operator's wrong pass phrases. Each address has five at once, all together have twenty; then a phrase is looked at behind
-/// a pause, one of each address and four of all at a time. So who guesses, guesses a few in that pause; who knows the
-/// phrase waits for it, and is kept out only by somebody at his own address who tries without end. Deterministic; one thread.
+/// An operator's wrong pass phrases. Each address has five at once, all together have twenty; then a phrase is looked
+/// at behind a pause, one of each address and four of all at a time. So who guesses, guesses a few in that pause; who
+/// knows the phrase waits for it, and is kept out only by somebody at his own address who tries without end.
+/// Deterministic; one thread.
 class Attempts {
  public:
   static constexpr int free_of_address = 5, free_of_all = 20;
@@ -42,13 +43,13 @@ class Attempts {
   int failures_ = 0;  ///< of all
 };
 
-/// Indexes of those whose role was taken or is another one by now: they sign nothing any more. One whose role the ledger does
-/// not know is not among them; the contract refuses what he signs.
+/// Indexes of those whose role was taken or is another one by now: they sign nothing any more. One whose role the
+/// ledger does not know is not among them; the contract refuses what he signs.
 std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const belief::Roles& roles);
 
-/// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when nothing
-/// came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered. Wrong pass phrases
-/// make guessing slow, and lock nobody out: Attempts. Deterministic, no I/O; one thread.
+/// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when
+/// nothing came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered.
+/// Wrong pass phrases make guessing slow, and lock nobody out: Attempts. Deterministic, no I/O; one thread.
 class SignIns {
  public:
   static constexpr std::size_t max_ended = 64;  ///< 2 kB; a token beyond it is as good as a guessed one

@@ -13,12 +13,12 @@ struct KeyState {
   bool left = false;  ///< his session is over, and what he holds is being given back
 };
 
-/// Why a call that has waited for its turn is not signed; empty: it is. For one who has left nothing is signed but that he
-/// gives back: what he asked for before would outlive him.
+/// Why a call that has waited for its turn is not signed; empty: it is. For one who has left nothing is signed but that
+/// he gives back: what he asked for before would outlive him.
 std::string not_signed(const KeyState& key, OperatorCall::Kind kind);
 
-/// Whether ground lifts its own stop of that drone behind an operator's resume that ended so: the contract had nothing of
-/// his to lift there. One whose role is revoked is refused as a whole, and lifts nothing.
+/// Whether ground lifts its own stop of that drone behind an operator's resume that ended so: the contract had nothing
+/// of his to lift there. One whose role is revoked is refused as a whole, and lifts nothing.
 bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone);
 
 /// What people are told of a call, as an event.

@@ -9,8 +9,9 @@
 
 namespace ledgerline::ground::service {
 
-/// Brings what other threads answer to the server's thread. A connection that waits for an answer belongs to that thread
-/// alone: another one neither uses nor ends it, whenever it answers. An answer behind the server's end is dropped.
+/// Brings what other threads answer to the server's thread. A connection that waits for an answer belongs to that
+/// thread alone: another one neither uses nor ends it, whenever it answers. An answer behind the server's end is
+/// dropped.
 class Answers {
  public:
   explicit Answers(boost::asio::io_context& io) : door_(std::make_shared<Door>(io)) {}

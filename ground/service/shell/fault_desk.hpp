@@ -11,8 +11,8 @@
 
 namespace ledgerline::ground::service {
 
-/// Asks who serves [service] faults for what people switch, and each second for what is on; on a thread of its own, so that
-/// nobody else waits for it. Any thread.
+/// Asks who serves [service] faults for what people switch, and each second for what is on; on a thread of its own, so
+/// that nobody else waits for it. Any thread.
 class FaultDesk {
  public:
   using Answer = std::function<void(ApiAnswer)>;

@@ -1,7 +1,8 @@
 #pragma once
 #include <cstddef>
 
-/// The page, as it is built into a program: by ledgerline_station_page, or without its libraries by ledgerline_plain_station_page.
+/// The page, as it is built into a program: by ledgerline_station_page, or without its libraries by
+/// ledgerline_plain_station_page.
 namespace ledgerline::ground::service {
 
 struct PageFile {

@@ -40,13 +40,14 @@ class OperatorKeys {
   virtual Status submit(std::size_t who, const OperatorCall& call) = 0;
 };
 
-/// HTTP and WebSocket, with or without TLS, for page, command line and scripts, on a thread of its own: whatever clients do, the flight's
-/// thread only hands over two texts. A client gets the newest state, and every event in order; one that does not read
-/// keeps nothing but its place, and is closed when it is max_events behind.
+/// HTTP and WebSocket, with or without TLS, for page, command line and scripts, on a thread of its own: whatever
+/// clients do, the flight's thread only hands over two texts. A client gets the newest state, and every event in order;
+/// one that does not read keeps nothing but its place, and is closed when it is max_events behind.
 class Server {
  public:
   static constexpr std::size_t max_events = 1000;
-  /// What stands behind it, and must outlive it; an answer behind the server's end is dropped. Called on the server's thread.
+  /// What stands behind it, and must outlive it; an answer behind the server's end is dropped. Called on the server's
+  /// thread.
   struct Behind {
     /// A pilot's word; the error says why it is not taken now.
     std::function<Status(const PilotWish&)> take;
@@ -72,7 +73,8 @@ class Server {
   virtual void publish_faults(FaultList list) = 0;
   /// These operators, of all, may sign nothing any more: their sessions end, and they do not sign in. Any thread.
   virtual void dismiss(std::vector<std::size_t> who) = 0;
-  /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at most.
+  /// The last words: every client that reads gets what it lacks of the events, then a close frame; half a second at
+  /// most.
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.
   virtual bool watched() const = 0;

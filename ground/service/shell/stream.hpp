@@ -14,7 +14,8 @@ struct StreamPlaces {
   Hub::KeptPlace kept;
 };
 
-/// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives it.
+/// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives
+/// it.
 void serve_stream(web::Wire wire, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session,
                   const boost::beast::http::request<boost::beast::http::string_body>& request);
 

@@ -14,8 +14,8 @@
 namespace ledgerline::ground {
 
 /// Which operators may sign nothing any more, as the roles of one channel say: read from the ledger at first and when a
-/// block changes some. An event is anybody's word, so what counts is what is read. It is read by a thread of its own; all
-/// methods are the flight's thread's.
+/// block changes some. An event is anybody's word, so what counts is what is read. It is read by a thread of its own;
+/// all methods are the flight's thread's.
 class RoleWatch {
  public:
   static constexpr TimeNs gap_ns = 2 * ns_per_s;  ///< between two readings, also where one has failed

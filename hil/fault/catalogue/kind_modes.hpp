@@ -12,8 +12,8 @@ namespace ledgerline::hil {
 bool is_placeholder(std::string_view word);
 
 /// Faults of this kind, one for each way to choose among its words, with something sensible for its words in capitals:
-/// "agent kill", "link kill", "ground kill". A script's fault takes each of them, or says why not. Empty: the form has a
-/// word in capitals that nobody has given an example for (kind_modes.cpp).
+/// "agent kill", "link kill", "ground kill". A script's fault takes each of them, or says why not. Empty: the form has
+/// a word in capitals that nobody has given an example for (kind_modes.cpp).
 std::vector<std::string> examples_of(const FaultKind& kind);
 
 /// How the examples of a kind fare in one mode.

@@ -238,8 +238,8 @@ class Comparer {
     out_.figures.push_back(std::move(change));
   }
 
-  // What a few seeds of each script cannot tell, all scripts together can: each pair's difference as a share of its mean
-  // size, where it is large enough to count at all.
+  // What a few seeds of each script cannot tell, all scripts together can: each pair's difference as a share of its
+  // mean size, where it is large enough to count at all.
   void compare_all_scripts(const FigureKind& kind) {
     std::vector<double> differences;
     std::size_t scripts = 0;
@@ -266,7 +266,8 @@ class Comparer {
   }
 
   void judge() {
-    // Tests that could not tell anything even alone, of too few runs that differ, cost the others nothing (Tarone 1990).
+    // Tests that could not tell anything even alone, of too few runs that differ, cost the others nothing (Tarone
+    // 1990).
     std::vector<Test> able;
     for (const Test& test : tests_) {
       if (test.result.least_p <= options_.error_rate) able.push_back(test);

@@ -58,8 +58,8 @@ struct RuleChange {
   std::string script, rule;
   std::size_t old_broken = 0, old_runs = 0, new_broken = 0, new_runs = 0;
   std::vector<std::uint64_t> newly{};  ///< seeds whose run held with the old build and broke with the new one
-  /// No statistics, and no part of the error rate: the same seeds, the same bytes each time, and it never broke before, or
-  /// never does now; or both builds flew the same bytes, and judge them otherwise.
+  /// No statistics, and no part of the error rate: the same seeds, the same bytes each time, and it never broke before,
+  /// or never does now; or both builds flew the same bytes, and judge them otherwise.
   bool fact = false;
   double p = 1;  ///< not of a fact
   Change verdict = Change::none;
@@ -73,8 +73,9 @@ struct Comparison {
   std::size_t tests = 0;              ///< that Holm's correction corrects for
   std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be told of it alone
   std::vector<std::string> left_out;  ///< what was not compared, and why, in words
-  /// Why builds that no test tells apart are not called equal, in words: no test can get below error_rate; runs or figures
-  /// of the old build are missing in the new one; a rule broke newly, was mended nowhere, and in too few runs to be certain.
+  /// Why builds that no test tells apart are not called equal, in words: no test can get below error_rate; runs or
+  /// figures of the old build are missing in the new one; a rule broke newly, was mended nowhere, and in too few runs
+  /// to be certain.
   std::vector<std::string> cannot_tell;
 
   bool can_tell() const { return cannot_tell.empty(); }

@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
-// Tests that tell a change from noise. They look at ranks alone: a flight's figures follow no known distribution, and one
-// flight that went astray must not decide. Pure functions; all are two-sided.
+// Tests that tell a change from noise. They look at ranks alone: a flight's figures follow no known distribution, and
+// one flight that went astray must not decide. Pure functions; all are two-sided.
 namespace ledgerline::hil::comparing {
 
 struct TestResult {
@@ -14,7 +14,8 @@ struct TestResult {
 };
 
 /// Wilcoxon's signed-rank test of paired differences (second minus first); those of 0 are left out. The distribution is
-/// exact, with ties, up to max_exact_pairs; beyond that the normal one, which in the tails says a larger p than the exact.
+/// exact, with ties, up to max_exact_pairs; beyond that the normal one, which in the tails says a larger p than the
+/// exact.
 TestResult signed_rank(std::span<const double> differences);
 inline constexpr std::size_t max_exact_pairs = 60;
 

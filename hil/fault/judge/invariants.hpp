@@ -25,8 +25,8 @@ namespace ledgerline::hil {
 ///                               waits for room below for 10 s at most
 ///     rc in range               as the SDK takes it
 ///     ramps                     what the drone is told changes no faster than the limit of acceleration, but for a
-///                               link that stood still, and of a drone that lost a propeller: it spins, and nobody tells
-///                               in which heading it was told
+///                               link that stood still, and of a drone that lost a propeller: it spins, and nobody
+///                               tells in which heading it was told
 ///     commands in order         agent hands each one on once, link flies from each one once, none after a newer one
 ///     a brake takes its plans   after it nothing is flown before another plan came
 ///     down in the end           when the run is over, or its time is up, nothing is in the air
@@ -34,8 +34,8 @@ namespace ledgerline::hil {
 ///     every fault began         of the script, but those that are optional: otherwise the run says nothing about it
 ///     nothing unasked           what agent hands on is in a call that its creator signed, and what ground flies by is
 ///                               what link said
-///     no cut while upright      nobody says emergency to a drone in the air that stands upright, unless a cut was asked for
-///     nothing is lost           that was acknowledged as committed; transitions have no gap
+///     no cut while upright      nobody says emergency to a drone in the air that stands upright, unless a cut was
+///     asked for nothing is lost           that was acknowledged as committed; transitions have no gap
 ///
 /// Plain data in, verdicts out. One thread.
 class Invariants {
@@ -56,7 +56,8 @@ class Invariants {
   /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double it may run away for 5 s.
   static constexpr double blind_way_m = 5;
   /// Of one that motion capture steers all the same: it flies on, in attitude mode by a ground that may be a second
-  /// away: 2.6 m/s were seen until it was landed for moving otherwise (FS-18). Half is a fast flight; a runaway has 5 m/s.
+  /// away: 2.6 m/s were seen until it was landed for moving otherwise (FS-18). Half is a fast flight; a runaway has 5
+  /// m/s.
   static constexpr double steered_mps = 4;
   static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
   static constexpr double upright_rad = 0.5;

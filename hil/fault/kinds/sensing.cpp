@@ -11,10 +11,10 @@ using Said = FaultKind::Said;
 
 constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 
-/// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong, so that it drifts,
-/// and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away from where
-/// its own senses say that it is. `blinds`: its own velocity is lost, and physics alone bounds how far it gets
-/// (Invariants::blind_way_m), no speed: who steers it is to notice.
+/// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong, so that it
+/// drifts, and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away
+/// from where its own senses say that it is. `blinds`: its own velocity is lost, and physics alone bounds how far it
+/// gets (Invariants::blind_way_m), no speed: who steers it is to notice.
 template <class Set>
 FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = false) {
   return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },

@@ -8,8 +8,8 @@
 namespace ledgerline::hil {
 
 /// Reads `shape` (a name, or a CSV file beside the script), `waypoints` (in the place of both: "x,y[,z[,speed]]" each),
-/// `side_m`, `speed_mps` and `laps` below `prefix` ("flight."); what is not there stays as it is in `task`. `folder`: of
-/// the script.
+/// `side_m`, `speed_mps` and `laps` below `prefix` ("flight."); what is not there stays as it is in `task`. `folder`:
+/// of the script.
 void read_course(Config& config, const std::string& prefix, const std::string& folder, ground::Task& task);
 /// [flight]'s own course, then each [[task]]: `drone`, and the same keys. After the number of drones.
 void read_tasks(Config& config, const std::string& folder, WorldConfig& flight);

@@ -10,8 +10,9 @@
 namespace ledgerline::hil {
 
 /// One thing that the pilot of a manual flight says, a [[pilot]] of the script: `do` is takeoff, land, stop, cut,
-/// "mission WORD" (approve, start, pause, resume, land: of the courses of all drones, flown together), or "fly X Y Z TURN", the velocity in the drone's own frame (forward, left, up, m/s) and its turn (rad/s), said again
-/// twenty times a second for `for`.
+/// "mission WORD" (approve, start, pause, resume, land: of the courses of all drones, flown together), or "fly X Y Z
+/// TURN", the velocity in the drone's own frame (forward, left, up, m/s) and its turn (rad/s), said again twenty times
+/// a second for `for`.
 struct PilotRow {
   std::string text;   ///< `do`, with one blank between words
   std::string drone;  ///< empty: all

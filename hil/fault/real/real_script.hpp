@@ -14,7 +14,8 @@ struct NotReal {
   std::string key;  ///< of the script's file
   std::string what;
 };
-/// All that they cannot have of this script: faults of what is simulated inside (sensors, mocap, battery, the real clock
+/// All that they cannot have of this script: faults of what is simulated inside (sensors, mocap, battery, the real
+/// clock
 /// ...), settings that ./fly has not, rules that the traces do not tell.
 std::vector<NotReal> not_real(const Script& script, const RealStack& stack);
 /// The same as an error, a line each. `own`: who flies what ground does not.

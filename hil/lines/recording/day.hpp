@@ -18,9 +18,9 @@ struct DayMoment {
   bool operator==(const DayMoment&) const = default;
 };
 
-/// Loss and delay of a recorded link over time, played as the day went on: not drawn. Between two moments the delay goes
-/// evenly from the one to the other; whatever is sent from a lost moment until the next one is lost. At its end it begins
-/// anew; the last moment holds as long as the one before. Immutable; any thread.
+/// Loss and delay of a recorded link over time, played as the day went on: not drawn. Between two moments the delay
+/// goes evenly from the one to the other; whatever is sent from a lost moment until the next one is lost. At its end it
+/// begins anew; the last moment holds as long as the one before. Immutable; any thread.
 class RecordedDay {
  public:
   static constexpr std::size_t max_moments = 1'000'000;
@@ -50,9 +50,9 @@ class RecordedDay {
 
 using Day = std::shared_ptr<const RecordedDay>;
 
-/// Two minutes of a crowded 2.4 GHz channel, made and not recorded: some 5 ms each way; every 9 s or so the radio sleeps
-/// for 0.4 to 2.5 s and wakes with each beacon; every 7 s interference for 40 to 250 ms takes six of ten; every 50 s a
-/// scan for 0.25 to 0.6 s takes all.
+/// Two minutes of a crowded 2.4 GHz channel, made and not recorded: some 5 ms each way; every 9 s or so the radio
+/// sleeps for 0.4 to 2.5 s and wakes with each beacon; every 7 s interference for 40 to 250 ms takes six of ten; every
+/// 50 s a scan for 0.25 to 0.6 s takes all.
 Day crowded_day();
 
 /// From a table's content; `path` is for errors. A line is `SECONDS,DELAY_S` or `SECONDS,lost`, with the seconds

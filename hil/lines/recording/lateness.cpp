@@ -12,9 +12,9 @@ namespace {
 
 constexpr double nominal_s = to_seconds(state_period_ns);
 constexpr double period_may_differ = 0.05;
-/// Share of a period by which a text may come before its place and still have it: noise of a schedule that was fitted to
-/// less. Half of it, and longer stretches fall apart; twice as much, and texts that are a little late are taken for early
-/// ones.
+/// Share of a period by which a text may come before its place and still have it: noise of a schedule that was fitted
+/// to less. Half of it, and longer stretches fall apart; twice as much, and texts that are a little late are taken for
+/// early ones.
 constexpr double early_share = 0.25;
 /// States by whose arrivals the schedule is sought first, each of them tried as its beginning; their clock may be wrong
 /// by early_share / so many.
@@ -109,8 +109,8 @@ void add(DayMoment moment, std::vector<DayMoment>& moments) {
   if (moments.empty() || moment.at_ns > moments.back().at_ns) moments.push_back(moment);
 }
 
-/// Adds a stretch; the first one sets `day_begins_s`, from which the day's moments count. An error where more texts come
-/// than the stretch's schedule has places for.
+/// Adds a stretch; the first one sets `day_begins_s`, from which the day's moments count. An error where more texts
+/// come than the stretch's schedule has places for.
 Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& longest) {
   const auto made = schedule_of(arrivals);
   if (!made) return made.error();

@@ -8,8 +8,8 @@
 #include "common/rt/clock.hpp"
 #include "hil/lines/recording/day.hpp"
 
-// What a capture at the client tells of a link's delay and loss. The drone's clock is not in it, so neither is the least
-// delay there is: all delays of states are beyond that.
+// What a capture at the client tells of a link's delay and loss. The drone's clock is not in it, so neither is the
+// least delay there is: all delays of states are beyond that.
 namespace ledgerline::hil {
 
 /// A Tello says its state ten times a second.
@@ -28,7 +28,8 @@ struct MeasuredDay {
 /// Method: the drone says one every 100 ms by a clock of its own. Its schedule is the straight line below all arrivals
 /// that is nearest to them (as Moon, Skelly and Towsley, Estimation and removal of clock skew from network delay
 /// measurements, 1999), found while the stretch that is looked at grows. Each text has the newest place in the schedule
-/// that it can have: after a pause a heap of texts is what was late, and places that stay empty are lost texts. A text stands for half a period before and behind its place.
+/// that it can have: after a pause a heap of texts is what was late, and places that stay empty are lost texts. A text
+/// stands for half a period before and behind its place.
 ///
 /// Limits: unevenness of the drone itself is taken for the link's delay. Texts are not numbered: one that is later than
 /// three quarters of a period, with no text behind it in a heap, is taken for the next one, and a lost one before it. A
@@ -43,9 +44,10 @@ struct AskedAt {
   std::optional<TimeNs> answered_ns{};
 };
 
-/// Of commands and their answers: half of the time between is the delay of each way. Limits: whether the way there or the
-/// way back was slow, or the drone, is not to be told; of a command without an answer neither which of both was lost; and
-/// a client says few commands but rc, so that much of the day is guessed between. An error where there are fewer than two.
+/// Of commands and their answers: half of the time between is the delay of each way. Limits: whether the way there or
+/// the way back was slow, or the drone, is not to be told; of a command without an answer neither which of both was
+/// lost; and a client says few commands but rc, so that much of the day is guessed between. An error where there are
+/// fewer than two.
 Result<MeasuredDay> day_of_answers(std::span<const AskedAt> asked);
 
 }  // namespace ledgerline::hil

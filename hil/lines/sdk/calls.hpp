@@ -3,8 +3,8 @@
 #include <optional>
 #include <string_view>
 
-// What the Tello's SDK promises of its calls (SDK 1.3 to 3.0; docs/sources.md), for those who stand between a client and
-// a drone. Answers carry no id: whose they are is known by their order and by these rules alone.
+// What the Tello's SDK promises of its calls (SDK 1.3 to 3.0; docs/sources.md), for those who stand between a client
+// and a drone. Answers carry no id: whose they are is known by their order and by these rules alone.
 namespace ledgerline::hil {
 
 enum class Answered : std::uint8_t {

@@ -10,11 +10,11 @@
 
 namespace ledgerline::hil {
 
-/// The commands of one drone that wait for their answers, to say whose an answer is. Answers carry no id. One belongs to
-/// the oldest command that the drone answers at once and has not yet; without such, to the oldest that it answers at its
-/// end. A refusal while `stop`, `land` or `emergency` waits is the move's that this broke off. A command that has no answer
-/// after answer_lost_ns (a `land` during a take-off) is waited for no longer; the same word again is one command.
-/// Beyond max_open the oldest is forgotten. One thread.
+/// The commands of one drone that wait for their answers, to say whose an answer is. Answers carry no id. One belongs
+/// to the oldest command that the drone answers at once and has not yet; without such, to the oldest that it answers at
+/// its end. A refusal while `stop`, `land` or `emergency` waits is the move's that this broke off. A command that has
+/// no answer after answer_lost_ns (a `land` during a take-off) is waited for no longer; the same word again is one
+/// command. Beyond max_open the oldest is forgotten. One thread.
 class OpenCalls {
  public:
   static constexpr std::size_t max_open = 16, max_word_bytes = 64;

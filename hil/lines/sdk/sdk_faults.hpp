@@ -29,16 +29,17 @@ namespace ledgerline::hil {
 /// `shifted` keeps comes with the next command, once and at once: to that answer late and twice do nothing.
 ///
 /// Bounded: of each drone at most max_waiting units on their way, beyond which one that comes is dropped and counted
-/// (no_room), and max_texts old state texts. What is longer than max_bytes is no Tello's: no fault touches it, and nothing remembers it.
+/// (no_room), and max_texts old state texts. What is longer than max_bytes is no Tello's: no fault touches it, and
+/// nothing remembers it.
 class SdkFaults {
  public:
   static constexpr std::size_t max_waiting = 256, max_texts = 100, max_bytes = 2'048;
 
   SdkFaults(std::uint64_t seed, std::size_t drones);
 
-  /// All that this drone (an index) has from now on; one that it had before, by `item` and kind, goes on with its random
-  /// numbers. What was late comes when it was due; what `shifted` keeps comes at once when that fault has ended. An
-  /// error, and nothing changed: the state of another drone where there is none.
+  /// All that this drone (an index) has from now on; one that it had before, by `item` and kind, goes on with its
+  /// random numbers. What was late comes when it was due; what `shifted` keeps comes at once when that fault has ended.
+  /// An error, and nothing changed: the state of another drone where there is none.
   Status set(std::size_t drone, std::vector<SdkFault> faults);
 
   /// What the client said, as it gets to the drone.

@@ -9,8 +9,8 @@ namespace ledgerline::hil::shim {
 
 /// Stands in agent's place by a script: plans, poses (the truth, 100 times a second) and signs of life (20 times a
 /// second), and takes transitions as if each were on the ledger at once. It does not look at what link says, so that
-/// it says the same whatever link does. A plan's first setpoint is due 20 ms after the plan is said. A core; one thread;
-/// `now` never goes back.
+/// it says the same whatever link does. A plan's first setpoint is due 20 ms after the plan is said. A core; one
+/// thread; `now` never goes back.
 class ScriptedAgent {
  public:
   ScriptedAgent(const PlanScript& script, TimeNs begin_ns);

@@ -50,8 +50,8 @@ std::string slips();
 
 /// One process' connection to the virtual ledger, with what may be wrong with it. It keeps its order, as TCP does, and
 /// behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks come
-/// through a BlockIntake, with the channel's first block as the trust anchor, without gap or doublet, also behind a cut;
-/// a peer that contradicts itself is left and asked again. Deterministic for a seed; one thread.
+/// through a BlockIntake, with the channel's first block as the trust anchor, without gap or doublet, also behind a
+/// cut; a peer that contradicts itself is left and asked again. Deterministic for a seed; one thread.
 class LedgerPort {
  public:
   static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far

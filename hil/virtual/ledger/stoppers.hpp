@@ -13,8 +13,8 @@
 
 namespace ledgerline::hil {
 
-/// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, a stranger,
-/// who is a supervisor of another organisation, and an administrator of the operator's organisation.
+/// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, a
+/// stranger, who is a supervisor of another organisation, and an administrator of the operator's organisation.
 enum class Stopper : std::uint8_t { operating, supervisor, stranger, administrator };
 enum class ControlWord : std::uint8_t { stop, cut, resume, acquire, evict, revoke, request, hand_over, deny, claim };
 inline constexpr std::array<std::string_view, 10> control_words{"stop",   "cut",     "resume",    "acquire", "evict",

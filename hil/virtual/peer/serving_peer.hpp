@@ -13,8 +13,8 @@
 
 namespace ledgerline::hil {
 
-/// What a peer serves its client in place of the ledger's blocks. It has its own key and may sign in its own name what it
-/// likes; it has no orderer's key.
+/// What a peer serves its client in place of the ledger's blocks. It has its own key and may sign in its own name what
+/// it likes; it has no orderer's key.
 enum class PeerLie : std::uint8_t {
   none,
   // Flags, which nobody signs.

@@ -29,9 +29,9 @@ struct AgentConfig {
   TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
-  /// How long a reason to doubt the ledger counts. It outlasts the peer's next try of a stream that it has broken off, and
-  /// the seconds between two looks at another organisation's records: with half a lie that goes on would begin and end in
-  /// turn; double keeps drones on the ground for longer, where link asks for that.
+  /// How long a reason to doubt the ledger counts. It outlasts the peer's next try of a stream that it has broken off,
+  /// and the seconds between two looks at another organisation's records: with half a lie that goes on would begin and
+  /// end in turn; double keeps drones on the ground for longer, where link asks for that.
   TimeNs doubt_ns = 10 * ns_per_s;
   std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
@@ -74,7 +74,8 @@ struct DroneReport {
 /// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, beats. Inputs
 /// first, then step() with the same or a later time: frames, verified plans and the beat come out of step() alone, so
 /// that `verified_ns` is the time of handing over, checking included. Call step() after every burst of inputs, when
-/// due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no less. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
+/// due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no less. `now`
+/// never goes back. One thread; deterministic: the same inputs give the same outputs.
 class AgentCore {
  public:
   /// The registry must outlive the core.

@@ -64,8 +64,8 @@ struct CheckConfig {
 /// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
 /// and follow from the record before (common/belief/control_events.hpp), so an epoch never goes back and nobody's stop
 /// is lifted by another. A stop needs less: its creator's signature and right by these records, whatever flag, endorser
-/// or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and roles, and
-/// what they leave out.
+/// or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and roles,
+/// and what they leave out.
 ///
 // clang-format off
 ///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
@@ -85,9 +85,8 @@ class CommandCheck {
     Refusal why = Refusal::none;
   };
   struct Checked {
-    std::vector<Plan>
-        plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the last
-                ///< stopper's `resume` as resumed; a change of who commands as one without setpoints
+    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the
+                              ///< last stopper's `resume` as resumed; a change of who commands as one without setpoints
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: a fold is due
     /// Stops that are obeyed although the ledger as we are told has none such: a peer may lie, or it came to nothing.
@@ -112,11 +111,11 @@ class CommandCheck {
     std::array<std::uint64_t, refusal_count> reasons{};
   };
 
-  /// The roles of the organisations that our drones belong or are granted to, as read from the ledger at start: until then
-  /// a stop must be one that our own peer endorsed.
+  /// The roles of the organisations that our drones belong or are granted to, as read from the ledger at start: until
+  /// then a stop must be one that our own peer endorsed.
   void set_roles(belief::Roles roles);
-  /// Organisations that a record names since, whose roles are to be read; each is asked for once. Until add_roles() their
-  /// stops must be endorsed so, too.
+  /// Organisations that a record names since, whose roles are to be read; each is asked for once. Until add_roles()
+  /// their stops must be endorsed so, too.
   belief::Organisations await_roles();
   void add_roles(const belief::Roles& read);
   /// Organisations whose roles were left out, since they are too many.
@@ -134,8 +133,8 @@ class CommandCheck {
   /// does.
   Checked check_refused(TimeNs now, const fabric::Block& block);
 
-  /// The stop that the ledger's record asks of link, or one that was heard and must be flown once; none when the drone is
-  /// not stopped.
+  /// The stop that the ledger's record asks of link, or one that was heard and must be flown once; none when the drone
+  /// is not stopped.
   std::optional<Plan> standing_stop(TimeNs now, DroneNumber number) const;
   /// For a link that does not know yet that nobody has the drone stopped; none while somebody has, or without a record.
   std::optional<Plan> no_stop(TimeNs now, DroneNumber number) const;
@@ -193,7 +192,8 @@ class CommandCheck {
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was refused.
+  /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was
+  /// refused.
   std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
                                                belief::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);

@@ -23,8 +23,8 @@ inline constexpr std::size_t doubt_kinds = enum_count<DoubtKind>;
 /// As in the log, in the summary and on the ledger.
 std::string_view name(DoubtKind kind);
 
-/// Whether agent doubts the ledger, and what is to be said of it. What cannot be believed is left out where it is found;
-/// this only remembers that something was.
+/// Whether agent doubts the ledger, and what is to be said of it. What cannot be believed is left out where it is
+/// found; this only remembers that something was.
 ///
 ///                    a reason                        lasts_ns without one, and the records agree
 ///     believes ───────────────────▶ doubts (each reason counts anew) ───────────────────▶ believes

@@ -15,21 +15,21 @@
 
 namespace ledgerline::agent {
 
-/// The agent as a process: an AgentShell for each channel, and what they share, which is the iceoryx end, RouDi's watch,
-/// trace, status and summary. One main loop: it waits for the mailboxes, for link, which wakes it behind each state, and
-/// for the moment at which a frame or beat is due; it has no period.
+/// The agent as a process: an AgentShell for each channel, and what they share, which is the iceoryx end, RouDi's
+/// watch, trace, status and summary. One main loop: it waits for the mailboxes, for link, which wakes it behind each
+/// state, and for the moment at which a frame or beat is due; it has no period.
 class Agent {
  public:
   /// `settings`: of the process. `quit` is watched everywhere and must outlive the agent. At least one channel, whose
   /// drones differ in number.
   Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit);
 
-  /// RouDi, then all channels side by side, with a bounded wait and a message that names the cure. The drones of a channel
-  /// that is up are flown from then on. Of several channels one must be reached: the others are gone on without, are told,
-  /// and join when they are.
+  /// RouDi, then all channels side by side, with a bounded wait and a message that names the cure. The drones of a
+  /// channel that is up are flown from then on. Of several channels one must be reached: the others are gone on
+  /// without, are told, and join when they are.
   Status start();
-  /// Until `quit`; or until RouDi is gone, and link, too, or on the ground. Then waits a moment for what is under way, and
-  /// writes the summary.
+  /// Until `quit`; or until RouDi is gone, and link, too, or on the ground. Then waits a moment for what is under way,
+  /// and writes the summary.
   Status run();
   /// Has renewed certificates taken while it runs. Before start().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }

@@ -163,8 +163,8 @@ void AgentShell::tell_left_out() {
         label_, msp_id);
 }
 
-// Of several channels one whose records cannot be read ends nothing: the others' drones would be held on the ground by each
-// start of the agent.
+// Of several channels one whose records cannot be read ends nothing: the others' drones would be held on the ground by
+// each start of the agent.
 Status AgentShell::take_records(const RecordsRead& read) {
   if (!read.records && !several_) return read.records.error();
   if (!read.records || control_start_.is_useless()) {

@@ -49,8 +49,8 @@ class AgentShell {
              const std::atomic<bool>& quit);
   ~AgentShell();
 
-  /// Mocap, and the block stream's beginning; does not wait. `end` and `recorder` must outlive this; `several`: there are
-  /// further channels, so what is said names this one.
+  /// Mocap, and the block stream's beginning; does not wait. `end` and `recorder` must outlive this; `several`: there
+  /// are further channels, so what is said names this one.
   Status start(ipc::AgentEnd& end, Recorder& recorder, bool several);
   /// Waits for the block stream and the control records, each for a bounded time, with a message that names the cure.
   /// Behind one that fails what it waited for is taken when it comes. Any one thread; nothing else is called meanwhile.
@@ -61,8 +61,8 @@ class AgentShell {
   /// Readable when turn() has something to take.
   int wake_fd() const { return mailbox_.wake_fd(); }
   TimeNs due_ns() const { return core_.due_ns(); }
-  /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent; there is none
-  /// where there are several channels.
+  /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent; there is
+  /// none where there are several channels.
   Status take_inputs(bool link_woke);
   /// Of a drone that flies() here.
   void take_state(const StateSample& sample);

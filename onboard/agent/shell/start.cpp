@@ -57,7 +57,8 @@ Status AgentShell::reach() {
   });
 }
 
-// Behind a gap nothing connects what was believed with what the peer tells now: another organisation's must tell the same.
+// Behind a gap nothing connects what was believed with what the peer tells now: another organisation's must tell the
+// same.
 Status AgentShell::confirm(const FirstRecords& records) {
   if (!unconfirmed_) return done;
   const auto theirs = read_records([this](const fabric::Call& call) { return witness_->evaluate_at_peer(call); });

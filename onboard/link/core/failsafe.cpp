@@ -17,8 +17,8 @@ TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
   return last.mode == FailsafeMode::brake ? limit / 2 : limit;
 }
 
-// Poses of motion capture come through agent, so its death takes them along: that is agent's silence, and the plan is still flown to its
-// end. The pose alone is lost when agent has been heard for a while without one.
+// Poses of motion capture come through agent, so its death takes them along: that is agent's silence, and the plan is
+// still flown to its end. The pose alone is lost when agent has been heard for a while without one.
 bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
                const FailsafeFacts& facts) noexcept {
   const TimeNs limit = tightened(pose_limit_ns(settings, facts.own_senses), last);

@@ -95,15 +95,16 @@ struct FailsafeRow {
 ///   └──▶ stop, battery, fence, tilt, dark: 02 to 04, 13, 14, 17, 18, 43, 47 ┘ ▼ lies overturned: FS-01, FS-16
 ///                                                                            cut ──▶ none, on the ground
 ///
-/// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover. brake: the same with twice the
-/// deceleration, and the plans in hand are dropped. land: until it is on the ground. cut: motors off.
+/// none: the plan is flown, clipped at the fence and kept apart from other drones. hold: ramp to zero, and hover.
+/// brake: the same with twice the deceleration, and the plans in hand are dropped. land: until it is on the ground.
+/// cut: motors off.
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
 /// and while the drone may fly unseen, the others while it flies.
 extern const std::array<FailsafeRow, 25> failsafe_table;
 
-/// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is the
-/// height alone: the walls are the pilot's to see.
+/// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is
+/// the height alone: the walls are the pilot's to see.
 FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                         TimeNs now, const FailsafeFacts& facts) noexcept;
 

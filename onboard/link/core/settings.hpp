@@ -14,10 +14,10 @@
 namespace ledgerline::link {
 
 struct SessionSettings {
-  /// A battery is as low as battery_says_so of the newest battery_texts state texts say. One text that is torn or another
-  /// drone's lands nobody; and where every second text is another drone's, which is charged, its own low one is believed
-  /// within 0.4 s. Said by two of two, those would hide it for ever; by two of eight, two torn texts within 0.8 s land; by
-  /// three of four, every second text is not enough.
+  /// A battery is as low as battery_says_so of the newest battery_texts state texts say. One text that is torn or
+  /// another drone's lands nobody; and where every second text is another drone's, which is charged, its own low one is
+  /// believed within 0.4 s. Said by two of two, those would hide it for ever; by two of eight, two torn texts within
+  /// 0.8 s land; by three of four, every second text is not enough.
   static constexpr std::size_t battery_texts = 4, battery_says_so = 2;
   /// First try of `command`; doubles with each further one. A Tello near its access point answers within tens of ms:
   /// half would ask twice on a slow radio (harmless, but the doublet's answer comes late), double delays a first
@@ -36,8 +36,8 @@ struct SessionSettings {
   /// timeout. With half a drone may answer twice, and answers carry no id; with double one lost datagram costs two
   /// seconds of hovering.
   TimeNs land_repeat_ns = 1 * ns_per_s;
-  /// `emergency` is sent again until the drone is seen on the ground: whom it is said for is to fall now, and it does no
-  /// harm twice. With 60 % lost, nine of ten hear one of five. Double takes as long as the fall; half is talk.
+  /// `emergency` is sent again until the drone is seen on the ground: whom it is said for is to fall now, and it does
+  /// no harm twice. With 60 % lost, nine of ten hear one of five. Double takes as long as the fall; half is talk.
   TimeNs cut_repeat_ns = 100 * ns_per_ms;
   TimeNs cut_often_for_ns = 2 * ns_per_s;  ///< longer than a fall; then as often as `land`
   /// On the ground, without state text: disconnected. 30 texts at 10 Hz: half would disconnect a drone for fifteen
@@ -67,9 +67,9 @@ struct SessionSettings {
   TimeNs silence_ns = 16 * ns_per_s;
   /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
-  /// Starts of link within starts_within_ns (below), of which the last one tells every drone to land in its first step: who
-  /// dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up with
-  /// as many.
+  /// Starts of link within starts_within_ns (below), of which the last one tells every drone to land in its first step:
+  /// who dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up
+  /// with as many.
   int many_starts = 7;
   /// From this height on it is in the air. `h` comes in steps of 0.1 m: 0.15 would believe a single step, 0.5 would
   /// take a drone that hovers low for one that stands.
@@ -126,8 +126,8 @@ struct RcSettings {
   TimeNs min_gap_ns = 5 * ns_per_ms;
   TimeNs changing_gap_ns = 20 * ns_per_ms;  ///< while the setpoint is ramped: at 4 m/s² steps of 0.08 m/s
   /// While flying, an rc is never further apart: one that is lost is made good within 50 ms, 5 cm at 1 m/s. Half
-  /// doubles the datagrams of every hover; with double a lost one costs 10 cm. It is also the Tello's sign of life: after
-  /// 15 s without a word it would land by itself (docs/sources.md).
+  /// doubles the datagrams of every hover; with double a lost one costs 10 cm. It is also the Tello's sign of life:
+  /// after 15 s without a word it would land by itself (docs/sources.md).
   TimeNs max_gap_ns = 50 * ns_per_ms;
 };
 
@@ -162,9 +162,9 @@ struct FailsafeSettings {
   /// Of a drone that is flown by its own senses: without a usable velocity. Five texts in a row are missing, or see
   /// nothing: at 1 m/s the drone goes half a metre unseen. Half is two lost texts and a late one; double is a metre.
   TimeNs velocity_lost_ns = 500 * ns_per_ms;
-  /// Of a drone that is suspected to see nothing and that nothing else places: its sticks are at zero at once, and after
-  /// this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with double it
-  /// glides half a metre on at 1 m/s, in the dark.
+  /// Of a drone that is suspected to see nothing and that nothing else places: its sticks are at zero at once, and
+  /// after this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with
+  /// double it glides half a metre on at 1 m/s, in the dark.
   TimeNs dark_land_after_ns = 500 * ns_per_ms;
   /// The fence is drawn in by so many standard deviations of the position: beyond three is one sample in 370.
   double fence_sigmas = 3;
@@ -194,7 +194,8 @@ struct FailsafeSettings {
   /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
   float battery_margin = 0.03F;
   /// Agent leaves out alone what cannot be believed, and what stays away becomes silence: so nothing is done besides
-  /// unless the config asks for it. Whoever feeds agent blocks can be doubted at will, and would bring drones down by it.
+  /// unless the config asks for it. Whoever feeds agent blocks can be doubted at will, and would bring drones down by
+  /// it.
   OnDoubt doubt = OnDoubt::ignore;
 };
 
@@ -279,8 +280,8 @@ struct DroneSettings {
   OdometrySettings odometry{};
   /// The signs and the frame of vgx and vgy are known: else motion capture cannot be held against them.
   bool velocity_known = true;
-  /// Motion capture is missing when none of its poses has come for so long, and own senses take over with the next text:
-  /// three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well, and
+  /// Motion capture is missing when none of its poses has come for so long, and own senses take over with the next
+  /// text: three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well, and
   /// pose_lost_ns is over: it brakes.
   TimeNs own_senses_after_ns = 100 * ns_per_ms;
   /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its

@@ -11,13 +11,14 @@
 
 namespace ledgerline::link {
 
-/// Carries states and transitions from the loop to agent, which it wakes, in a thread of its own. To publish, iceoryx 2.0 takes locks
-/// in shared memory that RouDi and agent take too; one of them killed while it holds one would stop the loop for ever.
-/// Here it stops the courier: agent hears no more states, link flies on, and at its end has to be killed.
+/// Carries states and transitions from the loop to agent, which it wakes, in a thread of its own. To publish,
+/// iceoryx 2.0 takes locks in shared memory that RouDi and agent take too; one of them killed while it holds one would
+/// stop the loop for ever. Here it stops the courier: agent hears no more states, link flies on, and at its end has to
+/// be killed.
 class Courier {
  public:
-  /// `priority`: of its thread, SCHED_FIFO; 0, or where that is not permitted, an ordinary one. `looks`: it is not woken,
-  /// but looks by itself every millisecond, so that the loop makes no system call for it. `end` outlives it.
+  /// `priority`: of its thread, SCHED_FIFO; 0, or where that is not permitted, an ordinary one. `looks`: it is not
+  /// woken, but looks by itself every millisecond, so that the loop makes no system call for it. `end` outlives it.
   static Result<std::unique_ptr<Courier>> start(ipc::LinkEnd& end, int priority, bool looks = false);
   /// Carries what was put before, then ends the thread.
   ~Courier();

@@ -26,8 +26,9 @@ struct LoopFigures {
 };
 
 /// The one real-time loop: time-triggered, each turn polls shared memory and transport, steps the core, sends. Its only
-/// system calls are clock, sleep, non-blocking receive and send (through the shim: clock and sleep alone); it takes no lock, allocates nothing and throws nothing
-/// (tests/unit/onboard/link/shell/real_link_test.cpp watches it). What others want to see leaves through wait-free rings.
+/// system calls are clock, sleep, non-blocking receive and send (through the shim: clock and sleep alone); it takes no
+/// lock, allocates nothing and throws nothing (tests/unit/onboard/link/shell/real_link_test.cpp watches it). What
+/// others want to see leaves through wait-free rings.
 class LinkLoop {
  public:
   /// `stop`: see run(). Any thread sets it, or a signal's handler.

@@ -7,8 +7,8 @@ namespace ledgerline::sim {
 
 /// The drone's own velocity: optical flow of the camera that looks down, times the height that tof says. Horizontally
 /// it has a slow error (Ornstein-Uhlenbeck), a share by which the whole is too large or too small, the same for a
-/// drone's whole life (camera and tof are not exact), and what Sensing adds. With too little light or too smooth a floor
-/// flow is lost: the velocity then fades to zero, however the drone drifts. Vertically it is right. All of it is
+/// drone's whole life (camera and tof are not exact), and what Sensing adds. With too little light or too smooth a
+/// floor flow is lost: the velocity then fades to zero, however the drone drifts. Vertically it is right. All of it is
 /// assumed: docs/sources.md. One thread.
 class Flow {
  public:

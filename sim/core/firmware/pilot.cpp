@@ -19,8 +19,8 @@ constexpr double turn_acceleration_radps2 = 6;
 constexpr double turn_gain_per_s = 3;
 constexpr double upright_rad = 0.3;
 constexpr std::uint64_t takeoff_seed = 0x74616b65;  // of random numbers beside flow's
-// On the cushion of its own air a drone may float above the ground: it presses down harder then, by so much a second for
-// each m/s that it sinks too slowly, until it touches.
+// On the cushion of its own air a drone may float above the ground: it presses down harder then, by so much a second
+// for each m/s that it sinks too slowly, until it touches.
 constexpr double floats_below = 0.5, press_per_s = 2, max_press_mps = 1;
 // A flip: climb, one turn with thrust only while the propellers point up, then back to where it began.
 constexpr double flip_jump_s = 0.25, flip_jump_thrust = 1.8, flip_radps = 20, flip_recover_s = 3.0;

@@ -43,8 +43,8 @@ class Sdk {
 
   /// Acted on SdkParameters::command_latency_s later, by step(); without one, now.
   void receive(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, std::vector<Outgoing>& out);
-  /// Every millisecond: ends of moves, the end of an rc (where none is kept: SdkParameters), landing after silence or on a
-  /// low battery, motors off on an empty one, state.
+  /// Every millisecond: ends of moves, the end of an rc (where none is kept: SdkParameters), landing after silence or
+  /// on a low battery, motors off on an empty one, state.
   void step(TimeNs now, Drone drone, std::vector<Outgoing>& out);
   /// As after switching on: only `command` is heard, and nobody waits for an answer.
   void restart(TimeNs now);

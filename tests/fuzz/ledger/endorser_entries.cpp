@@ -6,8 +6,8 @@
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// An endorser's own state, as its checkpoint keeps it, and a peer's snapshot that it may begin with: a failing disk, another
-/// version, or whoever may write the files.
+/// An endorser's own state, as its checkpoint keeps it, and a peer's snapshot that it may begin with: a failing disk,
+/// another version, or whoever may write the files.
 namespace ledgerline::fuzz::endorser_part {
 namespace {
 

@@ -1,5 +1,5 @@
-// Somebody with the key of an organisation's endorser: endorses a host's calls by itself and has them ordered, until one is
-// invalid, and then some more. A line of JSON when some were valid, and one at the end.
+// Somebody with the key of an organisation's endorser: endorses a host's calls by itself and has them ordered, until
+// one is invalid, and then some more. A line of JSON when some were valid, and one at the end.
 #include <grpcpp/grpcpp.h>
 
 #include <CLI/CLI.hpp>

@@ -18,7 +18,8 @@
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
 
-/// Does one wrong thing to a ledger until SIGTERM or for so long, beside a flight; what it did is a line of JSON at the end.
+/// Does one wrong thing to a ledger until SIGTERM or for so long, beside a flight; what it did is a line of JSON at the
+/// end.
 namespace {
 
 using namespace ledgerline;

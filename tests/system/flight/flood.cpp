@@ -1,6 +1,6 @@
 // Floods the embedded ledger as a member without a role for so long; what it did is a line of JSON at the end.
-// `urgent`: envelopes a second that call themselves stops and that nobody has endorsed. `askers`: so many at once ask for
-// all of 21,000 keys, written before, as a peer is asked for an endorsement.
+// `urgent`: envelopes a second that call themselves stops and that nobody has endorsed. `askers`: so many at once ask
+// for all of 21,000 keys, written before, as a peer is asked for an endorsement.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 

@@ -1,5 +1,5 @@
-// Orders transactions that are good and spoilt in many ways on a real network, and judges its whole chain, from block 0 on,
-// beside the peer: prints as JSON how many of each kind had which flag, and where judge and peer differ.
+// Orders transactions that are good and spoilt in many ways on a real network, and judges its whole chain, from block 0
+// on, beside the peer: prints as JSON how many of each kind had which flag, and where judge and peer differ.
 #include <fmt/format.h>
 #include <grpcpp/grpcpp.h>
 

@@ -8,8 +8,9 @@
 #include "common/program/stop_signals.hpp"
 #include "ledgerline.pb.h"
 
-/// The contract as it was one version ago, as a chaincode service: today's functions over a ledger that keeps its records
-/// as commit e8a58b8 did, the last one before records had versions and keys had policies. Of what it wrote it stands for:
+/// The contract as it was one version ago, as a chaincode service: today's functions over a ledger that keeps its
+/// records as commit e8a58b8 did, the last one before records had versions and keys had policies. Of what it wrote it
+/// stands for:
 ///
 /// - Stored.version is not there, and no key has a policy.
 /// - A lease is lease/<holder>/<epoch>, and a commander's newest call command/<holder>; no pilot/<owner MSP>/<holder>.
@@ -19,8 +20,8 @@
 /// - enroll writes neither empty grants nor requests, nor a host's empty frame.
 /// - resume writes the stop itself again, as lifted.
 ///
-/// What it refused and answered is today's, but that `command` took calls without an organisation: who sends those is not
-/// there to be tested.
+/// What it refused and answered is today's, but that `command` took calls without an organisation: who sends those is
+/// not there to be tested.
 namespace {
 
 using namespace ledgerline;

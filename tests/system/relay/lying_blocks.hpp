@@ -14,8 +14,8 @@
 
 namespace ledgerline {
 
-/// The node's Deliver, handed on as it is; but whoever has one certain identity is served by hil::ServingPeer, which has the
-/// node's blocks, lies with the peer's real key, and has no orderer's.
+/// The node's Deliver, handed on as it is; but whoever has one certain identity is served by hil::ServingPeer, which
+/// has the node's blocks, lies with the peer's real key, and has no orderer's.
 class LyingBlocks final : public protos::Deliver::Service {
  public:
   struct Setup {
@@ -32,7 +32,8 @@ class LyingBlocks final : public protos::Deliver::Service {
 
   /// From now on. Any thread.
   void begin();
-  /// When it began, how many blocks were served since, how many of them are not the ledger's, and what the peer itself ordered.
+  /// When it began, how many blocks were served since, how many of them are not the ledger's, and what the peer itself
+  /// ordered.
   nlohmann::json told() const;
 
   using Stream = grpc::ServerReaderWriter<protos::DeliverResponse, common::Envelope>;

@@ -24,10 +24,10 @@
 #include "tests/system/relay/lying_blocks.hpp"
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
-/// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but lies with the real key of
-/// Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first command on;
-/// or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on.
-/// LYING_NODE: the real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
+/// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but lies with the real key
+/// of Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first
+/// command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on. LYING_NODE: the
+/// real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
 /// hil/virtual/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 

@@ -10,7 +10,8 @@
 namespace ledgerline::doctor {
 namespace {
 
-// Of whose signatures each set is tried: 4,096 policies at most. A channel with more that are missing is told all of them.
+// Of whose signatures each set is tried: 4,096 policies at most. A channel with more that are missing is told all of
+// them.
 constexpr std::size_t max_tried = 12;
 
 using Names = std::vector<std::string>;

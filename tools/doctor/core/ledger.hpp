@@ -51,8 +51,8 @@ struct HeightFacts {
 };
 Findings judge(const HeightFacts& facts);
 
-/// Between `real_ns` and when the newest transaction of a serialized common.Block was signed, as its signer claims; none: it
-/// cannot be read, or no transaction claims a time of our age.
+/// Between `real_ns` and when the newest transaction of a serialized common.Block was signed, as its signer claims;
+/// none: it cannot be read, or no transaction claims a time of our age.
 std::optional<TimeNs> age_of_block(const std::string& block, TimeNs real_ns);
 
 }  // namespace ledgerline::doctor

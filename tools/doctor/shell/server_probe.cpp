@@ -137,9 +137,9 @@ bool go_on(SSL* ssl, int fd, std::chrono::milliseconds patience, bool& mute, Ste
   }
 }
 
-/// The connection is over: what that says of a certificate of ours. Go's servers tell by an alert that there must be one, or
-/// that the one shown does not do; gRPC's own close the connection without a word behind the handshake, where they had
-/// `asked` for one.
+/// The connection is over: what that says of a certificate of ours. Go's servers tell by an alert that there must be
+/// one, or that the one shown does not do; gRPC's own close the connection without a word behind the handshake, where
+/// they had `asked` for one.
 void take_end(bool asked, bool shown, ServerFacts& facts) {
   constexpr std::array of_certificates{
       SSL_R_TLSV13_ALERT_CERTIFICATE_REQUIRED, SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE,
@@ -193,8 +193,8 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   facts.http2 = size == 2 && std::memcmp(protocol, "h2", 2) == 0;
   char answer[64];
   ERR_clear_error();
-  // A server that refuses has its alert on the way when it closes the connection, so it is read even where nothing can be
-  // written any more.
+  // A server that refuses has its alert on the way when it closes the connection, so it is read even where nothing can
+  // be written any more.
   (void)go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); });
   if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
     take_end(asked, shown, facts);

@@ -25,8 +25,8 @@ struct Wanted {
   std::string profile{};        ///< of the authority: "tls"; empty: its default, of identities
 };
 
-/// `home`: a folder of fabric-ca-client, whose msp/ is written. The secret is in the environment, not in the words, which
-/// every user of the host sees. An error: the URL is not one of https.
+/// `home`: a folder of fabric-ca-client, whose msp/ is written. The secret is in the environment, not in the words,
+/// which every user of the host sees. An error: the URL is not one of https.
 Result<Command> enroll(const Authority& authority, const std::string& home, const std::string& name,
                        const std::string& secret, const Wanted& wanted);
 /// As the identity that is in home/msp, which signs the question; `same_key`: for the key that it has.

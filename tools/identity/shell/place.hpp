@@ -19,9 +19,10 @@ struct Place {
   bool is_free() const;
 };
 
-/// Puts a pair there that fits together: first the key (0600), then the certificate by one rename, then the old key goes.
-/// In a folder the pair is whole at each moment, whatever dies meanwhile, since of two keys the one that fits counts
-/// (crypto::identity_files); of two files the key is new a moment before the certificate, which running programs wait out.
+/// Puts a pair there that fits together: first the key (0600), then the certificate by one rename, then the old key
+/// goes. In a folder the pair is whole at each moment, whatever dies meanwhile, since of two keys the one that fits
+/// counts (crypto::identity_files); of two files the key is new a moment before the certificate, which running programs
+/// wait out.
 Status put(const Place& place, const crypto::Renewal::Pair& pair);
 
 /// A folder of fabric-ca-client's, 0700, beside the place, that goes with this object and with all that is in it.

@@ -20,9 +20,9 @@ struct Value {
   std::string value;  ///< TOML
 };
 
-/// `keys`: of one file, in the reader's order. A key without a value stands there as a comment with its default; so does
-/// a whole [[table]] that has none. The comments of a [[table]] are at its first one alone. An error: a value of a key
-/// that the program does not read, or a [[table]] whose places have a gap.
+/// `keys`: of one file, in the reader's order. A key without a value stands there as a comment with its default; so
+/// does a whole [[table]] that has none. The comments of a [[table]] are at its first one alone. An error: a value of a
+/// key that the program does not read, or a [[table]] whose places have a gap.
 Result<std::string> commented(const std::string& heading, const std::vector<KeyDescription>& keys,
                               const std::vector<Value>& values);
 

@@ -70,8 +70,8 @@ struct HostPlan {
 /// An error names what is missing: the host, its organisation, a port.
 Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Folders& folders);
 
-/// Further channels, each as "NAME=DRONE,DRONE": sets which drone is on which; a bare NAME is the first one's. An error names
-/// what does not fit.
+/// Further channels, each as "NAME=DRONE,DRONE": sets which drone is on which; a bare NAME is the first one's. An error
+/// names what does not fit.
 Status add_channels(HostPlan& plan, const std::vector<std::string>& texts);
 
 /// A file that a profile has in its text.
@@ -83,9 +83,10 @@ struct ProfilePlan {
   std::vector<PublicFile> files;  ///< TLS authorities, for Folders::tls_of
 };
 /// Of Fabric's connection profile (JSON): the peers of `msp_id`'s organisation, the first of which is asked, those of
-/// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it has
-/// as PEM become files, those that it has as paths are named. `channels`: as add_channels() takes them; where the profile
-/// names several that none of them gives drones to, a bare NAME says which one is the first, else an error does.
+/// others, and orderers. For a channel of its `channels` it is the first one that it lists there. Authorities that it
+/// has as PEM become files, those that it has as paths are named. `channels`: as add_channels() takes them; where the
+/// profile names several that none of them gives drones to, a bare NAME says which one is the first, else an error
+/// does.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
                                     const Folders& folders, const std::vector<std::string>& channels = {});
 

@@ -78,8 +78,8 @@ class Reader {
   std::map<std::pair<std::string, std::string>, Server> servers_;  ///< by kind and name
 };
 
-/// The one that is wanted as a bare NAME; else the only one of `channels` that is not wanted for some drones alone, and that
-/// is not known to be without the own organisation. A profile without channels leaves it at the plan's.
+/// The one that is wanted as a bare NAME; else the only one of `channels` that is not wanted for some drones alone, and
+/// that is not known to be without the own organisation. A profile without channels leaves it at the plan's.
 Result<std::string> first_channel(const json& channels, const HostPlan& plan, const std::vector<std::string>& wanted) {
   std::vector<std::string> named, left;
   std::set<std::string> further;
@@ -106,8 +106,8 @@ Result<std::string> first_channel(const json& channels, const HostPlan& plan, co
                            fmt::join(left, ", "))};
 }
 
-/// Who of these peers of the own organisation serves each channel that the profile lists peers for, and which one is the
-/// first.
+/// Who of these peers of the own organisation serves each channel that the profile lists peers for, and which one is
+/// the first.
 Status read_channels(const json& profile, const std::vector<std::string>& own_peers,
                      const std::vector<std::string>& wanted, Reader& reader, HostPlan& plan) {
   json channels = part(profile, "channels");

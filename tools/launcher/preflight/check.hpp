@@ -7,9 +7,9 @@
 #include "common/base/result.hpp"
 #include "onboard/link/core/settings.hpp"
 
-/// What is looked at before drones take off, whoever asked for it: `ledgerline fly --deployment` by what link, agent and
-/// the ledger say, `ledgerline tello preflight` by what drones, motion capture and the ledger themselves say. Facts in,
-/// a verdict a line out. No I/O, no clock; any thread.
+/// What is looked at before drones take off, whoever asked for it: `ledgerline fly --deployment` by what link, agent
+/// and the ledger say, `ledgerline tello preflight` by what drones, motion capture and the ledger themselves say. Facts
+/// in, a verdict a line out. No I/O, no clock; any thread.
 namespace ledgerline::fly {
 
 /// Where a drone is. Without motion capture: as link reckons it by the drone's own senses.

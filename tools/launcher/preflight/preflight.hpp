@@ -12,8 +12,8 @@ namespace ledgerline::fly {
 /// there are none.
 Facts facts_of(const Options& options);
 
-/// Why the path would leave the fence from where the drones stand; empty: it does not, there is none, or a drone's place
-/// is not known yet.
+/// Why the path would leave the fence from where the drones stand; empty: it does not, there is none, or a drone's
+/// place is not known yet.
 std::string path_beyond(const Options& options, const Facts& facts);
 
 /// What a person checks before a deployment's own drones take off, by link's status lines and the ledger's records. One
@@ -25,8 +25,8 @@ class Preflight {
 
   /// A status line of link; others are ignored.
   void take(const std::string& line);
-  /// The records of a ledger of others, as `ledgerline-control show --json` prints them, before the drones are acquired.
-  /// `self`: who acquires them.
+  /// The records of a ledger of others, as `ledgerline-control show --json` prints them, before the drones are
+  /// acquired. `self`: who acquires them.
   Status take_records(const std::string& line, const crypto::IdentityName& self);
   /// Whether a drone has to be acquired: not where its holder lets us command it.
   bool acquires(const std::string& drone) const;

@@ -8,8 +8,8 @@
 
 namespace ledgerline::fly {
 
-/// The faults of a simulated flight that people switch at ground's page, and which of them are on. A core without I/O; one
-/// thread. Commands, one line each:
+/// The faults of a simulated flight that people switch at ground's page, and which of them are on. A core without I/O;
+/// one thread. Commands, one line each:
 ///
 ///     list         changes nothing
 ///     on NAME      such as silent-tello1
@@ -26,7 +26,8 @@ class FaultSwitches {
     bool on = false;
     std::string line;  ///< a command of hil/proxy/switches.hpp
   };
-  /// Nothing: the command changes nothing. What is on already is told to the proxy again: somebody else may have cleared it.
+  /// Nothing: the command changes nothing. What is on already is told to the proxy again: somebody else may have
+  /// cleared it.
   Result<std::optional<Step>> step_of(std::string_view command) const;
   /// The proxy is told: it may act on what it does not answer in time.
   void tell(const Step& step) { all_[step.which].may_be_on |= step.on; }
@@ -36,8 +37,8 @@ class FaultSwitches {
   std::vector<Step> steps_off() const;
   /// From here on nothing is switched on.
   void end() { ended_ = true; }
-  /// One line of JSON: {"faults":[{"name":"silent-tello1","drone":"tello1","label":"Drone silent","words":"...","on":false}]};
-  /// `drone` is empty for what is of all.
+  /// One line of JSON: {"faults":[{"name":"silent-tello1","drone":"tello1","label":"Drone
+  /// silent","words":"...","on":false}]}; `drone` is empty for what is of all.
   std::string list() const;
 
  private:

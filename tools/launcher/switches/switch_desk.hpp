@@ -11,8 +11,8 @@
 
 namespace ledgerline::fly {
 
-/// The shell around FaultSwitches: serves them on a Unix socket, and tells the proxy, on a thread of its own. When it ends,
-/// and when the launcher does, however it does, nothing is left on: the proxy does not outlive the launcher.
+/// The shell around FaultSwitches: serves them on a Unix socket, and tells the proxy, on a thread of its own. When it
+/// ends, and when the launcher does, however it does, nothing is left on: the proxy does not outlive the launcher.
 class SwitchDesk {
  public:
   /// `proxy`: the path of its socket.

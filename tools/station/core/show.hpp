@@ -8,8 +8,8 @@
 
 #include "common/base/result.hpp"
 
-/// The station's answers as text for people. What comes from there is made printable; an answer that is not what version 1 of
-/// the API says is an error.
+/// The station's answers as text for people. What comes from there is made printable; an answer that is not what
+/// version 1 of the API says is an error.
 namespace ledgerline::station {
 
 using Rows = std::vector<std::vector<std::string>>;  ///< the first one is the heading

@@ -31,8 +31,8 @@ using Environment = std::function<std::string(const char* name)>;  ///< empty: n
 Result<Target> target_of(const Options& options, const Environment& environment);
 Result<Target> target_of(const Options& options);  ///< by this process's environment
 
-/// With the page's token, and the operator's session if there is one. A session that cannot be read is a warning, so that it
-/// does not keep a drone in the air.
+/// With the page's token, and the operator's session if there is one. A session that cannot be read is a warning, so
+/// that it does not keep a drone in the air.
 Result<std::unique_ptr<Station>> open(const Target& target);
 
 /// The rest of a program: acts at the station that the options name; the exit code.

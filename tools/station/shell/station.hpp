@@ -17,16 +17,16 @@ struct Credentials {
   web::TlsFiles tls{};       ///< of a station with TLS
 };
 
-/// A client of one station: requests one after the other over one connection, which is made anew where the station has closed
-/// it. Each call waits, some seconds at most. One thread.
+/// A client of one station: requests one after the other over one connection, which is made anew where the station has
+/// closed it. Each call waits, some seconds at most. One thread.
 class Station {
  public:
   /// An error: a file of TLS.
   static Result<std::unique_ptr<Station>> open(Place place, Credentials credentials);
   ~Station();
 
-  /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps nobody
-  /// from landing or stopping a drone: what is anybody's is then asked with the page's token.
+  /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps
+  /// nobody from landing or stopping a drone: what is anybody's is then asked with the page's token.
   Result<std::string> ask(const Request& request);
   /// Ground's clock, as the stream tells it.
   Result<double> now_ms();

@@ -6,8 +6,8 @@
 
 namespace ledgerline::status {
 
-/// What the peers of a program's config say of its channel and drones, asked as its identity; `one.ledger` is there. Waits
-/// `patience` at most for each answer. Nothing is written on the ledger.
+/// What the peers of a program's config say of its channel and drones, asked as its identity; `one.ledger` is there.
+/// Waits `patience` at most for each answer. Nothing is written on the ledger.
 Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds patience);
 
 }  // namespace ledgerline::status

@@ -5,8 +5,8 @@
 
 namespace ledgerline::status {
 
-/// The programs of ours that run on this host, as far as this user may look at them (root: all); by name and pid. Changes
-/// nothing.
+/// The programs of ours that run on this host, as far as this user may look at them (root: all); by name and pid.
+/// Changes nothing.
 std::vector<Program> running_programs();
 
 }  // namespace ledgerline::status

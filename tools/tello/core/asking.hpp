@@ -21,8 +21,8 @@ struct Question {
 };
 
 /// Asks one Tello one question after the other, the first of them always `command`: whoever does not answer that is no
-/// Tello. Answers carry no id, so one that cannot be to the question that is open (of another shape, as a late answer to
-/// the one before) is dropped. Any bytes may come. Core: no I/O, no clock; one thread.
+/// Tello. Answers carry no id, so one that cannot be to the question that is open (of another shape, as a late answer
+/// to the one before) is dropped. Any bytes may come. Core: no I/O, no clock; one thread.
 class Asking {
  public:
   explicit Asking(const std::vector<std::string>& questions, Patience patience = {});

@@ -16,8 +16,8 @@ struct CalibrationWish {
   int repeat = 2;
 };
 
-/// Flies it (CalibrationFlight) and lands, whatever comes: what is wrong, a signal, an error of a socket. Says on the log
-/// what it does. Catches SIGINT and SIGTERM. The caller has asked a person.
+/// Flies it (CalibrationFlight) and lands, whatever comes: what is wrong, a signal, an error of a socket. Says on the
+/// log what it does. Catches SIGINT and SIGTERM. The caller has asked a person.
 Result<Record> fly_calibration(const CalibrationWish& wish);
 
 /// True where a person types yes at the terminal, or in the input.

@@ -13,9 +13,9 @@ struct PreflightWish {
   double listen_s = 3;  ///< to state text and poses
 };
 
-/// Asks the drones, listens to them and to motion capture, reads the ledger's records, this computer's clock: nothing is
-/// flown, started for longer, or written on the ledger. What is wrong with one of them is a fact; an error: nobody can look, as
-/// where another program has the port. Catches SIGINT and SIGTERM, which end it early.
+/// Asks the drones, listens to them and to motion capture, reads the ledger's records, this computer's clock: nothing
+/// is flown, started for longer, or written on the ledger. What is wrong with one of them is a fact; an error: nobody
+/// can look, as where another program has the port. Catches SIGINT and SIGTERM, which end it early.
 Result<fly::Facts> look_around(const PreflightWish& wish);
 
 }  // namespace ledgerline::tello

@@ -18,7 +18,8 @@ std::string hash_of(std::string_view bytes) {
   return {digest.begin(), digest.end()};
 }
 
-/// Fabric's merkle tree over the reads: each level holds at most `max_degree` hashes, then their own hash goes a level up.
+/// Fabric's merkle tree over the reads: each level holds at most `max_degree` hashes, then their own hash goes a level
+/// up.
 class Tree {
  public:
   void add(std::string hash) {

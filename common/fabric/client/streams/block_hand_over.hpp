@@ -29,9 +29,9 @@ class NotedFetch {
   bool failed_ = false;
 };
 
-/// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told it
-/// first. Any thread; on_block, on_confirmed, on_unbelievable and on_contradiction are called under its mutex, so that
-/// none of them comes beside another.
+/// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told
+/// it first. Any thread; on_block, on_confirmed, on_unbelievable and on_contradiction are called under its mutex, so
+/// that none of them comes beside another.
 class BlockHandOver {
  public:
   BlockHandOver(BlockIntake intake, std::shared_ptr<Commits> commits, Client::StreamHandlers handlers)
@@ -47,7 +47,8 @@ class BlockHandOver {
   void define(const std::string& policy);
   /// What a connection begins with; none: with the peer's newest.
   std::optional<std::uint64_t> begin();
-  /// How peer and orderers contradict each other: both streams are then read on, for on_refused alone. Empty: they do not.
+  /// How peer and orderers contradict each other: both streams are then read on, for on_refused alone. Empty: they do
+  /// not.
   std::string contradiction() const;
   /// Its first block is here.
   void peer_connected();

@@ -13,8 +13,8 @@ namespace ledgerline::fabric {
 namespace {
 
 constexpr int max_lags = 8;  // some seconds of back-off
-// Each question has the client's own deadline, and the stream waits for the answer: twice as many delay a start by twice
-// as long, one alone makes an endorser end at a single late answer.
+// Each question has the client's own deadline, and the stream waits for the answer: twice as many delay a start by
+// twice as long, one alone makes an endorser end at a single late answer.
 constexpr int max_questions = 4;
 constexpr TimeNs first_question_pause_ns = 50 * ns_per_ms, max_question_pause_ns = 400 * ns_per_ms;
 

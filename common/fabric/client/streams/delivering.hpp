@@ -15,7 +15,8 @@ namespace ledgerline::fabric {
 /// Why a stream ended.
 std::string text_of(const grpc::Status& status);
 
-/// Asks for blocks from `start` on; an empty text when the question is on its way. `tls_hash`: of the server that is asked.
+/// Asks for blocks from `start` on; an empty text when the question is on its way. `tls_hash`: of the server that is
+/// asked.
 template <typename DeliverStream>
 std::string seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
                  std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {

@@ -10,7 +10,8 @@
 
 namespace ledgerline::fabric {
 
-/// Where a stream of blocks begins: at a number, behind a checkpoint, or, where both are missing, with the next new one.
+/// Where a stream of blocks begins: at a number, behind a checkpoint, or, where both are missing, with the next new
+/// one.
 struct BlocksFrom {
   std::optional<std::uint64_t> number;
   std::optional<Believed> believed;

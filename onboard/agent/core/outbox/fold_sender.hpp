@@ -26,8 +26,8 @@ namespace ledgerline::agent {
 /// same calls.
 class FoldSender {
  public:
-  /// Between two renewals. A channel that moves has its new contract a second or more behind the definition that asks for
-  /// the endorsements, and drones land after 5 s of silence; a call a drone and second is no load where it lasts.
+  /// Between two renewals. A channel that moves has its new contract a second or more behind the definition that asks
+  /// for the endorsements, and drones land after 5 s of silence; a call a drone and second is no load where it lasts.
   static constexpr TimeNs first_renewal_pause_ns = 200 * ns_per_ms, max_renewal_pause_ns = 1 * ns_per_s;
 
   struct Sending {

@@ -10,12 +10,13 @@
 
 namespace ledgerline::agent {
 
-/// Ten minutes: a change of batteries, a briefing or a charge between two flights is shorter, a forgotten laptop is not.
-/// Half as long would take the drone from crews that still prepare; twice as long is a shift's time to wait for others.
+/// Ten minutes: a change of batteries, a briefing or a charge between two flights is shorter, a forgotten laptop is
+/// not. Half as long would take the drone from crews that still prepare; twice as long is a shift's time to wait for
+/// others.
 inline constexpr TimeNs usual_idle_ns = 600 * ns_per_s;
 
-/// Ends leases that nobody uses, as the drone's host: a ledger has no clock. A drone's holder is idle once the drone was
-/// seen on the ground, under this lease and without a command under it, for the idle time by this host's monotonic
+/// Ends leases that nobody uses, as the drone's host: a ledger has no clock. A drone's holder is idle once the drone
+/// was seen on the ground, under this lease and without a command under it, for the idle time by this host's monotonic
 /// clock. Then `evict` goes out, one call at a time:
 ///
 ///     counting -> idle -> in flight -> committed: counts anew, mostly nobody holds it now

@@ -14,10 +14,10 @@ namespace ledgerline::agent {
 /// Brings the transitions of each drone's failsafe onto the ledger: in order, none left out, never in a frame of states
 /// nor behind one. A call takes all that wait, of all drones, since each costs endorsements of two organisations and
 /// sixteen drones take off at once; what comes while max_calls are in flight waits for the first that ends. A drone has
-/// one call in flight; it is made again, behind a back-off with jitter, until it is committed. From a call that the contract
-/// refused on a drone goes by itself until one of its own is committed: none is held up by what is wrong with another. Where
-/// a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the ledger twice: the same boot id and
-/// number is the same transition.
+/// one call in flight; it is made again, behind a back-off with jitter, until it is committed. From a call that the
+/// contract refused on a drone goes by itself until one of its own is committed: none is held up by what is wrong with
+/// another. Where a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the ledger twice: the
+/// same boot id and number is the same transition.
 ///
 ///     link -> waiting -> in flight -> committed: told to link, which forgets them
 ///                ^           |

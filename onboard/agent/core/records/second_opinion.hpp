@@ -8,8 +8,8 @@
 
 namespace ledgerline::agent {
 
-/// Compares the records that agent believes with those that a peer of another organisation tells. The two may be read on
-/// either side of a block, so a difference counts once the very same two records differ in two comparisons in a row.
+/// Compares the records that agent believes with those that a peer of another organisation tells. The two may be read
+/// on either side of a block, so a difference counts once the very same two records differ in two comparisons in a row.
 /// Pure; one thread.
 class SecondOpinion {
  public:

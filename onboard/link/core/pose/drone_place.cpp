@@ -106,8 +106,8 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
   using Sources = SourceCheck::Verdict;
   const FlightPhase phase = session_.phase();
   const Pose& own = odometry_.pose();
-  // Less than half of what it should fly by what was sent, or of what is seen: flow that fades (watch/flow_watch.hpp), no
-  // contradiction. A frame that creeps is followed, so that its drone flies faster than it is seen to.
+  // Less than half of what it should fly by what was sent, or of what is seen: flow that fades (watch/flow_watch.hpp),
+  // no contradiction. A frame that creeps is followed, so that its drone flies faster than it is seen to.
   const double expected =
       std::max(motion_watch_.expected_mps(), std::hypot(mocap_pose_.velocity_mps[0], mocap_pose_.velocity_mps[1]));
   const bool fades = expected > FlowWatch::moving_mps && odometry_.velocity_mps().norm() < expected / 2;

@@ -19,11 +19,11 @@ constexpr double yaw_step_rad = std::numbers::pi / 180;
 constexpr double anywhere_m = 100;
 // At 0.10 m tof shows its least, whatever is below. 65.53 says that it sees nothing; a Tello's flow ends before that.
 constexpr double min_tof_m = 0.15, max_tof_m = 6.0;
-// A tof that is off by more than this, and by more than chance, has come over something else: half takes a tilt's error for
-// a table, with double a drone climbs by a stair's height.
+// A tof that is off by more than this, and by more than chance, has come over something else: half takes a tilt's error
+// for a table, with double a drone climbs by a stair's height.
 constexpr double new_floor_m = 0.15, new_floor_sigmas = 4;
-// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift. Halved, the height
-// follows the barometer's noise; doubled, it is tof's alone.
+// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift. Halved, the
+// height follows the barometer's noise; doubled, it is tof's alone.
 constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_s = 0.03;
 // One text in ten seconds may be that late. What is flown unseen for longer is not known any more.
 constexpr double max_gap_s = 1.0;

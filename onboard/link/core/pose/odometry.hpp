@@ -22,10 +22,11 @@ class FixAgreement {
   Eigen::Vector2d off_ = Eigen::Vector2d::Zero();
 };
 
-/// Where a drone is by its own senses: velocities from its optical flow, yaw, height above what is below it (tof), above
-/// where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with Applications,
-/// 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each metre and second:
-/// the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went away) bring it back.
+/// Where a drone is by its own senses: velocities from its optical flow, yaw, height above what is below it (tof),
+/// above where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with
+/// Applications, 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each
+/// metre and second: the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went
+/// away) bring it back.
 ///
 /// The place that is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until
 /// then is part of the variance. A fix that is far beyond what the variance allows is believed when three in a row

@@ -34,9 +34,9 @@ struct OwnPath {
   Eigen::Vector2d position_at(TimeNs now) const noexcept;
 };
 
-/// Whether a pose is one that the drone can have flown and turned to from the last one that was: by its own velocity and
-/// height since, and what those may have missed. What is not is another body, or a frame that jumped: no pose. It is taken
-/// again where it fits; on the ground each fits, since a drone may be carried.
+/// Whether a pose is one that the drone can have flown and turned to from the last one that was: by its own velocity
+/// and height since, and what those may have missed. What is not is another body, or a frame that jumped: no pose. It
+/// is taken again where it fits; on the ground each fits, since a drone may be carried.
 ///
 /// Core: no I/O, no clock, no allocation; one thread.
 class PoseGate {

@@ -46,8 +46,8 @@ Course course(const Motion& motion, const Braking& braking) noexcept {
   out.blur_m = motion.blur_m;
   const double kept = std::exp(-motion.age_s / braking.response_s);
   for (std::size_t i = 0; i < 3; ++i) {
-    // What it is told now stands for what it was told while the pose was on its way: to the centimetre, since the limiter
-    // changes it by 0.4 m/s in 0.1 s.
+    // What it is told now stands for what it was told while the pose was on its way: to the centimetre, since the
+    // limiter changes it by 0.4 m/s in 0.1 s.
     const double position = motion.position_m[i] + motion.told_mps[i] * motion.late_s;
     const double velocity = motion.told_mps[i] + (motion.velocity_mps[i] - motion.told_mps[i]) * kept;
     out.coasted_m[i] = position + braking.response_s * motion.velocity_mps[i];

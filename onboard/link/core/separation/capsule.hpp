@@ -41,8 +41,8 @@ struct Braking {
 /// Where a drone is, and where it would come to rest if it were told zero at once: x and x + T·v.
 ///
 /// With v' = (u - v)/T the way from now on is ∫v = T·v + ∫u, so the place that it comes to rest at is known from place,
-/// velocity and what it is told: x + T·v + u·|u|/2a, where u is ramped to zero by a. For the same reason x + T·v moves by
-/// what is told alone: that of an old pose needs no guess of how the velocity went since.
+/// velocity and what it is told: x + T·v + u·|u|/2a, where u is ramped to zero by a. For the same reason x + T·v moves
+/// by what is told alone: that of an old pose needs no guess of how the velocity went since.
 struct Course {
   Vec3 at_m{}, coasted_m{};
   double blur_m = 0;
@@ -50,8 +50,8 @@ struct Course {
 Course course(const Motion& motion, const Braking& braking) noexcept;
 
 /// Where it is until it hovers, if it is told `told_mps` now and to stop from the next step on. On its way to rest a
-/// drone stays in the triangle of x, x + T·v and its rest, since the answer to u lags the decay of v; the capsule has that
-/// triangle in it. Told to stop it shrinks into itself, which is what separation.hpp's invariant rests on.
+/// drone stays in the triangle of x, x + T·v and its rest, since the answer to u lags the decay of v; the capsule has
+/// that triangle in it. Told to stop it shrinks into itself, which is what separation.hpp's invariant rests on.
 Capsule until_rest(const Course& course, const Braking& braking, const Vec3& told_mps) noexcept;
 
 /// The capsule, stretched by a way: where it goes on.

@@ -7,7 +7,8 @@ namespace ledgerline::link {
 /// A landing of a flying drone that is asked for, by its holder or by the failsafe, and not begun yet because another
 /// drone is below it (docs/failsafe.md, FS-64).
 ///
-///   none ──ask()──▶ asked ──nobody below, or waits() says false──▶ the session lands it ──another phase: reset()──▶ none
+///   none ──ask()──▶ asked ──nobody below, or waits() says false──▶ the session lands it ──another phase: reset()──▶
+///   none
 ///
 /// The first request starts the time; repeating it, or another reason to land, does not start it again. One thread.
 class LandingWait {
@@ -27,8 +28,8 @@ class LandingWait {
   TimeNs asked_ns_ = 0;
 };
 
-/// Whether a drone that is to land can still be steered to a place with room below: its position is known, it does as it
-/// is told, and nobody asked for it to be down at once. A brake has no usable position or state text.
+/// Whether a drone that is to land can still be steered to a place with room below: its position is known, it does as
+/// it is told, and nobody asked for it to be down at once. A brake has no usable position or state text.
 inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts& facts) noexcept {
   if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
   const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||

@@ -21,8 +21,8 @@ constexpr double forget_s = 5.0;
 // A take-off ends here at the latest, and no way round leads lower than this above the ground, where a drone's own
 // wash lifts it.
 constexpr double takeoff_height_m = 1.2, lowest_m = 0.3;
-// More than apart, where it has to be and in yielding: so that noise neither undoes a way round nor holds up who has the
-// right of way.
+// More than apart, where it has to be and in yielding: so that noise neither undoes a way round nor holds up who has
+// the right of way.
 constexpr double headroom_m = 0.05;
 constexpr double below_all_m = -1e3;
 // Beyond being apart: so far from another a drone that left its wash is still beside it.

@@ -46,14 +46,14 @@ struct Verdict {
 ///
 /// Never nearer. Each drone has a capsule that it does not leave if it is told to stop (capsule.hpp). All are apart by
 /// min + margin; a wish is flown only if they still are with the next step's capsule of who flies it, against the new
-/// ones of those who were asked before and the present ones of those who come behind. To stop is always allowed, since it
-/// shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone that was
-/// not told to, nothing is flown that brings the two nearer.
+/// ones of those who were asked before and the present ones of those who come behind. To stop is always allowed, since
+/// it shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone that
+/// was not told to, nothing is flown that brings the two nearer.
 ///
 /// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
-/// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers: whoever
-/// moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well, whatever its
-/// number, and who found no way tries the next direction.
+/// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers:
+/// whoever moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well,
+/// whatever its number, and who found no way tries the next direction.
 ///
 /// Nobody hovers in another's wash (downwash_watch.hpp): above or below another two may pass, but of two that stay so
 /// the higher number gets beside the lower one, or the one that can.
@@ -68,8 +68,8 @@ class Separation {
  public:
   Separation(const SeparationSettings& settings, double acceleration_mps2) noexcept;
 
-  /// `passed_s` since the last step. `neighbours`: all that have a place, max_drones at most, each in every step as long
-  /// as it has one. The verdicts are in their order, valid until the next step.
+  /// `passed_s` since the last step. `neighbours`: all that have a place, max_drones at most, each in every step as
+  /// long as it has one. The verdicts are in their order, valid until the next step.
   std::span<const Verdict> step(double passed_s, std::span<const Neighbour> neighbours) noexcept;
 
  private:

@@ -24,8 +24,8 @@ namespace ledgerline::link {
 /// spoken to as blind_talk.hpp says. Core: no I/O, no allocation; one thread.
 class TelloSession {
  public:
-  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers. `pads`:
-  /// it is asked to look for mission pads.
+  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers.
+  /// `pads`: it is asked to look for mission pads.
   explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
       : settings_(settings), blind_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
 

@@ -26,8 +26,8 @@ struct TelloState {
   float on_pad_yaw_deg = 0;         ///< the third of mpry
 };
 
-/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range, with
-/// the semicolon behind that ends each field.
+/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range,
+/// with the semicolon behind that ends each field.
 bool parse_state(std::string_view bytes, TelloState& state) noexcept;
 
 /// Without the CR, LF, blanks and zeros that firmwares end an answer with.

@@ -15,10 +15,11 @@ class LocalStopsFile {
   /// `path`: empty: nobody remembers.
   LocalStopsFile(std::string path, std::vector<DroneSettings> drones);
 
-  /// The drones that are stopped: none where there is no file. An error: the file is there, and cannot be read or is not
-  /// whole. Then nobody knows which, and all are.
+  /// The drones that are stopped: none where there is no file. An error: the file is there, and cannot be read or is
+  /// not whole. Then nobody knows which, and all are.
   Result<DroneSet> read();
-  /// Keeps them, with mode 0600; no effect where the file has them already. Names that this link does not fly stay in it.
+  /// Keeps them, with mode 0600; no effect where the file has them already. Names that this link does not fly stay in
+  /// it.
   Status keep(const DroneSet& stopped);
 
  private:

@@ -28,8 +28,8 @@ class ShimTransport final : public Transport {
   std::array<Received, max_received> received_{};
 };
 
-/// The clock that the shim's other end moves. Its system calls are the futex, and after each 0.2 s without a turn a look
-/// at whether the other end lives.
+/// The clock that the shim's other end moves. Its system calls are the futex, and after each 0.2 s without a turn a
+/// look at whether the other end lives.
 class LockstepClock final : public LoopClock {
  public:
   explicit LockstepClock(const drone_shim::Mapping& mapping) noexcept

@@ -18,9 +18,9 @@
 namespace ledgerline::link {
 
 /// The UDP sockets toward all drones. Commands: one for each drone, behind its interface where it has one, connected to
-/// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface, since
-/// drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port, and
-/// through its interface. Whoever is in the drone's network can write both as the sender: it is a fence against
+/// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface,
+/// since drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port,
+/// and through its interface. Whoever is in the drone's network can write both as the sender: it is a fence against
 /// mistakes and mere neighbours.
 class TelloSockets final : public Transport {
  public:
@@ -28,8 +28,8 @@ class TelloSockets final : public Transport {
   /// reaches the others nevertheless; in the second another program flies these drones.
   static Result<TelloSockets> create(const ShellSettings& settings);
 
-  /// `command` and zero sticks to each drone, before the loop: one that still flies by the newest rc of a link that died
-  /// stops, whatever this link waits for or fails in before its loop begins.
+  /// `command` and zero sticks to each drone, before the loop: one that still flies by the newest rc of a link that
+  /// died stops, whatever this link waits for or fails in before its loop begins.
   void send_first_zero() noexcept;
 
   std::span<const Received> receive() noexcept override;

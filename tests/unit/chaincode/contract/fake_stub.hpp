@@ -94,8 +94,8 @@ Message parsed(const std::string& bytes) {
   return message;
 }
 
-/// tello1 and tello2 belong to Org1's host and are granted to Org2, all of it; pilot and rival are operators of Org2, chief
-/// is a supervisor of Org1.
+/// tello1 and tello2 belong to Org1's host and are granted to Org2, all of it; pilot and rival are operators of Org2,
+/// chief is a supervisor of Org1.
 class ContractTest : public ::testing::Test {
  protected:
   ContractTest() {

@@ -2,8 +2,8 @@
 
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
-/// A ledger of the version before, which had no policies of keys and one lease of a holder for all organisations, under the
-/// contract of today.
+/// A ledger of the version before, which had no policies of keys and one lease of a holder for all organisations, under
+/// the contract of today.
 namespace ledgerline::chaincode {
 namespace {
 

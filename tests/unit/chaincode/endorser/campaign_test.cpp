@@ -1,5 +1,5 @@
-// The endorser among kills, lags, forks, upgrades, wrong keys, expired and revoked certificates. Three claims, each counted
-// from the chain and from what a stock peer answers, not from what the endorser says of itself:
+// The endorser among kills, lags, forks, upgrades, wrong keys, expired and revoked certificates. Three claims, each
+// counted from the chain and from what a stock peer answers, not from what the endorser says of itself:
 //   1. no transaction is valid that a stock peer would have refused, or answered otherwise;
 //   2. none is lost that was acknowledged, and each good call ends well;
 //   3. none is invalid for a stale state of the endorser's twice in a row, if the client keeps to its rule.
@@ -24,8 +24,8 @@ using node::Reply;
 constexpr TimeNs step_ns = 33 * ns_per_ms, rest_ns = 200 * ns_per_ms, day_ns = 86'400 * ns_per_s;
 constexpr int steps = 150, drain = 40;
 
-/// One who calls and waits for the end of each call before the next, by the rule of fabric::Pipeline: the endorser is asked
-/// first; where it is not there, or its transaction was invalid, it rests and the peer is asked.
+/// One who calls and waits for the end of each call before the next, by the rule of fabric::Pipeline: the endorser is
+/// asked first; where it is not there, or its transaction was invalid, it rests and the peer is asked.
 struct Client {
   const Member* who = nullptr;
   bool grants = false;  ///< an administrator, whose calls read what they write; else a host with its stream

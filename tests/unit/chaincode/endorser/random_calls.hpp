@@ -26,7 +26,8 @@ inline constexpr Share shares[] = {{Kind::command, 6, "good command"},
                                    {Kind::expired_creator, 2, "expired creator"}};
 const char* name_of(Kind kind);
 
-/// Who takes part, in this order. Random calls name the first four alone, so that what the last two need stays as it is.
+/// Who takes part, in this order. Random calls name the first four alone, so that what the last two need stays as it
+/// is.
 enum Who : std::size_t { host, admin, second_admin, second_operator, steady_holder, steady_host, people_count };
 struct CallOf {
   Who who;
@@ -34,7 +35,8 @@ struct CallOf {
 };
 /// What good calls need: a drone that random ones do not name, flown by the steady holder. Once; all must be taken.
 std::vector<CallOf> steady_calls(const std::vector<crypto::IdentityName>& people);
-/// So that random calls of all kinds can succeed; again and again, since they revoke and evict people. Some may be refused.
+/// So that random calls of all kinds can succeed; again and again, since they revoke and evict people. Some may be
+/// refused.
 std::vector<CallOf> usual_calls(const std::vector<crypto::IdentityName>& people);
 
 /// Those who sign as somebody that they are not, or as nobody; `other` is another member of the same organisation.

@@ -1,5 +1,6 @@
-// Random proposals, with good ones, used ids, wrong and expired creators in fixed shares, asked of the endorser and of a stock
-// peer of the same blocks: 1,000 in every run, 10,000 with LEDGERLINE_LONG=1. tests/system/endorser asks a peer of Fabric.
+// Random proposals, with good ones, used ids, wrong and expired creators in fixed shares, asked of the endorser and of
+// a stock peer of the same blocks: 1,000 in every run, 10,000 with LEDGERLINE_LONG=1. tests/system/endorser asks a peer
+// of Fabric.
 #include <gtest/gtest.h>
 
 #include <map>

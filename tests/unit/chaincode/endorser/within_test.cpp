@@ -93,7 +93,8 @@ class WithinTest : public ::testing::Test {
     return nlohmann::json::parse(node::text_of(summary), nullptr, false);
   }
 
-  // A client that was sent on to the peer at the start rests 0.2 s before it asks its endorser again: far more than it sends in that.
+  // A client that was sent on to the peer at the start rests 0.2 s before it asks its endorser again: far more than it
+  // sends in that.
   static constexpr int count = 500;
   ServedNode served;
 };

@@ -12,8 +12,8 @@
 namespace ledgerline::crypto {
 namespace {
 
-/// An organisation as openssl makes it: a root, an authority below it, a user of that one, all on P-384, signed over SHA-384;
-/// and that authority's revocation lists.
+/// An organisation as openssl makes it: a root, an authority below it, a user of that one, all on P-384, signed over
+/// SHA-384; and that authority's revocation lists.
 class Intermediate : public testing::Test {
  protected:
   void SetUp() override {

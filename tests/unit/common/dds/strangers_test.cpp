@@ -16,8 +16,9 @@
 #include "tests/unit/child.hpp"
 #include "tests/unit/common/dds/domain.hpp"
 
-/// A program of this host and a stranger at the other end of a cable, each of whom knows our address, our domain and our
-/// topic. The program of this host is as ROS 2 since Iron has it: it announces the address of the network interface.
+/// A program of this host and a stranger at the other end of a cable, each of whom knows our address, our domain and
+/// our topic. The program of this host is as ROS 2 since Iron has it: it announces the address of the network
+/// interface.
 namespace ledgerline::dds {
 namespace {
 

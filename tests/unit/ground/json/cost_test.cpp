@@ -29,7 +29,8 @@ namespace {
 
 using testing::HasSubstr;
 
-// A byte costs some dozens; a reader that goes through a list once for each of its values needs thousands at these lengths.
+// A byte costs some dozens; a reader that goes through a list once for each of its values needs thousands at these
+// lengths.
 constexpr std::uint64_t max_steps_a_byte = 200, max_steps_beside = 20'000;
 
 struct Reader {

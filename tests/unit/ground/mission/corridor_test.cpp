@@ -79,8 +79,8 @@ TEST(Corridor, AnUnfinishedSearchFindsNothingAndSaysSo) {
   EXPECT_EQ(visits, 0U);
 }
 
-// By sampling both ways every 50 ms, and as often between them: how near they come by the measure of Apart, as a share of
-// what must be.
+// By sampling both ways every 50 ms, and as often between them: how near they come by the measure of Apart, as a share
+// of what must be.
 double nearest(const Flown& one, const Flown& other, const Apart& apart) {
   constexpr double dt_s = 0.05;
   const auto place = [](const Flown& flown, double t_s) -> Eigen::Vector3d {

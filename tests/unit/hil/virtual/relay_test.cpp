@@ -35,7 +35,8 @@ TEST_P(RelayLies, NothingIsFlownThatNobodySigned) {
   }
 }
 
-// Some of them with sanitizers: what is compared is tested whole in tests/unit/common/belief and tests/unit/onboard/agent.
+// Some of them with sanitizers: what is compared is tested whole in tests/unit/common/belief and
+// tests/unit/onboard/agent.
 INSTANTIATE_TEST_SUITE_P(Each, RelayLies, testing::ValuesIn(some_of(relay_lie_names())), test_name);
 
 TEST(Relay, AnHonestPeersFlightFinishes) {

@@ -5,8 +5,8 @@
 
 #include "tests/unit/hil/virtual/lies.hpp"
 
-/// A drone's peer that lies to its agent about the chain: nothing is flown that nobody signed, a stop lands the drone, and
-/// somebody says so. docs/faults.md.
+/// A drone's peer that lies to its agent about the chain: nothing is flown that nobody signed, a stop lands the drone,
+/// and somebody says so. docs/faults.md.
 namespace ledgerline::hil {
 namespace {
 

@@ -7,8 +7,8 @@
 
 namespace ledgerline::doctor {
 
-/// A program's config once for each channel that it is on, with the keys and the drones of that channel; the file's name
-/// says which, where there are several.
+/// A program's config once for each channel that it is on, with the keys and the drones of that channel; the file's
+/// name says which, where there are several.
 std::vector<ProgramConfig> of_each_channel(const ProgramConfig& one);
 
 /// The client's config of that channel, as the program makes it.

@@ -74,7 +74,8 @@ bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel
 
 void add(Findings& out, Findings more) { out.insert(out.end(), more.begin(), more.end()); }
 
-/// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out` says.
+/// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out`
+/// says.
 std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
                                                   bool embedded, Findings& out) {
   // The newest, where the peer tells it; a change of the times since the anchor counts.

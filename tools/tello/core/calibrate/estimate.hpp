@@ -19,9 +19,9 @@ struct Answering {
   Known lag_s, dead_s;  ///< ... by a first order with dead time (fit.hpp)
 };
 
-/// What a calibration flight shows. Frames are REP 103's: forward, left, up, counter-clockwise. Standard deviations are by
-/// the spread among the blocks of the flight; what is the same in all of them (the scale of a drone's own flow, without
-/// poses) is not in them.
+/// What a calibration flight shows. Frames are REP 103's: forward, left, up, counter-clockwise. Standard deviations are
+/// by the spread among the blocks of the flight; what is the same in all of them (the scale of a drone's own flow,
+/// without poses) is not in them.
 struct Calibration {
   Answering along, up, turning;         ///< forward and left together; up and down; yaw
   std::array<int, 4> rc_signs{};        ///< 1 or -1: rc a, b, c, d against left, forward, up, counter-clockwise

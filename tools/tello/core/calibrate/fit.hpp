@@ -38,8 +38,9 @@ struct Fit {
 };
 
 /// Least squares: gains, biases and first velocities of all stretches are linear once lag and dead time are given,
-/// which are searched for on a grid (dead time to 0.4 s, lag 0.02 to 1 s), a finer one of 10 ms around its best, and then
-/// between its points by a parabola. Nothing where a stretch has too few measurements, or the best is at an edge. Core.
+/// which are searched for on a grid (dead time to 0.4 s, lag 0.02 to 1 s), a finer one of 10 ms around its best, and
+/// then between its points by a parabola. Nothing where a stretch has too few measurements, or the best is at an edge.
+/// Core.
 std::optional<Fit> fit_response(const std::vector<Stretch>& stretches);
 
 /// The gain alone of one axis, which need not be of those that were fitted.

@@ -261,7 +261,8 @@ void CalibrationFlight::fly(TimeNs now, Words& words) {
 }
 
 void CalibrationFlight::land(TimeNs now, Words& words) {
-  // A take-off ignores `land`, while its drone still stands there or is said to be up: what says so early is not believed.
+  // A take-off ignores `land`, while its drone still stands there or is said to be up: what says so early is not
+  // believed.
   if (landing_.down() && now - takeoff_ns_ < rising_ns) {
     if (now - said_ns_ < landing_again_ns) return;
     said_ns_ = now;

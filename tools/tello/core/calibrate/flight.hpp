@@ -15,17 +15,18 @@ struct CalibrationSettings {
   bool poses = false;  ///< a pose source is expected: without a fresh pose it does not take off, and lands
 };
 
-/// Flies one Tello through small steps of rc and records what came of them: one channel at a time, forwards and back, at
-/// two headings a right angle apart, around the place where it took off. The drone's own words are its only senses
+/// Flies one Tello through small steps of rc and records what came of them: one channel at a time, forwards and back,
+/// at two headings a right angle apart, around the place where it took off. The drone's own words are its only senses
 /// where there are no poses.
 ///
 ///     handshake -> (poses) -> takeoff -> hover, strokes, hover, ... -> landing -> over
 ///                                 any of them: what is wrong, or end() -> landing
 ///
 /// Lands when battery < 30 %, tilt > 35 degrees, height outside of 0.25..2.5 m, further than 2 m from where it began
-/// (since the last turn, where there are no poses), no state text or pose for 1 s, an action refused. A stroke ends early
-/// that leads beyond 0.7 m (0.35 m up or down). Landing is repeated until the drone is down (Landing), for 60 s at most:
-/// one that is not heard any more lands by itself 15 s after the last word. Core: no I/O, no clock; one thread.
+/// (since the last turn, where there are no poses), no state text or pose for 1 s, an action refused. A stroke ends
+/// early that leads beyond 0.7 m (0.35 m up or down). Landing is repeated until the drone is down (Landing), for 60 s
+/// at most: one that is not heard any more lands by itself 15 s after the last word. Core: no I/O, no clock; one
+/// thread.
 class CalibrationFlight {
  public:
   explicit CalibrationFlight(const CalibrationSettings& settings) : settings_(settings) {}

@@ -19,8 +19,8 @@ struct HeardPose {
 
 /// Counts what comes of one drone while it stands: state texts, and poses of motion capture; and says of them what a
 /// preflight's list needs. A rate is that of the gaps between the first and the last, so that what came before it was
-/// heard for the first time (a handshake, DDS finding its writer) does not count as silence. Core: no I/O, no clock; one
-/// thread.
+/// heard for the first time (a handshake, DDS finding its writer) does not count as silence. Core: no I/O, no clock;
+/// one thread.
 class Listening {
  public:
   void on_state(TimeNs now, std::string_view bytes);

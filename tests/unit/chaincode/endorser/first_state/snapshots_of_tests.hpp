@@ -22,8 +22,8 @@ struct Namespace {
 };
 /// The files of these states, not sealed yet: in the order of namespaces.
 void put_states(PeerSnapshotFiles& files, const std::vector<Namespace>& namespaces);
-/// All namespaces that a peer would have which is at that end: of the contract, of the lifecycle, the configuration, and
-/// those of contracts that nobody asks for.
+/// All namespaces that a peer would have which is at that end: of the contract, of the lifecycle, the configuration,
+/// and those of contracts that nobody asks for.
 std::vector<Namespace> namespaces_of(const Snapshot& known);
 void put_ids(PeerSnapshotFiles& files, const node::State& contract);
 /// What the snapshot says of itself, with the hashes that the files have now.

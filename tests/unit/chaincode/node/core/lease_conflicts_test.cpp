@@ -7,8 +7,8 @@
 #include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// Leases that change hands while their holder's commands are under way, in the ledger's own check of what was read (MVCC):
-/// from the block on that gives a drone to somebody, nothing that the loser says is valid.
+/// Leases that change hands while their holder's commands are under way, in the ledger's own check of what was read
+/// (MVCC): from the block on that gives a drone to somebody, nothing that the loser says is valid.
 namespace ledgerline::node {
 namespace {
 

@@ -4,7 +4,8 @@
 #include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/core_fixture.hpp"
 
-/// Whose endorsement the committer asks for; what Fabric says to the same is in tests/system/conformance/test_identities.py.
+/// Whose endorsement the committer asks for; what Fabric says to the same is in
+/// tests/system/conformance/test_identities.py.
 namespace ledgerline::node {
 namespace {
 

@@ -166,8 +166,8 @@ TEST_F(DirectTest, ManyCallsAtOnceAreOrderedAsTheyWereSubmitted) {
   }
 }
 
-/// Agent and ground have a client for each class of traffic: what is urgent must not wait behind states or commands, and the
-/// orderer must not have to hold more streams than that.
+/// Agent and ground have a client for each class of traffic: what is urgent must not wait behind states or commands,
+/// and the orderer must not have to hold more streams than that.
 TEST_F(DirectTest, EachClassOfTrafficHasOneStreamToTheOrderer) {
   const CountingOrderer orderer(served);
   const auto states = connect({orderer.endpoint()}), urgent = connect({orderer.endpoint()});

@@ -56,7 +56,8 @@ struct Kind {
   std::string name;
   std::function<void(Draft&)> bend;
   bool again = false;
-  /// Fabric's peers of 2.5.0 wait for ever, or end, where one behind it in its block writes: so it has a block of its own.
+  /// Fabric's peers of 2.5.0 wait for ever, or end, where one behind it in its block writes: so it has a block of its
+  /// own.
   bool alone = false;
 };
 /// `state`: of the moment when a draft is bent.

@@ -8,7 +8,8 @@
 #include "tests/unit/common/fabric/judge/drafts.hpp"
 #include "tests/unit/common/fabric/judge/signed_chain.hpp"
 
-/// A channel of three organisations that is followed from its first block on, for tests of those who judge its transactions.
+/// A channel of three organisations that is followed from its first block on, for tests of those who judge its
+/// transactions.
 namespace ledgerline::fabric {
 
 class JudgedChannel {

@@ -58,8 +58,8 @@ class Watch : public testing::Test {
         },
         milliseconds(10));
   }
-  /// Its weight, once something with these words is told, or that a renewal was taken; without a limit of its own: ctest
-  /// has one. On a slow disk a look may fall between two files, and that is told before.
+  /// Its weight, once something with these words is told, or that a renewal was taken; without a limit of its own:
+  /// ctest has one. On a slow disk a look may fall between two files, and that is told before.
   Weight await(const std::string& words) {
     std::unique_lock lock(mutex_);
     for (;; ++heard_) {

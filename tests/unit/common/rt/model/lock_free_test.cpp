@@ -29,9 +29,9 @@
 #undef memory_order_release
 #undef memory_order_seq_cst
 
-/// The two lock-free structures under Relacy, a checker of C++'s memory model: it runs the threads of a test in thousands
-/// of interleavings, lets each load return whatever the model permits, and finds data races. The headers are the
-/// product's own, read into a namespace in which `std::atomic` is the checker's.
+/// The two lock-free structures under Relacy, a checker of C++'s memory model: it runs the threads of a test in
+/// thousands of interleavings, lets each load return whatever the model permits, and finds data races. The headers are
+/// the product's own, read into a namespace in which `std::atomic` is the checker's.
 namespace model {
 namespace std {
 

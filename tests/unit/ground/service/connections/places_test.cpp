@@ -52,8 +52,8 @@ TEST(Places, AHostOfIpv6IsOneAddressWhicheverOfItsOwnItUses) {
   EXPECT_EQ(address_of("fe80::1%eth0"), address_of("fe80::2"));
 }
 
-/// One stranger among those that a client makes who connects `per_s` times a second, for `for_ms`; how often it is still
-/// there of so many tries.
+/// One stranger among those that a client makes who connects `per_s` times a second, for `for_ms`; how often it is
+/// still there of so many tries.
 int stays(int per_s, int for_ms, bool same_address, int tries) {
   std::mt19937_64 random(1);
   int stayed = 0;

@@ -11,7 +11,8 @@ namespace {
 
 using testing::HasSubstr;
 
-// Every kind, every choice of its words, every mode: it acts, or it is refused by name. Nothing is taken and then not done.
+// Every kind, every choice of its words, every mode: it acts, or it is refused by name. Nothing is taken and then not
+// done.
 
 std::string script_of(const std::string& fault, bool momentary) {
   return "title = \"t\"\n[flight]\npads = \"1:0:0\"\nblocks = \"ordered\"\n[[fault]]\nwhat = \"" + fault + "\"\n" +

@@ -362,8 +362,8 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   for (const auto& [doubt, own_senses] : {std::pair(OnDoubt::ignore, false), std::pair(OnDoubt::ignore, true),
                                           std::pair(OnDoubt::hold, false), std::pair(OnDoubt::land, false)}) {
     Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt, own_senses);
-    // What a sanitizer looks for shows in the first million steps, or not at all. Under an emulator, too, all steps take ten
-    // times as long; its first ones show whether this compiler's code finds the states that another's does.
+    // What a sanitizer looks for shows in the first million steps, or not at all. Under an emulator, too, all steps
+    // take ten times as long; its first ones show whether this compiler's code finds the states that another's does.
     if (slow || (emulated && !whole)) {
       search.run(slow ? 1'000'000 : 5'000'000);
       EXPECT_GT(search.states(), slow ? 10'000U : 30'000U) << "the search did not get anywhere";

@@ -1,5 +1,5 @@
-// A loop that breaks one rule in each turn, for the test of the watch: loop_offender RULE [polls]. With the second word it
-// waits as agent's main loop does, else as link's.
+// A loop that breaks one rule in each turn, for the test of the watch: loop_offender RULE [polls]. With the second word
+// it waits as agent's main loop does, else as link's.
 #include <poll.h>
 #include <pthread.h>
 #include <sys/socket.h>

@@ -8,9 +8,9 @@
 //
 // With LOOP_WATCH_SHIM=1, for link's loop over the shim, the clock and the sleep alone are allowed.
 //
-// With LOOP_WATCH_LOCKS=PROGRAM it watches that program's main thread instead, from the first time that it waits for two
-// descriptors, as agent's main loop does, and for locks and conditions alone. Each caller is an offence of its own, told
-// as the file that has it and the place in that file, so that a program's own locks are told from its libraries'.
+// With LOOP_WATCH_LOCKS=PROGRAM it watches that program's main thread instead, from the first time that it waits for
+// two descriptors, as agent's main loop does, and for locks and conditions alone. Each caller is an offence of its own,
+// told as the file that has it and the place in that file, so that a program's own locks are told from its libraries'.
 #include <dlfcn.h>
 #include <execinfo.h>
 #include <linux/filter.h>

@@ -15,11 +15,11 @@
 #include "tests/unit/child.hpp"
 #include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
-/// The real ledgerline-link flies the real ledgerline-sim, over UDP, or ledgerline-hil's drones through the shim, if that
-/// is the second program; this test stands in for agent. Runs in a namespace of its
-/// own (in_namespace.sh); arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that
-/// link's loop allocates, locks and throws nothing and makes no system call but the allowed ones. Made-up poses
-/// are enough to fly, since nothing here steers by position.
+/// The real ledgerline-link flies the real ledgerline-sim, over UDP, or ledgerline-hil's drones through the shim, if
+/// that is the second program; this test stands in for agent. Runs in a namespace of its own (in_namespace.sh);
+/// arguments: roudi, sim, link, and but with sanitizers loop_watch, which proves meanwhile that link's loop allocates,
+/// locks and throws nothing and makes no system call but the allowed ones. Made-up poses are enough to fly, since
+/// nothing here steers by position.
 namespace ledgerline::ipc {
 namespace {
 

@@ -7,8 +7,8 @@
 #include "common/rt/clock.hpp"
 #include "onboard/ipc/ipc.hpp"
 
-/// For tests of the real ledgerline-link that stand in for agent. The poses are made up: 3 m apart, so that nobody is in
-/// another's way, and each stands still.
+/// For tests of the real ledgerline-link that stand in for agent. The poses are made up: 3 m apart, so that nobody is
+/// in another's way, and each stands still.
 namespace ledgerline::ipc {
 
 inline void beat_and_pose(AgentEnd& agent, AgentBeat beat, DroneNumber drones) {

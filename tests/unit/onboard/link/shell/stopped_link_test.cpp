@@ -16,8 +16,8 @@
 
 #include "onboard/shim/drones_end.hpp"
 
-/// The real ledgerline-link is asked to end, whatever has become of who reads its output. In lockstep: this test moves its
-/// clock, and stands in for a drone that says nothing, which link tells to land all the same. Argument: link.
+/// The real ledgerline-link is asked to end, whatever has become of who reads its output. In lockstep: this test moves
+/// its clock, and stands in for a drone that says nothing, which link tells to land all the same. Argument: link.
 namespace ledgerline::link {
 namespace {
 

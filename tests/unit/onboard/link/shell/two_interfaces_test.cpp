@@ -14,10 +14,10 @@
 #include "tests/unit/child.hpp"
 #include "tests/unit/onboard/link/shell/stand_in_agent.hpp"
 
-/// Two plain Tellos, as they come out of the box: each with a Wi-Fi of its own, and both at 192.168.10.1. One link flies
-/// both, each behind its interface; a third drone is not the one that the config means. Runs in a namespace of its own
-/// (in_namespace.sh); arguments: roudi, sim, link. The drones are in network namespaces behind veth pairs, which are
-/// the adapters wlan1 to wlan3 here. Poses are made up.
+/// Two plain Tellos, as they come out of the box: each with a Wi-Fi of its own, and both at 192.168.10.1. One link
+/// flies both, each behind its interface; a third drone is not the one that the config means. Runs in a namespace of
+/// its own (in_namespace.sh); arguments: roudi, sim, link. The drones are in network namespaces behind veth pairs,
+/// which are the adapters wlan1 to wlan3 here. Poses are made up.
 namespace ledgerline::ipc {
 namespace {
 

@@ -16,9 +16,9 @@ struct Truth {
   double full_mps = 0, lag_s = 0, dead_s = 0;
 };
 
-/// What this drone really does, without wind, noise or a way to it, seen at 100 Hz by nobody but sim: rc that changes its
-/// sign each two seconds, and the first order with dead time that is nearest to its velocity, by another code than that
-/// under test: Euler steps, and all of a grid.
+/// What this drone really does, without wind, noise or a way to it, seen at 100 Hz by nobody but sim: rc that changes
+/// its sign each two seconds, and the first order with dead time that is nearest to its velocity, by another code than
+/// that under test: Euler steps, and all of a grid.
 Truth truth_of(const Drone& drone) {
   sim::Parameters p = drone.parameters;
   p.wind.gust_mps = 0;
