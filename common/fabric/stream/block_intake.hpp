@@ -24,11 +24,10 @@ namespace ledgerline::fabric {
 /// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
 /// from whoever tells it first:
 ///
-///      orderer tells N ──▶ states and commands alone, each valid for certain? ──yes──▶ taken ──▶ peer tells N: the
-///      same? ──yes──▶ confirmed
-///                                  │ no                                                               │ no
-///                                  ▼                                                                  ▼
-///                          waits for the peer's N                              contradiction: nothing more is taken
+///      orderer's N ──▶ only states and commands, all valid? ──yes──▶ taken ──▶ peer's N: the same? ──yes──▶ confirmed
+///                                  │ no                                              │ no
+///                                  ▼                                                 ▼
+///                          waits for the peer's N                     contradiction: nothing more is taken
 ///
 /// Pure but for the registries' caches; one thread. The same blocks give the same results.
 class BlockIntake {

@@ -14,8 +14,8 @@ namespace ledgerline::fabric {
 /// Which changes of a stream's connection are worth a line in the log. A ledger that refuses a stream ends each
 /// connection just behind its begin, once a second, for as long as the cause lasts. Pure; one thread.
 ///
-///     lost: told ──▶ for the same reason again within the rest: counted ──▶ behind it: told, with the count; the rest
-///     doubles connected: told where the loss before it was, and at first
+///     lost: logged ──▶ for the same reason within the rest: counted ──▶ behind it: logged with the count, rest doubles
+///     connected: logged where the loss before it was, and at first
 class ConnectionWords {
  public:
   /// Halved, a stream that is refused for an hour makes twice as many lines; doubled, a person waits longer for the

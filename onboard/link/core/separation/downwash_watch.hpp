@@ -6,8 +6,7 @@ namespace ledgerline::link {
 /// Notices that a drone hovers above or below another, where the upper one's wash pushes the lower one down. Height
 /// alone keeps two drones from touching, but nobody may stay so. One for each drone.
 ///
-///   none ──stacked and still for max_hover_s──▶ leave ──beside the other──▶ stay_out ──stay_out_s, or nobody there──▶
-///   none
+///   none ──stacked and still for max_hover_s──▶ leave ──beside the other──▶ stay_out ──stay_out_s, or alone──▶ none
 ///
 /// Pure state: time comes in with each step; one thread.
 class DownwashWatch {

@@ -7,8 +7,7 @@ namespace ledgerline::link {
 /// A landing of a flying drone that is asked for, by its holder or by the failsafe, and not begun yet because another
 /// drone is below it (docs/failsafe.md, FS-64).
 ///
-///   none ──ask()──▶ asked ──nobody below, or waits() says false──▶ the session lands it ──another phase: reset()──▶
-///   none
+///   none ──ask()──▶ asked ──nobody below, or !waits()──▶ the session lands it ──another phase: reset()──▶ none
 ///
 /// The first request starts the time; repeating it, or another reason to land, does not start it again. One thread.
 class LandingWait {
