@@ -106,18 +106,32 @@ void ask(const fabric::ClientConfig& config, TimeNs end_ns, int askers, Counts& 
   }
 }
 
+void enroll(const std::string& file, const std::string& msp_id, int identities, Counts& counts) {
+  const auto client = connect(file);
+  for (int i = 0; i < identities; ++i) {
+    EnrollCall call;
+    call.set_role(AUDITOR);
+    call.mutable_identity()->set_msp_id(msp_id);
+    call.mutable_identity()->set_subject("CN=s" + std::to_string(i));
+    ++counts.sent;
+    const auto outcome = client->submit_and_wait({"enroll", {call.SerializeAsString()}});
+    ++(outcome.kind == fabric::Outcome::Kind::committed ? counts.answered : counts.refused);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"Floods a ledger"};
   std::string file, what;
   double seconds = 20, per_s = 350;
-  int askers = 4;
+  int askers = 4, identities = 10'050;
   app.add_option("--config", file, "TOML file with [ledger]")->required();
-  app.add_option("what", what)->required()->check(CLI::IsMember({"urgent", "askers"}));
+  app.add_option("what", what)->required()->check(CLI::IsMember({"urgent", "askers", "roles"}));
   app.add_option("--seconds", seconds);
   app.add_option("--per-second", per_s, "Of urgent envelopes");
   app.add_option("--askers", askers);
+  app.add_option("--identities", identities, "Of roles");
   CLI11_PARSE(app, argc, argv);
   const fabric::ClientConfig config = ledger_of(file);
   if (what == "askers") write_keys(file, config.identity.name.msp_id);
@@ -127,8 +141,10 @@ int main(int argc, char** argv) {
   const TimeNs end_ns = monotonic_ns() + from_seconds(seconds);
   if (what == "urgent") {
     send_urgent(config, end_ns, per_s, counts);
-  } else {
+  } else if (what == "askers") {
     ask(config, end_ns, askers, counts);
+  } else {
+    enroll(file, config.identity.name.msp_id, identities, counts);
   }
   const nlohmann::json told{
       {"sent", counts.sent.load()}, {"answered", counts.answered.load()}, {"refused", counts.refused.load()}};
