@@ -57,9 +57,10 @@ struct StrangerNow {
   bool has_ended_handshake = false;  ///< TLS's; of one without TLS: false until its head is read
 };
 
-/// At so many strangers the next one displaces one of them. At 1,000 new connections a second each then has an eighth
-/// of a second at least: three round trips of 40 ms, which TLS and a request take. Each costs a descriptor and some kB.
-inline constexpr std::size_t max_strangers = 256;
+/// At so many strangers the next one displaces one of them. At 1,000 new connections a second each then has a fifth of
+/// a second at least: a round trip of who is 50 ms away, which TLS takes before a request, and what comes in a burst.
+/// With 256 one such request in a hundred was displaced. Each costs a descriptor and some kB.
+inline constexpr std::size_t max_strangers = 384;
 
 /// Index of whom a new stranger displaces; `all`: oldest first, not empty. Of those whose handshake has not ended, if
 /// there are any, and of the addresses that have most of them, the one drawn by `random` from the older half: an
