@@ -1,12 +1,16 @@
 #pragma once
+#include <algorithm>
+#include <chrono>
 #include <cstdio>
 #include <cstdlib>
 #include <memory>
 #include <string>
+#include <thread>
 
 #include "common/belief/client.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/sending/repeat.hpp"
 
 namespace ledgerline {
 
@@ -27,6 +31,21 @@ inline fabric::ClientConfig ledger_of(const std::string& path) {
 /// A client of the contract, of a config file with [ledger].
 inline std::unique_ptr<fabric::Client> connect(const std::string& path) {
   return or_end(path, fabric::Client::create(belief::for_contract(ledger_of(path))));
+}
+
+/// How often the call was made until it was on the ledger; 0: it was refused or given up.
+inline int submit_until_committed(fabric::Client& client, const fabric::Call& call) {
+  fabric::Repeat repeat({}, 1, monotonic_ns());
+  while (true) {
+    const fabric::Outcome outcome = client.submit_and_wait(call);
+    const auto next = repeat.ended(monotonic_ns(), outcome);
+    if (next == fabric::Repeat::Next::on_ledger) return repeat.attempts();
+    if (next != fabric::Repeat::Next::again) {
+      std::fprintf(stderr, "%s: %s\n", call.function.c_str(), outcome.message.c_str());
+      return 0;
+    }
+    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<TimeNs>(0, repeat.at_ns() - monotonic_ns())));
+  }
 }
 
 }  // namespace ledgerline

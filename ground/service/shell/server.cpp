@@ -146,6 +146,8 @@ class BeastServer final : public Server {
         return;
       }
       hub_.make_room();
+      // A state is several writes: none waits until the other side has acknowledged the one before.
+      socket.set_option(tcp::no_delay(true), error);
       web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);
       serve_http(std::move(wire), hub_, answers_, *guard_);
       accept();

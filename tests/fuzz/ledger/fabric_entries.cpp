@@ -82,7 +82,7 @@ std::unique_ptr<Entry> prepared() {
   const auto other =
       make_proposal(client, {}, {"set", {"another"}}, 1'700'000'000 * ns_per_s, std::string(24, 'n')).value();
   return std::make_unique<Function>(
-      std::vector<std::string>{endorse(proposal.signed_proposal, peer, "answer", "set", "event").SerializeAsString()},
+      std::vector<std::string>{endorse(proposal.signed_proposal, {peer}, "answer", "set", "event").SerializeAsString()},
       [=](std::string_view bytes) {
         // The same bytes can belong to one of the two only.
         const auto mine = check_prepared(proposal, bytes);

@@ -1,6 +1,7 @@
-// Floods the embedded ledger as a member without a role for so long; what it did is a line of JSON at the end.
+// Floods the embedded ledger for so long; what it did is a line of JSON at the end. As a member without a role
 // `urgent`: envelopes a second that call themselves stops and that nobody has endorsed. `askers`: so many at once ask
-// for all of 21,000 keys, written before, as a peer is asked for an endorsement.
+// for all of 21,000 keys, written before, as a peer is asked for an endorsement. As an administrator `roles`: enrols so
+// many identities of its organisation, however long it takes.
 #include <grpcpp/create_channel.h>
 #include <grpcpp/security/credentials.h>
 
@@ -14,14 +15,13 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/clock.hpp"
 #include "gateway/gateway.pb.h"
 #include "ledgerline.pb.h"
-#include "peer/transaction.pb.h"
 #include "tests/system/connect.hpp"
 #include "tests/unit/chaincode/node/server/raw_call.hpp"
+#include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
 using namespace ledgerline;
 
@@ -41,32 +41,7 @@ std::shared_ptr<grpc::Channel> connect_to(const fabric::ClientConfig& config) {
 std::string unendorsed_stop(const fabric::ClientConfig& config) {
   const auto made = fabric::make_proposal(config.identity, config.where, {"stop", {"tello1"}}, realtime_ns(),
                                           crypto::random_bytes(24));
-  protos::SignedProposal signed_proposal;
-  protos::Proposal proposal;
-  common::Header header;
-  protos::ChaincodeProposalPayload asked;
-  signed_proposal.ParseFromString(made->signed_proposal);
-  proposal.ParseFromString(signed_proposal.proposal_bytes());
-  header.ParseFromString(proposal.header());
-  asked.ParseFromString(proposal.payload());
-  asked.clear_transientmap();
-  protos::ProposalResponsePayload response;
-  response.set_proposal_hash(
-      fabric::proposal_hash(header.channel_header(), header.signature_header(), asked.SerializeAsString()));
-  protos::ChaincodeAction result;
-  result.mutable_chaincode_id()->set_name(config.where.contract);
-  response.set_extension(result.SerializeAsString());
-  protos::ChaincodeActionPayload action;
-  action.set_chaincode_proposal_payload(asked.SerializeAsString());
-  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
-  protos::Transaction transaction;
-  transaction.add_actions()->set_header(header.signature_header());
-  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  common::Payload payload;
-  *payload.mutable_header() = header;
-  payload.set_data(transaction.SerializeAsString());
-  common::Envelope envelope;
-  envelope.set_payload(payload.SerializeAsString());
+  const common::Envelope envelope = fabric::endorse(made->signed_proposal, {}, "", "", "");
   gateway::SubmitRequest request;
   request.set_transaction_id(made->tx_id);
   request.set_channel_id(config.where.channel);
@@ -131,18 +106,32 @@ void ask(const fabric::ClientConfig& config, TimeNs end_ns, int askers, Counts& 
   }
 }
 
+void enroll(const std::string& file, const std::string& msp_id, int identities, Counts& counts) {
+  const auto client = connect(file);
+  for (int i = 0; i < identities; ++i) {
+    EnrollCall call;
+    call.set_role(AUDITOR);
+    call.mutable_identity()->set_msp_id(msp_id);
+    call.mutable_identity()->set_subject("CN=s" + std::to_string(i));
+    ++counts.sent;
+    const auto outcome = client->submit_and_wait({"enroll", {call.SerializeAsString()}});
+    ++(outcome.kind == fabric::Outcome::Kind::committed ? counts.answered : counts.refused);
+  }
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"Floods a ledger"};
   std::string file, what;
   double seconds = 20, per_s = 350;
-  int askers = 4;
+  int askers = 4, identities = 10'050;
   app.add_option("--config", file, "TOML file with [ledger]")->required();
-  app.add_option("what", what)->required()->check(CLI::IsMember({"urgent", "askers"}));
+  app.add_option("what", what)->required()->check(CLI::IsMember({"urgent", "askers", "roles"}));
   app.add_option("--seconds", seconds);
   app.add_option("--per-second", per_s, "Of urgent envelopes");
   app.add_option("--askers", askers);
+  app.add_option("--identities", identities, "Of roles");
   CLI11_PARSE(app, argc, argv);
   const fabric::ClientConfig config = ledger_of(file);
   if (what == "askers") write_keys(file, config.identity.name.msp_id);
@@ -152,8 +141,10 @@ int main(int argc, char** argv) {
   const TimeNs end_ns = monotonic_ns() + from_seconds(seconds);
   if (what == "urgent") {
     send_urgent(config, end_ns, per_s, counts);
-  } else {
+  } else if (what == "askers") {
     ask(config, end_ns, askers, counts);
+  } else {
+    enroll(file, config.identity.name.msp_id, identities, counts);
   }
   const nlohmann::json told{
       {"sent", counts.sent.load()}, {"answered", counts.answered.load()}, {"refused", counts.refused.load()}};

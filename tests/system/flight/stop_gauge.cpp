@@ -25,10 +25,7 @@ int main(int argc, char** argv) {
   DronesCall call;
   call.add_drones(drone);
   const auto submit = [&](const char* function) {
-    const auto outcome = client->submit_and_wait({function, {call.SerializeAsString()}});
-    const bool committed = outcome.kind == fabric::Outcome::Kind::committed;
-    if (!committed) std::fprintf(stderr, "%s: %s\n", function, outcome.message.c_str());
-    return committed;
+    return submit_until_committed(*client, {function, {call.SerializeAsString()}}) > 0;
   };
   nlohmann::json stops = nlohmann::json::array();
   int failed = 0;

@@ -2,37 +2,17 @@
 // is named, fights them: it acquires all drones anew as fast as the ledger lets it. Prints as JSON when
 // (CLOCK_MONOTONIC) each stop was submitted, and how often it was said.
 #include <CLI/CLI.hpp>
-#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdio>
 #include <thread>
 
 #include "common/base/random.hpp"
-#include "common/fabric/sending/repeat.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 #include "tests/system/connect.hpp"
 
 using namespace ledgerline;
-
-namespace {
-
-/// How often it was said until it was on the ledger; 0: it was refused or given up.
-int stop(fabric::Client& client, const std::string& drone) {
-  DronesCall call;
-  call.add_drones(drone);
-  fabric::Repeat repeat({}, 1, monotonic_ns());
-  while (true) {
-    const fabric::Outcome outcome = client.submit_and_wait({"stop", {call.SerializeAsString()}});
-    const auto next = repeat.ended(monotonic_ns(), outcome);
-    if (next == fabric::Repeat::Next::on_ledger) return repeat.attempts();
-    if (next != fabric::Repeat::Next::again) return std::fprintf(stderr, "stop: %s\n", outcome.message.c_str()), 0;
-    std::this_thread::sleep_for(std::chrono::nanoseconds(std::max<TimeNs>(0, repeat.at_ns() - monotonic_ns())));
-  }
-}
-
-}  // namespace
 
 int main(int argc, char** argv) {
   CLI::App app{"Stops drones one after the other"};
@@ -69,7 +49,9 @@ int main(int argc, char** argv) {
     const double wait_s = gap_s * (0.5 + static_cast<double>(random.next() % 1000) / 1000);
     std::this_thread::sleep_for(std::chrono::duration<double>(wait_s));
     const TimeNs submitted_ns = monotonic_ns();
-    const int attempts = stop(*clients[i % clients.size()], drones[i]);
+    DronesCall call;
+    call.add_drones(drones[i]);
+    const int attempts = submit_until_committed(*clients[i % clients.size()], {"stop", {call.SerializeAsString()}});
     char line[160];
     std::snprintf(line, sizeof line, R"(%s{"drone": "%s", "submitted_ns": %lld, "attempts": %d})", i == 0 ? "" : ", ",
                   drones[i].c_str(), static_cast<long long>(submitted_ns), attempts);

@@ -1,79 +1,193 @@
-"""A stop beside each flood of the embedded ledger, while four drones fly: how long it takes, and whether a drone ever held.
-
-The figures are ratios to the quiet time of the same flight, since the machine's own speed is nobody's. A flood of the page would be
-one more entry of FLOODS: a command that prints a line of JSON when it begins and one when it ends."""
+"""A stop beside each flood, of the embedded ledger or of ground's page, while four drones fly: how long it takes,
+whichever way it is said, and whether a drone ever held. The figures are held against the quiet time of the same flight,
+since the machine's own speed is nobody's."""
+import http.client
 import json
 import os
+import pathlib
+import signal
+import socket
 import subprocess
+import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
-from flights import (BIN, FLYING, HOLD, as_user, assert_nothing_left, enroll_operator, fly, no_flight_outlives_its_test, printed, result,
-                     wait_for_flight)
+from flights import (BIN, FLYING, NONE, as_user, assert_nothing_left, enroll_operator, fly, no_flight_outlives_its_test,
+                     printed)
+from page_flood import AWAY_S
+from station import Station, take_off
+from test_operators import Signed, holder, sign_in
+from test_tls import SecureStation, begin_anew, make
 from trace_file import TraceKind, records
+from websockets.sync.client import ClientConnection
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-DRONES = 4
-SECONDS = 20       # of each flood, and of the quiet time before it
+FLYERS = [f"tello{k}" for k in range(1, 5)]
+# What is stopped, and does not fly: one of the page's, and one that is only enrolled, as all of tello1 to tello16 are.
+OF_THE_PAGE, OF_THE_LEDGER = "tello5", "tello9"
+SECONDS = 40       # of each flood, and of the quiet time before it: more than a hundred stops each way
 MARGIN_MS = 100    # that a stop may take beyond the quiet two-way's p99
-ON_THE_GROUND = "tello9"  # enrolled as all of tello1 to tello16, and not among those that fly
 
-FLOODS = {
-    "urgent": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "urgent", "--seconds", str(SECONDS)],
-    "more_than_it_can": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "urgent", "--per-second", "2000",
-                                     "--seconds", str(SECONDS)],
-    "askers": lambda run: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), "askers", "--seconds", str(SECONDS)],
-}
-# More requests than two cores answer: it flies to its end, and each stop is on the ledger, but how soon is the machine's.
+
+def of_ledger(*words):
+    return lambda run, station: [BIN / "test_flood", "--config", as_user(run, 3, "User2"), *words]
+
+
+def of_page(what: str):
+    program = pathlib.Path(__file__).with_name("page_flood.py")
+    return lambda run, station: [sys.executable, program, what, "--url", station.url, "--token", station.token]
+
+
+FLOODS = {"urgent": of_ledger("urgent"), "more_than_it_can": of_ledger("urgent", "--per-second", "2000"),
+          "askers": of_ledger("askers"), "streams": of_page("streams"), "connections": of_page("connections"),
+          "connections_tls": of_page("connections"), "bodies": of_page("bodies")}
+# More requests than two cores answer: it flies to its end, each stop is on the ledger, and how soon is the machine's.
 BEYOND_THE_BAR = {"more_than_it_can"}
+# That was sent, so that it was a flood.
+LEAST = {"streams": 70, "connections": 900 * SECONDS, "connections_tls": 900 * SECONDS}
 
 
-def quantile(values: list[float], share: float) -> float:
-    return sorted(values)[min(len(values) - 1, int(share * len(values)))]
+def figures(values: list[float]) -> dict:
+    ordered = sorted(values)
+    at = lambda share: round(ordered[min(len(ordered) - 1, int(share * len(ordered)))], 1)
+    return {"p50": at(0.5), "p99": at(0.99), "count": len(ordered)}
 
 
-def gauge(config) -> dict:
-    done = subprocess.run([BIN / "test_stop_gauge", "--config", config, "--drone", ON_THE_GROUND, "--seconds", str(SECONDS - 2)],
-                          stdout=subprocess.PIPE, text=True, check=True, timeout=SECONDS + 60)
-    return json.loads(done.stdout)
+class Page:
+    """An open page, at which nobody has signed in, and alice's, who lifts what it stops."""
+
+    def __init__(self, station: Station, alice: Signed, stream: ClientConnection) -> None:
+        self.station, self.alice, self.stream = station, alice, stream
+        for _ in range(2):  # the first one may be half a second old: nobody looked on
+            assert self.shows(False, 60)
+
+    def shows(self, is_stopped: bool, within_s: float) -> bool:
+        """Whether a state says so."""
+        until = time.monotonic() + within_s
+        while time.monotonic() < until:
+            message = json.loads(self.stream.recv(timeout=60))
+            if message["op"] != "state":
+                continue
+            if is_stopped == any(drone["name"] == OF_THE_PAGE and drone["stopped_by"] for drone in message["drones"]):
+                return True
+        return False
+
+    def say_by_stream(self) -> int:
+        said_ns = time.monotonic_ns()
+        self.stream.send(json.dumps({"op": "stop", "drone": OF_THE_PAGE}))
+        return said_ns
+
+    def say_by_request(self) -> int:
+        """On a connection of its own, as from 50 ms away; without the network's own time."""
+        said_ns = time.monotonic_ns() + int(AWAY_S * 1e9)
+        host, port = self.station.place.split(":")
+        wire = http.client.HTTPConnection(self.station.place)
+        wire.sock = socket.create_connection((host, int(port)), timeout=60)
+        time.sleep(AWAY_S)
+        if self.station.context:
+            wire.sock = self.station.context.wrap_socket(wire.sock, server_hostname=host)
+        wire.request("POST", f"/api/v1/drones/{OF_THE_PAGE}/stop",
+                     headers={"Authorization": f"Bearer {self.station.token}"})
+        assert wire.getresponse().status == 202
+        wire.close()
+        return said_ns
+
+    def lift(self) -> None:
+        """Which ground, other than a stop, does not say again where the ledger had no room for it."""
+        self.alice.say(f"drones/{OF_THE_PAGE}/lift")
+        while not self.shows(False, 2):
+            self.alice.say(f"drones/{OF_THE_PAGE}/lift")
+
+    def gauge(self, seconds: float) -> dict[str, list[float]]:
+        """How long a stop takes until the page shows it, each way by turns; each is lifted."""
+        took = {"stream": [], "request": []}
+        until = time.monotonic() + seconds
+        while time.monotonic() < until:
+            for way, say in (("stream", self.say_by_stream), ("request", self.say_by_request)):
+                said_ns = say()
+                assert self.shows(True, 60)
+                took[way].append((time.monotonic_ns() - said_ns) / 1e6)
+                self.lift()
+                time.sleep(0.03)
+        return took
 
 
-def figures(ms: list[float]) -> dict:
-    return {"p50": round(quantile(ms, 0.5), 1), "p99": round(quantile(ms, 0.99), 1), "count": len(ms)}
+def gauge_ledger(config: pathlib.Path, seconds: float) -> list[float]:
+    command = [BIN / "test_stop_gauge", "--config", config, "--drone", OF_THE_LEDGER, "--seconds", str(seconds)]
+    done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=seconds + 60)
+    told = json.loads(done.stdout)
+    assert told["failed"] == 0
+    return [stop["ms"] for stop in told["stops"]]
+
+
+class Window:
+    """Some seconds of the flight, in which drones that stand are stopped every way there is."""
+
+    def __init__(self, stopper: pathlib.Path, page: Page) -> None:
+        self.begin_ns = time.monotonic_ns()
+        with ThreadPoolExecutor() as beside:
+            by_command = beside.submit(gauge_ledger, stopper, SECONDS - 2)
+            by_page = page.gauge(SECONDS - 2)
+            took = {"ledger": by_command.result(), **by_page}
+        self.end_ns = time.monotonic_ns()
+        self.stop_ms = {way: figures(ms) for way, ms in took.items()}
+
+    def of(self, trace: pathlib.Path, kind: TraceKind) -> list:
+        return [r for r in records(trace) if r.kind == kind and self.begin_ns <= r.t_ns <= self.end_ns]
+
+    def two_way_ms(self, run: pathlib.Path) -> dict:
+        return figures([(r.t_ns - r.stamp_ns) / 1e6 for r in self.of(run / "agent.trace", TraceKind.COMMAND_VERIFIED)])
+
+    def holds(self, run: pathlib.Path) -> int:
+        return sum(r.extra != NONE and r.id == FLYING for r in self.of(run / "link.trace", TraceKind.MODE))
+
+
+def with_tls(out: pathlib.Path, station: Station) -> SecureStation:
+    made = make(out / "made", "IP:127.0.0.1")
+    listen = f'listen = "{station.place}"\n'
+    table = f'{listen}tls_certificate = "{made}/page.pem"\ntls_key = "{made}/page.key"\n'
+    begin_anew(out, lambda text: text.replace(listen, table))
+    return SecureStation(out, made)
 
 
 @pytest.mark.skipif(not LONG, reason="runs with ./run-tests --long: flights of a minute")
 @pytest.mark.parametrize("flood", FLOODS)
 def test_a_stop_beside_a_flood_is_as_soon_as_a_command_and_nobody_holds(tmp_path, flood):
-    flight = fly(tmp_path, "--drones", str(DRONES), "--seconds", str(2 * SECONDS + 40))
-    wait_for_flight(tmp_path, flight)
-    run = tmp_path / "run"
+    flight = fly(tmp_path, "--drones", "5", "--shape", "manual", "--watch", "--operators", "alice")
+    station, run = Station(tmp_path, flight), tmp_path / "run"
+    if flood == "connections_tls":
+        station = with_tls(tmp_path, station)
+    alice = sign_in(station, tmp_path, "alice")
+    for name in FLYERS:
+        alice.say(f"drones/{name}/acquire")
+        station.wait(name, holder("alice"))
+        take_off(alice, name)
+        x, y, _ = station.drone(name)["position"]
+        corners = [{"x": round(x + dx, 3), "y": round(y + dy, 3)} for dx, dy in ((1, 0), (1, 1), (0, 1), (0, 0))]
+        alice.say(f"drones/{name}/path", {"waypoints": corners * 50})
+        station.wait(name, lambda drone: drone["phase"] == "path")
     stopper = enroll_operator(run, 1, "User2")
-    quiet_ns, quiet = time.monotonic_ns(), gauge(stopper)
-    quiet_end_ns = time.monotonic_ns()
-    flooding = subprocess.Popen(FLOODS[flood](run), stdout=subprocess.PIPE, text=True)
-    assert json.loads(flooding.stdout.readline())["begins"]
-    flood_ns, flooded = time.monotonic_ns(), gauge(stopper)
-    flood_end_ns = time.monotonic_ns()
-    did = json.loads(flooding.stdout.readline())
-    assert flooding.wait(30) == 0
-    flying = flight.poll() is None
-    assert flight.wait(200) == 0, printed(tmp_path)
-    commands = [r for r in records(run / "agent.trace") if r.kind == TraceKind.COMMAND_VERIFIED]
-    two_way = lambda begin, end: [(r.t_ns - r.stamp_ns) / 1e6 for r in commands if begin <= r.t_ns <= end]
-    holds = [r.t_ns for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == HOLD and r.id == FLYING]
-    held = [t_ns for t_ns in holds if flood_ns <= t_ns <= flood_end_ns]
-    stop_ms = {when: figures([stop["ms"] for stop in told["stops"]]) for when, told in (("quiet", quiet), ("flood", flooded))}
-    two_way_ms = {"quiet": figures(two_way(quiet_ns, quiet_end_ns)), "flood": figures(two_way(flood_ns, flood_end_ns))}
-    print(json.dumps({"flood": flood, "did": did, "stop_ms": stop_ms, "two_way_ms": two_way_ms, "holds": len(held), "holds_before": len(holds) - len(held),
-                      "stop_p99_to_quiet_two_way_p99": round(stop_ms["flood"]["p99"] / two_way_ms["quiet"]["p99"], 2),
-                      "flood_to_quiet": {"stop_p50": round(stop_ms["flood"]["p50"] / stop_ms["quiet"]["p50"], 2),
-                                         "two_way_p50": round(two_way_ms["flood"]["p50"] / two_way_ms["quiet"]["p50"], 2)}}))
-    assert flying, "the flight ended before the flood did"
-    assert did["sent"] > 50, "there was no flood"
-    assert flooded["failed"] == 0
+    with station.stream() as stream:
+        page = Page(station, alice, stream)
+        quiet = Window(stopper, page)
+        command = [*FLOODS[flood](run, station), "--seconds", str(SECONDS)]
+        flooding = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        assert json.loads(flooding.stdout.readline())["begins"]
+        flooded = Window(stopper, page)
+        did = json.loads(flooding.stdout.readline())
+        assert flooding.wait(30) == 0
+    phases = {name: station.drone(name)["phase"] for name in FLYERS}
+    flight.send_signal(signal.SIGINT)
+    ended = flight.wait(60)  # and its traces are whole
+    bar_ms = quiet.two_way_ms(run)["p99"] + MARGIN_MS
+    print(json.dumps({"flood": flood, "did": did, "bar_ms": round(bar_ms, 1),
+                      "holds": {"quiet": quiet.holds(run), "flood": flooded.holds(run)},
+                      "stop_ms": {"quiet": quiet.stop_ms, "flood": flooded.stop_ms},
+                      "two_way_ms": {"quiet": quiet.two_way_ms(run), "flood": flooded.two_way_ms(run)}}))
+    assert ended == 0 and set(phases.values()) == {"path"}, (phases, printed(tmp_path))
+    assert did["sent"] >= LEAST.get(flood, 50), "there was no flood"
     if flood not in BEYOND_THE_BAR:
-        assert not held, "a drone held"
-        assert stop_ms["flood"]["p99"] < two_way_ms["quiet"]["p99"] + MARGIN_MS
-    assert result(tmp_path)["ok"]
+        assert not flooded.holds(run), "a drone held"
+        assert all(ms["p99"] < bar_ms for ms in flooded.stop_ms.values()), (bar_ms, flooded.stop_ms)
     assert_nothing_left()

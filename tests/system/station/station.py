@@ -1,4 +1,5 @@
 """A client of the ground station's API, as a page or a script is one."""
+import contextlib
 import json
 import pathlib
 import random
@@ -67,6 +68,15 @@ def take_off(station: Station, name: str) -> None:
 def velocity(name: str, x: float, y: float = 0, yaw_rate: float = 0) -> str:
     now_ms = time.monotonic() * 1e3  # the ground's clock, as it runs on this host; elsewhere: t_ms of the newest state
     return json.dumps({"op": "velocity", "drone": name, "linear": [x, y, 0], "yaw_rate": yaw_rate, "t_ms": now_ms})
+
+
+def client_hello(name: str) -> bytes:
+    """The first message of a TLS handshake with `name`."""
+    out = ssl.MemoryBIO()
+    hello = ssl.create_default_context().wrap_bio(ssl.MemoryBIO(), out, server_hostname=name)
+    with contextlib.suppress(ssl.SSLWantReadError):
+        hello.do_handshake()
+    return out.read()
 
 
 def spoilt(draw: random.Random, good: bytes) -> bytes:

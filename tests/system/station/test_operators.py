@@ -16,6 +16,7 @@ class Signed(Station):
 
     def __init__(self, station: Station, name: str, pass_phrase: str) -> None:
         self.url, self.place, self.page_token, self.name = station.url, station.place, station.token, name
+        self.context = station.context
         self.token = self.page_token
         status, answer = self.ask("POST", "session", {"operator": name, "passphrase": pass_phrase})
         assert status == 200, answer

@@ -15,7 +15,7 @@ import urllib.request
 import pytest
 from commands import Person
 from flights import BIN, fly, no_flight_outlives_its_test, pid_of, printed
-from station import PATIENCE_S, Station, spoilt, take_off, velocity
+from station import PATIENCE_S, Station, client_hello, spoilt, take_off, velocity
 from test_station import STOPPED, end, resident_kb
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
@@ -150,14 +150,6 @@ def test_a_flight_by_https_from_another_address(tmp_path, address):
     end(flight, tmp_path, STOPPED)
 
 
-def client_hello() -> bytes:
-    out = ssl.MemoryBIO()
-    hello = ssl.create_default_context().wrap_bio(ssl.MemoryBIO(), out, server_hostname=NAME)
-    with pytest.raises(ssl.SSLWantReadError):
-        hello.do_handshake()
-    return out.read()
-
-
 def test_hostile_sockets_move_nothing_and_none_gets_in_without_a_certificate(tmp_path, address):
     flight = fly(tmp_path, "--shape", "manual", "--watch")
     plain = Station(tmp_path, flight)
@@ -179,12 +171,12 @@ def test_hostile_sockets_move_nothing_and_none_gets_in_without_a_certificate(tmp
 
     if LONG:  # nobody else comes meanwhile, so that time alone ends it
         with socket.create_connection((HERE, port), timeout=PATIENCE_S) as half:
-            half.sendall(client_hello()[:100])
+            half.sendall(client_hello(NAME)[:100])
             begin = time.monotonic()
             assert half.recv(1) == b"" and 9 < time.monotonic() - begin < 20
 
     draw = random.Random(2)
-    hello = client_hello()
+    hello = client_hello(NAME)
     takeoff = f"POST /api/v1/drones/tello1/takeoff HTTP/1.1\r\nHost: {station.place}\r\nAuthorization: Bearer {station.token}\r\nContent-Length: 2\r\n\r\n"
     held, heard = [], []
 

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <atomic>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/beast/core.hpp>
@@ -206,6 +207,23 @@ TEST_F(StationServer, EventsStatesAndBlocksDoNotKeepEachOtherBack) {
     std::set<std::string> missing{"events", "state", "blocks"};
     while (!missing.empty()) missing.erase(read(*client)["op"]);
   }
+}
+
+TEST_F(StationServer, AStateDoesNotWaitUntilAPilotsComputerHasAcknowledgedItsBeginning) {
+  const auto pilot = stream();
+  const std::string state = json{{"op", "state"}, {"drones", std::string(10'000, 'x')}}.dump();
+  std::vector<TimeNs> took_ns;
+  while (took_ns.size() < 40) {
+    pilot->write(boost::asio::buffer(
+        std::string(R"({"op":"velocity","drone":"tello1","linear":[0.1,0,0],"yaw_rate":0,"t_ms":0})")));
+    std::this_thread::sleep_for(std::chrono::milliseconds(33));
+    const TimeNs begin_ns = monotonic_ns();
+    server->publish({.drones = "[]", .state = state});
+    while (read(*pilot)["op"] != "state") continue;
+    took_ns.push_back(monotonic_ns() - begin_ns);
+  }
+  std::sort(took_ns.begin(), took_ns.end());
+  EXPECT_LT(took_ns[30], 20 * ns_per_ms) << "who talks himself acknowledges with what he says next, or after 40 ms";
 }
 
 TEST_F(StationServer, AClientThatDoesNotReadIsClosedAndTheOthersGoOn) {

@@ -163,8 +163,8 @@ struct FakeGateway::State::GatewayService final : gateway::Gateway::Service {
       if (status.code != 0) return to_grpc(status);
     }
     if (context->IsCancelled()) return grpc::Status::CANCELLED;
-    common::Envelope envelope =
-        endorse(bytes, state.peer, "answer to " + call.function, call.function, call.args.empty() ? "" : call.args[0]);
+    common::Envelope envelope = endorse(bytes, {state.peer}, "answer to " + call.function, call.function,
+                                        call.args.empty() ? "" : call.args[0]);
     if (state.behaviour.forge) state.behaviour.forge(envelope);
     *response->mutable_prepared_transaction() = envelope;
     return grpc::Status::OK;

@@ -137,8 +137,8 @@ TEST(DecodeBlock, AnEventOfAnotherContractOrTransactionIsNotBelieved) {
         other_contract ? make_proposal(client, {"teleop", "evil"}, {"set", {"a"}}, 5, std::string(24, 'n')).value()
                        : make_proposal(client, {}, {"set", {"a"}}, 5, std::string(24, 'm')).value();
     // The response of one call under the header of another.
-    common::Envelope envelope = endorse(proposal.signed_proposal, peer, "", "command", "payload");
-    const common::Envelope donor = endorse(foreign.signed_proposal, peer, "", "command", "payload");
+    common::Envelope envelope = endorse(proposal.signed_proposal, {peer}, "", "command", "payload");
+    const common::Envelope donor = endorse(foreign.signed_proposal, {peer}, "", "command", "payload");
     common::Payload payload, donor_payload;
     payload.ParseFromString(envelope.payload());
     donor_payload.ParseFromString(donor.payload());

@@ -1,5 +1,7 @@
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
 
+#include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "peer/chaincode_event.pb.h"
 
@@ -33,7 +35,7 @@ Call call_of(const std::string& signed_proposal) {
   return call;
 }
 
-common::Envelope endorse(const std::string& signed_proposal, const crypto::SigningIdentity& peer,
+common::Envelope endorse(const std::string& signed_proposal, const std::vector<crypto::SigningIdentity>& peers,
                          const std::string& answer, const std::string& event_name, const std::string& event_payload) {
   const protos::Proposal proposal = proposal_of(signed_proposal);
   const auto header = parsed<common::Header>(proposal.header());
@@ -51,24 +53,17 @@ common::Envelope endorse(const std::string& signed_proposal, const crypto::Signi
   *result.mutable_chaincode_id() = extension.chaincode_id();
   if (!event_name.empty()) result.set_events(event.SerializeAsString());
   protos::ProposalResponsePayload response;
-  response.set_proposal_hash(digest(proposal.SerializeAsString()));
+  response.set_proposal_hash(proposal_hash(header.channel_header(), header.signature_header(), proposal.payload()));
   response.set_extension(result.SerializeAsString());
+  const std::string response_payload = response.SerializeAsString();
 
-  protos::ChaincodeActionPayload action;
-  action.set_chaincode_proposal_payload(proposal.payload());
-  action.mutable_action()->set_proposal_response_payload(response.SerializeAsString());
-  protos::Endorsement& endorsement = *action.mutable_action()->add_endorsements();
-  endorsement.set_endorser(peer.serialized);
-  endorsement.set_signature(peer.signer->sign(action.action().proposal_response_payload() + peer.serialized).value());
-  protos::Transaction transaction;
-  transaction.add_actions()->set_header(header.signature_header());
-  transaction.mutable_actions(0)->set_payload(action.SerializeAsString());
-  common::Payload payload;
-  *payload.mutable_header() = header;
-  payload.set_data(transaction.SerializeAsString());
-  common::Envelope envelope;
-  envelope.set_payload(payload.SerializeAsString());
-  return envelope;
+  std::vector<protos::Endorsement> endorsements;
+  for (const crypto::SigningIdentity& peer : peers) {
+    protos::Endorsement& endorsement = endorsements.emplace_back();
+    endorsement.set_endorser(peer.serialized);
+    endorsement.set_signature(peer.signer->sign(response_payload + peer.serialized).value());
+  }
+  return parsed<common::Envelope>(unsigned_envelope(header, proposal.payload(), response_payload, endorsements));
 }
 
 std::string tx_id_of(const common::Envelope& envelope) {
@@ -79,7 +74,7 @@ std::string tx_id_of(const common::Envelope& envelope) {
 std::string make_transaction(const crypto::SigningIdentity& client, const crypto::SigningIdentity& peer,
                              const Call& call, const std::string& nonce) {
   const Proposal proposal = make_proposal(client, {}, call, 1'700'000'000 * ns_per_s, nonce).value();
-  const auto envelope = endorse(proposal.signed_proposal, peer, "answer to " + call.function, call.function,
+  const auto envelope = endorse(proposal.signed_proposal, {peer}, "answer to " + call.function, call.function,
                                 call.args.empty() ? "" : call.args[0]);
   return sign_envelope(client, envelope.SerializeAsString()).value();
 }

@@ -8,9 +8,9 @@
 /// Transactions and blocks as a peer would make them, for tests.
 namespace ledgerline::fabric {
 
-/// What a peer endorses for `proposal`: an unsigned common.Envelope whose contract answered `answer` and emitted one
-/// event.
-common::Envelope endorse(const std::string& signed_proposal, const crypto::SigningIdentity& peer,
+/// What these peers endorse for `proposal`: an unsigned common.Envelope whose contract answered `answer` and emitted one
+/// event. Without peers: as a client makes it up, whose endorsements alone are missing.
+common::Envelope endorse(const std::string& signed_proposal, const std::vector<crypto::SigningIdentity>& peers,
                          const std::string& answer, const std::string& event_name, const std::string& event_payload);
 
 /// The function and arguments that a proposal calls.

@@ -97,7 +97,7 @@ class PreparedTransaction : public testing::Test {
     return prepared ? "accepted" : prepared.error().what;
   }
   common::Envelope endorsed(const Proposal& proposal) const {
-    return endorse(proposal.signed_proposal, peer, "answer", "set", "a");
+    return endorse(proposal.signed_proposal, {peer}, "answer", "set", "a");
   }
 
   Proposal proposal_ = make_proposal(client, {}, {"set", {"a"}}, 5, nonce).value();
@@ -123,7 +123,7 @@ TEST_F(PreparedTransaction, AnotherCallIsRefused) {
   other.ParseFromString(forged.proposal_bytes());
   inner.set_payload(other.payload());
   outer.set_proposal_bytes(inner.SerializeAsString());
-  EXPECT_NE(refusal(endorse(outer.SerializeAsString(), peer, "", "", "")).find("not the one that was asked for"),
+  EXPECT_NE(refusal(endorse(outer.SerializeAsString(), {peer}, "", "", "")).find("not the one that was asked for"),
             std::string::npos);
 }
 
@@ -134,7 +134,7 @@ TEST_F(PreparedTransaction, AnEventThatTheCallerDoesNotExpectIsNotSigned) {
   };
   EXPECT_TRUE(check_prepared(proposal_, endorsed(proposal_).SerializeAsString(), is_the_call));
   for (const auto& [name, payload] : {std::pair("set", "b"), std::pair("command", "a"), std::pair("", "")}) {
-    const auto envelope = endorse(proposal_.signed_proposal, peer, "answer", name, payload).SerializeAsString();
+    const auto envelope = endorse(proposal_.signed_proposal, {peer}, "answer", name, payload).SerializeAsString();
     EXPECT_TRUE(check_prepared(proposal_, envelope));  // a contract that nobody knows may emit what it likes
     const auto refused = check_prepared(proposal_, envelope, is_the_call);
     ASSERT_FALSE(refused) << name;
