@@ -80,7 +80,7 @@ class FiveDrones : public ::testing::TestWithParam<std::size_t> {
     EXPECT_EQ(world.flight.failure(), "");
     EXPECT_FALSE(world.truth().motors_on);
     EXPECT_LT(furthest, 1.5);
-    EXPECT_LT(world.now, 150 * ns_per_s);
+    EXPECT_LT(world.now, 160 * ns_per_s);
     return estimate(world.flight.record());
   }
   void expect_near(const Calibration& c, double share, double s) const {
