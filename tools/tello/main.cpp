@@ -121,6 +121,9 @@ int calibrate(const Wish& wish) {
   const std::string text = tello::toml(*calibration);
   if (auto status = replace_file(wish.out, text); !status) return fail(status.error());
   print_line(text);
+  if (!calibration->velocity)
+    spdlog::warn("What vgx and vgy are worth was not measured, so link's wide defaults count: {}",
+                 calibration->velocity.error().what);
   return 0;
 }
 
