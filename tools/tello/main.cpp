@@ -107,11 +107,11 @@ int calibrate(const Wish& wish) {
   auto dds = dds::participant_options_of(wish.config, "ledgerline_tello");
   if (!dds) return fail(dds.error(), exit_usage);
   print_line(fmt::format(
-      "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for about {} s. It needs 4 m "
+      "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for {} to {} s. It needs 4 m "
       "x "
       "4 m of free floor with something to be seen on it, light, 2.5 m of height, nobody near, and more than 30 % of "
       "battery. Ctrl-C lands it.",
-      wish.address, 15 + 62 * wish.repeat));
+      wish.address, 15 + 62 * wish.repeat, 15 + 90 * wish.repeat));
   if (!wish.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
   const std::string topic = wish.mocap == "none" ? "" : wish.mocap;
   const auto record = tello::fly_calibration({*address, wish.interface, topic, *dds, wish.repeat});
@@ -121,6 +121,9 @@ int calibrate(const Wish& wish) {
   const std::string text = tello::toml(*calibration);
   if (auto status = replace_file(wish.out, text); !status) return fail(status.error());
   print_line(text);
+  if (!calibration->velocity)
+    spdlog::warn("What vgx and vgy are worth was not measured, so link's wide defaults count: {}",
+                 calibration->velocity.error().what);
   return 0;
 }
 

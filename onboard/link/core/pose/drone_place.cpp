@@ -92,8 +92,10 @@ void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
   facts_.motion_differs = motion_watch_.differs();
   facts_.height_lost = state.tof_m >= tof_sees_m;
   facts_.other_client = client_watch_.contested(now);
+  // In the dark nothing on board stops it: where motion capture shows that ground cannot either, it is as good as none.
   const TimeNs alone_ns = alone_since_ns(now);
-  facts_.dark_since_ns = flow_watch_.blind() && alone_ns != 0 ? std::max(flow_watch_.since_ns(), alone_ns) : 0;
+  const TimeNs unheld_ns = alone_ns != 0 ? alone_ns : motion_watch_.outruns_since_ns();
+  facts_.dark_since_ns = flow_watch_.blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
   if (placed) return;
   // A barometer may sink, and h with it; what tof sees below is at least so far away.
   const auto attitude = attitude_rad(state);

@@ -47,8 +47,9 @@ void FlowWatch::update(TimeNs now, const TelloState& state, const Motion& motion
     return;
   }
   const double lean = texts_[0].lean_mps2;
+  const bool slow = reported + rounding_mps < at_least;
   const bool lost = (fades && (lean > lean_mps2 || faded_ >= fade_texts)) || zeros_ns_ >= zeros_for_ns ||
-                    (lasting_lean() && (lean > far_lean_mps2 || (reported <= 0 && should_move)));
+                    (lasting_lean() && ((slow && lean > far_lean_mps2) || (reported <= 0 && should_move)));
   if (!lost) return;
   since_ns_ = now;
   least_mps_ = reported;

@@ -14,7 +14,8 @@ namespace ledgerline::link {
 ///     fades    it reports less than fade_share of what it should do: at once where it leans as well, else for
 ///              fade_texts
 ///     leans    towards where it should go, more than it did over the last seconds, and the lean does not decay (three
-///              texts) under a stick that stands still: where it reports nothing, or where it leans by far_lean_mps2
+///              texts) under a stick that stands still: where it reports nothing, or less than it should while it leans
+///              by far_lean_mps2
 ///     zeros    nothing but zeros for zeros_for_ns while it should move
 ///
 /// It stays suspected until its velocity does what a fading one cannot: grow. A drone that is to hover looks the same

@@ -44,7 +44,7 @@ double MotionWatch::expected_mps() const noexcept { return std::hypot(expected_m
 void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept {
   const TimeNs gap = now - seen_ns_;
   if (gap > max_pose_gap_ns) {
-    since_ns_ = 0;
+    since_ns_ = outruns_since_ns_ = 0;
     smooth_mps_ = {velocity_mps[0], velocity_mps[1]};
   }
   seen_ns_ = now;
@@ -56,6 +56,7 @@ void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noe
   }
   const double limit = std::max(limit_mps, limit_share * expected_mps());
   note_since(now, length_without(off_mps, drift_mps_) > limit, since_ns_);
+  note_since(now, length_without(smooth_mps_, drift_mps_) > expected_mps() + outrun_mps, outruns_since_ns_);
 }
 
 }  // namespace ledgerline::link

@@ -135,7 +135,10 @@ class Estimator {
     for (const auto& step :
          {&Estimator::along, &Estimator::up_and_down, &Estimator::turns, &Estimator::tilts, &Estimator::told_frame})
       if (Status status = (this->*step)(); !status) return status.error();
-    if (out_.poses) nose();
+    if (out_.poses) {
+      nose();
+      out_.velocity = fit_velocity(velocity_blocks());
+    }
     return out_;
   }
 
@@ -253,14 +256,17 @@ class Estimator {
     for (const int frame : {0, 1})
       for (const int sx : {1, -1})
         for (const int sy : {1, -1}) {
-          double squares = 0;
+          // Their scale is another matter: only the directions of the gains are compared.
+          double all = 0, along = 0, blocks = 0;
           for (const Flown* flown : of({right, forward})) {
             const double way = leads_rad(flown->channel) + (frame == 0 ? heading_rad(*flown) : 0);
             const double gx = gain_of(flown->stretch, told_velocity(*flown, times_, 0), along_.lag_s, along_.dead_s);
             const double gy = gain_of(flown->stretch, told_velocity(*flown, times_, 1), along_.lag_s, along_.dead_s);
-            const double scale = out_.along.full_scale.value;
-            squares += std::pow(gx - sx * scale * std::cos(way), 2) + std::pow(gy - sy * scale * std::sin(way), 2);
+            all += gx * gx + gy * gy;
+            along += sx * gx * std::cos(way) + sy * gy * std::sin(way);
+            ++blocks;
           }
+          const double squares = all - std::pow(std::max(0.0, along), 2) / blocks;
           const auto f = static_cast<std::size_t>(frame);
           if (squares < best[f]) {
             best[f] = squares;
@@ -290,6 +296,25 @@ class Estimator {
     }
     out_.nose_rad = mean_angle(noses);
     out_.power_on_rad = mean_angle(power_on);
+  }
+
+  /// In the frame at power on, by the signs and the frame that were found.
+  std::complex<double> reported_mps(const link::TelloState& state) const {
+    const std::complex<double> reported(out_.velocity_signs[0] * static_cast<double>(state.velocity_dmps[0]) / 10,
+                                        out_.velocity_signs[1] * static_cast<double>(state.velocity_dmps[1]) / 10);
+    return out_.velocity_in_body ? reported * std::polar(1.0, -radians(state.attitude_deg[2])) : reported;
+  }
+
+  std::vector<VelocityBlock> velocity_blocks() const {
+    std::vector<VelocityBlock> out;
+    for (const Flown* flown : of({right, forward})) {
+      VelocityBlock& block = out.emplace_back();
+      for (const PoseSample* pose : flown->poses)
+        block.positions.push_back({times_.s(pose->stamp_ns), {pose->position_m[0], pose->position_m[1]}});
+      for (const StateSample* text : flown->states)
+        if (text->state.velocity_told) block.reported.push_back({times_.s(text->came_ns), reported_mps(text->state)});
+    }
+    return out;
   }
 
   Calibration out_;

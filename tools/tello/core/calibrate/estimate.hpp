@@ -5,13 +5,9 @@
 
 #include "common/base/result.hpp"
 #include "tools/tello/core/calibrate/record.hpp"
+#include "tools/tello/core/calibrate/velocity.hpp"
 
 namespace ledgerline::tello {
-
-/// A value and its standard deviation.
-struct Known {
-  double value = 0, sigma = 0;
-};
 
 /// How one kind of motion answers rc: rc 100 means `full_scale` (m/s, rad/s) ...
 struct Answering {
@@ -28,6 +24,8 @@ struct Calibration {
   std::array<int, 3> velocity_signs{};  ///< vgx, vgy, vgz against forward, left, up
   bool velocity_in_body = false;        ///< they turn with the drone; else they are told in the frame at power on
   bool poses = false;                   ///< velocities are of the pose source; else the drone's own
+  /// What vgx and vgy are worth; or why that is not seen. What was sent is no reference: a drone flies by its own flow.
+  Result<VelocityFit> velocity = Error{"without poses nothing says how far it really flew"};
   /// With poses: where the nose is in the pose's own frame (counter-clockwise from the x of its orientation), and where
   /// it was in the source's frame at power on [rad].
   std::optional<Known> nose_rad, power_on_rad;

@@ -47,6 +47,10 @@ constexpr std::array<Strokes, 8> schedule{{{forward, one},
                                            {right, one},
                                            {clockwise, {-38}, 0, true}}};
 constexpr double hover_s = 2.03;
+// Back to within so much; a drone that drifts by 5 cm/s is 0.6 m away after the longest of blocks.
+constexpr double home_m = 0.15;
+constexpr TimeNs max_back_ns = 4 * ns_per_s;
+constexpr double back_per_m = 60, max_back_rc = 30;
 constexpr const char* channel_names[] = {"to the right", "forward", "up", "clockwise"};
 
 std::size_t strokes_of(const Strokes& strokes) { return strokes.turn ? 1 : strokes.rc.size(); }
@@ -55,6 +59,8 @@ double stroke_s(const Strokes& strokes, std::size_t at) {
   const bool half = at == 0 || at + 1 == strokes.rc.size();
   return half ? strokes.half_s : 2 * strokes.half_s;
 }
+
+std::complex<double> in_plane(const PoseSample& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
 const Strokes& strokes_at(std::size_t block) { return schedule[block % schedule.size()]; }
 
@@ -128,7 +134,7 @@ std::string CalibrationFlight::wrong(TimeNs now) const {
     return fmt::format("its battery has {:.0f} %, and {:.0f} are needed", state_.battery * 100, min_battery * 100);
   if (std::max(std::abs(state_.attitude_deg[0]), std::abs(state_.attitude_deg[1])) > max_tilt_deg)
     return fmt::format("it tilts by more than {:.0f} degrees", max_tilt_deg);
-  if (phase_ != Phase::hover && phase_ != Phase::stroke) return "";
+  if (phase_ != Phase::back && phase_ != Phase::hover && phase_ != Phase::stroke) return "";
   const float height = height_of(state_);
   if (height < min_height_m || height > max_height_m) return fmt::format("its height is {:.1f} m", height);
   if (away_m() > max_way_m) return fmt::format("it is {:.1f} m away from where it began", away_m());
@@ -150,6 +156,7 @@ std::vector<std::string> CalibrationFlight::due(TimeNs now) {
     case Phase::takeoff:
       take_off(now, words);
       break;
+    case Phase::back:
     case Phase::hover:
     case Phase::stroke:
       fly(now, words);
@@ -206,6 +213,7 @@ void CalibrationFlight::take_off(TimeNs now, Words& words) {
 }
 
 void CalibrationFlight::tell(TimeNs now, int channel, int value) {
+  stroke_from_ = pose_;
   rc_ = {};
   rc_[static_cast<std::size_t>(channel)] = value;
   record_.told.push_back({now, rc_});
@@ -232,17 +240,38 @@ bool CalibrationFlight::stroke_ends(TimeNs now) const {
 
 void CalibrationFlight::next_stroke(TimeNs now) {
   const Strokes& strokes = strokes_at(block_);
+  if (stroke_from_ && strokes.channel <= forward) {
+    const double towards = rc_[static_cast<std::size_t>(strokes.channel)] > 0 ? 1 : -1;
+    response_m_[static_cast<std::size_t>(strokes.channel)] +=
+        towards * std::polar(1.0, -pose_->yaw_rad) * (in_plane(*pose_) - in_plane(*stroke_from_));
+  }
   begin(Phase::stroke, now);
   if (++stroke_ < strokes_of(strokes)) return tell(now, strokes.channel, strokes.rc[stroke_]);
   record_.blocks.back().end_ns = now;
   tell(now, strokes.channel, 0);
   if (strokes.turn) way_m_ = {};
   ++block_;
-  begin(Phase::hover, now);
+  begin(Phase::back, now);
+}
+
+link::Rc CalibrationFlight::rc_home() const {
+  link::Rc rc{};
+  if (!home_ || !pose_ || response_m_[right] == 0.0 || response_m_[forward] == 0.0) return rc;
+  const std::complex<double> to = (in_plane(*home_) - in_plane(*pose_)) * std::polar(1.0, -pose_->yaw_rad);
+  if (std::abs(to) < home_m) return rc;
+  for (const std::size_t channel : {right, forward}) {
+    const std::complex<double> lead = response_m_[channel] / std::abs(response_m_[channel]);
+    const double along_m = (to * std::conj(lead)).real();
+    rc[channel] = static_cast<int>(std::lround(std::clamp(back_per_m * along_m, -max_back_rc, max_back_rc)));
+  }
+  return rc;
 }
 
 void CalibrationFlight::fly(TimeNs now, Words& words) {
-  if (phase_ == Phase::hover && now - since_ns_ >= from_seconds(hover_s)) {
+  if (phase_ == Phase::back) {
+    rc_ = now - since_ns_ < max_back_ns ? rc_home() : link::Rc{};
+    if (rc_ == link::Rc{}) begin(Phase::hover, now);
+  } else if (phase_ == Phase::hover && now - since_ns_ >= from_seconds(hover_s)) {
     if (block_ >= schedule.size() * static_cast<std::size_t>(settings_.repeat)) {
       begin(Phase::landing, now);
       return land(now, words);
@@ -282,6 +311,7 @@ std::string CalibrationFlight::doing() const {
       return "says hello";
     case Phase::takeoff:
       return "takes off";
+    case Phase::back:
     case Phase::hover:
     case Phase::stroke:
       return fmt::format(

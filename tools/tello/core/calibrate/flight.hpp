@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <complex>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -19,8 +20,10 @@ struct CalibrationSettings {
 /// at two headings a right angle apart, around the place where it took off. The drone's own words are its only senses
 /// where there are no poses.
 ///
-///     handshake -> (poses) -> takeoff -> hover, strokes, hover, ... -> landing -> over
+///     handshake -> (poses) -> takeoff -> hover, strokes, (back), hover, ... -> landing -> over
 ///                                 any of them: what is wrong, or end() -> landing
+///
+/// With poses it goes back to where it began between the strokes, by the way that rc was seen to lead: a Tello drifts.
 ///
 /// Lands when battery < 30 %, tilt > 35 degrees, height outside of 0.25..2.5 m, further than 2 m from where it began
 /// (since the last turn, where there are no poses), no state text or pose for 1 s, an action refused. A stroke ends
@@ -49,7 +52,7 @@ class CalibrationFlight {
   std::string doing() const;
 
  private:
-  enum class Phase { handshake, poses, takeoff, hover, stroke, landing, over };
+  enum class Phase { handshake, poses, takeoff, back, hover, stroke, landing, over };
   using Words = std::vector<std::string>;
 
   void handshake(TimeNs now, Words& words);
@@ -60,6 +63,8 @@ class CalibrationFlight {
   void begin(Phase phase, TimeNs now);
   void begin_block(TimeNs now);
   void next_stroke(TimeNs now);
+  /// rc that leads back to where it began; none where it is near enough, or not seen, or its way not known.
+  link::Rc rc_home() const;
   bool stroke_ends(TimeNs now) const;
   void tell(TimeNs now, int channel, int value);
   std::string wrong(TimeNs now) const;
@@ -78,7 +83,10 @@ class CalibrationFlight {
   std::optional<PoseSample> pose_, home_;
   std::array<double, 3> way_m_{};  ///< by its own velocities, from where it took off or turned
   std::size_t block_ = 0, stroke_ = 0;
-  double stroke_from_m_ = 0, turned_deg_ = 0, last_away_m_ = 0;
+  double turned_deg_ = 0, last_away_m_ = 0;
+  std::optional<PoseSample> stroke_from_;
+  /// Sums of where rc right and forward led, turned by the pose's own yaw.
+  std::array<std::complex<double>, 2> response_m_{};
   bool outwards_ = false;
   link::Rc rc_{};
 };

@@ -39,7 +39,7 @@ struct Block {
 };
 
 struct Record {
-  std::vector<Told> told;
+  std::vector<Told> told;  ///< of the blocks
   std::vector<StateSample> states;
   std::vector<PoseSample> poses;  ///< none: flown without a pose source
   std::vector<Block> blocks;

@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <cmath>
 #include <numbers>
 
 #include "tools/tello/core/calibrate/estimate.hpp"
@@ -13,6 +14,23 @@ double ms(double s) { return s * 1000; }
 std::string response(const Answering& a, const char* what) {
   return fmt::format("# {}: lag {:.3f} s (sd {:.0f} ms), dead time {:.3f} s (sd {:.0f} ms)\n", what, a.lag_s.value,
                      ms(a.lag_s.sigma), a.dead_s.value, ms(a.dead_s.sigma));
+}
+
+// What a flight cannot show of its own floor, height and Wi-Fi, whatever the spread within it [A].
+constexpr double other_floor_share = 0.02, other_way_s = 0.02;
+
+std::string velocity(const Result<VelocityFit>& fit) {
+  if (!fit) return "# No velocity_scale, velocity_truncated, velocity_lag_s: " + fit.error().what + ".\n";
+  std::string out =
+      fmt::format("velocity_scale = {:.3f}  # of vgx and vgy; sd {:.3f}\n", fit->scale.value, fit->scale.sigma);
+  out += fmt::format("flow_scale = {:.3f}  # standard deviation of that: sd, and {} for another floor or height\n",
+                     std::hypot(fit->scale.sigma / fit->scale.value, other_floor_share), other_floor_share);
+  out += fmt::format("velocity_truncated = {}  # {:.2f} (sd {:.2f}) of a cast: 1 is one, 0 rounding\n", fit->truncated,
+                     fit->cast.value, fit->cast.sigma);
+  out += fmt::format("velocity_lag_s = {:.3f}  # sd {:.0f} ms\n", fit->lag_s.value, ms(fit->lag_s.sigma));
+  out += fmt::format("velocity_lag_sd_s = {:.3f}  # sd, and {} for another Wi-Fi\n",
+                     std::hypot(fit->lag_s.sigma, other_way_s), other_way_s);
+  return out;
 }
 
 }  // namespace
@@ -36,6 +54,7 @@ std::string toml(const Calibration& c) {
                      c.velocity_signs[0], c.velocity_signs[1], c.velocity_signs[2]);
   out += fmt::format("velocity_frame = \"{}\"  # seen at two headings, a right angle apart\n",
                      c.velocity_in_body ? "body" : "power_on");
+  out += velocity(c.velocity);
   if (c.nose_rad && c.power_on_rad) {
     out +=
         fmt::format("# The nose is {:.1f} degrees (sd {:.1f}) counter-clockwise of the x of the pose's orientation.\n",

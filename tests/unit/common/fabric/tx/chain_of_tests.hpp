@@ -8,8 +8,8 @@
 /// Transactions and blocks as a peer would make them, for tests.
 namespace ledgerline::fabric {
 
-/// What these peers endorse for `proposal`: an unsigned common.Envelope whose contract answered `answer` and emitted one
-/// event. Without peers: as a client makes it up, whose endorsements alone are missing.
+/// What these peers endorse for `proposal`: an unsigned common.Envelope whose contract answered `answer` and emitted
+/// one event. Without peers: as a client makes it up, whose endorsements alone are missing.
 common::Envelope endorse(const std::string& signed_proposal, const std::vector<crypto::SigningIdentity>& peers,
                          const std::string& answer, const std::string& event_name, const std::string& event_payload);
 

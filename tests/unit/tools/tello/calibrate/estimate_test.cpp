@@ -80,7 +80,7 @@ class FiveDrones : public ::testing::TestWithParam<std::size_t> {
     EXPECT_EQ(world.flight.failure(), "");
     EXPECT_FALSE(world.truth().motors_on);
     EXPECT_LT(furthest, 1.5);
-    EXPECT_LT(world.now, 150 * ns_per_s);
+    EXPECT_LT(world.now, 160 * ns_per_s);
     return estimate(world.flight.record());
   }
   void expect_near(const Calibration& c, double share, double s) const {
@@ -103,6 +103,11 @@ class FiveDrones : public ::testing::TestWithParam<std::size_t> {
 };
 
 TEST_P(FiveDrones, AreMeasuredByPoses) {
+  sim::SensorParameters& sensors = drone.parameters.sensors;
+  sensors.flow_scale = 0;
+  sensors.flow_scale_offset = std::array{-0.3, 0.3, 0.0, -0.15, 0.15}[GetParam()];
+  sensors.velocity_lag_s = std::array{0.1, 0.3, 0.2, 0.12, 0.15}[GetParam()];
+  sensors.velocity_truncated = GetParam() % 2 == 0;
   for (int seed = 1; seed <= seeds(1, 40); ++seed) {
     meet(seed);
     const auto c = calibrated(true);
@@ -112,6 +117,10 @@ TEST_P(FiveDrones, AreMeasuredByPoses) {
     ASSERT_TRUE(c->nose_rad && c->power_on_rad);
     EXPECT_LT(degrees_between(c->nose_rad->value, drone.mount_rad), 1);
     EXPECT_LT(degrees_between(c->power_on_rad->value, drone.parameters.start_yaw_rad), 1);
+    ASSERT_TRUE(c->velocity) << c->velocity.error().what;
+    EXPECT_NEAR(c->velocity->scale.value * (1 + sensors.flow_scale_offset), 1, 0.03);
+    EXPECT_NEAR(c->velocity->lag_s.value, sensors.velocity_lag_s, 0.03);
+    EXPECT_EQ(c->velocity->truncated, sensors.velocity_truncated);
   }
 }
 
@@ -123,6 +132,7 @@ TEST_P(FiveDrones, AreMeasuredByTheirOwnWords) {
     SCOPED_TRACE(seed);
     expect_near(*c, 0.10, 0.060);
     EXPECT_FALSE(c->nose_rad);
+    EXPECT_FALSE(c->velocity) << "what was sent is no reference: by a wrong scale it flies at the wrong speed";
   }
 }
 
@@ -154,6 +164,24 @@ TEST(Fit, AFirstOrderWithDeadTimeIsFoundExactly) {
   EXPECT_FALSE(fit_response({stretch}));
 }
 
+TEST(Calibration, OfAFlightWithoutPosesLeavesLinksDefaultsAndSaysSo) {
+  const std::string text = toml({});
+  EXPECT_NE(text.find("# No velocity_scale, velocity_truncated, velocity_lag_s: without poses"), std::string::npos);
+  EXPECT_EQ(text.find("\nvelocity_scale"), std::string::npos);
+}
+
+TEST(Velocity, OfADroneThatHoversSaysNothing) {
+  std::vector<VelocityBlock> blocks(4);
+  for (VelocityBlock& block : blocks)
+    for (double t = 0; t < 8; t += 0.1) {
+      block.reported.push_back({t, 0});
+      block.positions.push_back({t, {0.02 * t, 0.0}});
+    }
+  EXPECT_FALSE(fit_velocity(blocks));
+  blocks.resize(2);
+  EXPECT_FALSE(fit_velocity(blocks)) << "two have no spread";
+}
+
 TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
   Calibration c;
   c.along.full_scale = {1.25, 0.01};
@@ -162,6 +190,7 @@ TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
   c.rc_signs = {-1, 1, 1, -1};
   c.velocity_signs = {-1, 1, -1};
   c.velocity_in_body = true;
+  c.velocity = VelocityFit{.scale = {1.25, 0.025}, .lag_s = {0.15, 0.015}, .truncated = true, .cast = {0.95, 0.05}};
   auto config = Config::parse(toml(c), "calibration.toml");
   ASSERT_TRUE(config) << config.error().what;
   EXPECT_NEAR(config->number({"rc.full_scale_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
@@ -169,6 +198,11 @@ TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
   EXPECT_EQ(config->numbers({"rc.signs", "."}, 4, {0, 0, 0, 0}), (std::vector<double>{-1, 1, 1, -1}));
   EXPECT_EQ(config->numbers({"pose.velocity_signs", "."}, 3, {0, 0, 0}), (std::vector<double>{-1, 1, -1}));
   EXPECT_EQ(config->choice({"pose.velocity_frame", "."}, {"power_on", "body"}, "power_on"), "body");
+  EXPECT_NEAR(config->number({"pose.velocity_scale", "."}, 0, 0.5, 2), 1.25, 1e-6);
+  EXPECT_NEAR(config->number({"pose.flow_scale", "."}, 0, 0, 0.5), std::hypot(0.02, 0.02), 1e-3);
+  EXPECT_TRUE(config->boolean({"pose.velocity_truncated", "."}, false));
+  EXPECT_NEAR(config->number({"pose.velocity_lag_s", "."}, 0, 0, 1), 0.15, 1e-6);
+  EXPECT_NEAR(config->number({"pose.velocity_lag_sd_s", "."}, 0, 0, 1), std::hypot(0.015, 0.02), 1e-3);
   EXPECT_NEAR(config->number({"flight.told_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
   EXPECT_NEAR(config->number({"flight.lag_s", "."}, 0, 0.01, 2), 0.31, 1e-6);
   EXPECT_TRUE(config->finish());

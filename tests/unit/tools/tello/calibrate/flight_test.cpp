@@ -91,6 +91,17 @@ TEST_F(ACalibrationFlight, SaysThatItMayBeAloftWhereItIsNotHeardAgain) {
   EXPECT_FALSE(world.truth().motors_on) << "by itself, after 15 s";
 }
 
+TEST_F(ACalibrationFlight, FliesBackBetweenStrokesWhereItDriftsSlowly) {
+  Drone drone = full();
+  drone.parameters.sensing.flow_bias_mps = {-0.05, 0};
+  World world(drone, {.poses = true});
+  while (!world.flight.over()) {
+    world.step();
+    ASSERT_LT(std::hypot(world.truth().position_m[0], world.truth().position_m[1]), 1.5);
+  }
+  EXPECT_EQ(world.flight.failure(), "") << "5 cm/s are 7 m in this flight";
+}
+
 TEST_F(ACalibrationFlight, LandsWhereItDrifts) {
   Drone drone = full();
   drone.parameters.sensing.flow_bias_mps = {0.25, 0};

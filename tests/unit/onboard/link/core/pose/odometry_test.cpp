@@ -384,6 +384,25 @@ TEST(Odometry, AVelocityThatMayBeLateIsInTheVarianceWhileItsSpeedIsAnother) {
   EXPECT_LT(drone.sigma(0), hovering + 0.1);
 }
 
+TEST(Odometry, AScaleACastAndALagThatAreKnownAreMadeGood) {
+  OdometrySettings settings = calibrated();
+  settings.velocity_scale = 1.25;
+  settings.velocity_truncated = true;
+  settings.velocity_lag_s = 0.2;
+  Odometry odometry(settings);
+  TelloState state = told(0.1, 0);
+  odometry.take(ns_per_s, state, true);
+  state.tof_m = 1;
+  // It gathers speed evenly, backwards: 1 m/s after 5 s.
+  for (int i = 1; i <= 50; ++i) {
+    const double late_mps = std::max(0.0, 0.2 * (i * text_s - 0.2));
+    state.velocity_dmps[0] = -static_cast<float>(static_cast<int>(late_mps / 1.25 * 10));
+    odometry.take(ns_per_s + i * text_ns, state, false);
+  }
+  EXPECT_NEAR(odometry.pose().position_m[0], -0.1 * 25, 0.06)
+      << "0.5 m of them by scale, 0.3 by the cast, 0.2 by the lag";
+}
+
 TEST(Odometry, FirstSeenInTheAirItsHeadingComesWithAFix) {
   Walker drone(15);
   drone.odometry = Odometry({});

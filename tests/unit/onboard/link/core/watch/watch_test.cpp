@@ -288,6 +288,21 @@ TEST(FlowWatch, OneThatSeesIsNotSuspectedHoweverItIsFlown) {
   }
 }
 
+// Over a radio that naps its stick, attitude and text are late by half a second together.
+TEST(FlowWatch, ALongLeanOfOneThatReportsWhatItShouldIsNotSuspected) {
+  for (const float reported_dmps : {3.0F, 6.0F}) {
+    FlowWatch watch;
+    TimeNs now = ns_per_s;
+    TelloState state;
+    state.velocity_dmps[0] = reported_dmps;
+    for (int i = 0; i < 5; ++i) {
+      watch.update(now += between_texts_ns, state,
+                   {.expected = {.response_mps = {0.55, 0}}, .sent_mps = {0.7, 0}, .lean_mps2 = {1.6, 0}});
+    }
+    EXPECT_EQ(watch.blind(), reported_dmps < 5) << reported_dmps;
+  }
+}
+
 TEST(FlowWatch, OneThatIsBlownFromTheStartIsNotSuspected) {
   for (const double wind : {-3.0, 3.0}) {
     Flow drone;
