@@ -315,22 +315,19 @@ void VirtualWorld::step_link() {
   const auto plans = take(wires_->plans);
   const auto poses = take(wires_->poses);
   const auto beats = take(wires_->beats);
-  witness_.given(poses);
   const auto& out = link_->step(host_now(), {.received = received,
                                              .plans = plans,
                                              .poses = poses,
                                              .beats = beats,
                                              .stop_all = link_ends_ns_.has_value(),
                                              .suspended_ns = host_slept_ns_});
-  if (link::uses_own_senses(config_.pose)) {  // made there, or joined there
-    std::vector<Pose> own;
-    for (const DroneFacts& drone : facts()) {
-      Pose pose = link_->pose(drone.number);
-      pose.drone = drone.number;
-      if (pose.stamp_ns != 0) own.push_back(pose);
-    }
-    witness_.given(own);
+  std::vector<Pose> accepted;
+  for (const DroneFacts& drone : facts()) {
+    Pose pose = link_->pose(drone.number);
+    pose.drone = drone.number;
+    if (pose.stamp_ns != 0) accepted.push_back(pose);
   }
+  witness_.given(accepted);
   for (const auto& send : out.to_send) {
     const std::string_view text = send.command.view();
     digester_->put(text);

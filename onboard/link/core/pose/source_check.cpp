@@ -17,7 +17,7 @@ constexpr double drift_mps = 0.1;      // of its own velocity, as gusts and roun
 constexpr double unseen_mps = 1;       // whose own velocity is not usable flies as fast as rc tells it at most
 constexpr double climb_mps = 1;        // PlayoutSettings::max_vertical_mps
 constexpr double height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
-constexpr double turn_rad = 0.17, turn_rad_per_s = 2.2;  // noise and fusion; a Tello turns by 100 degrees/s at most
+constexpr double turn_rad = 0.09, turn_rad_per_s = 2.2;  // 5 degrees of noise; a Tello turns by 100 degrees/s
 constexpr int texts_in_a_row = 3;                        // one that is torn or late is no contradiction
 constexpr int max_texts_unusable = 3;
 constexpr double scale_sigmas = 1.5, rounded_mps = 0.15;
