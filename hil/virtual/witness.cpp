@@ -184,7 +184,7 @@ void Witness::handed(TimeNs now, const Plan& plan) {
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 
-void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command) {
+void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, double yaw_rad) {
   const std::size_t i = drone - 1U;
   const auto words = words_of(command);
   if (words.empty() || words[0] != "rc") {
@@ -201,9 +201,9 @@ void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command) {
   if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
   DroneFacts& facts = facts_[i];
   facts.told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
-  const double yaw = facts.pose ? facts.pose->yaw_rad : 0;  // rc is right, forward, up
-  facts.told = {sticks[1] * std::cos(yaw) + sticks[0] * std::sin(yaw),
-                sticks[1] * std::sin(yaw) - sticks[0] * std::cos(yaw), sticks[2]};
+  // rc is right, forward, up
+  facts.told = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
+                sticks[1] * std::sin(yaw_rad) - sticks[0] * std::cos(yaw_rad), sticks[2]};
   facts.told_ns = now;
 }
 

@@ -42,7 +42,8 @@ class Witness {
   /// A state that link said: what ground shows must be one.
   void said(const StateSample& state);
   void shown(TimeNs now, std::size_t drone, const StateSample& state);
-  void sent(TimeNs now, DroneNumber drone, std::string_view command);
+  /// `yaw_rad`: by which link made an rc.
+  void sent(TimeNs now, DroneNumber drone, std::string_view command, double yaw_rad);
   void traced(TimeNs now, const TraceRecord& record);
   void link_ended();
   /// What is not running is null.

@@ -332,7 +332,7 @@ void VirtualWorld::step_link() {
     const std::string_view text = send.command.view();
     digester_->put(text);
     wires_->drones[send.drone - 1U].lines.push(now_, LineAt::to, text);
-    witness_.sent(now_, send.drone, text);
+    witness_.sent(now_, send.drone, text, link_->yaw_rad(send.drone, host_now()));
   }
   if (agent_ || local_) {
     for (const StateSample& state : out.states) put(wires_->states, state, state_queue);

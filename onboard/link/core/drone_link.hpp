@@ -97,6 +97,8 @@ class DroneLink {
   const Pose& pose() const noexcept { return pose_; }
   FailsafeMode mode() const noexcept { return failsafe_.mode; }
   TimeNs margin_ns() const noexcept { return playout_.margin_ns(); }
+  /// The heading by which velocities of the map become rc.
+  double yaw_rad(TimeNs now) const noexcept;
   /// It is in the air, or nobody knows that it is not.
   bool may_fly() const noexcept { return in_flight(session_.phase()) || session_.may_fly_unseen(); }
   bool heard() const noexcept { return session_.heard(); }
@@ -112,7 +114,6 @@ class DroneLink {
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
   /// Its own senses said where it is.
   bool by_own_senses() const noexcept;
-  double yaw_rad(TimeNs now) const noexcept;
   Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
   DropReason may_follow(const LinkMoment& at, const Plan& plan) const noexcept;

@@ -153,6 +153,11 @@ TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
   return drone ? drone->margin_ns() : 0;
 }
 
+double LinkCore::yaw_rad(DroneNumber number, TimeNs now) const noexcept {
+  const DroneLink* drone = find(number);
+  return drone ? drone->yaw_rad(now) : 0;
+}
+
 void LinkCore::finish() noexcept {
   for (DroneLink& drone : drones_) drone.finish();
 }

@@ -40,6 +40,8 @@ class LinkCore {
   bool makes_room(DroneNumber drone) const noexcept;
   /// How much later than they say its setpoints are flown now.
   TimeNs margin_ns(DroneNumber drone) const noexcept;
+  /// The heading by which velocities of the map become rc.
+  double yaw_rad(DroneNumber drone, TimeNs now) const noexcept;
 
   /// Ends all plans that still wait, so that the counters add up. After the last step.
   void finish() noexcept;

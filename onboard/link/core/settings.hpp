@@ -162,8 +162,8 @@ struct FailsafeSettings {
   /// Of a drone that is flown by its own senses: without a usable velocity. Five texts in a row are missing, or see
   /// nothing: at 1 m/s the drone goes half a metre unseen. Half is two lost texts and a late one; double is a metre.
   TimeNs velocity_lost_ns = 500 * ns_per_ms;
-  /// Of a drone that is suspected to see nothing and that nothing else places: its sticks are at zero at once, and
-  /// after this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with
+  /// Of a drone that is suspected to see nothing and that nothing else places or holds: its sticks are at zero at once,
+  /// and after this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with
   /// double it glides half a metre on at 1 m/s, in the dark.
   TimeNs dark_land_after_ns = 500 * ns_per_ms;
   /// The fence is drawn in by so many standard deviations of the position: beyond three is one sample in 370.

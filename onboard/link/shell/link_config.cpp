@@ -133,12 +133,12 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
               {"failsafe.velocity_lost_ms",
                "of a drone that is flown by its own senses: without a usable velocity, brake; texts come each 100 ms"},
               failsafe.velocity_lost_ns, 250, 60'000);
-  failsafe.dark_land_after_ns =
-      read_ms(config,
-              {"failsafe.dark_land_after_ms",
-               "of a drone whose flow sees nothing and that nothing else places: hovering blindly so long, then land. "
-               "Shorter lands who sees again, longer glides on in the dark"},
-              failsafe.dark_land_after_ns, 0, 5'000);
+  failsafe.dark_land_after_ns = read_ms(
+      config,
+      {"failsafe.dark_land_after_ms",
+       "of a drone whose flow sees nothing and that nothing else places or holds: hovering blindly so long, then land. "
+       "Shorter lands who sees again, longer glides on in the dark"},
+      failsafe.dark_land_after_ns, 0, 5'000);
   failsafe.fence_sigmas =
       config.number({"failsafe.fence_sigmas", "the fence is drawn in by so many standard deviations of the position"},
                     failsafe.fence_sigmas, 0, 10);

@@ -10,7 +10,7 @@ from flights import assert_nothing_left, fly, no_flight_outlives_its_test, print
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 STAGES = ["ring", "batch", "endorse", "order", "deliver", "control", "queue", "command_endorse", "command_order",
-          "command_deliver", "wake", "verify", "handover", "apply", "send"]
+          "command_deliver", "wake", "verify", "handover", "apply", "send", "device"]
 
 
 def timing(*options: object) -> subprocess.CompletedProcess:
@@ -47,7 +47,7 @@ def test_a_recorded_flight_has_every_stage_of_the_walk(flown):
     report = json.loads((run / "t.json").read_text())
     assert [stage["name"] for stage in report["stages"]] == STAGES
     flights = {s["name"]: s for s in report["stages"] + report["totals"]}
-    for name in STAGES + ["two_way", "age", "setpoint"]:
+    for name in STAGES + ["two_way", "age", "setpoint", "datagram"]:
         figures = flights[name]
         assert figures["count"] > 100, figures
         assert 0 <= figures["p50"] <= figures["p95"] <= figures["p99"] <= figures["p99.9"] <= figures["max"], figures

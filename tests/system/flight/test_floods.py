@@ -95,9 +95,11 @@ class Page:
 
     def lift(self) -> None:
         """Which ground, other than a stop, does not say again where the ledger had no room for it."""
-        self.alice.say(f"drones/{OF_THE_PAGE}/lift")
-        while not self.shows(False, 2):
+        for _ in range(30):
             self.alice.say(f"drones/{OF_THE_PAGE}/lift")
+            if self.shows(False, 2):
+                return
+        raise AssertionError("a stop over the page is not lifted within a minute")
 
     def gauge(self, seconds: float) -> dict[str, list[float]]:
         """How long a stop takes until the page shows it, each way by turns; each is lifted."""

@@ -93,8 +93,8 @@ void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
   facts_.height_lost = state.tof_m >= tof_sees_m;
   facts_.other_client = client_watch_.contested(now);
   // In the dark nothing on board stops it: where motion capture shows that ground cannot either, it is as good as none.
-  const TimeNs alone_ns = alone_since_ns(now);
-  const TimeNs unheld_ns = alone_ns != 0 ? alone_ns : motion_watch_.outruns_since_ns();
+  const TimeNs alone_ns = alone_since_ns(now), outruns_ns = motion_watch_.outruns_since_ns();
+  const TimeNs unheld_ns = alone_ns == 0 || outruns_ns == 0 ? alone_ns + outruns_ns : std::min(alone_ns, outruns_ns);
   facts_.dark_since_ns = flow_watch_.blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
   if (placed) return;
   // A barometer may sink, and h with it; what tof sees below is at least so far away.
@@ -119,6 +119,7 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
       .lag_s = odometry_.settings().velocity_lag_s,
       .lag_sigma_s = odometry_.settings().velocity_lag_sigma_s,
       .height_m = static_cast<double>(state.height_m),
+      .heading_rad = told_yaw_rad_,
       .barometer_m = state.barometer_m,
       .usable = velocity_known_ && own.stamp_ns == now && !fades,
       .position_m = {own.position_m[0], own.position_m[1]},

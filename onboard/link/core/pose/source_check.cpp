@@ -18,6 +18,7 @@ constexpr double unseen_mps = 1;       // whose own velocity is not usable flies
 constexpr double climb_mps = 1;        // PlayoutSettings::max_vertical_mps
 constexpr double height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
 constexpr double turn_rad = 0.09, turn_rad_per_s = 2.2;  // 5 degrees of noise; a Tello turns by 100 degrees/s
+constexpr double late_s = 0.3;                           // as late as a text may say its heading
 constexpr int texts_in_a_row = 3;                        // one that is torn or late is no contradiction
 constexpr int max_texts_unusable = 3;
 constexpr double scale_sigmas = 1.5, rounded_mps = 0.15;
@@ -26,6 +27,8 @@ constexpr int max_texts_repeated = 3;  // nothing that flies has the same air pr
 constexpr double alike_share = 0.5;    // what was apart must do better to be trusted again
 constexpr TimeNs alike_for_ns = 2 * ns_per_s;
 constexpr double one_place_m = 0.15, one_place_sigmas = 3;
+
+double angle(double rad) { return std::remainder(rad, 2 * std::numbers::pi); }
 
 Eigen::Vector2d in_plane(const Pose& pose) { return {pose.position_m[0], pose.position_m[1]}; }
 
@@ -54,6 +57,7 @@ void OwnPath::advance(TimeNs now, const OwnMotion& own) noexcept {
     velocity_mps.setZero();
   }
   height_m = own.height_m;
+  heading_rad = own.heading_rad;
   text_ns = now;
 }
 
@@ -75,8 +79,10 @@ bool PoseGate::accepts(const Pose& pose, const OwnPath& own, double scale_sigma,
     const double rise = pose.position_m[2] - last_.position_m[2], own_rise = own.height_m - own_.height_m;
     if (std::abs(rise) > near + climb_mps * seconds && std::abs(rise - own_rise) > allowed + height_step_m)
       return false;
-    const double turned = std::remainder(pose.yaw_rad - last_.yaw_rad, 2 * std::numbers::pi);
-    if (std::abs(turned) > turn_rad + turn_rad_per_s * seconds) return false;
+    const double turned = angle(pose.yaw_rad - last_.yaw_rad), own_turned = angle(own.heading_rad - own_.heading_rad);
+    if (std::abs(turned) > turn_rad + turn_rad_per_s * std::clamp(seconds, 0.0, pushed_s) &&
+        std::abs(angle(turned - own_turned)) > turn_rad + turn_rad_per_s * std::clamp(seconds, 0.0, late_s))
+      return false;
   }
   last_ = pose;
   own_ = own;

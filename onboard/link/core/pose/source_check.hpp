@@ -13,6 +13,7 @@ struct OwnMotion {
   double scale_sigma = 0;                                  ///< of that velocity
   double lag_s = 0, lag_sigma_s = 0;                       ///< it is late by that
   double height_m = 0;                                     ///< above where it took off
+  double heading_rad = 0;                                  ///< as its text has it, counter-clockwise
   float barometer_m = 0;                                   ///< its noise tells one text from the next
   bool usable = false;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();  ///< by its odometry ...
@@ -26,7 +27,7 @@ struct OwnPath {
   int unlikely = 0;
   Eigen::Vector2d pushed_m = Eigen::Vector2d::Zero();  ///< how far it flew if they are right
   double length_m = 0, unseen_s = 0;                   ///< without a usable velocity
-  double height_m = 0;
+  double height_m = 0, heading_rad = 0;
   TimeNs text_ns = 0;
 
   void advance(TimeNs now, const OwnMotion& own) noexcept;
@@ -34,9 +35,9 @@ struct OwnPath {
   Eigen::Vector2d position_at(TimeNs now) const noexcept;
 };
 
-/// Whether a pose is one that the drone can have flown and turned to from the last one that was: by its own velocity
-/// and height since, and what those may have missed. What is not is another body, or a frame that jumped: no pose. It
-/// is taken again where it fits; on the ground each fits, since a drone may be carried.
+/// Whether a pose is one that the drone can have flown and turned to from the last one that was: by its own velocity,
+/// height and heading since, and what those may have missed. What is not is another body, or a frame that jumped: no
+/// pose. It is taken again where it fits; on the ground each fits, since a drone may be carried.
 ///
 /// Core: no I/O, no clock, no allocation; one thread.
 class PoseGate {

@@ -9,8 +9,7 @@
 #include "common/rt/clock.hpp"
 
 /// UDP sockets as link needs them: non-blocking, and behind one network interface where one is named. Errors say what
-/// to do. Any thread, but not the real-time loop, where nothing else
-/// is said.
+/// to do. Any thread, but not the real-time loop, unless said.
 namespace ledgerline::link {
 
 /// Owns a descriptor.

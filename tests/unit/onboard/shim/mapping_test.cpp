@@ -80,6 +80,7 @@ TEST_F(ShimMapping, ANewEndJoinsTheOtherAndHearsNothingOfBefore) {
   const auto link = Mapping::open(path, End::link);
   ASSERT_TRUE(link) << link.error().what;
   EXPECT_TRUE(link->other_lives());
+  for (int i = 0; i < 5000 && link->memory().turns.now_ns != 5; ++i) ::usleep(1000);  // before it is killed
   Datagram said;
   said.assign("takeoff");
   ASSERT_TRUE(link->memory().to_drones.push(said));

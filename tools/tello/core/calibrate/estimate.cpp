@@ -275,7 +275,7 @@ class Estimator {
         }
     out_.velocity_in_body = best[1] < best[0];
     const std::size_t chosen = out_.velocity_in_body ? 1 : 0;
-    if (best[chosen] > clear * best[1 - chosen])
+    if (!(best[chosen] < clear * best[1 - chosen]))  // of a drone that reported nothing both are 0
       return Error{"vgx and vgy fit neither the frame at power on nor one that turns with the drone"};
     out_.velocity_signs[0] = signs[chosen][0];
     out_.velocity_signs[1] = signs[chosen][1];

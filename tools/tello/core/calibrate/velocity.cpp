@@ -18,6 +18,7 @@ constexpr double clear_share = 0.1, max_share_sigma = 0.2;
 constexpr double max_scale_share = 0.05;  // known less well, a fit is worth little more than link's default
 constexpr std::size_t min_blocks = 3;     // for a spread
 constexpr std::size_t min_samples = 25;   // of a block: 2.5 s of state text
+constexpr double max_gap_s = 0.3;         // between two poses
 constexpr double lag_step_s = 0.02;       // between whose points a parabola is laid
 constexpr std::size_t lags = 30;
 // What is reported follows from a velocity, its bias and the share of casts, and these from what is reported: four more
@@ -170,8 +171,17 @@ std::optional<Spread> spread(const std::vector<ByLag>& blocks, std::optional<dou
 }  // namespace
 
 Result<VelocityFit> fit_velocity(std::vector<VelocityBlock> blocks) {
+  for (VelocityBlock& block : blocks) {  // what nobody saw
+    std::erase_if(block.reported, [&](const auto& text) {
+      return block.positions.empty() || text.at_s < block.positions.front().at_s ||
+             text.at_s > block.positions.back().at_s;
+    });
+  }
   std::erase_if(blocks, [](const VelocityBlock& block) {
-    return block.reported.size() < min_samples || block.positions.size() < min_samples;
+    const auto& seen = block.positions;
+    const auto is_gap = [](const auto& one, const auto& next) { return next.at_s - one.at_s > max_gap_s; };
+    return block.reported.size() < min_samples || seen.size() < min_samples ||
+           std::adjacent_find(seen.begin(), seen.end(), is_gap) != seen.end();
   });
   if (blocks.size() < min_blocks)
     return Error{fmt::format("it was seen in {} blocks of flight, and {} are needed", blocks.size(), min_blocks)};

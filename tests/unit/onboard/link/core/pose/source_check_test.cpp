@@ -25,11 +25,13 @@ class Watched {
       pose.position_m = {at.x() + frame.x(), at.y() + frame.y(), 1 + above};
       const Eigen::Vector2d moves = velocity + creeps;
       pose.velocity_mps = {moves.x(), moves.y(), 0};
-      pose.yaw_rad = heading += turns * 0.01;
+      heading += turns * 0.01;
+      pose.yaw_rad = heading + turned;
       if (posed && check.accepts(pose, flies)) newest = pose, ++accepted;
       if (now % (100 * ms) != 0) continue;
       own.velocity_mps = late * scale + wrong;
       own.height_m = 1;
+      own.heading_rad = heading;
       if (!repeats) own.barometer_m += 0.01F;
       check.take(now, own, newest, flies);
     }
@@ -39,7 +41,7 @@ class Watched {
   OwnMotion own{.usable = true, .sigma_m = 0.1};
   TimeNs now = ns_per_s;
   Eigen::Vector2d at{0, 0}, frame{0, 0}, creeps{0, 0}, late{0, 0}, wrong{0, 0};
-  double scale = 1, lag_s = 0.01, above = 0, heading = 0, turns = 0;
+  double scale = 1, lag_s = 0.01, above = 0, heading = 0, turns = 0, turned = 0;
   bool flies = true, posed = true, repeats = false;
   int accepted = 0;
   Pose newest;
@@ -123,12 +125,17 @@ TEST(SourceCheck, AHeadingThatNobodyTurnsToIsNoPose) {
   drone.turns = 1.75;  // as fast as a Tello does
   drone.pass(3, {0.5, 0});
   EXPECT_EQ(drone.accepted, 300);
-  drone.heading += 2.1;  // for 0.4 s
-  drone.pass(0.4, {0.5, 0});
-  EXPECT_EQ(drone.accepted, 300);
-  drone.heading -= 2.1;
+  drone.turns = 0;
   drone.pass(1, {0.5, 0});
-  EXPECT_EQ(drone.accepted, 400);
+  for (const double turned : {0.3, 2.1, -1.6}) {
+    const int before = drone.accepted;
+    drone.turned = turned;
+    drone.pass(turned < 1 && turned > 0 ? 0.05 : 3, {0.5, 0});
+    EXPECT_EQ(drone.accepted, before) << turned;
+    drone.turned = 0;
+    drone.pass(1, {0.5, 0});
+    EXPECT_EQ(drone.accepted, before + 100) << turned;
+  }
 }
 
 TEST(SourceCheck, WhatIsBackFromALongAbsenceIsTakenWhereItFits) {
