@@ -145,7 +145,8 @@ export class Connection extends EventTarget {
         signal: AbortSignal.timeout(patience_ms),
         cache: 'no-store',
       });
-      const said = await answer.json().catch(() => ({}));
+      const text = await answer.text(); // one that breaks off or takes too long is no answer, whatever its status
+      const said = text.startsWith('{') ? JSON.parse(text) : {};
       return { ok: answer.ok, status: answer.status, body: said, words: answer.ok ? 'accepted' : said.error ?? `refused (${answer.status})` };
     } catch (error) {
       const words = error.name === 'TimeoutError' ? `no answer within ${patience_ms / 1000} s` : 'the station cannot be reached';
