@@ -84,8 +84,8 @@ class LinkLoop {
   std::array<Pose, max_poses> poses_{};
   std::array<AgentBeat, max_beats> beats_{};
   SpscRing<TraceRecord, 16384> trace_;
-  std::array<TraceRecord, max_drones + 1>
-      newest_sent_{};  ///< by drone: of the datagram that was sent last, where a setpoint
+  /// By drone: the record of its newest datagram, if that carried a setpoint.
+  std::array<TraceRecord, max_drones + 1> newest_sent_{};
   PackedTurns packed_turns_;
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialTold, 64> serials_;
