@@ -31,7 +31,7 @@ function station(answer, kept = null, protocol = 'http:') {
     const token = headers.Authorization.slice('Bearer '.length);
     told.asked.push([token, method, path]);
     const [status, body] = answer(token, method, path);
-    return { ok: status < 300, status, json: async () => body };
+    return new Response(JSON.stringify(body), { status });
   };
   const connection = new Connection();
   connection.addEventListener('session', ({ detail }) => told.said.push(detail));
