@@ -145,13 +145,15 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
           fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
 }
 
-bool Invariants::check_blind(const DroneFacts& facts, bool blind, Drone& drone) {
+bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone) {
   const auto& at = facts.truth.position_m;
-  if (!blind) {
+  if (!excuse.blind) {
     drone.blind_from_m.reset();
+    drone.may_run = false;
     return false;
   }
-  if (!drone.blind_from_m) drone.blind_from_m = {at[0], at[1]};
+  if (!drone.blind_from_m || excuse.deaf) drone.blind_from_m = {at[0], at[1]};
+  drone.may_run = drone.may_run || excuse.deaf || excuse.misled || excuse.steered;
   if (facts.pose) {
     const double off = std::hypot(facts.pose->position_m[0] - at[0], facts.pose->position_m[1] - at[1]);
     drone.misled_m = std::max(drone.misled_m, std::min(off, blind_way_m));
@@ -167,8 +169,8 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   const auto& at = facts.truth.position_m;
   const auto& v = facts.truth.velocity_mps;
   if (!facts.truth.in_flight || facts.truth.crashed) return;
-  const bool within_way = check_blind(facts, excuse.blind, drone);
-  const double max_mps = excuse.steered ? std::max(steered_mps, limits_.speed_mps) : limits_.speed_mps;
+  const bool within_way = check_blind(facts, excuse, drone);
+  const double max_mps = drone.may_run ? std::max(blind_mps, limits_.speed_mps) : limits_.speed_mps;
   if (const double speed = std::hypot(v[0], v[1], v[2]); speed > max_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
@@ -200,7 +202,7 @@ void Invariants::check_unseen(const Moment& moment, std::size_t index) {
   if (drone.unseen_since_ns == 0) drone.unseen_since_ns = moment.now;
   const TimeNs since = moment.now - drone.unseen_since_ns;
   const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
-  if (since > unseen_stops_ns && speed > unseen_mps)
+  if (since > unseen_stops_ns && speed > unseen_mps && !excuse.blind)
     broke(which::unseen, moment.now, fmt::format("{}: {:.2f} m/s, unseen", facts.name, speed));
   if (since > unseen_down_ns)
     broke(which::unseen, moment.now,

@@ -14,11 +14,11 @@ namespace ledgerline::hil {
 ///                               behind that fault's end (1 s behind the start of a link that was away); where it got
 ///                               meanwhile it may stay, but no farther than 0.5 m on.
 ///                               All of it is the truth. One whose own velocity is lost may get blind_way_m away from
-///                               where that began, no faster than the others (steered
-///                               by motion capture: than steered_mps), and as far outside as it is then wrong
+///                               where that began or where it was deaf last, no faster than the others (steered
+///                               by motion capture, deaf or misled meanwhile: than blind_mps), and as far outside as it is then wrong
 ///     no crash                  no drone turns over but one that a fault broke, and no process ends but by a fault
-///     unseen                    a drone in the air that a running link does not see stands still after 1 s, and is
-///                               down after 25 s: whatever became of the link before
+///     unseen                    a drone in the air that a running link does not see stands still after 1 s, but for
+///                               one that is blind, and is down after 25 s: whatever became of the link before
 ///     hold after silence        300 ms after the newest plan's end link holds, brakes or lands, and 0.6 s later it
 ///                               tells the drone zero
 ///     landing after a hold      a hold or brake of land_after (5 s) and 0.5 s more is a landing, which
@@ -55,10 +55,9 @@ class Invariants {
   /// From where a drone's own velocity was lost. At 1 m/s it goes 0.5 m until that is noticed, and with the sticks at
   /// zero 3 m until drag has stopped it or it is down. Half is no bound for that; with double it may run away for 5 s.
   static constexpr double blind_way_m = 5;
-  /// Of one that motion capture steers all the same: it flies on, in attitude mode by a ground that may be a second
-  /// away: 2.6 m/s were seen until it was landed for moving otherwise (FS-18). Half is a fast flight; a runaway has 5
-  /// m/s.
-  static constexpr double steered_mps = 4;
+  /// Of one that motion capture steers all the same, in attitude mode by a ground that may be a second away, of one that
+  /// keeps leaning because nobody can tell it not to, and of one whose texts hide that it is blind. Half is a fast flight; a runaway has 5 m/s.
+  static constexpr double blind_mps = 4;
   static constexpr TimeNs unseen_stops_ns = 1 * ns_per_s, unseen_down_ns = 25 * ns_per_s;
   static constexpr double upright_rad = 0.5;
   static constexpr double unseen_mps = 0.4;  ///< horizontally: gusts, and how a Tello drifts
@@ -70,6 +69,7 @@ class Invariants {
     TimeNs unseen_since_ns = 0;                         ///< in the air, and link runs but does not see it
     double high_m = 0, far_m = 0;                       ///< beyond the limits: where it got while it was deaf
     std::optional<std::array<double, 2>> blind_from_m;  ///< where its own velocity was lost; nothing: it is not
+    bool may_run = false;                               ///< blind, and it got fast by no fault of the flight
     double misled_m = 0;                                ///< how wrong its estimate became then, at most blind_way_m
     TimeNs rested_since_ns = 0;                         ///< link runs and the drone flies, without a break
     std::array<double, 3> told{};
@@ -82,7 +82,7 @@ class Invariants {
   void check_drone(const Moment& moment, std::size_t drone);
   void check_limits(const Moment& moment, std::size_t drone);
   /// Whether it is blind and still within its physical bound.
-  static bool check_blind(const DroneFacts& facts, bool blind, Drone& drone);
+  static bool check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone);
   void check_unseen(const Moment& moment, std::size_t drone);
   void check_ramp(const Moment& moment, std::size_t drone, bool rested);
   void check_brake(const Moment& moment, std::size_t drone, bool flies);

@@ -22,6 +22,7 @@ struct Moment {
     bool broken = false;    ///< a fault took a part of it: it may turn over
     bool cut = false;       ///< somebody asked for its motors to be cut
     bool blind = false;     ///< its own velocity is lost: it cannot know how far it goes, but physics bounds that
+    bool misled = false;    ///< what it says of its own motion may be wrong
     bool steered = false;   ///< blind, and motion capture steers it all the same
     bool spins = false;     ///< broken: its pose is older than the heading that rc is said by
     bool deaf = false;      ///< nobody tells it anything, or it may not get there: it goes by what it heard last

@@ -67,6 +67,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
                     .broken = effect.broken,
                     .cut = effect.cut,
                     .blind = effect.blinded,
+                    .misled = effect.misled,
                     .steered = effect.blinded && link::uses_mocap(script.flight.pose),
                     .spins = effect.broken,
                     .deaf = effect.deafened};

@@ -132,6 +132,7 @@ FaultSchedule::Effect FaultSchedule::effect_on(std::size_t drone, TimeNs now) co
     if (!item.begun_ns || !its || (!acts.for_good && item.ended_ns && now > *item.ended_ns + after)) continue;
     effect.pushed = effect.pushed || acts.pushes;
     effect.blinded = effect.blinded || acts.blinds;
+    effect.misled = effect.misled || acts.misleads_mps > 0;
     effect.deafened = effect.deafened || acts.deafens || acts.stops_link;
     effect.broken = effect.broken || acts.breaks;
   }

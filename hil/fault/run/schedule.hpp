@@ -42,6 +42,7 @@ class FaultSchedule {
     bool broken = false;    ///< for good: it may turn over
     bool cut = false;       ///< for good: its motors, by who asked for it
     bool blinded = false;   ///< its own velocity is lost
+    bool misled = false;    ///< what it says of its own motion may be wrong
     bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
   };
   Effect effect_on(std::size_t drone, TimeNs now) const;

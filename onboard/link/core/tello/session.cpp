@@ -16,6 +16,10 @@ constexpr TimeNs grounded_for_ns = 1 * ns_per_s;
 constexpr float descent_m = 0.1F;
 // What is believed to be on the ground but seen aloft this long is in flight, whatever the answers said.
 constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
+// `time` is in whole seconds, and a text may come late.
+constexpr double motor_time_slack_s = 2;
+// So many odd texts in a row that follow each other are right: what was believed before them was not.
+constexpr int odd_texts_believed = 10;
 // What is believed to fly but seen on the ground this long has come down by itself.
 constexpr TimeNs down_for_ns = 3 * ns_per_s;
 
@@ -52,11 +56,24 @@ bool TelloSession::seen_grounded(TimeNs now) const noexcept {
   return fresh(now) && state_.height_m < settings_.airborne_m && state_.tof_m <= settings_.grounded_m;
 }
 
+bool TelloSession::of_now(TimeNs now, const TelloState& said) noexcept {
+  const auto follows = [&](int motor_s, TimeNs at_ns) {
+    return said.motor_s >= motor_s && said.motor_s <= motor_s + to_seconds(now - at_ns) + motor_time_slack_s;
+  };
+  const bool odd = phase_ != FlightPhase::disconnected && !follows(state_.motor_s, state_at_ns_);
+  odd_texts_ = !odd ? 0 : follows(odd_motor_s_, odd_at_ns_) ? odd_texts_ + 1 : 1;
+  odd_motor_s_ = said.motor_s;
+  odd_at_ns_ = now;
+  return !odd || odd_texts_ >= odd_texts_believed;
+}
+
 bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
-  if (!parse_state(bytes, state_)) {
+  TelloState said = state_;
+  if (!parse_state(bytes, said) || !of_now(now, said)) {
     ++states_refused_;
     return false;
   }
+  state_ = said;
   take_battery(state_.battery);
   if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
   state_at_ns_ = now;

@@ -30,7 +30,8 @@ class TelloSession {
       : settings_(settings), blind_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
 
   void on_answer(TimeNs now, std::string_view bytes) noexcept;
-  /// False where it is no state text.
+  /// False where it is no state text, or once connected one of another moment or of another drone: by `time`, which
+  /// grows as time does while the motors run.
   bool on_state(TimeNs now, std::string_view bytes) noexcept;
 
   /// False when the phase, the pause after a refusal or the serial does not allow it.
@@ -74,6 +75,7 @@ class TelloSession {
   void ask(TimeNs now, Asked what) noexcept;
   /// Of the newest text.
   void take_battery(float told) noexcept;
+  bool of_now(TimeNs now, const TelloState& said) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
   void watch_sight(TimeNs now) noexcept;
@@ -102,6 +104,8 @@ class TelloSession {
   TelloState state_;
   FixedVector<float, SessionSettings::battery_texts> batteries_told_;  ///< oldest first
   TimeNs state_at_ns_ = 0;
+  int odd_texts_ = 0, odd_motor_s_ = 0;  ///< texts in a row that are not of now, and the newest one's `time` ...
+  TimeNs odd_at_ns_ = 0;                 ///< ... and when it came
   Asked asked_ = Asked::nothing;  ///< the command whose answer is waited for
   bool send_ = false;             ///< asked_ has still to be sent
   bool handshake_ok_ = false;

@@ -56,7 +56,8 @@ void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noe
   }
   const double limit = std::max(limit_mps, limit_share * expected_mps());
   note_since(now, length_without(off_mps, drift_mps_) > limit, since_ns_);
-  note_since(now, length_without(smooth_mps_, drift_mps_) > expected_mps() + outrun_mps, outruns_since_ns_);
+  const std::array<double, 2> seen_mps{velocity_mps[0], velocity_mps[1]};
+  note_since(now, length_without(seen_mps, drift_mps_) > expected_mps() + outrun_mps, outruns_since_ns_);
 }
 
 }  // namespace ledgerline::link

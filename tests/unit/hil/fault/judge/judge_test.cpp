@@ -165,6 +165,44 @@ TEST(FaultJudge, ADroneWithoutVelocityIsJudgedByTheTruthWithAPhysicalBound) {
   EXPECT_TRUE(broken(true, 0, 0, 0, 4.5, true).contains(fast)) << "nobody does";
 }
 
+TEST(FaultJudge, ABlindDroneThatNobodyCouldTellAnythingRunsOnAndIsSlowedByDragAlone) {
+  const auto broken = [](bool blind, double mps, double to_m) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0] = {.blind = blind, .deaf = true};
+    run.moment.excuses = excuses;
+    run.drones[0].truth.position_m[0] = 94;
+    run.pass(ns_per_s);
+    excuses[0].deaf = false;
+    run.drones[0].truth.velocity_mps[0] = mps;
+    run.pass(ns_per_s);
+    run.drones[0].truth.position_m[0] = to_m;
+    run.pass(ns_per_s);
+    return run.broken();
+  };
+  const std::string far = "always: never farther than the limits", fast = "always: never faster than the limits";
+  EXPECT_TRUE(broken(false, 3, 94).contains(fast));
+  EXPECT_FALSE(broken(true, 3, 94).contains(fast));
+  EXPECT_TRUE(broken(true, 4.5, 94).contains(fast));
+  EXPECT_FALSE(broken(true, 3, 98.9).contains(far)) << "from where it could be told something";
+  EXPECT_TRUE(broken(true, 3, 101).contains(far));
+}
+
+TEST(FaultJudge, ABlindDroneThatIsNotSeenCannotStop) {
+  for (const bool blind : {false, true}) {
+    Judged run("");
+    std::vector<Moment::Excuse> excuses(1);
+    excuses[0].blind = blind;
+    run.moment.excuses = excuses;
+    run.drones[0].phase = FlightPhase::disconnected;
+    run.drones[0].truth.velocity_mps[0] = 0.5;
+    run.pass(2 * ns_per_s);
+    EXPECT_EQ(run.broken().contains("always: who is not seen is stopped and landed"), !blind);
+    run.pass(25 * ns_per_s);
+    EXPECT_TRUE(run.broken().contains("always: who is not seen is stopped and landed"));
+  }
+}
+
 TEST(FaultJudge, WhatWasMissedWhileItWasBlindIsNoFaultOfTheFlightBehindIt) {
   const auto broken = [&](double missed_m) {
     Judged run("");

@@ -305,6 +305,27 @@ TEST_F(Session, ADroneThatFallsSilentInTheAirStaysFlyingSoThatItCanBeLanded) {
   EXPECT_EQ(session.phase(), FlightPhase::flying);
 }
 
+TEST_F(Session, AStateTextOfAnotherMomentOrAnotherDroneIsNone) {
+  more_text = "time:20;";
+  fly();
+  const auto taken = [&](int motor_s) {
+    more_text = "time:" + std::to_string(motor_s) + ";";
+    return session.on_state(now += 100 * ns_per_ms, state_text());
+  };
+  EXPECT_TRUE(taken(20));
+  EXPECT_TRUE(taken(21));
+  EXPECT_FALSE(taken(20)) << "an old one, again";
+  EXPECT_FALSE(taken(40)) << "another drone's";
+  EXPECT_EQ(session.states_refused(), 2U);
+  EXPECT_TRUE(taken(21));
+  now += 10 * ns_per_s;
+  EXPECT_TRUE(taken(31)) << "after a silence";
+  for (int i = 0; i < 50; ++i) EXPECT_FALSE(taken(i % 2 == 0 ? 5 : 28)) << "these follow nothing";
+  for (int i = 0; i < 9; ++i) EXPECT_FALSE(taken(3));
+  EXPECT_TRUE(taken(3)) << "ten that follow each other: what was believed before was another's";
+  EXPECT_TRUE(taken(4));
+}
+
 TEST_F(Session, CutSendsEmergencyUntilItIsDown) {
   fly();
   session.request_cut(now);

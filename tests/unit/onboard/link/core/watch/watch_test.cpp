@@ -107,6 +107,14 @@ TEST(MotionWatch, APushAndABrakeAreNone) {
   EXPECT_FALSE(drone.found);
 }
 
+TEST(MotionWatch, OneThatOutrunsItsCommandsIsFoundAtOnce) {
+  Moving drone;
+  drone.fly(2, {1, 0, 0}, {1.7, 0, 0});
+  EXPECT_EQ(drone.watch.outruns_since_ns(), 0);
+  drone.fly(0.01, {1, 0, 0}, {1.9, 0, 0});
+  EXPECT_EQ(drone.watch.outruns_since_ns(), drone.now);
+}
+
 TEST(MotionWatch, WhatNobodySawDoesNotCount) {
   Moving drone;
   drone.fly(3.9, {0.5F, 0, 0}, {-0.5, 0, 0});
