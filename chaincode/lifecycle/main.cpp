@@ -34,7 +34,7 @@ constexpr const char* notes = R"(Examples:
   CHAINCODE_ID=ID CHAINCODE_SERVER_ADDRESS=0.0.0.0:9999 CHAINCODE_TLS_KEY=... CHAINCODE_TLS_CERT=... ledgerline-chaincode
 Exit codes: 0 done, or done already; 1 failed; 2 wrong usage.)";
 
-struct Wish {
+struct Options {
   std::string config, endpoint, tls_ca, server_name, tls_certificate, tls_key, msp_id, msp_dir;
   std::string channel = "teleop", name = "ledgerline";
   std::string version = contract_version();
@@ -45,20 +45,20 @@ struct Wish {
 };
 
 /// The options that stand in place of a file, as one.
-std::string config_text(const Wish& wish) {
+std::string config_text(const Options& options) {
   std::string text = "[ledger]\n";
   const auto line = [&](const char* key, const std::string& value) {
     if (!value.empty()) text += fmt::format("{} = {}\n", key, nlohmann::json(value).dump());
   };
-  line("endpoint", wish.endpoint);
-  line("tls_ca", wish.tls_ca);
-  line("server_name", wish.server_name);
-  line("tls_certificate", wish.tls_certificate);
-  line("tls_key", wish.tls_key);
-  line("msp_id", wish.msp_id);
-  line("msp_dir", wish.msp_dir);
-  line("channel", wish.channel);
-  line("contract", wish.name);
+  line("endpoint", options.endpoint);
+  line("tls_ca", options.tls_ca);
+  line("server_name", options.server_name);
+  line("tls_certificate", options.tls_certificate);
+  line("tls_key", options.tls_key);
+  line("msp_id", options.msp_id);
+  line("msp_dir", options.msp_dir);
+  line("channel", options.channel);
+  line("contract", options.name);
   return text;
 }
 
@@ -67,8 +67,8 @@ struct Access {
   std::string msp_dir;
 };
 
-Result<Access> access_of(const Wish& wish) {
-  auto config = wish.config.empty() ? Config::parse(config_text(wish), "options") : Config::load(wish.config);
+Result<Access> access_of(const Options& options) {
+  auto config = options.config.empty() ? Config::parse(config_text(options), "options") : Config::load(options.config);
   if (!config) return config.error();
   auto client = fabric::ledger_config(*config);
   const std::string msp_dir = config->text("ledger.msp_dir", "");
@@ -79,19 +79,19 @@ Result<Access> access_of(const Wish& wish) {
 }
 
 /// Of the file's bytes, with the label that its maker gave it.
-Result<std::string> id_of(const Wish& wish) {
-  if (!wish.id.empty()) return wish.id;
-  if (wish.package.empty()) return Error{"which package? give --package FILE, or --package-id LABEL:HASH"};
-  const auto bytes = read_file(wish.package);
+Result<std::string> id_of(const Options& options) {
+  if (!options.id.empty()) return options.id;
+  if (options.package.empty()) return Error{"which package? give --package FILE, or --package-id LABEL:HASH"};
+  const auto bytes = read_file(options.package);
   if (!bytes) return bytes.error();
-  return package_id(wish.label, *bytes);
+  return package_id(options.label, *bytes);
 }
 
-Status make(const Wish& wish) {
-  if (!is_label(wish.label)) return Error{"--label: letters and digits, inside also _ . + -"};
-  if (wish.client_certificate.empty() != wish.client_key.empty())
+Status make(const Options& options) {
+  if (!is_label(options.label)) return Error{"--label: letters and digits, inside also _ . + -"};
+  if (options.client_certificate.empty() != options.client_key.empty())
     return Error{"--client-certificate and --client-key belong together"};
-  ServicePlace place{.address = wish.address, .client_auth = wish.client_auth || !wish.client_key.empty()};
+  ServicePlace place{.address = options.address, .client_auth = options.client_auth || !options.client_key.empty()};
   const auto take = [](const std::string& path, std::string& into) -> Status {
     if (path.empty()) return done;
     auto text = read_file(path);
@@ -99,28 +99,29 @@ Status make(const Wish& wish) {
     into = std::move(*text);
     return done;
   };
-  Status read = take(wish.tls_root, place.root_pem);
-  if (read) read = take(wish.client_certificate, place.client_pem);
+  Status read = take(options.tls_root, place.root_pem);
+  if (read) read = take(options.client_certificate, place.client_pem);
   if (!read) return read;
-  if (!wish.client_key.empty()) {
-    auto key = crypto::read_key_file(wish.client_key);
+  if (!options.client_key.empty()) {
+    auto key = crypto::read_key_file(options.client_key);
     if (!key) return key.error();
     place.client_key_pem = std::move(*key);
   }
-  const std::string package = make_package(wish.label, connection_json(place));
-  if (Status s = write_file(wish.out, package, place.client_key_pem.empty() ? 0644 : 0600); !s) return s;
-  fmt::print("{}\n", package_id(wish.label, package));
+  const std::string package = make_package(options.label, connection_json(place));
+  if (Status s = write_file(options.out, package, place.client_key_pem.empty() ? 0644 : 0600); !s) return s;
+  fmt::print("{}\n", package_id(options.label, package));
   if (place.root_pem.empty())
     fmt::print(stderr,
                "without --tls-root peers call the service in the clear: whoever is between them can answer for it\n");
   if (!place.client_key_pem.empty())
-    fmt::print(stderr, "the package holds the key of {}: whoever may fetch it from a peer has it\n", wish.client_key);
+    fmt::print(stderr, "the package holds the key of {}: whoever may fetch it from a peer has it\n",
+               options.client_key);
   return done;
 }
 
-Status install(const Wish& wish, Lifecycle& lifecycle) {
-  const auto id = id_of(wish);
-  const auto bytes = read_file(wish.package);
+Status install(const Options& options, Lifecycle& lifecycle) {
+  const auto id = id_of(options);
+  const auto bytes = read_file(options.package);
   if (!id || !bytes) return id ? bytes.error() : id.error();
   const auto there = lifecycle.installed();
   if (!there) return there.error();
@@ -138,12 +139,12 @@ Status install(const Wish& wish, Lifecycle& lifecycle) {
 }
 
 /// The one asked for, else the one that counts if it has the version, else the next one.
-Definition wanted(const Wish& wish, const std::optional<Committed>& now) {
-  Definition out{wish.version, static_cast<std::int64_t>(wish.sequence)};
+Definition wanted(const Options& options, const std::optional<Committed>& now) {
+  Definition out{options.version, static_cast<std::int64_t>(options.sequence)};
   if (out.sequence > 0) return out;
-  out.sequence = !now                                      ? 1
-                 : now->definition.version == wish.version ? now->definition.sequence
-                                                           : now->definition.sequence + 1;
+  out.sequence = !now                                         ? 1
+                 : now->definition.version == options.version ? now->definition.sequence
+                                                              : now->definition.sequence + 1;
   return out;
 }
 
@@ -151,12 +152,12 @@ std::string described(const Definition& definition) {
   return fmt::format("version {} sequence {}", definition.version, definition.sequence);
 }
 
-Status approve(const Wish& wish, Lifecycle& lifecycle) {
-  const auto id = id_of(wish);
+Status approve(const Options& options, Lifecycle& lifecycle) {
+  const auto id = id_of(options);
   if (!id) return id.error();
   const auto now = lifecycle.committed();
   if (!now) return now.error();
-  const auto definition = wanted(wish, *now);
+  const auto definition = wanted(options, *now);
   const auto before = lifecycle.approved(definition);
   if (!before) return before.error();
   if (*before == *id) {
@@ -176,10 +177,10 @@ std::string approvers(const std::map<std::string, bool>& approvals, bool approve
   return names.empty() ? "nobody" : fmt::format("{}", fmt::join(names, ", "));
 }
 
-Status commit(const Wish& wish, Lifecycle& lifecycle) {
+Status commit(const Options& options, Lifecycle& lifecycle) {
   const auto now = lifecycle.committed();
   if (!now) return now.error();
-  const auto definition = wanted(wish, *now);
+  const auto definition = wanted(options, *now);
   if (*now && (*now)->definition == definition) {
     fmt::print("{} is committed already\n", described(definition));
     return done;
@@ -207,7 +208,7 @@ nlohmann::json json_of(const fabric::ChannelConfig& channel) {
   return out;
 }
 
-Status status(const Wish& wish, Lifecycle& lifecycle) {
+Status status(const Options& options, Lifecycle& lifecycle) {
   const auto installed = lifecycle.installed();
   const auto committed = lifecycle.committed();
   const auto channel = lifecycle.channel();
@@ -220,7 +221,7 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
   } else {
     out["installed_unknown"] = installed.error().what;  // an administrator's question
   }
-  const auto definition = wanted(wish, *committed);
+  const auto definition = wanted(options, *committed);
   const bool open = !*committed || (*committed)->definition.sequence < definition.sequence;
   if (*committed) {
     const Fitness fitness = fitness_of(*channel, (*committed)->policy);
@@ -238,7 +239,7 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
     if (approvals)
       out["next"] = {{"version", definition.version}, {"sequence", definition.sequence}, {"approvals", *approvals}};
   }
-  if (wish.json) {
+  if (options.json) {
     fmt::print("{}\n", out.dump());
     return done;
   }
@@ -249,8 +250,8 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
     const auto& it = out["committed"];
     fmt::print("committed   {}, approved by {}; not by {}\n", described((*committed)->definition),
                approvers((*committed)->approvals, true), approvers((*committed)->approvals, false));
-    if ((*committed)->definition.version != wish.version)
-      fmt::print("            this program's contract is version {}: approve and commit it\n", wish.version);
+    if ((*committed)->definition.version != options.version)
+      fmt::print("            this program's contract is version {}: approve and commit it\n", options.version);
     fmt::print("endorsement {}\n", it["policy"].get<std::string>());
     fmt::print("direct path {}: {}\n", it["direct_path"].get<bool>() ? "yes" : "no",
                it["direct_path_why"].get<std::string>());
@@ -268,15 +269,15 @@ Status status(const Wish& wish, Lifecycle& lifecycle) {
   return done;
 }
 
-Status print_commands(const Wish& wish, const std::string& verb, const Access& access) {
+Status print_commands(const Options& options, const std::string& verb, const Access& access) {
   const PeerCommands commands{access.client, access.msp_dir};
-  const Definition definition{wish.version, static_cast<std::int64_t>(std::max<std::uint64_t>(1, wish.sequence))};
+  const Definition definition{options.version, static_cast<std::int64_t>(std::max<std::uint64_t>(1, options.sequence))};
   std::string text;
   if (verb == "install") {
-    if (wish.package.empty()) return Error{"which package? give --package FILE"};
-    text = commands.install(wish.package);
+    if (options.package.empty()) return Error{"which package? give --package FILE"};
+    text = commands.install(options.package);
   } else if (verb == "approve") {
-    const auto id = id_of(wish);
+    const auto id = id_of(options);
     if (!id) return id.error();
     text = commands.approve(definition, *id);
   } else {
@@ -286,66 +287,66 @@ Status print_commands(const Wish& wish, const std::string& verb, const Access& a
   return done;
 }
 
-Status run(const Wish& wish, const std::string& verb) {
-  if (verb == "package") return make(wish);
-  auto access = access_of(wish);
+Status run(const Options& options, const std::string& verb) {
+  if (verb == "package") return make(options);
+  auto access = access_of(options);
   if (!access) return access.error();
-  if (wish.print) return print_commands(wish, verb, *access);
+  if (options.print) return print_commands(options, verb, *access);
   auto lifecycle = Lifecycle::connect(std::move(access->client));
   if (!lifecycle) return lifecycle.error();
-  if (verb == "install") return install(wish, *lifecycle);
-  if (verb == "approve") return approve(wish, *lifecycle);
-  return verb == "commit" ? commit(wish, *lifecycle) : status(wish, *lifecycle);
+  if (verb == "install") return install(options, *lifecycle);
+  if (verb == "approve") return approve(options, *lifecycle);
+  return verb == "commit" ? commit(options, *lifecycle) : status(options, *lifecycle);
 }
 
-std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
+std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   std::vector<Verb> verbs;
   Verb package = line.verb("package", "make the package of a contract's service; prints its id");
-  package.option("--address", wish.address, "HOST:PORT of ledgerline-chaincode, as the peers reach it").required();
-  package.option("--tls-root", wish.tls_root, "PEM file of the authority of the service's TLS certificate")
+  package.option("--address", options.address, "HOST:PORT of ledgerline-chaincode, as the peers reach it").required();
+  package.option("--tls-root", options.tls_root, "PEM file of the authority of the service's TLS certificate")
       .existing_file();
-  package.flag("--client-auth", wish.client_auth,
+  package.flag("--client-auth", options.client_auth,
                "the service wants the peers' certificates, and their builder puts its own in");
-  package.option("--client-certificate", wish.client_certificate, "PEM file: with which the peers call")
+  package.option("--client-certificate", options.client_certificate, "PEM file: with which the peers call")
       .existing_file();
-  package.option("--client-key", wish.client_key, "its key, which is then in the package").existing_file();
-  package.option("--label", wish.label, "the package's name").shows_default();
-  package.option("--out", wish.out, "the file").shows_default();
+  package.option("--client-key", options.client_key, "its key, which is then in the package").existing_file();
+  package.option("--label", options.label, "the package's name").shows_default();
+  package.option("--out", options.out, "the file").shows_default();
   verbs.push_back(package);
   const auto add = [&](const char* name, const char* what) {
     Verb verb = line.verb(name, what);
-    verb.option("--config", wish.config, "TOML file with [ledger]").existing_file();
-    verb.option("--endpoint", wish.endpoint, "HOST:PORT of the organisation's peer");
-    verb.option("--tls-ca", wish.tls_ca, "PEM file of its TLS authorities");
-    verb.option("--server-name", wish.server_name, "name in its certificate");
-    verb.option("--tls-certificate", wish.tls_certificate, "PEM file of the own TLS certificate, if it wants one");
-    verb.option("--tls-key", wish.tls_key, "its key");
-    verb.option("--msp-id", wish.msp_id, "the organisation");
-    verb.option("--msp-dir", wish.msp_dir, "its administrator's msp folder");
-    verb.option("--channel", wish.channel, "without --config").shows_default();
-    verb.option("--name", wish.name, "of the chaincode, without --config").shows_default();
-    verb.flag("--print", wish.print, "print the commands of Fabric's `peer` instead");
+    verb.option("--config", options.config, "TOML file with [ledger]").existing_file();
+    verb.option("--endpoint", options.endpoint, "HOST:PORT of the organisation's peer");
+    verb.option("--tls-ca", options.tls_ca, "PEM file of its TLS authorities");
+    verb.option("--server-name", options.server_name, "name in its certificate");
+    verb.option("--tls-certificate", options.tls_certificate, "PEM file of the own TLS certificate, if it wants one");
+    verb.option("--tls-key", options.tls_key, "its key");
+    verb.option("--msp-id", options.msp_id, "the organisation");
+    verb.option("--msp-dir", options.msp_dir, "its administrator's msp folder");
+    verb.option("--channel", options.channel, "without --config").shows_default();
+    verb.option("--name", options.name, "of the chaincode, without --config").shows_default();
+    verb.flag("--print", options.print, "print the commands of Fabric's `peer` instead");
     verbs.push_back(verb);
     return verb;
   };
   const auto add_package = [&](Verb& verb) {
-    verb.option("--package", wish.package, "the package's file").existing_file();
-    verb.option("--label", wish.label, "that it was made with").shows_default();
+    verb.option("--package", options.package, "the package's file").existing_file();
+    verb.option("--label", options.label, "that it was made with").shows_default();
   };
   const auto add_definition = [&](Verb& verb) {
-    verb.option("--version", wish.version, "of the definition").shows_default();
-    verb.option("--sequence", wish.sequence, "of the definition (default: as the channel has it, or the next)");
+    verb.option("--version", options.version, "of the definition").shows_default();
+    verb.option("--sequence", options.sequence, "of the definition (default: as the channel has it, or the next)");
   };
   Verb installing = add("install", "install the package at a peer");
   add_package(installing);
   Verb approving = add("approve", "approve the definition with this package, for the organisation");
   add_package(approving);
-  approving.option("--package-id", wish.id, "LABEL:HASH in place of the file");
+  approving.option("--package-id", options.id, "LABEL:HASH in place of the file");
   add_definition(approving);
   Verb committing = add("commit", "commit the definition that organisations have approved");
   add_definition(committing);
   Verb showing = add("status", "what is installed, approved, committed; its policy, and what that means");
-  showing.flag("--json", wish.json, "as JSON");
+  showing.flag("--json", options.json, "as JSON");
   return verbs;
 }
 
@@ -353,11 +354,11 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
 
 int main(int argc, char** argv) {
   CommandLine line("contract", about, notes);
-  Wish wish;
-  const std::vector<Verb> verbs = add_verbs(line, wish);
+  Options options;
+  const std::vector<Verb> verbs = add_verbs(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : verbs) {
-    if (verb.given()) return exit_code(run(wish, verb.name()));
+    if (verb.given()) return exit_code(run(options, verb.name()));
   }
   return exit_usage;
 }

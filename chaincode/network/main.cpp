@@ -243,7 +243,7 @@ int make_identities(Options options) {
 }
 
 /// What a command line asks for.
-struct Wish {
+struct VerbOptions {
   Options options;
   double batch_timeout_ms = to_ms(options.batch_timeout_ns);
   std::vector<std::string> organisations, orderers;
@@ -252,8 +252,8 @@ struct Wish {
 };
 
 /// Takes a user of a running network out of it, or one of its certificates, or whom a list names.
-int revoke(const Wish& wish) {
-  Options options = wish.options;
+int revoke(const VerbOptions& verb_options) {
+  Options options = verb_options.options;
   const auto running = RunFile(options.dir).read();
   if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
@@ -268,25 +268,26 @@ int revoke(const Wish& wish) {
       all->push_back(std::move(*place));
     }
   }
-  const int organisation = wish.organisation;
-  if (!wish.list.empty()) {
-    const auto list = fabric_network::read_list(options, organisation, wish.list);
+  const int organisation = verb_options.organisation;
+  if (!verb_options.list.empty()) {
+    const auto list = fabric_network::read_list(options, organisation, verb_options.list);
     if (!list) return fail(list.error());
     if (Status s = fabric_network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
-    std::printf("whom %s names is revoked in organisation %d\n", wish.list.c_str(), organisation);
+    std::printf("whom %s names is revoked in organisation %d\n", verb_options.list.c_str(), organisation);
     return 0;
   }
-  fabric_network::Revoked revoked{wish.user};
-  if (!wish.certificate.empty()) {
-    auto pem = crypto::read_certificate_file(wish.certificate);
+  fabric_network::Revoked revoked{verb_options.user};
+  if (!verb_options.certificate.empty()) {
+    auto pem = crypto::read_certificate_file(verb_options.certificate);
     if (!pem) return fail(pem.error());
     revoked.certificate_pem = std::move(*pem);
   }
   if (Status s = fabric_network::revoke(options, places, organisation, revoked); !s) return fail(s.error());
-  if (wish.user.empty()) {
-    std::printf("the certificate in %s is revoked in organisation %d\n", wish.certificate.c_str(), organisation);
+  if (verb_options.user.empty()) {
+    std::printf("the certificate in %s is revoked in organisation %d\n", verb_options.certificate.c_str(),
+                organisation);
   } else {
-    std::printf("%s of organisation %d is revoked\n", wish.user.c_str(), organisation);
+    std::printf("%s of organisation %d is revoked\n", verb_options.user.c_str(), organisation);
   }
   return 0;
 }
@@ -321,24 +322,25 @@ Status add_places(Options& options, const std::vector<std::string>& organisation
   return fabric_network::check(options);
 }
 
-void add_network_options(Verb verb, Wish& wish) {
-  Options& options = wish.options;
-  verb.option("--config", wish.config, "TOML file with the network's settings; options here come before it");
+void add_network_options(Verb verb, VerbOptions& verb_options) {
+  Options& options = verb_options.options;
+  verb.option("--config", verb_options.config, "TOML file with the network's settings; options here come before it");
   verb.option("--orderers", options.orderers, "1 or 3").one_of({1, 3}).shows_default();
   verb.option("--channel", options.channels, "A channel's name; give it again for more")
       .one_at_a_time()
       .shows_default();
   verb.option("--first-port", options.first_port, "The first of the TCP ports, 3 a part; 0 looks for free ones")
       .shows_default();
-  verb.option("--organisation", wish.organisations, "HOST:PORT of one; three times, for several hosts").one_at_a_time();
-  verb.option("--orderer", wish.orderers, "HOST:PORT of one, once or three times").one_at_a_time();
+  verb.option("--organisation", verb_options.organisations, "HOST:PORT of one; three times, for several hosts")
+      .one_at_a_time();
+  verb.option("--orderer", verb_options.orderers, "HOST:PORT of one, once or three times").one_at_a_time();
   verb.option("--only", options.only, "A part that this host runs: org1, orderer1, ...; all if none is named")
       .one_at_a_time();
   verb.option("--background", options.background,
               "An organisation for whom nobody on this host waits, org1, ...: peer and chaincode run at nice 19")
       .one_at_a_time();
   verb.flag("--short-slices", options.short_slices, "All other parts run in slices of 0.1 ms (Linux 6.12)");
-  verb.option("--batch-timeout", wish.batch_timeout_ms, "Cut a block after this many ms")
+  verb.option("--batch-timeout", verb_options.batch_timeout_ms, "Cut a block after this many ms")
       .within(1.0, 60'000.0)
       .shows_default();
   verb.option("--batch-count", options.batch_count, "or with this many transactions").within(1, 10'000).shows_default();
@@ -348,70 +350,73 @@ void add_network_options(Verb verb, Wish& wish) {
               "Of the contract's definition; none: a majority endorses");
 }
 
-std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
+std::vector<Verb> add_verbs(CommandLine& line, VerbOptions& verb_options) {
   std::vector<Verb> verbs;
   const auto add = [&](const std::string& name, const std::string& about) {
     Verb verb = line.verb(name, about);
-    verb.option("--dir", wish.options.dir, "Everything of the network: identities, ledgers, logs").required();
+    verb.option("--dir", verb_options.options.dir, "Everything of the network: identities, ledgers, logs").required();
     verbs.push_back(verb);
     return verb;
   };
   const auto add_with_tools = [&](const std::string& name, const std::string& about) {
     Verb verb = add(name, about);
-    verb.option("--tools", wish.options.tools, "Fabric's programs, made by scripts/fabric-tools");
+    verb.option("--tools", verb_options.options.tools, "Fabric's programs, made by scripts/fabric-tools");
     return verb;
   };
-  add_network_options(add_with_tools("up", "Start it, or say that it runs"), wish);
+  add_network_options(add_with_tools("up", "Start it, or say that it runs"), verb_options);
   Verb run = add_with_tools("run", "Start it and stay");
-  add_network_options(run, wish);
-  run.option("--summary", wish.summary, "Write blocks, transactions, CPU times and restarts here at the end");
+  add_network_options(run, verb_options);
+  run.option("--summary", verb_options.summary, "Write blocks, transactions, CPU times and restarts here at the end");
   add_network_options(add_with_tools("identities", "Make identities and first blocks for several hosts, a folder each"),
-                      wish);
+                      verb_options);
   add("down", "End it");
   add("status", "Does it run, and where");
   add("logs", "What it or one of its processes logged")
-      .option("process", wish.process, "peer1, orderer1, chaincode1, ...");
+      .option("process", verb_options.process, "peer1, orderer1, chaincode1, ...");
   add_with_tools("upgrade", "Bring a running network, or this host's part, to this version's contract");
   Verb revoke = add_with_tools("revoke", "Take a user or an endorser out: peers refuse it from then on");
-  revoke.option("--org", wish.organisation, "Number of the user's organisation")
+  revoke.option("--org", verb_options.organisation, "Number of the user's organisation")
       .required()
       .within(1, identities::organisations);
-  revoke.option("--user", wish.user, "User1, ... or endorser0, of a network with --ca: all certificates that it has");
-  revoke.option("--certificate", wish.certificate,
+  revoke.option("--user", verb_options.user,
+                "User1, ... or endorser0, of a network with --ca: all certificates that it has");
+  revoke.option("--certificate", verb_options.certificate,
                 "In place of --user: one certificate (PEM); a renewed one of the same user goes on");
-  revoke.option("--list", wish.list,
+  revoke.option("--list", verb_options.list,
                 "In place of --user: a revocation list (PEM) of its authority, with all it revoked");
   return verbs;
 }
 
 /// The file first, and over it what the command line says. An exit code: the program ends.
-std::optional<int> read_wish(CommandLine& line, int argc, char** argv, Wish& wish) {
+std::optional<int> read_verb_options(CommandLine& line, int argc, char** argv, VerbOptions& verb_options) {
   if (const auto end = line.parse(argc, argv)) return end;
-  if (!wish.config.empty()) {
-    auto read = fabric_network::read_options(wish.config, {});
+  if (!verb_options.config.empty()) {
+    auto read = fabric_network::read_options(verb_options.config, {});
     if (!read) return fail(read.error(), exit_usage);
-    wish.options = std::move(*read);
-    wish.batch_timeout_ms = to_ms(wish.options.batch_timeout_ns);
+    verb_options.options = std::move(*read);
+    verb_options.batch_timeout_ms = to_ms(verb_options.options.batch_timeout_ns);
     line.read({argv + 1, argv + argc});  // it was good before, and is again
   }
-  wish.options.batch_timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
+  verb_options.options.batch_timeout_ns = static_cast<TimeNs>(verb_options.batch_timeout_ms * ns_per_ms);
   return std::nullopt;
 }
 
-int carry_out(const std::string& verb, Wish& wish) {
-  Options& options = wish.options;
+int carry_out(const std::string& verb, VerbOptions& verb_options) {
+  Options& options = verb_options.options;
   if (verb == "down") return down(options.dir);
   if (verb == "status") return status(options.dir);
-  if (verb == "logs") return logs(options.dir, wish.process);
-  if (Status s = add_places(options, wish.organisations, wish.orderers); !s) return fail(s.error(), exit_usage);
+  if (verb == "logs") return logs(options.dir, verb_options.process);
+  if (Status s = add_places(options, verb_options.organisations, verb_options.orderers); !s)
+    return fail(s.error(), exit_usage);
   find_programs(options);
-  if (verb == "revoke" && !wish.user.empty() + !wish.certificate.empty() + !wish.list.empty() != 1)
+  if (verb == "revoke" &&
+      !verb_options.user.empty() + !verb_options.certificate.empty() + !verb_options.list.empty() != 1)
     return fail(Error{"revoke: give one of --user, --certificate and --list"}, exit_usage);
-  if (verb == "revoke") return revoke(wish);
+  if (verb == "revoke") return revoke(verb_options);
   if (verb == "up") return up(options);
   if (verb == "upgrade") return renew(options);
   if (verb == "identities") return make_identities(options);
-  return run(options, wish.summary, print_line);
+  return run(options, verb_options.summary, print_line);
 }
 
 }  // namespace
@@ -419,9 +424,9 @@ int carry_out(const std::string& verb, Wish& wish) {
 int main(int argc, char** argv) {
   ::umask(077);  // of all children, too: keys, archives and what Fabric's programs write are this user's alone
   CommandLine line("fabric", about, notes);
-  Wish wish;
-  const std::vector<Verb> verbs = add_verbs(line, wish);
-  if (const auto end = read_wish(line, argc, argv, wish)) return *end;
+  VerbOptions verb_options;
+  const std::vector<Verb> verbs = add_verbs(line, verb_options);
+  if (const auto end = read_verb_options(line, argc, argv, verb_options)) return *end;
   const auto given = std::find_if(verbs.begin(), verbs.end(), [](const Verb& verb) { return verb.given(); });
-  return carry_out(given->name(), wish);
+  return carry_out(given->name(), verb_options);
 }

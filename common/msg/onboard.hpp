@@ -91,7 +91,7 @@ enum class DropReason : std::uint8_t {
   queue_full = 6
 };
 
-/// m/s or rad/s. More than any drone here can do: such a number is an error, not a wish to be limited.
+/// m/s or rad/s. More than any drone here can do: such a number is an error, not a setpoint to be limited.
 inline constexpr float absurd_speed = 100;
 
 /// A velocity setpoint for a moment on the drone host's clock.

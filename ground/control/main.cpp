@@ -31,7 +31,7 @@ namespace {
 
 using namespace ledgerline;
 
-struct Wish {
+struct Options {
   std::string config;
   std::string function;
   std::vector<std::string> drones;
@@ -51,11 +51,11 @@ Result<std::string> subject_of(const std::string& path) {
 }
 
 /// The identity of a certificate file, or of nobody where no file is named.
-Result<Identity> identity_of(const Wish& wish) {
+Result<Identity> identity_of(const Options& options) {
   Identity identity;
-  identity.set_msp_id(wish.msp);
-  if (wish.certificate.empty()) return identity;
-  auto subject = subject_of(wish.certificate);
+  identity.set_msp_id(options.msp);
+  if (options.certificate.empty()) return identity;
+  auto subject = subject_of(options.certificate);
   if (!subject) return subject.error();
   identity.set_subject(std::move(*subject));
   return identity;
@@ -79,109 +79,112 @@ Result<std::string> digest_of(const std::string& path) {
 }
 
 /// `own_msp_id`: the caller's.
-Result<fabric::Call> make_call(const Wish& wish, const std::string& own_msp_id) {
+Result<fabric::Call> make_call(const Options& options, const std::string& own_msp_id) {
   const auto with_drones = [&](auto message) {
-    for (const auto& drone : wish.drones) message.add_drones(drone);
+    for (const auto& drone : options.drones) message.add_drones(drone);
     return message;
   };
-  if (wish.function == contract::enroll) {
-    const auto identity = identity_of(wish);
+  if (options.function == contract::enroll) {
+    const auto identity = identity_of(options);
     if (!identity) return identity.error();
     EnrollCall call = with_drones(EnrollCall());
     *call.mutable_identity() = *identity;
-    if (wish.role == "operator") call.set_role(OPERATOR);
-    if (wish.role == "supervisor") call.set_role(SUPERVISOR);
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    if (options.role == "operator") call.set_role(OPERATOR);
+    if (options.role == "supervisor") call.set_role(SUPERVISOR);
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::revoke) {
-    const auto identity = identity_of(wish);
+  if (options.function == contract::revoke) {
+    const auto identity = identity_of(options);
     if (!identity) return identity.error();
     RevokeCall call;
     *call.mutable_identity() = *identity;
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::grant) {
-    const auto identity = identity_of(wish);
+  if (options.function == contract::grant) {
+    const auto identity = identity_of(options);
     if (!identity) return identity.error();
     GrantCall call = with_drones(GrantCall());
     Grant& grant = *call.mutable_grant();
     *grant.mutable_to() = *identity;
-    grant.set_fly(wish.fly);
-    grant.set_max_priority(wish.priority);
-    grant.set_stop(wish.stop);
-    grant.set_cut(wish.cut);
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    grant.set_fly(options.fly);
+    grant.set_max_priority(options.priority);
+    grant.set_stop(options.stop);
+    grant.set_cut(options.cut);
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::anchor || wish.function == contract::verify) {
-    const auto digest = digest_of(wish.file);
+  if (options.function == contract::anchor || options.function == contract::verify) {
+    const auto digest = digest_of(options.file);
     if (!digest) return digest.error();
     AnchorCall call;
     call.set_digest(*digest);
-    call.set_what(wish.what);
-    const auto signer = identity_of(wish);
+    call.set_what(options.what);
+    const auto signer = identity_of(options);
     if (!signer) return signer.error();
     if (!signer->subject().empty()) {
       *call.add_signers() = *signer;
     } else {
       call.set_organisation(signer->msp_id());
     }
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::hand_over || wish.function == contract::deny) {
-    const auto identity = identity_of(wish);
+  if (options.function == contract::hand_over || options.function == contract::deny) {
+    const auto identity = identity_of(options);
     if (!identity) return identity.error();
     AnswerCall call = with_drones(AnswerCall());
     *call.mutable_to() = *identity;
-    if (!wish.subject.empty()) call.mutable_to()->set_subject(wish.subject);
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    if (!options.subject.empty()) call.mutable_to()->set_subject(options.subject);
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
-  if (wish.function == contract::acquire || wish.function == contract::release || wish.function == contract::request) {
+  if (options.function == contract::acquire || options.function == contract::release ||
+      options.function == contract::request) {
     LeaseCall call = with_drones(LeaseCall());
-    call.set_priority(wish.priority);
-    if (!wish.delegate.empty()) {
-      auto subject = subject_of(wish.delegate);
+    call.set_priority(options.priority);
+    if (!options.delegate.empty()) {
+      auto subject = subject_of(options.delegate);
       if (!subject) return subject.error();
       call.mutable_delegate()->set_msp_id(own_msp_id);
       call.mutable_delegate()->set_subject(std::move(*subject));
     }
-    return fabric::Call{wish.function, {call.SerializeAsString()}};
+    return fabric::Call{options.function, {call.SerializeAsString()}};
   }
   DronesCall call = with_drones(DronesCall());
-  call.set_cut(wish.cut);
-  return fabric::Call{wish.function, {call.SerializeAsString()}};
+  call.set_cut(options.cut);
+  return fabric::Call{options.function, {call.SerializeAsString()}};
 }
 
 /// A stop goes on until it is on the ledger, whatever comes between. The others go on over what another wrote first,
 /// and leave all else to who asked.
-fabric::RepeatLimits limits_of(const Wish& wish) {
-  if (wish.function == contract::stop) return {.within_ns = static_cast<TimeNs>(wish.within_s * 1e9)};
+fabric::RepeatLimits limits_of(const Options& options) {
+  if (options.function == contract::stop) return {.within_ns = static_cast<TimeNs>(options.within_s * 1e9)};
   return {.attempts = 10, .conflicts_only = true};
 }
 
 /// Whoever hammers makes these invalid again and again, unless the drones are claimed for them.
-bool may_claim(const Wish& wish) {
-  return wish.function == contract::evict || wish.function == contract::grant || wish.function == contract::resume;
+bool may_claim(const Options& options) {
+  return options.function == contract::evict || options.function == contract::grant ||
+         options.function == contract::resume;
 }
 
 /// Of the drones of the call. Who may not claim is refused, and goes on without.
-bool change_claim(fabric::Client& client, const Wish& wish, const char* function) {
+bool change_claim(fabric::Client& client, const Options& options, const char* function) {
   DronesCall call;
-  for (const auto& drone : wish.drones) call.add_drones(drone);
+  for (const auto& drone : options.drones) call.add_drones(drone);
   const auto outcome = client.submit_and_wait({function, {call.SerializeAsString()}});
   return outcome.kind == fabric::Outcome::Kind::committed;
 }
 
-fabric::Outcome submit(fabric::Client& client, const Wish& wish, const fabric::Call& call) {
+fabric::Outcome submit(fabric::Client& client, const Options& options, const fabric::Call& call) {
   bool claimed = false;
-  fabric::Outcome outcome = fabric::submit_repeatedly(client, call, limits_of(wish), [&](const fabric::Outcome& first) {
-    spdlog::warn("{}: said again until it is on the ledger: {}", wish.function, first.message);
-    claimed = may_claim(wish) && change_claim(client, wish, contract::claim);
-  });
+  fabric::Outcome outcome =
+      fabric::submit_repeatedly(client, call, limits_of(options), [&](const fabric::Outcome& first) {
+        spdlog::warn("{}: said again until it is on the ledger: {}", options.function, first.message);
+        claimed = may_claim(options) && change_claim(client, options, contract::claim);
+      });
   // What is on the ledger has ended the claim with it.
-  if (claimed && outcome.kind != fabric::Outcome::Kind::committed && !change_claim(client, wish, contract::unclaim))
-    spdlog::error("{}: the drones stay claimed; end that by {}", wish.function, contract::unclaim);
+  if (claimed && outcome.kind != fabric::Outcome::Kind::committed && !change_claim(client, options, contract::unclaim))
+    spdlog::error("{}: the drones stay claimed; end that by {}", options.function, contract::unclaim);
   if (outcome.block != 0 && !outcome.unheard.empty())
-    spdlog::warn("{}: endorsed by less than all: {}", wish.function, outcome.unheard);
+    spdlog::warn("{}: endorsed by less than all: {}", options.function, outcome.unheard);
   return outcome;
 }
 
@@ -214,9 +217,9 @@ Status print_anchors(fabric::Client& client, AnchorCall asked, const std::string
 constexpr const char* show = "show";
 
 /// The control records of the drones that were named, or of all, in pages.
-Result<std::vector<Control>> read_records(fabric::Client& client, const Wish& wish) {
+Result<std::vector<Control>> read_records(fabric::Client& client, const Options& options) {
   const belief::Evaluate evaluate = [&](const fabric::Call& call) { return client.evaluate(call); };
-  if (!wish.drones.empty()) return belief::read_controls(wish.drones, evaluate);
+  if (!options.drones.empty()) return belief::read_controls(options.drones, evaluate);
   std::vector<Control> controls;
   const Status status = belief::read_all("control", evaluate, [&](const Asset& asset) {
     return parse_message(asset.msg_data(), controls.emplace_back());
@@ -225,10 +228,10 @@ Result<std::vector<Control>> read_records(fabric::Client& client, const Wish& wi
   return controls;
 }
 
-Status show_records(fabric::Client& client, const Wish& wish) {
-  const auto controls = read_records(client, wish);
+Status show_records(fabric::Client& client, const Options& options) {
+  const auto controls = read_records(client, options);
   if (!controls) return Error{fmt::format("{}: {}", show, controls.error().what)};
-  if (!wish.json) return print_line(ground::control_table(*controls)), done;
+  if (!options.json) return print_line(ground::control_table(*controls)), done;
   Controls all;
   for (const Control& control : *controls) *all.add_controls() = control;
   return print_line(to_json(all)), done;
@@ -240,7 +243,7 @@ bool changes_records(const fabric::Block& block) {
 }
 
 /// Once, and again behind each block that changes a record, until asked to end.
-Status show_live(fabric::Client& client, const Wish& wish) {
+Status show_live(fabric::Client& client, const Options& options) {
   std::atomic<bool> changed{true};
   Mailbox<std::monostate> bell;
   fabric::Client::StreamHandlers handlers;
@@ -261,13 +264,13 @@ Status show_live(fabric::Client& client, const Wish& wish) {
       bell.take_all();
       continue;
     }
-    if (auto status = show_records(client, wish); !status) return status;
+    if (auto status = show_records(client, options); !status) return status;
   }
   return done;
 }
 
-Status call_contract(const Wish& wish) {
-  auto config = Config::load(wish.config);
+Status call_contract(const Options& options) {
+  auto config = Config::load(options.config);
   if (!config) return config.error();
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
@@ -275,20 +278,21 @@ Status call_contract(const Wish& wish) {
   const std::string own_msp_id = ledger->identity.name.msp_id;
   auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
-  if (wish.function == show) return wish.live ? show_live(**client, wish) : show_records(**client, wish);
-  auto call = make_call(wish, own_msp_id);
+  if (options.function == show) return options.live ? show_live(**client, options) : show_records(**client, options);
+  auto call = make_call(options, own_msp_id);
   if (!call) return call.error();
-  if (wish.function == contract::verify) {
+  if (options.function == contract::verify) {
     AnchorCall asked;
     if (auto status = parse_message(call->args[0], asked); !status) return status;
-    return print_anchors(**client, std::move(asked), wish.file);
+    return print_anchors(**client, std::move(asked), options.file);
   }
-  const fabric::Outcome outcome = submit(**client, wish, *call);
+  const fabric::Outcome outcome = submit(**client, options, *call);
   if (outcome.kind != fabric::Outcome::Kind::committed)
-    return Error{fmt::format("{}: {}", wish.function, outcome.message)};
-  if (wish.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
-  if (wish.function == contract::unclaim) return done;
-  return wish.function == contract::stop ? print_answer<Stops>(outcome.answer) : print_answer<Controls>(outcome.answer);
+    return Error{fmt::format("{}: {}", options.function, outcome.message)};
+  if (options.function == contract::anchor) return fmt::print("{}\n", outcome.tx_id), done;
+  if (options.function == contract::unclaim) return done;
+  return options.function == contract::stop ? print_answer<Stops>(outcome.answer)
+                                            : print_answer<Controls>(outcome.answer);
 }
 
 constexpr const char* about =
@@ -310,77 +314,77 @@ constexpr const char* notes = R"(Examples:
   ledgerline-control --config operator.toml anchor --what "flight 7, camera 2" flight7.mp4
 Exit codes: 0 done, 1 refused or not reached, 2 bad usage.)";
 
-std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
+std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   std::vector<Verb> verbs;
   const auto add = [&](const std::string& name, const std::string& help) {
     Verb verb = line.verb(name, help);
-    verb.option("drones", wish.drones, "names of drones").required(name != contract::enroll && name != show);
+    verb.option("drones", options.drones, "names of drones").required(name != contract::enroll && name != show);
     verbs.push_back(verb);
     return verb;
   };
   Verb enroll =
       add(contract::enroll, "bind drones to the identity of their host, or give an identity a role (administrators)");
-  enroll.option("--role", wish.role, "what else it may do").one_of({"operator", "supervisor"});
-  enroll.option("--msp", wish.msp, "MSP id of the host").required();
-  enroll.option("--cert", wish.certificate, "certificate of the host, PEM").required().existing_file();
+  enroll.option("--role", options.role, "what else it may do").one_of({"operator", "supervisor"});
+  enroll.option("--msp", options.msp, "MSP id of the host").required();
+  enroll.option("--cert", options.certificate, "certificate of the host, PEM").required().existing_file();
   Verb revoke = line.verb(
       contract::revoke, "take an identity's role back: from that block on nobody flies what it says (administrators)");
-  revoke.option("--msp", wish.msp, "MSP id of the identity").required();
-  revoke.option("--cert", wish.certificate, "its certificate, PEM").required().existing_file();
+  revoke.option("--msp", options.msp, "MSP id of the identity").required();
+  revoke.option("--cert", options.certificate, "its certificate, PEM").required().existing_file();
   verbs.push_back(revoke);
   Verb grant = add(
       contract::grant,
       "what another organisation, or one identity there, may do with drones (administrators): replaces what it had");
-  grant.option("--msp", wish.msp, "MSP id of the other organisation").required();
+  grant.option("--msp", options.msp, "MSP id of the other organisation").required();
   grant
-      .option("--cert", wish.certificate,
+      .option("--cert", options.certificate,
               "certificate of the one identity, PEM; without: its operators and supervisors")
       .existing_file();
-  grant.flag("--fly", wish.fly, "acquire them, and stop them");
-  grant.option("--max-priority", wish.priority, "the highest priority of its leases").shows_default();
-  grant.flag("--stop", wish.stop, "land them");
-  grant.flag("--cut", wish.cut, "motors off, and land them");
+  grant.flag("--fly", options.fly, "acquire them, and stop them");
+  grant.option("--max-priority", options.priority, "the highest priority of its leases").shows_default();
+  grant.flag("--stop", options.stop, "land them");
+  grant.flag("--cut", options.cut, "motors off, and land them");
   const auto add_delegate = [&](Verb& verb) {
-    verb.option("--delegate-cert", wish.delegate,
+    verb.option("--delegate-cert", options.delegate,
                 "certificate, PEM, of who commands in your place, of your organisation; without: you do")
         .existing_file();
   };
   Verb acquire = add(contract::acquire, "take the lease");
-  acquire.option("--priority", wish.priority, "a higher one pre-empts");
+  acquire.option("--priority", options.priority, "a higher one pre-empts");
   add_delegate(acquire);
   add(contract::release, "give the lease back");
   Verb request = add(contract::request, "ask the holder for the lease");
-  request.option("--priority", wish.priority, "of the lease that is asked for");
+  request.option("--priority", options.priority, "of the lease that is asked for");
   add_delegate(request);
   for (const auto& [function, help] : {std::pair(contract::hand_over, "give the lease to one who has requested it"),
                                        std::pair(contract::deny, "end somebody's request, or one's own")}) {
     Verb answer = add(function, help);
-    answer.option("--msp", wish.msp, "MSP id of who has requested it").required();
-    answer.option("--subject", wish.subject, "its subject, as `show` prints it");
-    answer.option("--cert", wish.certificate, "or its certificate, PEM").existing_file();
+    answer.option("--msp", options.msp, "MSP id of who has requested it").required();
+    answer.option("--subject", options.subject, "its subject, as `show` prints it");
+    answer.option("--cert", options.certificate, "or its certificate, PEM").existing_file();
   }
   add(contract::evict, "take the lease from its holder (a supervisor of the drone's organisation, or its host)");
   Verb stop = add(contract::stop, "land at once, whoever flies");
-  stop.flag("--cut", wish.cut, "motors off instead of landing");
-  stop.option("--within", wish.within_s, "seconds for which it is said again until it is on the ledger")
+  stop.flag("--cut", options.cut, "motors off instead of landing");
+  stop.option("--within", options.within_s, "seconds for which it is said again until it is on the ledger")
       .within(0.0, 3600.0)
       .shows_default();
   add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
   add(contract::unclaim, "end what keeps others from changing a lease while one is evicted (a supervisor)");
   Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
-  anchor.option("file", wish.file, "the file").required().existing_file();
-  anchor.option("--what", wish.what, "what it is, in a few words");
+  anchor.option("file", options.file, "the file").required().existing_file();
+  anchor.option("--what", options.what, "what it is, in a few words");
   verbs.push_back(anchor);
   Verb verify = line.verb(contract::verify, "print who has anchored this very file, and when; exit code 1: nobody");
-  verify.option("file", wish.file, "the file").required().existing_file();
-  verify.option("--msp", wish.msp, "MSP id: all of that organisation; without: the first 16 of each");
-  verify.option("--cert", wish.certificate, "certificate of the one signer that is asked for, PEM; with --msp")
+  verify.option("file", options.file, "the file").required().existing_file();
+  verify.option("--msp", options.msp, "MSP id: all of that organisation; without: the first 16 of each");
+  verify.option("--cert", options.certificate, "certificate of the one signer that is asked for, PEM; with --msp")
       .existing_file();
   verbs.push_back(verify);
   Verb showing = add(
       show, "print whose drones they are, who holds them, who stopped them, to whom they are granted; no name: of all");
-  showing.flag("--json", wish.json, "the records as JSON, in one line with --live");
-  showing.flag("--live", wish.live, "again whenever one changes, until Ctrl-C");
+  showing.flag("--json", options.json, "the records as JSON, in one line with --live");
+  showing.flag("--live", options.live, "again whenever one changes, until Ctrl-C");
   return verbs;
 }
 
@@ -388,13 +392,13 @@ std::vector<Verb> add_verbs(CommandLine& line, Wish& wish) {
 
 int main(int argc, char** argv) {
   CommandLine line("control", about, notes);
-  Wish wish;
-  line.option("--config", wish.config, "TOML file with [ledger]").required();
-  const std::vector<Verb> verbs = add_verbs(line, wish);
+  Options options;
+  line.option("--config", options.config, "TOML file with [ledger]").required();
+  const std::vector<Verb> verbs = add_verbs(line, options);
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (wish.live) catch_stop_signals();
+  if (options.live) catch_stop_signals();
   for (const Verb& verb : verbs) {
-    if (verb.given()) wish.function = verb.name();
+    if (verb.given()) options.function = verb.name();
   }
-  return exit_code(call_contract(wish));
+  return exit_code(call_contract(options));
 }

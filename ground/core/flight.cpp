@@ -34,10 +34,10 @@ Task task_of(const FlightConfig& config, std::size_t drone) {
   return {config.shape, config.side_m, config.waypoints, config.controller.speed_mps, config.laps};
 }
 
-void take_velocity(const Twist& velocity, TimeNs came_ns, PilotWish& wish) {
-  if (wish.velocity) ++wish.replaced;
-  wish.velocity = velocity;
-  wish.came_ns = came_ns;
+void take_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command) {
+  if (command.velocity) ++command.replaced;
+  command.velocity = velocity;
+  command.came_ns = came_ns;
 }
 
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name) {
@@ -96,12 +96,12 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   }
   const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
-  // Of all that is wished in one step the safest counts, whoever says it.
-  for (const PilotWish& wish : inputs.wishes) {
-    if (brings_down(wish)) take_wish(now_ns, wish, out);
+  // Of all that is commanded in one step the safest counts, whoever says it.
+  for (const PilotCommand& command : inputs.commands) {
+    if (brings_down(command)) take_command(now_ns, command, out);
   }
-  for (const PilotWish& wish : inputs.wishes) {
-    if (!brings_down(wish)) take_wish(now_ns, wish, out);
+  for (const PilotCommand& command : inputs.commands) {
+    if (!brings_down(command)) take_command(now_ns, command, out);
   }
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
   stops_.submit(now_ns, leases_, next_id_, out.submissions);
@@ -115,12 +115,12 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
   if (ending_ && drone.phases.in_air()) drone.phases.land(now_ns, "");
   if (!inputs.land.empty() && !config_.manual) drone.phases.land(now_ns, inputs.land);
   if (drone.fresh) drone.phases.advance(now_ns, timing_.of(index).delay_ns);
-  if (drone.fresh || (drone.wished && now_ns - intake_.of(index).received_ns < new_enough_ns)) {
+  if (drone.fresh || (drone.commanded && now_ns - intake_.of(index).received_ns < new_enough_ns)) {
     if (auto command = drone.planner.make(now_ns, timing_.of(index))) {
       outbox_ ? outbox_->put(index, std::move(*command)) : hand_over(now_ns, index, std::move(*command), out);
     }
   }
-  drone.fresh = drone.wished = false;
+  drone.fresh = drone.commanded = false;
   if (const std::string why = drone.phases.refused_takeoff(now_ns); !why.empty())
     refuse(now_ns, index, "no take-off: " + why, out);
   if (const std::string note = drone.phases.check_time(now_ns); !note.empty())
@@ -215,58 +215,60 @@ void FlightCore::take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightO
   }
 }
 
-void FlightCore::take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& out) {
-  if (wish.drone >= drones_.size()) return;
-  Drone& drone = *drones_[wish.drone];
-  drone.wished = true;
-  const bool stop = wish.stop || wish.cut;
-  if (stop) stops_.want(now_ns, wish.drone, wish.cut, wish.by);
-  if (stop || wish.land) {
+void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out) {
+  if (command.drone >= drones_.size()) return;
+  Drone& drone = *drones_[command.drone];
+  drone.commanded = true;
+  const bool stop = command.stop || command.cut;
+  if (stop) stops_.want(now_ns, command.drone, command.cut, command.by);
+  if (stop || command.land) {
     const std::string why = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
                                                                : config_.manual ? ""
                                                                                 : "landed by its pilot");
     // A stop is the ledger's, whoever flies.
-    if (!why.empty() && !stop) refuse(now_ns, wish.drone, "no landing: " + why, out);
-  } else if (const std::string whose = held_by_another(wish); !whose.empty()) {
-    if (wish.takeoff || wish.order || wish.pause || wish.velocity) refuse(now_ns, wish.drone, whose, out);
+    if (!why.empty() && !stop) refuse(now_ns, command.drone, "no landing: " + why, out);
+  } else if (const std::string whose = held_by_another(command); !whose.empty()) {
+    if (command.takeoff || command.order || command.pause || command.velocity)
+      refuse(now_ns, command.drone, whose, out);
     return;
-  } else if ((wish.takeoff || wish.order) && stops_.pending(wish.drone)) {
-    refuse(now_ns, wish.drone, "a stop of it is on its way to the ledger", out);
+  } else if ((command.takeoff || command.order) && stops_.pending(command.drone)) {
+    refuse(now_ns, command.drone, "a stop of it is on its way to the ledger", out);
     return;
-  } else if (wish.takeoff) {
+  } else if (command.takeoff) {
     if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())
-      refuse(now_ns, wish.drone, "no take-off: " + why, out);
+      refuse(now_ns, command.drone, "no take-off: " + why, out);
   }
-  if (wish.order && !stop && !wish.land) {
-    const TimeNs delay_ns = timing_.of(wish.drone).delay_ns;
-    if (const std::string why = drone.phases.take_order(now_ns, *wish.order, delay_ns); !why.empty())
-      refuse(now_ns, wish.drone, why, out);
+  if (command.order && !stop && !command.land) {
+    const TimeNs delay_ns = timing_.of(command.drone).delay_ns;
+    if (const std::string why = drone.phases.take_order(now_ns, *command.order, delay_ns); !why.empty())
+      refuse(now_ns, command.drone, why, out);
   }
-  if (wish.pause && !stop && !wish.land) {
-    if (const std::string why = drone.phases.take_pause(now_ns); !why.empty()) refuse(now_ns, wish.drone, why, out);
+  if (command.pause && !stop && !command.land) {
+    if (const std::string why = drone.phases.take_pause(now_ns); !why.empty()) refuse(now_ns, command.drone, why, out);
   }
   PilotCounters& counters = drone.status.pilot;
-  counters.replaced += wish.replaced;
-  counters.bad_values += wish.bad_values;
-  counters.malformed += wish.malformed;
-  counters.late += wish.late;
-  if (wish.late > 0 && !wish.velocity) say(now_ns, wish.drone, "a velocity was held back on its way: not flown", out);
-  if (!wish.velocity) return;
-  if (drone.status.phase == DronePhase::path && config_.manual && !wish.order &&
-      is_deliberate(*wish.velocity, config_.controller) && drone.phases.take_pause(now_ns).empty())
-    say(now_ns, wish.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
+  counters.replaced += command.replaced;
+  counters.bad_values += command.bad_values;
+  counters.malformed += command.malformed;
+  counters.late += command.late;
+  if (command.late > 0 && !command.velocity)
+    say(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
+  if (!command.velocity) return;
+  if (drone.status.phase == DronePhase::path && config_.manual && !command.order &&
+      is_deliberate(*command.velocity, config_.controller) && drone.phases.take_pause(now_ns).empty())
+    say(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
   if (drone.status.phase != DronePhase::manual) {
     ++counters.not_flying;
   } else {
-    ++(drone.planner.manual().take(wish.came_ns, *wish.velocity) ? counters.velocities : counters.bad_values);
+    ++(drone.planner.manual().take(command.came_ns, *command.velocity) ? counters.velocities : counters.bad_values);
   }
 }
 
-std::string FlightCore::held_by_another(const PilotWish& wish) const {
-  const Lease& lease = leases_.of(wish.drone);
-  // What we do not command we do not fly, whoever wishes.
+std::string FlightCore::held_by_another(const PilotCommand& command) const {
+  const Lease& lease = leases_.of(command.drone);
+  // What we do not command we do not fly, whoever commands.
   if (!lease.holder || lease.commander != config_.self) return "";
-  if (lease.holder == (wish.by ? *wish.by : config_.self)) return "";
+  if (lease.holder == (command.by ? *command.by : config_.self)) return "";
   return "its lease is held by " + holder_words(lease) + ": the holder's word counts";
 }
 

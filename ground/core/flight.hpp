@@ -21,7 +21,7 @@ namespace ledgerline::ground {
 /// is made meanwhile waits, the newest per drone, and what it replaces is counted as merged. A call refused because of
 /// one drone ("tello3: ...") is sent again at once without that drone.
 ///
-/// Manual: no path, a pilot's wishes instead. A velocity makes a plan at once, from the newest state; one that is not
+/// Manual: no path, a pilot's commands instead. A velocity makes a plan at once, from the newest state; one that is not
 /// renewed ends in zero after cmd_timeout_ns, and the drone hovers until it hears more or its failsafe lands it. An
 /// order (PilotOrder) has a drone in the air fly a path of its pilot's, and hover or land behind it. A stop goes out by
 /// itself, at once, and again until the ledger has it or refuses it. It ends when it is asked to, and every drone is
@@ -74,8 +74,8 @@ class FlightCore {
     FlightStatus status;
     Planner planner;
     Phases phases;
-    bool fresh = false;   ///< a state came with this step
-    bool wished = false;  ///< the pilot said something with this step
+    bool fresh = false;      ///< a state came with this step
+    bool commanded = false;  ///< the pilot said something with this step
     bool slowed_said = false;
     TimeNs next_note_ns = 0;
     std::uint64_t next_sequence = 1;  ///< without a ledger
@@ -86,11 +86,11 @@ class FlightCore {
   void take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
   void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
   void take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
-  void take_wish(TimeNs now_ns, const PilotWish& wish, FlightOutputs& out);
+  void take_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
-  /// Who holds the lease, where it is not who wishes; empty: it is, or nobody does. Landings and stops are anybody's.
-  std::string held_by_another(const PilotWish& wish) const;
+  /// Who holds the lease, where it is not who commands; empty: it is, or nobody does. Landings and stops are anybody's.
+  std::string held_by_another(const PilotCommand& command) const;
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
   void say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
 

@@ -88,14 +88,14 @@ struct PilotOrder {
 };
 
 /// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land, pause.
-struct PilotWish {
+struct PilotCommand {
   std::size_t drone = 0;                     ///< index into FlightConfig::drones
   std::optional<crypto::IdentityName> by{};  ///< the operator whose word it is; none: whoever ground serves
   std::optional<Twist> velocity{};
   TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
   bool takeoff = false, land = false;
   /// Hover where it is; the rest of the path is kept until another path, a return or a landing. Of an order in the same
-  /// wish, too.
+  /// command, too.
   bool pause = false;
   std::optional<PilotOrder> order{};  ///< the newest; no match for land, stop and cut
   bool stop = false, cut = false;     ///< the contract's stop: land now, whoever flies; motors off at once
@@ -106,9 +106,9 @@ struct PilotWish {
 };
 
 /// What is taken at any time, and before all else.
-inline bool brings_down(const PilotWish& wish) { return wish.stop || wish.cut || wish.land; }
+inline bool brings_down(const PilotCommand& command) { return command.stop || command.cut || command.land; }
 /// What needs no operator who is signed in: it lands the drone. A cut drops it, on whoever stands below.
-inline bool only_lands(const PilotWish& wish) { return (wish.stop || wish.land) && !wish.cut; }
+inline bool only_lands(const PilotCommand& command) { return (command.stop || command.land) && !command.cut; }
 
 struct FlightInputs {
   const fabric::Block* block = nullptr;      ///< the next of the stream, checked as a chain by the client
@@ -116,7 +116,7 @@ struct FlightInputs {
   std::uint64_t outcome_id = 0;
   bool more = false;  ///< there is newer input already: nothing is sent before that was seen
   std::string land;   ///< not empty: land all drones and end; why
-  std::span<const PilotWish> wishes;
+  std::span<const PilotCommand> commands;
   std::span<const StateSample> states;  ///< without a ledger: straight from link
   std::int64_t realtime_s = 0;          ///< for the expiry of certificates
 };
@@ -134,11 +134,11 @@ struct FlightOutputs {
   std::vector<Submission> submissions;
   std::vector<TraceRecord> traces;
   std::vector<DroneNews> news;
-  std::vector<std::string> notes;  ///< for the log: what a pilot wished and did not get; a path that is flown slower
+  std::vector<std::string> notes;  ///< for the log: what a pilot asked for and did not get; a path that is flown slower
   std::vector<Plan> plans;         ///< without a ledger: straight to link
 };
 
-/// What became of a pilot's wishes.
+/// What became of a pilot's commands.
 struct PilotCounters {
   std::uint64_t velocities = 0;  ///< made into plans
   std::uint64_t replaced = 0;    ///< velocities for which a newer one was there already
@@ -186,7 +186,7 @@ struct FlightTransactions {
 Task task_of(const FlightConfig& config, std::size_t drone);
 
 /// The newest velocity counts; one that nobody has looked at yet is replaced.
-void take_velocity(const Twist& velocity, TimeNs came_ns, PilotWish& wish);
+void take_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command);
 
 /// Index of the drone of this name; nothing: it does not fly here.
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);

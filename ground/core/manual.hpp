@@ -9,19 +9,19 @@
 namespace ledgerline::ground {
 
 /// Every number finite and within absurd_speed.
-bool believable(const Twist& wish);
+bool believable(const Twist& command);
 /// Believable, and more than a stick at rest tells: a tenth of a limit. So much takes a drone off its path.
-bool is_deliberate(const Twist& wish, const ControllerConfig& limits);
+bool is_deliberate(const Twist& command, const ControllerConfig& limits);
 
-/// A person flies: turns the velocity that was wished last (geometry_msgs/msg/Twist in the drone's frame: x forward, y
-/// left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is
-/// needed. A wish holds for `timeout_ns` and not a moment longer: every plan ends in zero, so that a pilot who falls
+/// A person flies: turns the velocity that was commanded last (geometry_msgs/msg/Twist in the drone's frame: x forward,
+/// y left, z up, yaw counter-clockwise) into plans in that same frame, so that neither a position nor a heading is
+/// needed. A command holds for `timeout_ns` and not a moment longer: every plan ends in zero, so that a pilot who falls
 /// silent leaves a drone that hovers.
 ///
-///     no wish --take()--> flies it --timeout_ns after it came, or release()--> no wish: zero
+///     no command --take()--> flies it --timeout_ns after it came, or release()--> no command: zero
 ///
-/// Two clocks come in and are never compared: of the ground, when wishes come; of the drone, when setpoints are flown.
-/// Deterministic; one thread.
+/// Two clocks come in and are never compared: of the ground, when commands come; of the drone, when setpoints are
+/// flown. Deterministic; one thread.
 class ManualController {
  public:
   static constexpr TimeNs step_ns = 50 * ns_per_ms;
@@ -31,9 +31,9 @@ class ManualController {
   /// Of the config: speed, vertical speed and yaw rate as limits.
   ManualController(const ControllerConfig& config, TimeNs timeout_ns);
 
-  /// A wish that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not believable. Roll and
-  /// pitch rates are left out.
-  bool take(TimeNs came_ns, const Twist& wish);
+  /// A command that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not believable. Roll
+  /// and pitch rates are left out.
+  bool take(TimeNs came_ns, const Twist& command);
   void release() { until_ns_ = 0; }
 
   /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's).

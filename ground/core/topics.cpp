@@ -59,22 +59,22 @@ Result<std::string> diagnostics(const DroneNews& news, const std::string&) {
 
 Result<std::string> alarm(const DroneNews& news, const std::string&) { return as_it_is(news.alarm, alarms_from_cdr); }
 
-void velocity(std::string_view cdr, TimeNs came_ns, PilotWish& wish) {
+void velocity(std::string_view cdr, TimeNs came_ns, PilotCommand& command) {
   const auto twist = twist_from_cdr(cdr);
   if (!twist) {
-    ++wish.malformed;
+    ++command.malformed;
     return;
   }
   if (!believable(*twist)) {
-    ++wish.bad_values;
+    ++command.bad_values;
     return;
   }
-  take_velocity(*twist, came_ns, wish);
+  take_velocity(*twist, came_ns, command);
 }
 
-template <bool PilotWish::*word>
-void say(std::string_view, TimeNs, PilotWish& wish) {
-  wish.*word = true;
+template <bool PilotCommand::*word>
+void say(std::string_view, TimeNs, PilotCommand& command) {
+  command.*word = true;
 }
 
 }  // namespace
@@ -91,10 +91,10 @@ const std::array<DroneTopic, 7> drone_topics{{
 
 const std::array<PilotTopic, 5> pilot_topics{{
     {"/cmd_vel", twist_type, false, false, velocity},
-    {"/takeoff", empty_type, true, false, say<&PilotWish::takeoff>},
-    {"/land", empty_type, true, false, say<&PilotWish::land>},
-    {"/stop", empty_type, true, false, say<&PilotWish::stop>},
-    {"/emergency", empty_type, true, true, say<&PilotWish::cut>},
+    {"/takeoff", empty_type, true, false, say<&PilotCommand::takeoff>},
+    {"/land", empty_type, true, false, say<&PilotCommand::land>},
+    {"/stop", empty_type, true, false, say<&PilotCommand::stop>},
+    {"/emergency", empty_type, true, true, say<&PilotCommand::cut>},
 }};
 
 std::string topic_of(const DroneTopic& topic, const std::string& drone) {

@@ -25,8 +25,8 @@ struct PilotTopic {
   std::string_view type;
   bool reliable = true;  ///< best effort hears both kinds of writers; for what is soon said again
   bool cuts = false;     ///< motors off, in the air, too
-  /// Adds the message to what the pilot wishes. `came_ns`: the ground's clock.
-  void (*take)(std::string_view cdr, TimeNs came_ns, PilotWish& wish);
+  /// Adds the message to what the pilot commands. `came_ns`: the ground's clock.
+  void (*take)(std::string_view cdr, TimeNs came_ns, PilotCommand& command);
 };
 extern const std::array<PilotTopic, 5> pilot_topics;
 std::string topic_of(const PilotTopic& topic, const std::string& drone);

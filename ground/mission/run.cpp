@@ -285,10 +285,10 @@ void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std:
   part.begun_at = part.reached;
   part.asked_ns = now;
   part.paths = seen.paths;
-  PilotWish wish{.drone = index};
-  wish.order = PilotOrder{PilotOrder::Kind::path, std::move(rest), mission_.drones[drone].land_behind};
+  PilotCommand command{.drone = index};
+  command.order = PilotOrder{PilotOrder::Kind::path, std::move(rest), mission_.drones[drone].land_behind};
   part.told_ns = now;
-  wishes_.push_back(std::move(wish));
+  commands_.push_back(std::move(command));
 }
 
 void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span<const std::size_t> indices) {
@@ -302,7 +302,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
     all_wait = all_wait && (waits || is_over(i) || part.leg == Leg::landing);
     if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
         drones[indices[i]].phase == DronePhase::path) {
-      wishes_.push_back({.drone = indices[i], .pause = true});
+      commands_.push_back({.drone = indices[i], .pause = true});
     } else if (!paused_ && part.leg == Leg::ordered && now - part.told_ns >= again_ns) {
       // Its failsafe may have braked it for a moment; order_ns says when it is too late for the others.
       const TimeNs asked_ns = part.asked_ns;
@@ -311,7 +311,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
     } else if (!paused_ && part.leg == Leg::standing) {
       part.leg = Leg::rising;
       part.asked_ns = now;
-      wishes_.push_back({.drone = indices[i], .takeoff = true});
+      commands_.push_back({.drone = indices[i], .takeoff = true});
     }
   }
   if (paused_ || !all_wait || !one_waits) return;
@@ -352,7 +352,7 @@ void MissionRun::land(std::size_t drone, const DroneNow& seen, std::size_t index
   const bool is_flown = is_in_air(seen.phase) || (seen.phase == DronePhase::failed && !seen.on_ground);
   if (!part.to_land || !seen.seen || !(is_flown || seen.on_ground || seen.phase == DronePhase::landing)) return;
   part.to_land = false;
-  if (is_flown) wishes_.push_back({.drone = index, .land = true});
+  if (is_flown) commands_.push_back({.drone = index, .land = true});
 }
 
 RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
@@ -381,8 +381,8 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
   for (std::size_t i = 0; i < parts_.size(); ++i) {
     if (indices[i] < drones.size()) land(i, drones[indices[i]], indices[i]);
   }
-  RunOutputs out{std::move(wishes_), std::move(events_), false};
-  wishes_.clear();
+  RunOutputs out{std::move(commands_), std::move(events_), false};
+  commands_.clear();
   events_.clear();
   std::string state = saved_state();
   out.changed = state != last_saved_state_;

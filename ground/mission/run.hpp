@@ -41,7 +41,7 @@ struct RunEvent {
 };
 
 struct RunOutputs {
-  std::vector<PilotWish> wishes;  ///< for FlightCore's next step
+  std::vector<PilotCommand> commands;  ///< for FlightCore's next step
   std::vector<RunEvent> events;
   bool changed = false;  ///< saved() is another than after the step before
 };
@@ -95,7 +95,7 @@ class MissionRun {
   void set_approvals(std::span<const Approval> approvals);
   std::size_t approvals() const { return approvers_.size(); }
 
-  /// `findings`: of check() now. The error says what is missing. What these four order is in the next step's wishes.
+  /// `findings`: of check() now. The error says what is missing. What these four order is in the next step's commands.
   Status start(std::span<const Finding> findings);
   Status pause();
   Status resume();
@@ -161,7 +161,7 @@ class MissionRun {
   std::set<crypto::IdentityName> approvers_;  ///< of this digest
   std::vector<Part> parts_;
   std::vector<RunEvent> events_;  ///< not told yet
-  std::vector<PilotWish> wishes_;
+  std::vector<PilotCommand> commands_;
   std::string last_saved_state_;
 };
 

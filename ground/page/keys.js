@@ -1,4 +1,4 @@
-// Flying by hand: every source of a wish (keys, gamepad, touch pads) is a deadman. While one is held, velocities go out;
+// Flying by hand: every source of a command (keys, gamepad, touch pads) is a deadman. While one is held, velocities go out;
 // when the last is let go, zero goes out once, and then nothing.
 import { inDialog } from './operators/session.js';
 
@@ -35,9 +35,9 @@ export class Hand extends EventTarget {
     return this.#flown;
   }
 
-  /// `wish`: four shares from -1 to 1, or null when it is let go.
-  hold(source, wish) {
-    if (wish) this.#sources.set(source, wish);
+  /// `shares`: four shares from -1 to 1, or null when it is let go.
+  hold(source, shares) {
+    if (shares) this.#sources.set(source, shares);
     else if (!this.#sources.delete(source)) return;
     if (this.#sources.size === 0) this.#zero();
     else if (!this.#flown) this.#tick(); // at once, not at the next beat
@@ -55,7 +55,7 @@ export class Hand extends EventTarget {
     const drone = this.target();
     if (drone !== this.#flown) this.#zero();
     if (drone === null) return;
-    const [forward, left, up, turn] = [0, 1, 2, 3].map((axis) => clip([...this.#sources.values()].reduce((sum, wish) => sum + wish[axis], 0)));
+    const [forward, left, up, turn] = [0, 1, 2, 3].map((axis) => clip([...this.#sources.values()].reduce((sum, shares) => sum + shares[axis], 0)));
     const sideways = Math.max(1, Math.hypot(forward, left)); // diagonals are not faster
     const v = this.speed_mps;
     this.send(drone, [(forward / sideways) * v, (left / sideways) * v, up * v * CLIMB], turn * YAW_RATE);
@@ -77,8 +77,8 @@ const typing = (element) => element.matches?.('input, select');
 export function flyByKeys(hand, enabled) {
   const down = new Set();
   const tell = () => {
-    const wish = [...down].reduce((sum, code) => sum.map((share, axis) => share + MOVES[code][axis]), [0, 0, 0, 0]);
-    hand.hold('keys', down.size ? wish : null);
+    const shares = [...down].reduce((sum, code) => sum.map((share, axis) => share + MOVES[code][axis]), [0, 0, 0, 0]);
+    hand.hold('keys', down.size ? shares : null);
   };
   hand.addEventListener('release', () => down.clear());
   addEventListener('keydown', (event) => {

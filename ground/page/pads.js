@@ -5,7 +5,7 @@ const SHOULDERS = [4, 5]; // of the standard mapping
 const beyond = (value) => (Math.abs(value) < DEAD_ZONE ? 0 : value);
 
 /// Sticks as a pilot knows them: left is height and heading, right is forward and sideways.
-const wishOf = (left, right) => [-right.y, -right.x, -left.y, -left.x];
+const sharesOf = (left, right) => [-right.y, -right.x, -left.y, -left.x];
 
 /// Read at each frame of the screen; says in words what is there.
 export function flyByGamepad(hand, words) {
@@ -23,7 +23,7 @@ export function flyByGamepad(hand, words) {
     const flies = pressed && !needsRelease;
     if (flies) {
       const [lx, ly, rx, ry] = pad.axes.map(beyond);
-      hand.hold('gamepad', wishOf({ x: lx, y: ly }, { x: rx, y: ry }));
+      hand.hold('gamepad', sharesOf({ x: lx, y: ly }, { x: rx, y: ry }));
     } else if (held) hand.hold('gamepad', null);
     held = flies;
     const said = !pad ? '' : held ? 'Gamepad: flying' : 'Gamepad: hold a shoulder button to fly';
@@ -38,7 +38,7 @@ export function flyByTouch(hand, pads) {
   const at = [null, null];
   const tell = () => {
     const still = { x: 0, y: 0 };
-    hand.hold('touch', at.some(Boolean) ? wishOf(at[0] ?? still, at[1] ?? still) : null);
+    hand.hold('touch', at.some(Boolean) ? sharesOf(at[0] ?? still, at[1] ?? still) : null);
   };
   pads.forEach((pad, side) => {
     const knob = pad.querySelector('.knob');

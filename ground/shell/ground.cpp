@@ -67,25 +67,25 @@ std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
   return letter;
 }
 
-std::vector<PilotWish> Ground::take_wishes() {
-  const std::lock_guard lock(wishes_mutex_);
-  return std::exchange(wishes_, {});
+std::vector<PilotCommand> Ground::take_commands() {
+  const std::lock_guard lock(commands_mutex_);
+  return std::exchange(commands_, {});
 }
 
-void Ground::wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
-                  const std::function<void(PilotWish&)>& change) {
+void Ground::post_command(std::size_t drone, const std::optional<crypto::IdentityName>& by,
+                          const std::function<void(PilotCommand&)>& change) {
   {
-    const std::lock_guard lock(wishes_mutex_);
-    auto wished = std::find_if(wishes_.begin(), wishes_.end(),
-                               [&](const PilotWish& w) { return w.drone == drone && w.by == by; });
-    if (wished == wishes_.end()) wished = wishes_.insert(wished, {.drone = drone, .by = by});
-    change(*wished);
+    const std::lock_guard lock(commands_mutex_);
+    auto waiting = std::find_if(commands_.begin(), commands_.end(),
+                                [&](const PilotCommand& w) { return w.drone == drone && w.by == by; });
+    if (waiting == commands_.end()) waiting = commands_.insert(waiting, {.drone = drone, .by = by});
+    change(*waiting);
   }
   mailbox_.wake();
 }
 
-void Ground::wish(const PilotWish& one) {
-  wish(one.drone, one.by, [&](PilotWish& wished) { service::merge(one, wished); });
+void Ground::post_command(const PilotCommand& one) {
+  post_command(one.drone, one.by, [&](PilotCommand& waiting) { service::merge(one, waiting); });
 }
 
 void Ground::say(Level level, const std::string& drone, std::string words) {
@@ -97,7 +97,7 @@ void Ground::see_off(TimeNs now_ns) {
     const crypto::IdentityName& identity = desk_->operators()[who].identity;
     const service::Held held = service::held_by(view_, identity);
     const service::Leaving::Step step = leaving_.step(now_ns, who, held);
-    for (const std::size_t drone : step.land) wish({.drone = drone, .by = identity, .land = true});
+    for (const std::size_t drone : step.land) post_command({.drone = drone, .by = identity, .land = true});
     if (!step.give_back) continue;
     const bool is_posted = desk_->see_off(who, held.drones);  // false: too much waits to be signed
     if (!is_posted && step.last) desk_->forget(who);
@@ -107,9 +107,9 @@ void Ground::see_off(TimeNs now_ns) {
 
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave
 // before.
-Status Ground::take(const PilotWish& one) {
+Status Ground::take(const PilotCommand& one) {
   if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
-  wish(one);
+  post_command(one);
   return done;
 }
 
@@ -200,11 +200,11 @@ void Ground::lose(std::size_t channel, const Error& why) {
   say(Level::alarm, "", std::move(words));
 }
 
-std::vector<std::vector<PilotWish>> Ground::split(const std::vector<PilotWish>& wishes) const {
-  std::vector<std::vector<PilotWish>> of_each(channels_.size());
-  for (const PilotWish& wish : wishes) {
-    const FlightView::Place place = view_.place(wish.drone);
-    of_each[place.channel].push_back(wish);
+std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotCommand>& commands) const {
+  std::vector<std::vector<PilotCommand>> of_each(channels_.size());
+  for (const PilotCommand& command : commands) {
+    const FlightView::Place place = view_.place(command.drone);
+    of_each[place.channel].push_back(command);
     of_each[place.channel].back().drone = place.drone;
   }
   return of_each;
@@ -230,9 +230,9 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       if (auto status = open(*letter, inputs); !status) return status.error();
     }
     if (letters_.empty()) letters_ = mailbox_.take_all();
-    const std::vector<std::vector<PilotWish>> wishes = split(take_wishes());
+    const std::vector<std::vector<PilotCommand>> commands = split(take_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
-      inputs[i].wishes = wishes[i];
+      inputs[i].commands = commands[i];
       inputs[i].more = more_waits_for(i);
       if (lost_[i]) inputs[i].land = "its channel is lost";
     }

@@ -80,14 +80,14 @@ class Ground {
   std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   Status open_topics();
   Status read_pilot_topics();
-  /// What the page wishes. Any thread. The error: it would only be flown later.
-  Status take(const PilotWish& one);
+  /// What the page commands. Any thread. The error: it would only be flown later.
+  Status take(const PilotCommand& one);
   /// What the page asks of missions. Any thread.
   void ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer);
-  /// Changes what is wished of a drone, and wakes the core's thread. Any thread.
-  void wish(std::size_t drone, const std::optional<crypto::IdentityName>& by,
-            const std::function<void(PilotWish&)>& change);
-  void wish(const PilotWish& one);
+  /// Changes what is commanded of a drone, and wakes the core's thread. Any thread.
+  void post_command(std::size_t drone, const std::optional<crypto::IdentityName>& by,
+                    const std::function<void(PilotCommand&)>& change);
+  void post_command(const PilotCommand& one);
   /// As an event; `drone`: its name, empty: of none. Any thread.
   void say(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
@@ -110,9 +110,9 @@ class Ground {
   Status open(const Letter& letter, std::vector<FlightInputs>& inputs);
   Status open(std::size_t channel, const Channel::News& news, FlightInputs& inputs);
   /// Of each channel, its drones as its core has them.
-  std::vector<std::vector<PilotWish>> split(const std::vector<PilotWish>& wishes) const;
+  std::vector<std::vector<PilotCommand>> split(const std::vector<PilotCommand>& commands) const;
   bool more_waits_for(std::size_t channel) const;
-  std::vector<PilotWish> take_wishes();
+  std::vector<PilotCommand> take_commands();
   void step(std::vector<FlightInputs> inputs);
   void act(std::size_t channel, FlightOutputs& out);
   ShellCounters losses_of(std::size_t channel) const;
@@ -139,8 +139,8 @@ class Ground {
 
   Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
   std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
-  std::mutex wishes_mutex_;
-  std::vector<PilotWish> wishes_;                ///< at most one for each drone and operator
+  std::mutex commands_mutex_;
+  std::vector<PilotCommand> commands_;           ///< at most one for each drone and operator
   std::atomic<bool> flying_{false};              ///< run() is
   std::vector<Channel::StreamState> streams_;    ///< of each channel
   std::vector<bool> lost_;                       ///< likewise: what it says cannot be taken any more

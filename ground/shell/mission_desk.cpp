@@ -261,7 +261,7 @@ void MissionDesk::step(TimeNs now) {
   }
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);
-    for (const PilotWish& wish : out.wishes) parts_.wish(wish);
+    for (const PilotCommand& command : out.commands) parts_.post_command(command);
     for (const mission::RunEvent& event : out.events) parts_.tell(event.level, event.drone, event.text);
     for (const std::string& id : out.kept) keep(id);
     for (const std::string& id : out.ended) write_record(id);

@@ -27,7 +27,7 @@ class MissionDesk {
     /// Has an operator sign his approval; the error says why he cannot now.
     std::function<Status(std::size_t who, const service::OperatorCall& call)> sign;
     std::function<bool(std::size_t who)> signed_in;  ///< on the flight's thread
-    std::function<void(const PilotWish& wish)> wish;
+    std::function<void(const PilotCommand& command)> post_command;
     std::function<void(Level level, const std::string& drone, const std::string& words)> tell;
     std::function<void(std::string list)> publish;  ///< [MISSION...]
     std::function<void()> wake;                     ///< the flight's thread shall step()

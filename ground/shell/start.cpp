@@ -79,7 +79,7 @@ Status Ground::read_pilot_topics() {
     spdlog::info("/<drone>/emergency is not read without DDS Security: [pilot] emergency = true reads it");
   auto pilots = PilotReaders::create(
       participant_, names_, pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-        wish(drone, std::nullopt, [&](PilotWish& wished) { topic.take(cdr, monotonic_ns(), wished); });
+        post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.take(cdr, monotonic_ns(), command); });
       });
   if (!pilots) return pilots.error();
   pilots_.emplace(std::move(pilots).value());
@@ -163,7 +163,7 @@ void Ground::open_missions(service::MissionSettings settings) {
       .client = channels_.front()->urgent(),
       .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
       .signed_in = [this](std::size_t who) { return !leaving_.has(who); },
-      .wish = [this](const PilotWish& one) { wish(one); },
+      .post_command = [this](const PilotCommand& one) { post_command(one); },
       .tell =
           [this](Level level, const std::string& drone, const std::string& words) {
             spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
@@ -193,7 +193,7 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   }
   self_ = ledgers.front().identity.in_use;
   session_idle_ns_ = settings.session_idle_ns;
-  service::Server::Behind behind{.take = [this](const PilotWish& one) { return take(one); },
+  service::Server::Behind behind{.take = [this](const PilotCommand& one) { return take(one); },
                                  .keys = desk_.get(),
                                  .ask_missions =
                                      [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {

@@ -284,8 +284,8 @@ void VirtualWorld::step_ground() {
 void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   next_ground_ns_ = now_ + ground_period_ns;
   inputs.realtime_s = real_epoch_s + now_ / ns_per_s;
-  const auto wishes = std::exchange(wishes_, {});
-  inputs.wishes = wishes;
+  const auto commands = std::exchange(commands_, {});
+  inputs.commands = commands;
   auto out = ground_->step(now_, inputs);
   for (const ground::DroneNews& news : out.news) {
     if (news.state) witness_.shown(now_, news.drone, *news.state);
@@ -295,7 +295,7 @@ void VirtualWorld::give_ground(ground::FlightInputs inputs) {
     put(wires_->plans, plan, plan_queue);
   }
   if (mission_) {
-    for (ground::PilotWish& wish : mission_->step(now_, *ground_)) wishes_.push_back(std::move(wish));
+    for (ground::PilotCommand& command : mission_->step(now_, *ground_)) commands_.push_back(std::move(command));
   }
   for (auto& submission : out.submissions) operator_.submit(now_, submission.id, std::move(submission.call));
   for (const auto& trace : out.traces) digester_->put(trace);

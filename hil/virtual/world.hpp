@@ -99,7 +99,7 @@ class VirtualWorld {
   /// The contract's stop, and its end.
   void say_control(Stopper who, std::size_t drone, ControlWord word);
   /// What the pilot of a manual flight wants; with ground's next step.
-  void wish(const ground::PilotWish& wish) { wishes_.push_back(wish); }
+  void post_command(const ground::PilotCommand& command) { commands_.push_back(command); }
   /// What the operator of a manual flight says of its mission; refused while ground does not run.
   void say(MissionWord word);
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
@@ -136,7 +136,7 @@ class VirtualWorld {
   VirtualLedger ledger_;
   LedgerPort host_, operator_;
   Stoppers stoppers_;
-  std::vector<ground::PilotWish> wishes_;
+  std::vector<ground::PilotCommand> commands_;
   std::vector<VirtualLedger::Ended> ground_outcomes_;  ///< a ground that stands still finds them later
   sim::Simulator sim_;
   std::optional<link::LinkCore> link_;

@@ -49,7 +49,7 @@ struct WorldConfig {
   std::size_t batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   std::uint64_t seed = 1;
-  bool manual = false;  ///< flown by the wishes of a pilot
+  bool manual = false;  ///< flown by the commands of a pilot
   ground::mission::AfterRestart after_restart = ground::mission::AfterRestart::hover;  ///< manual: of a mission
   double seconds = 0;  ///< manual: then it is landed, and over; 0: never
   ground::RequestRule request_rule = ground::RequestRule::none;

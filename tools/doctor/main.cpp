@@ -33,7 +33,7 @@ Looks at whichever of link.toml, agent.toml, ground.toml, operator.toml, admin.t
 operator-CHANNEL.toml and admin-CHANNEL.toml of further channels. Run it as the user of the programs, who reads the keys. docs/troubleshooting.md has every word, its cause and its cure.
 Exit codes: 0 all is well, but for warnings; 1 something is broken; 2 wrong usage.)";
 
-struct Wish {
+struct Options {
   std::string dir = "/etc/ledgerline", role;
   bool json = false, drones = false, table = false;
   double patience_s = 3;
@@ -169,33 +169,33 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
 
 int main(int argc, char** argv) {
   CommandLine line("doctor", about, notes);
-  Wish wish;
-  line.option("--config-dir", wish.dir, "where the configs are").shows_default();
-  line.option("--role", wish.role, "whose configs must be there; without: any")
+  Options options;
+  line.option("--config-dir", options.dir, "where the configs are").shows_default();
+  line.option("--role", options.role, "whose configs must be there; without: any")
       .one_of(std::vector<std::string>(std::begin(config_roles), std::end(config_roles)));
-  line.flag("--drones", wish.drones,
+  line.flag("--drones", options.drones,
             "asks each drone for its battery, unless link runs, and listens for poses of motion capture");
-  line.option("--patience", wish.patience_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
-  line.flag("--json", wish.json, "one object instead of lines");
-  line.flag("--table", wish.table, "prints all problems with their cures, as Markdown, and looks at nothing");
+  line.option("--patience", options.patience_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
+  line.flag("--json", options.json, "one object instead of lines");
+  line.flag("--table", options.table, "prints all problems with their cures, as Markdown, and looks at nothing");
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (wish.table) {
+  if (options.table) {
     std::fputs(problems_table().c_str(), stdout);
     return 0;
   }
   std::signal(SIGPIPE, SIG_IGN);          // a server may close the connection while something is written to it
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the lines
-  const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * wish.patience_s));
-  Configs configs = read_configs(wish.dir, wish.role);
+  const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * options.patience_s));
+  Configs configs = read_configs(options.dir, options.role);
   Findings all = std::move(configs.findings);
   look_at_host(configs, all);
   look_at_ledger(configs, patience, all);
   const ProgramConfig* const link = configs.of("link");
-  if (wish.drones && link) {
+  if (options.drones && link) {
     add(all, ask_drones(*link));
     if (const ProgramConfig* const agent = configs.of("agent")) add(all, hear_poses(*link, *agent));
   }
-  if (wish.json)
+  if (options.json)
     print_line(to_json(all));
   else
     std::fputs(words(all).c_str(), stdout);

@@ -36,7 +36,7 @@ Keys are made on this host, 0600, and stay on it. Agent and ground that run take
 fabric-ca-client (--program). docs/identities.md goes through it.
 Exit codes: 0 done, of status: all hold for 30 days; 1 not; 2 wrong usage.)";
 
-struct Wish {
+struct Options {
   std::string name, secret_file, program = "fabric-ca-client";
   identity::Authority authority;
   identity::Wanted wanted;
@@ -69,83 +69,83 @@ Status tell(const Pair& pair) {
   return done;
 }
 
-Status enroll(Wish& wish) {
-  if (!wish.place.is_free())
+Status enroll(Options& options) {
+  if (!options.place.is_free())
     return Error{fmt::format("{} has a key or a certificate already: `ledgerline identity renew`, or move it away",
-                             wish.place.text())};
-  const auto secret =
-      wish.secret_file.empty() ? ask_secret("Enrolment secret of " + wish.name) : read_secret(wish.secret_file);
+                             options.place.text())};
+  const auto secret = options.secret_file.empty() ? ask_secret("Enrolment secret of " + options.name)
+                                                  : read_secret(options.secret_file);
   if (!secret) return secret.error();
-  const auto home = identity::Home::make(wish.place.text());
+  const auto home = identity::Home::make(options.place.text());
   if (!home) return home.error();
-  const auto command = identity::enroll(wish.authority, home->text(), wish.name, *secret, wish.wanted);
+  const auto command = identity::enroll(options.authority, home->text(), options.name, *secret, options.wanted);
   if (!command) return command.error();
   if (Status ran = ask(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
-  if (Status placed = identity::put(wish.place, *pair); !placed) return placed;
+  if (Status placed = identity::put(options.place, *pair); !placed) return placed;
   return tell(*pair);
 }
 
 /// Judged as the programs that take it will.
-Status renew(Wish& wish) {
-  const auto files = wish.place.now();
+Status renew(Options& options) {
+  const auto files = options.place.now();
   if (!files) return files.error();
   const auto old = crypto::read_pair(*files);
   if (!old) return old.error();
-  if (wish.wanted.subject_parts.empty()) {
+  if (options.wanted.subject_parts.empty()) {
     auto parts = identity::subject_parts(old->certificate.subject);
     if (!parts) return parts.error();
-    wish.wanted.subject_parts = std::move(*parts);
+    options.wanted.subject_parts = std::move(*parts);
   }
-  const auto home = identity::Home::make(wish.place.text());
+  const auto home = identity::Home::make(options.place.text());
   if (!home) return home.error();
   if (Status lent = home->lend(*old); !lent) return lent;
   const auto command =
-      identity::renew(wish.authority, home->text(), old->certificate.common_name, wish.wanted, wish.same_key);
+      identity::renew(options.authority, home->text(), old->certificate.common_name, options.wanted, options.same_key);
   if (!command) return command.error();
   if (Status ran = ask(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
-  crypto::Renewal renewal(wish.place.text(), old->certificate.subject, old->certificate.not_after_s);
+  crypto::Renewal renewal(options.place.text(), old->certificate.subject, old->certificate.not_after_s);
   if (Status judged = renewal.judge(pair, unix_now_s()); !judged)
     return Error{"the new certificate is not put in place: " + judged.error().what};
-  if (Status placed = identity::put(wish.place, *pair); !placed) return placed;
+  if (Status placed = identity::put(options.place, *pair); !placed) return placed;
   return tell(*pair);
 }
 
-Status revoke(Wish& wish) {
-  const auto files = wish.place.now();
+Status revoke(Options& options) {
+  const auto files = options.place.now();
   if (!files) return files.error();
   const auto registrar = crypto::read_pair(*files);
   if (!registrar) return registrar.error();
-  const auto home = identity::Home::make(wish.list);
+  const auto home = identity::Home::make(options.list);
   if (!home) return home.error();
   if (Status lent = home->lend(*registrar); !lent) return lent;
-  wish.revoked.name = wish.name;
-  const auto commands = identity::revoke(wish.authority, home->text(), wish.revoked);
+  options.revoked.name = options.name;
+  const auto commands = identity::revoke(options.authority, home->text(), options.revoked);
   if (!commands) return commands.error();
   for (const identity::Command& command : *commands) {
     if (Status ran = ask(command, *home); !ran) return ran;
   }
   const auto list = read_file(home->msp() + "/crls/crl.pem");
   if (!list) return list.error();
-  if (Status written = replace_file(wish.list, *list); !written) return written;
-  print_line(wish.list + ": what the authority has revoked");
-  if (wish.config_block.empty()) {
+  if (Status written = replace_file(options.list, *list); !written) return written;
+  print_line(options.list + ": what the authority has revoked");
+  if (options.config_block.empty()) {
     print_line(
         "The authority gives no new certificate to who is revoked; the channel takes the old one until its "
         "configuration "
         "has the list: docs/identities.md says how.");
     return done;
   }
-  const auto block = read_file(wish.config_block);
+  const auto block = read_file(options.config_block);
   if (!block) return block.error();
-  const auto update = fabric_network::revocation_update(*block, wish.msp_id, *list);
-  if (!update) return Error{wish.config_block + ": " + update.error().what};
-  if (Status written = replace_file(wish.update, *update); !written) return written;
+  const auto update = fabric_network::revocation_update(*block, options.msp_id, *list);
+  if (!update) return Error{options.config_block + ": " + update.error().what};
+  if (Status written = replace_file(options.update, *update); !written) return written;
   print_line(fmt::format("{}: for an administrator of {}: peer channel update -f {} -c CHANNEL -o ORDERER --tls ...",
-                         wish.update, wish.msp_id, wish.update));
+                         options.update, options.msp_id, options.update));
   return done;
 }
 
@@ -191,10 +191,10 @@ Result<std::vector<std::pair<std::string, Place>>> places_of(const std::string& 
   return places;
 }
 
-Result<bool> status(const Wish& wish) {
-  std::vector<std::pair<std::string, Place>> places{{"identity", wish.place}};
-  if (!wish.config.empty()) {
-    auto found = places_of(wish.config);
+Result<bool> status(const Options& options) {
+  std::vector<std::pair<std::string, Place>> places{{"identity", options.place}};
+  if (!options.config.empty()) {
+    auto found = places_of(options.config);
     if (!found) return found.error();
     places = std::move(*found);
   }
@@ -203,7 +203,7 @@ Result<bool> status(const Wish& wish) {
   for (const auto& [what, place] : places) {
     const Shown one = look(what, place);
     good = good && one.problem.empty() && one.days >= crypto::renew_within_days;
-    if (wish.json) {
+    if (options.json) {
       all.push_back({{"what", what},
                      {"place", place.text()},
                      {"subject", one.subject},
@@ -216,91 +216,91 @@ Result<bool> status(const Wish& wish) {
                              one.days < 0 ? "has ended" : fmt::format("{} days left", one.days)));
     }
   }
-  if (wish.json) print_line(nlohmann::json{{"certificates", all}}.dump());
+  if (options.json) print_line(nlohmann::json{{"certificates", all}}.dump());
   return good;
 }
 
-void add_place(Verb& verb, Wish& wish, const char* what) {
-  verb.option("--msp-dir", wish.place.msp_dir, what);
-  verb.option("--certificate", wish.place.files.certificate, "PEM file, with --key, in place of --msp-dir");
-  verb.option("--key", wish.place.files.private_key, "PEM file of its key");
+void add_place(Verb& verb, Options& options, const char* what) {
+  verb.option("--msp-dir", options.place.msp_dir, what);
+  verb.option("--certificate", options.place.files.certificate, "PEM file, with --key, in place of --msp-dir");
+  verb.option("--key", options.place.files.private_key, "PEM file of its key");
 }
 
-void add_authority(Verb& verb, Wish& wish) {
-  verb.option("--ca", wish.authority.url, "https://HOST:PORT of the authority's server").required();
-  verb.option("--ca-tls", wish.authority.tls_ca, "PEM file of the authority of its TLS certificate")
+void add_authority(Verb& verb, Options& options) {
+  verb.option("--ca", options.authority.url, "https://HOST:PORT of the authority's server").required();
+  verb.option("--ca-tls", options.authority.tls_ca, "PEM file of the authority of its TLS certificate")
       .required()
       .existing_file();
-  verb.option("--ca-name", wish.authority.name, "where one server has several authorities");
-  verb.option("--program", wish.program, "fabric-ca-client, or where it is").shows_default();
+  verb.option("--ca-name", options.authority.name, "where one server has several authorities");
+  verb.option("--program", options.program, "fabric-ca-client, or where it is").shows_default();
 }
 
-void add_wanted(Verb& verb, Wish& wish, const char* subject) {
-  verb.option("--subject", wish.wanted.subject_parts, subject);
-  verb.option("--hosts", wish.wanted.hosts, "names and addresses in it, with commas; without: its name alone");
-  verb.option("--profile", wish.wanted.profile, "of the authority: tls, for a TLS certificate");
+void add_wanted(Verb& verb, Options& options, const char* subject) {
+  verb.option("--subject", options.wanted.subject_parts, subject);
+  verb.option("--hosts", options.wanted.hosts, "names and addresses in it, with commas; without: its name alone");
+  verb.option("--profile", options.wanted.profile, "of the authority: tls, for a TLS certificate");
 }
 
-int run(Wish& wish, const std::string& verb) {
-  const bool both = !wish.place.files.certificate.empty() && !wish.place.files.private_key.empty();
-  const bool either = both || !wish.place.files.certificate.empty() || !wish.place.files.private_key.empty();
-  const bool placed = wish.place.msp_dir.empty() ? both : !either;
-  if (verb == "status" ? placed == !wish.config.empty() : !placed)
+int run(Options& options, const std::string& verb) {
+  const bool both = !options.place.files.certificate.empty() && !options.place.files.private_key.empty();
+  const bool either = both || !options.place.files.certificate.empty() || !options.place.files.private_key.empty();
+  const bool placed = options.place.msp_dir.empty() ? both : !either;
+  if (verb == "status" ? placed == !options.config.empty() : !placed)
     return fail({verb == "status" ? "give one of --config, --msp-dir, and --certificate with --key"
                                   : "give one of --msp-dir, and --certificate with --key"},
                 exit_usage);
   if (verb == "status") {
-    const auto good = status(wish);
+    const auto good = status(options);
     if (!good) return fail(good.error());
     return *good ? 0 : 1;
   }
-  const bool is_path = wish.program.find('/') != std::string::npos;
-  wish.authority.program = is_path ? wish.program : find_program(wish.program);
-  if (wish.authority.program.empty() || ::access(wish.authority.program.c_str(), X_OK) != 0)
-    return fail({wish.program + " is not there: it is fabric-ca's client; --program says where"}, exit_usage);
-  wish.authority.tls_ca = std::filesystem::absolute(wish.authority.tls_ca).string();
-  if (verb == "enroll") return exit_code(enroll(wish));
-  if (verb == "renew") return exit_code(renew(wish));
-  if (wish.config_block.empty() != wish.update.empty() || wish.config_block.empty() != wish.msp_id.empty())
+  const bool is_path = options.program.find('/') != std::string::npos;
+  options.authority.program = is_path ? options.program : find_program(options.program);
+  if (options.authority.program.empty() || ::access(options.authority.program.c_str(), X_OK) != 0)
+    return fail({options.program + " is not there: it is fabric-ca's client; --program says where"}, exit_usage);
+  options.authority.tls_ca = std::filesystem::absolute(options.authority.tls_ca).string();
+  if (verb == "enroll") return exit_code(enroll(options));
+  if (verb == "renew") return exit_code(renew(options));
+  if (options.config_block.empty() != options.update.empty() || options.config_block.empty() != options.msp_id.empty())
     return fail({"--config-block, --msp-id and --update belong together"}, exit_usage);
-  return exit_code(revoke(wish));
+  return exit_code(revoke(options));
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   CommandLine line("identity", about, notes);
-  Wish wish;
+  Options options;
   Verb enroll = line.verb("enroll", "make a key here, and have its certificate made");
-  enroll.option("NAME", wish.name, "who was registered at the authority").required();
-  enroll.option("--secret-file", wish.secret_file, "the secret of the registration, 0600; without: it is asked for");
-  add_authority(enroll, wish);
-  add_wanted(enroll, wish, "what stands beside the name: O=org1.example.com,C=DE");
-  add_place(enroll, wish, "where key and certificate are put");
+  enroll.option("NAME", options.name, "who was registered at the authority").required();
+  enroll.option("--secret-file", options.secret_file, "the secret of the registration, 0600; without: it is asked for");
+  add_authority(enroll, options);
+  add_wanted(enroll, options, "what stands beside the name: O=org1.example.com,C=DE");
+  add_place(enroll, options, "where key and certificate are put");
   Verb renew = line.verb("renew", "a new certificate, with a new key, in place of one that still holds");
-  renew.flag("--same-key", wish.same_key, "for the key that is there");
-  add_authority(renew, wish);
-  add_wanted(renew, wish, "as it was enrolled with; without: as the certificate says");
-  add_place(renew, wish, "where they are");
+  renew.flag("--same-key", options.same_key, "for the key that is there");
+  add_authority(renew, options);
+  add_wanted(renew, options, "as it was enrolled with; without: as the certificate says");
+  add_place(renew, options, "where they are");
   Verb revoke =
       line.verb("revoke", "at the authority: all certificates of a name, or one; and the list of all revoked");
-  revoke.option("NAME", wish.name, "whose");
-  revoke.option("--serial", wish.revoked.serial, "in place of NAME: of one certificate, hexadecimal, with --aki");
-  revoke.option("--aki", wish.revoked.authority_key, "its authority key identifier, hexadecimal");
-  add_authority(revoke, wish);
-  add_place(revoke, wish, "of the registrar, who may revoke");
-  revoke.option("--list", wish.list, "where the list is written, PEM").required();
-  revoke.option("--config-block", wish.config_block, "newest configuration block of the channel").existing_file();
-  revoke.option("--msp-id", wish.msp_id, "with it: whose list it is");
-  revoke.option("--update", wish.update,
+  revoke.option("NAME", options.name, "whose");
+  revoke.option("--serial", options.revoked.serial, "in place of NAME: of one certificate, hexadecimal, with --aki");
+  revoke.option("--aki", options.revoked.authority_key, "its authority key identifier, hexadecimal");
+  add_authority(revoke, options);
+  add_place(revoke, options, "of the registrar, who may revoke");
+  revoke.option("--list", options.list, "where the list is written, PEM").required();
+  revoke.option("--config-block", options.config_block, "newest configuration block of the channel").existing_file();
+  revoke.option("--msp-id", options.msp_id, "with it: whose list it is");
+  revoke.option("--update", options.update,
                 "with it: the update of the channel that an administrator has to sign and send");
   Verb status = line.verb("status", "whose certificates these are, and for how many days");
-  status.option("--config", wish.config, "of agent, ground or endorser: all that it names").existing_file();
-  add_place(status, wish, "where they are");
-  status.flag("--json", wish.json, "as JSON");
+  status.option("--config", options.config, "of agent, ground or endorser: all that it names").existing_file();
+  add_place(status, options, "where they are");
+  status.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
   for (const Verb& verb : {enroll, renew, revoke, status}) {
-    if (verb.given()) return run(wish, verb.name());
+    if (verb.given()) return run(options, verb.name());
   }
   return exit_usage;
 }

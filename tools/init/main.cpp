@@ -28,7 +28,7 @@ Examples:
 Never overwrites a file. docs/three-machines.md goes through it from nothing.
 Exit codes: 0 written; 1 not, with what is wrong; 2 wrong usage.)";
 
-struct Wish {
+struct Options {
   std::string role, deployment, profile, host, msp_id, out = "/etc/ledgerline";
   std::vector<std::string> drones, channels, client_authorities;
   init::Folders folders;
@@ -50,45 +50,45 @@ Result<std::vector<init::HostDrone>> drones_of(const std::vector<std::string>& t
   return drones;
 }
 
-Result<init::ProfilePlan> plan_by_deployment(const Wish& wish) {
-  auto config = Config::load(wish.deployment);
+Result<init::ProfilePlan> plan_by_deployment(const Options& options) {
+  auto config = Config::load(options.deployment);
   if (!config) return config.error();
   const auto deployment = deployment::read(*config);
   if (!deployment) return deployment.error();
-  auto plan = init::plan_of(*deployment, wish.host, wish.folders);
+  auto plan = init::plan_of(*deployment, options.host, options.folders);
   if (!plan) return plan.error();
   return init::ProfilePlan{std::move(*plan), {}};
 }
 
-Result<init::ProfilePlan> plan_by_profile(const Wish& wish) {
-  auto text = read_file(wish.profile);
+Result<init::ProfilePlan> plan_by_profile(const Options& options) {
+  auto text = read_file(options.profile);
   if (!text) return text.error();
-  auto planned = init::plan_of_profile(*text, wish.msp_id, wish.host, wish.folders, wish.channels);
+  auto planned = init::plan_of_profile(*text, options.msp_id, options.host, options.folders, options.channels);
   if (!planned) return planned.error();
-  auto drones = drones_of(wish.drones);
+  auto drones = drones_of(options.drones);
   if (!drones) return drones.error();
   for (const init::HostDrone& drone : *drones)
     if (!drone.address.empty()) planned->plan.drones.push_back(drone);
   planned->plan.all_drones = std::move(*drones);
-  if (!wish.direct) {
+  if (!options.direct) {
     planned->plan.orderers.clear();
     planned->plan.peers.clear();
   }
   return planned;
 }
 
-Status write_configs(const Wish& wish) {
-  auto planned = wish.deployment.empty() ? plan_by_profile(wish) : plan_by_deployment(wish);
+Status write_configs(const Options& options) {
+  auto planned = options.deployment.empty() ? plan_by_profile(options) : plan_by_deployment(options);
   if (!planned) return planned.error();
-  if (auto status = init::add_channels(planned->plan, wish.channels); !status) return status;
-  const auto timeout_ns = static_cast<TimeNs>(wish.batch_timeout_ms * ns_per_ms);
+  if (auto status = init::add_channels(planned->plan, options.channels); !status) return status;
+  const auto timeout_ns = static_cast<TimeNs>(options.batch_timeout_ms * ns_per_ms);
   planned->plan.patience =
-      deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(wish.batch_count)));
-  planned->plan.client_authorities = wish.client_authorities;
-  const auto files = init::files_of(init::role_of(wish.role), planned->plan);
+      deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(options.batch_count)));
+  planned->plan.client_authorities = options.client_authorities;
+  const auto files = init::files_of(init::role_of(options.role), planned->plan);
   if (!files) return files.error();
   std::vector<init::NewFile> all;
-  for (const init::File& file : *files) all.push_back({wish.folders.config + "/" + file.name, file.text});
+  for (const init::File& file : *files) all.push_back({options.folders.config + "/" + file.name, file.text});
   for (const init::PublicFile& file : planned->files) all.push_back({file.path, file.content});
   if (auto status = init::write_new(all); !status) return status;
   for (const init::NewFile& file : all) print_line(file.path);
@@ -99,50 +99,50 @@ std::string absolute(const std::string& path) {
   return path.empty() ? path : std::filesystem::absolute(path).lexically_normal().string();
 }
 
-void role_options(CommandLine& line, Wish& wish) {
-  line.option("--role", wish.role, "what the host is for")
+void role_options(CommandLine& line, Options& options) {
+  line.option("--role", options.role, "what the host is for")
       .one_of(std::vector<std::string>(init::roles.begin(), init::roles.end()));
-  line.option("--deployment", wish.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
-  line.option("--profile", wish.profile, "connection profile of Fabric (JSON), in place of --deployment")
+  line.option("--deployment", options.deployment, "deployment.toml: hosts, drones, ledger").existing_file();
+  line.option("--profile", options.profile, "connection profile of Fabric (JSON), in place of --deployment")
       .existing_file();
-  line.option("--host", wish.host, "which [[host]] of the deployment this is");
-  line.option("--msp-id", wish.msp_id, "with --profile: the own organisation");
-  line.option("--drone", wish.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
+  line.option("--host", options.host, "which [[host]] of the deployment this is");
+  line.option("--msp-id", options.msp_id, "with --profile: the own organisation");
+  line.option("--drone", options.drones, "with --profile: NAME, or NAME=ADDRESS of one that this host flies")
       .one_at_a_time();
   line.option(
-          "--channel", wish.channels,
+          "--channel", options.channels,
           "NAME=DRONE,DRONE: a further channel of Fabric, and who is on it; its anchor is OUT/NAME.block. NAME: the "
           "first, where a profile has several")
       .one_at_a_time();
-  line.flag("--direct", wish.direct,
+  line.flag("--direct", options.direct,
             "with --profile: past the gateway, where the contract's policy is not a majority's");
-  line.option("--out", wish.out, "where the configs are written, and the files that they name lie").shows_default();
-  line.option("--state-dir", wish.folders.state,
+  line.option("--out", options.out, "where the configs are written, and the files that they name lie").shows_default();
+  line.option("--state-dir", options.folders.state,
               "where programs keep what they remember; without: their services' own, below /var/lib");
-  line.option("--msp-dir", wish.folders.msp_dir, "of the identity; without: OUT/msp");
-  line.option("--tls-ca", wish.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
-  line.option("--tls-certificate", wish.folders.tls_certificate,
+  line.option("--msp-dir", options.folders.msp_dir, "of the identity; without: OUT/msp");
+  line.option("--tls-ca", options.folders.tls_ca, "of every server of the ledger; without: OUT/tls/MSPID.pem");
+  line.option("--tls-certificate", options.folders.tls_certificate,
               "that programs show where the ledger asks for one (mutual TLS); the identity's own will do");
-  line.option("--tls-key", wish.folders.tls_key, "of --tls-certificate");
-  line.option("--tls-client-ca", wish.client_authorities,
+  line.option("--tls-key", options.folders.tls_key, "of --tls-certificate");
+  line.option("--tls-client-ca", options.client_authorities,
               "with --role ledger: an authority whose certificates the embedded ledger asks its clients for")
       .one_at_a_time();
-  line.option("--config-block", wish.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
-  line.option("--batch-timeout", wish.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
+  line.option("--config-block", options.folders.config_block, "trust anchor; without: OUT/CHANNEL.block");
+  line.option("--batch-timeout", options.batch_timeout_ms, "ms, of the channel: programs wait accordingly")
       .within(0.0, 60'000.0)
       .shows_default();
-  line.option("--batch-count", wish.batch_count, "of the channel; 1: its timeout does not count")
+  line.option("--batch-count", options.batch_count, "of the channel; 1: its timeout does not count")
       .within(1, 10'000)
       .shows_default();
 }
 
 /// Which of the options with --role do not fit together; empty: they do.
-std::string fault_of(const Wish& wish) {
-  if (wish.folders.tls_certificate.empty() != wish.folders.tls_key.empty())
+std::string fault_of(const Options& options) {
+  if (options.folders.tls_certificate.empty() != options.folders.tls_key.empty())
     return "--tls-certificate and --tls-key belong together";
-  if (!wish.client_authorities.empty() && wish.role != "ledger") return "--tls-client-ca goes with --role ledger";
-  if (wish.deployment.empty() == wish.profile.empty()) return "--role needs one of --deployment and --profile";
-  if (!wish.deployment.empty() ? wish.host.empty() : wish.msp_id.empty())
+  if (!options.client_authorities.empty() && options.role != "ledger") return "--tls-client-ca goes with --role ledger";
+  if (options.deployment.empty() == options.profile.empty()) return "--role needs one of --deployment and --profile";
+  if (!options.deployment.empty() ? options.host.empty() : options.msp_id.empty())
     return "--deployment needs --host, --profile needs --msp-id";
   return "";
 }
@@ -151,11 +151,11 @@ std::string fault_of(const Wish& wish) {
 
 int main(int argc, char** argv) {
   CommandLine line("init", about, notes);
-  Wish wish;
+  Options options;
   bool example = false;
   std::string request, certificate, collect;
   crypto::Asker asker;
-  role_options(line, wish);
+  role_options(line, options);
   line.flag("--deployment-example", example, "prints a deployment.toml to begin with");
   line.option("--request", request, "makes a key and OUT/NAME.csr, for an authority to sign");
   line.option("--organisation", asker.organization, "with --request: O of the subject");
@@ -164,25 +164,26 @@ int main(int argc, char** argv) {
   line.option("--collect", collect, "folder of a ledger: copies what other hosts need, and no key").existing_path();
   if (const auto end = line.parse(argc, argv)) return *end;
 
-  const int asked = (example ? 1 : 0) + !request.empty() + !certificate.empty() + !collect.empty() + !wish.role.empty();
+  const int asked =
+      (example ? 1 : 0) + !request.empty() + !certificate.empty() + !collect.empty() + !options.role.empty();
   if (asked != 1) return fail({"one of --role, --request, --certificate, --collect, --deployment-example"}, exit_usage);
-  wish.folders.config = absolute(wish.out);
-  for (std::string* path : {&wish.folders.state, &wish.folders.msp_dir, &wish.folders.tls_ca,
-                            &wish.folders.config_block, &wish.folders.tls_certificate, &wish.folders.tls_key})
+  options.folders.config = absolute(options.out);
+  for (std::string* path : {&options.folders.state, &options.folders.msp_dir, &options.folders.tls_ca,
+                            &options.folders.config_block, &options.folders.tls_certificate, &options.folders.tls_key})
     *path = absolute(*path);
-  for (std::string& path : wish.client_authorities) path = absolute(path);
+  for (std::string& path : options.client_authorities) path = absolute(path);
   if (example) {
     auto text = init::example_deployment();
     if (!text) return fail(text.error());
     std::fputs(text->c_str(), stdout);
     return 0;
   }
-  if (!collect.empty()) return exit_code(init::collect_public(collect, wish.folders.config));
-  const std::string msp_dir = wish.folders.msp();
+  if (!collect.empty()) return exit_code(init::collect_public(collect, options.folders.config));
+  const std::string msp_dir = options.folders.msp();
   if (!request.empty()) {
     asker.common_name = request;
     if (request.find('/') != std::string::npos) return fail({"--request is a name, not a path"}, exit_usage);
-    const std::string file = wish.folders.config + "/" + request + ".csr";
+    const std::string file = options.folders.config + "/" + request + ".csr";
     if (auto status = init::request_identity(msp_dir, file, asker); !status) return fail(status.error());
     print_line(file);
     return 0;
@@ -193,6 +194,6 @@ int main(int argc, char** argv) {
     print_line(printable(*subject));
     return 0;
   }
-  if (const std::string fault = fault_of(wish); !fault.empty()) return fail({fault}, exit_usage);
-  return exit_code(write_configs(wish));
+  if (const std::string fault = fault_of(options); !fault.empty()) return fail({fault}, exit_usage);
+  return exit_code(write_configs(options));
 }

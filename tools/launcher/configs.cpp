@@ -24,7 +24,7 @@ std::string endorser_dir(const RunFiles& files) {
   return organisation_dir(files, 1) + "/peers/endorser0.org1.ledgerline";
 }
 
-// A slow ledger is the user's wish.
+// A slow ledger is what the user asked for.
 TimeNs both_ways(const Options& options) {
   return fabric::both_ways_ns(options.batch_timeout_ns, static_cast<std::uint32_t>(options.batch_count));
 }

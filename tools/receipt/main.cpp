@@ -20,7 +20,7 @@ namespace {
 
 using namespace ledgerline;
 
-struct Wish {
+struct Options {
   std::string transaction, config, out, channel;
   std::vector<std::string> verify, revocation_lists;
   std::vector<std::string> organisations, orderers;  ///< ID=FILE
@@ -61,16 +61,17 @@ Result<std::string> read_lists(const std::vector<std::string>& files, const std:
   return all;
 }
 
-Result<fabric::ReceiptJudge> judge_of(const Wish& wish) {
-  auto organisations = read_roots(wish.organisations);
+Result<fabric::ReceiptJudge> judge_of(const Options& options) {
+  auto organisations = read_roots(options.organisations);
   if (!organisations) return organisations.error();
-  auto orderers = read_roots(wish.orderers);
+  auto orderers = read_roots(options.orderers);
   if (!orderers) return orderers.error();
   std::vector<crypto::MspRoot> all = *organisations;
   all.insert(all.end(), orderers->begin(), orderers->end());
-  auto lists = read_lists(wish.revocation_lists, all);
+  auto lists = read_lists(options.revocation_lists, all);
   if (!lists) return lists.error();
-  return fabric::ReceiptJudge::from({wish.channel, std::move(*organisations), std::move(*orderers), std::move(*lists)});
+  return fabric::ReceiptJudge::from(
+      {options.channel, std::move(*organisations), std::move(*orderers), std::move(*lists)});
 }
 
 std::int64_t now_s() { return realtime_ns() / ns_per_s; }
@@ -97,24 +98,24 @@ Status check_all(const fabric::ReceiptJudge& judge, bool as_json, const std::vec
   return Error{fmt::format("of {} receipts {} prove nothing", files.size(), not_proven)};
 }
 
-Status make(const Wish& wish) {
-  auto config = Config::load(wish.config);
+Status make(const Options& options) {
+  auto config = Config::load(options.config);
   if (!config) return config.error();
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  const auto asked = fabric::ask_receipt(std::move(ledger).value(), wish.transaction);
+  const auto asked = fabric::ask_receipt(std::move(ledger).value(), options.transaction);
   if (!asked) return asked.error();
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
   const std::string bytes = fabric::receipt_bytes(asked->receipt);
-  if (wish.trusts()) {
-    const auto judge = judge_of(wish);
+  if (options.trusts()) {
+    const auto judge = judge_of(options);
     if (!judge) return judge.error();
-    if (auto status = check(*judge, wish.json, bytes, "the receipt"); !status) return status;
+    if (auto status = check(*judge, options.json, bytes, "the receipt"); !status) return status;
   }
-  const std::string out = wish.out.empty() ? wish.transaction + ".receipt" : wish.out;
+  const std::string out = options.out.empty() ? options.transaction + ".receipt" : options.out;
   if (auto status = replace_file(out, bytes); !status) return status;
-  if (!wish.trusts())
+  if (!options.trusts())
     fmt::print("{}: {} bytes, answers of {} peers\n", out, bytes.size(), asked->receipt.answers.size());
   return done;
 }
@@ -135,48 +136,50 @@ Examples:
 Exit codes: 0 all proven (or made), 1 one is not (or not made), 2 bad usage.)";
 
 /// Empty: what was asked for makes sense.
-std::string nonsense(const Wish& wish) {
-  if (wish.transaction.empty() == wish.verify.empty()) return "either TX or --verify, please";
-  if (wish.verify.empty() && wish.config.empty()) return "a receipt is made with --config";
-  if (!wish.verify.empty() && !(wish.config.empty() && wish.out.empty())) return "--verify asks no ledger";
-  if (!wish.transaction.empty() && wish.transaction.find_first_not_of("0123456789abcdef") != std::string::npos)
+std::string nonsense(const Options& options) {
+  if (options.transaction.empty() == options.verify.empty()) return "either TX or --verify, please";
+  if (options.verify.empty() && options.config.empty()) return "a receipt is made with --config";
+  if (!options.verify.empty() && !(options.config.empty() && options.out.empty())) return "--verify asks no ledger";
+  if (!options.transaction.empty() && options.transaction.find_first_not_of("0123456789abcdef") != std::string::npos)
     return "TX is a transaction's id: hexadecimal digits";
-  const bool all = !wish.channel.empty() && !wish.organisations.empty() && !wish.orderers.empty();
-  if (!all && (wish.trusts() || !wish.verify.empty())) return "to check takes --channel, --organisation and --orderer";
+  const bool all = !options.channel.empty() && !options.organisations.empty() && !options.orderers.empty();
+  if (!all && (options.trusts() || !options.verify.empty()))
+    return "to check takes --channel, --organisation and --orderer";
   return "";
 }
 
-Status verify(const Wish& wish) {
-  const auto judge = judge_of(wish);
+Status verify(const Options& options) {
+  const auto judge = judge_of(options);
   if (!judge) return judge.error();
-  if (wish.verify.size() > 1) return check_all(*judge, wish.json, wish.verify);
-  const std::string& file = wish.verify.front();
+  if (options.verify.size() > 1) return check_all(*judge, options.json, options.verify);
+  const std::string& file = options.verify.front();
   const auto bytes = read_file(file);
   if (!bytes) return bytes.error();
-  return check(*judge, wish.json, *bytes, file);
+  return check(*judge, options.json, *bytes, file);
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   CommandLine line("receipt", about, notes);
-  Wish wish;
-  line.option("TX", wish.transaction, "id of the transaction, as commands and events tell it");
-  line.option("--config", wish.config, "TOML file with [ledger] and [[endorser]]").existing_file();
-  line.option("--out", wish.out, "the receipt's file; else TX.receipt here");
-  line.option("--verify", wish.verify, "receipts to check").existing_file();
-  line.option("--channel", wish.channel, "the channel that it must be of");
-  line.option("--organisation", wish.organisations, "an organisation of the channel and its authority's certificate")
+  Options options;
+  line.option("TX", options.transaction, "id of the transaction, as commands and events tell it");
+  line.option("--config", options.config, "TOML file with [ledger] and [[endorser]]").existing_file();
+  line.option("--out", options.out, "the receipt's file; else TX.receipt here");
+  line.option("--verify", options.verify, "receipts to check").existing_file();
+  line.option("--channel", options.channel, "the channel that it must be of");
+  line.option("--organisation", options.organisations, "an organisation of the channel and its authority's certificate")
       .one_at_a_time()
       .checked_by("ID=FILE", not_named);
-  line.option("--orderer", wish.orderers, "an orderers' organisation and its authority's certificate")
+  line.option("--orderer", options.orderers, "an orderers' organisation and its authority's certificate")
       .one_at_a_time()
       .checked_by("ID=FILE", not_named);
-  line.option("--crl", wish.revocation_lists, "certificates that one of these authorities has revoked (X.509 CRL, PEM)")
+  line.option("--crl", options.revocation_lists,
+              "certificates that one of these authorities has revoked (X.509 CRL, PEM)")
       .one_at_a_time()
       .existing_file();
-  line.flag("--json", wish.json, "what is proven as JSON");
+  line.flag("--json", options.json, "what is proven as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (const std::string why = nonsense(wish); !why.empty()) return fail(Error{why}, exit_usage);
-  return exit_code(wish.verify.empty() ? make(wish) : verify(wish));
+  if (const std::string why = nonsense(options); !why.empty()) return fail(Error{why}, exit_usage);
+  return exit_code(options.verify.empty() ? make(options) : verify(options));
 }

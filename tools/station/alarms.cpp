@@ -12,16 +12,16 @@ namespace {
 using namespace ledgerline;
 using namespace ledgerline::station;
 
-struct Wish {
+struct VerbOptions {
   station::Options options;
   bool watch = false, all = false;
 };
 
-Status show(Station& station, const Wish& wish) {
+Status show(Station& station, const VerbOptions& verb_options) {
   const auto now_ms = station.now_ms();
   if (!now_ms) return now_ms.error();
   const TimeNs asked_ns = monotonic_ns();
-  if (wish.watch) catch_stop_signals();
+  if (verb_options.watch) catch_stop_signals();
   std::uint64_t number = 0;
   do {
     const auto body = station.ask(events_since(number));
@@ -30,14 +30,14 @@ Status show(Station& station, const Wish& wish) {
     if (station.connections() > 1) return Error{"the station closed the connection: it may have begun anew"};
     const auto events = events_from(*body);
     if (!events) return events.error();
-    if (wish.options.json && (number == 0 || !events->empty())) print_line(*body);
+    if (verb_options.options.json && (number == 0 || !events->empty())) print_line(*body);
     for (const ShownEvent& event : *events) {
       number = event.number;
-      if (!wish.options.json && (wish.all || event.level != "info"))
+      if (!verb_options.options.json && (verb_options.all || event.level != "info"))
         print_line(event_line(event, time_of_day(event.t_ms, *now_ms + to_ms(monotonic_ns() - asked_ns))));
     }
-    if (wish.watch) rest(ns_per_s);
-  } while (wish.watch && !stop_requested);
+    if (verb_options.watch) rest(ns_per_s);
+  } while (verb_options.watch && !stop_requested);
   return done;
 }
 
@@ -54,10 +54,10 @@ The station keeps its newest 1,000 events. Times are this computer's. --json is 
 
 int main(int argc, char** argv) {
   CommandLine line("alarms", about, notes);
-  Wish wish;
-  add_options(line, wish.options);
-  line.flag("--watch", wish.watch, "go on with what comes, until SIGINT");
-  line.flag("--all", wish.all, "info as well");
+  VerbOptions verb_options;
+  add_options(line, verb_options.options);
+  line.flag("--watch", verb_options.watch, "go on with what comes, until SIGINT");
+  line.flag("--all", verb_options.all, "info as well");
   if (const auto end = line.parse(argc, argv)) return *end;
-  return run(wish.options, [&](Station& station, const Target&) { return show(station, wish); });
+  return run(verb_options.options, [&](Station& station, const Target&) { return show(station, verb_options); });
 }

@@ -23,7 +23,7 @@ using namespace ledgerline::station;
 
 constexpr TimeNs watch_every_ns = 500 * ns_per_ms;
 
-struct Wish {
+struct VerbOptions {
   station::Options options;
   bool watch = false, all = false, land = false, yes = false;
   std::vector<std::string> names;
@@ -31,8 +31,8 @@ struct Wish {
   unsigned priority = 0;
 };
 
-Status show(Station& station, const Wish& wish) {
-  if (wish.watch) catch_stop_signals();
+Status show(Station& station, const VerbOptions& verb_options) {
+  if (verb_options.watch) catch_stop_signals();
   Rows before;
   do {
     const auto body = station.ask({.target = "drones"});
@@ -41,15 +41,15 @@ Status show(Station& station, const Wish& wish) {
     if (!rows) return rows.error();
     if (Rows now = settled(*rows); now != before) {
       before = std::move(now);
-      if (wish.options.json)
+      if (verb_options.options.json)
         print_line(*body);
-      else if (wish.watch)
+      else if (verb_options.watch)
         print_anew(aligned(*rows));
       else
         fmt::print("{}", aligned(*rows));
     }
-    if (wish.watch) rest(watch_every_ns);
-  } while (wish.watch && !stop_requested);
+    if (verb_options.watch) rest(watch_every_ns);
+  } while (verb_options.watch && !stop_requested);
   return done;
 }
 
@@ -67,41 +67,42 @@ Status each(const std::vector<std::string>& names, const std::function<Status(co
   return Error{fmt::format("{} of {} drones: not done", failed, names.size())};
 }
 
-Status tell(Station& station, const Wish& wish, const std::string& verb, const Request& request,
+Status tell(Station& station, const VerbOptions& verb_options, const std::string& verb, const Request& request,
             const std::string& whom) {
   const auto body = station.ask(request);
   if (!body) return body.error();
-  print_line(wish.options.json ? *body : fmt::format("{}: {}: accepted", whom, verb));
+  print_line(verb_options.options.json ? *body : fmt::format("{}: {}: accepted", whom, verb));
   return done;
 }
 
-Status fly_path(Station& station, const Wish& wish) {
-  const auto csv = read_file(wish.path_file);
+Status fly_path(Station& station, const VerbOptions& verb_options) {
+  const auto csv = read_file(verb_options.path_file);
   if (!csv) return csv.error();
-  auto body = path_body(*csv, wish.path_file, wish.land);
+  auto body = path_body(*csv, verb_options.path_file, verb_options.land);
   if (!body) return body.error();
-  const std::string& name = wish.names.front();
-  return tell(station, wish, "path", drone_request(name, "path", std::move(*body)), name);
+  const std::string& name = verb_options.names.front();
+  return tell(station, verb_options, "path", drone_request(name, "path", std::move(*body)), name);
 }
 
-Status sign(Station& station, const Wish& wish, const std::string& verb) {
+Status sign(Station& station, const VerbOptions& verb_options, const std::string& verb) {
   std::string body = "{}";
-  if (verb == "hand_over" || verb == "deny") body = to_body(wish.msp, wish.subject);
-  if ((verb == "acquire" || verb == "request") && wish.priority > 0)
-    body = fmt::format(R"({{"priority":{}}})", wish.priority);
-  if (verb == "release" && wish.yes) body = R"({"confirmed":true})";
-  return each(wish.names, [&](const std::string& name) {
+  if (verb == "hand_over" || verb == "deny") body = to_body(verb_options.msp, verb_options.subject);
+  if ((verb == "acquire" || verb == "request") && verb_options.priority > 0)
+    body = fmt::format(R"({{"priority":{}}})", verb_options.priority);
+  if (verb == "release" && verb_options.yes) body = R"({"confirmed":true})";
+  return each(verb_options.names, [&](const std::string& name) {
     auto signed_call = call_and_wait(station, name, verb, body);
-    if (signed_call) print_line(wish.options.json ? R"({"accepted":true})" : fmt::format("{}: {}: done", name, verb));
+    if (signed_call)
+      print_line(verb_options.options.json ? R"({"accepted":true})" : fmt::format("{}: {}: done", name, verb));
     return signed_call;
   });
 }
 
-Status log_in(Station& station, const Target& target, const Wish& wish) {
-  const auto phrase =
-      wish.pass_phrase_file.empty() ? ask_secret("Pass phrase of " + wish.name) : read_secret(wish.pass_phrase_file);
+Status log_in(Station& station, const Target& target, const VerbOptions& verb_options) {
+  const auto phrase = verb_options.pass_phrase_file.empty() ? ask_secret("Pass phrase of " + verb_options.name)
+                                                            : read_secret(verb_options.pass_phrase_file);
   if (!phrase) return phrase.error();
-  const auto session = open_session(station, target, wish.name, *phrase);
+  const auto session = open_session(station, target, verb_options.name, *phrase);
   if (!session) return session.error();
   fmt::print("{} is signed in as {}; the session is in {}\n", session->name, session->identity, target.session_file);
   fmt::print(
@@ -116,24 +117,26 @@ Status log_out(Station& station, const Target& target) {
   return done;
 }
 
-Status act(Station& station, const Target& target, const Wish& wish, const std::string& verb) {
-  if (verb.empty()) return show(station, wish);
-  if (verb == "login") return log_in(station, target, wish);
+Status act(Station& station, const Target& target, const VerbOptions& verb_options, const std::string& verb) {
+  if (verb.empty()) return show(station, verb_options);
+  if (verb == "login") return log_in(station, target, verb_options);
   if (verb == "logout") return log_out(station, target);
-  if (verb == "path") return fly_path(station, wish);
-  if (is_signed_call(verb)) return sign(station, wish, verb);
-  if (wish.all) return tell(station, wish, verb, verb == "cut" ? cut_all(wish.yes) : stop_all(), "all");
-  const std::string body = verb == "cut" && wish.yes ? R"({"confirmed":true})" : "{}";
-  return each(wish.names, [&](const std::string& name) {
-    return tell(station, wish, verb, drone_request(name, verb, body), name);
+  if (verb == "path") return fly_path(station, verb_options);
+  if (is_signed_call(verb)) return sign(station, verb_options, verb);
+  if (verb_options.all)
+    return tell(station, verb_options, verb, verb == "cut" ? cut_all(verb_options.yes) : stop_all(), "all");
+  const std::string body = verb == "cut" && verb_options.yes ? R"({"confirmed":true})" : "{}";
+  return each(verb_options.names, [&](const std::string& name) {
+    return tell(station, verb_options, verb, drone_request(name, verb, body), name);
   });
 }
 
 /// Empty: what was asked for makes sense.
-std::string nonsense(const Wish& wish, const std::string& verb) {
-  if (!verb.empty() && wish.watch) return "--watch goes with the table alone";
-  if ((verb == "stop" || verb == "cut") && wish.names.empty() != wish.all) return "either names, or --all";
-  for (const std::string& name : wish.names) {
+std::string nonsense(const VerbOptions& verb_options, const std::string& verb) {
+  if (!verb.empty() && verb_options.watch) return "--watch goes with the table alone";
+  if ((verb == "stop" || verb == "cut") && verb_options.names.empty() != verb_options.all)
+    return "either names, or --all";
+  for (const std::string& name : verb_options.names) {
     if (!ground::mission::is_name(name)) return fmt::format("\"{}\" cannot be a drone's name", name);
   }
   return "";
@@ -155,7 +158,7 @@ acquire, release, request, lift, hand_over, deny: done is that the ledger has it
 
 /// In the order in which help lists them.
 struct Verbs {
-  Verbs(CommandLine& line, Wish& wish) {
+  Verbs(CommandLine& line, VerbOptions& verb_options) {
     for (const auto& [name, help] :
          std::initializer_list<std::pair<const char*, const char*>>{{"takeoff", "Take off"},
                                                                     {"land", "Land"},
@@ -163,33 +166,34 @@ struct Verbs {
                                                                     {"resume", "Fly the rest of the path"},
                                                                     {"return", "Fly to where it took off"},
                                                                     {"lift", "Lift the stop"}})
-      with_names(line, wish, name, help).required();
+      with_names(line, verb_options, name, help).required();
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"acquire", "Take the lease: take control"}, {"request", "Ask its holder for the lease"}}) {
-      with_names(line, wish, name, help).required();
-      all.back().option("--priority", wish.priority, "of the lease or the request");
+      with_names(line, verb_options, name, help).required();
+      all.back().option("--priority", verb_options.priority, "of the lease or the request");
     }
-    with_names(line, wish, "release", "Give the lease back").required();
-    all.back().flag("--yes", wish.yes, "of a drone in the air, too: it lands by its failsafe");
+    with_names(line, verb_options, "release", "Give the lease back").required();
+    all.back().flag("--yes", verb_options.yes, "of a drone in the air, too: it lands by its failsafe");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"stop", "Stop: land, and stay there until somebody lifts it"},
              {"cut", "Stop with motors off, at once"}}) {
-      with_names(line, wish, name, help);
-      all.back().flag("--all", wish.all, "every drone");
+      with_names(line, verb_options, name, help);
+      all.back().flag("--all", verb_options.all, "every drone");
     }
-    all.back().flag("--yes", wish.yes, "of a drone in the air, too: it drops");
+    all.back().flag("--yes", verb_options.yes, "of a drone in the air, too: it drops");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"hand_over", "Give the lease to one who has asked for it"}, {"deny", "End somebody's request"}}) {
-      one_drone(line, wish, name, help);
-      all.back().option("--msp", wish.msp, "whose, as the request says: Org2MSP").required();
-      all.back().option("--subject", wish.subject, "CN=...").required();
+      one_drone(line, verb_options, name, help);
+      all.back().option("--msp", verb_options.msp, "whose, as the request says: Org2MSP").required();
+      all.back().option("--subject", verb_options.subject, "CN=...").required();
     }
-    one_drone(line, wish, "path", "Fly along a CSV file, x,y[,z[,speed]] a line in the map, in a manual flight");
-    all.back().option("FILE", wish.path_file, "of waypoints").required().existing_file();
-    all.back().flag("--land", wish.land, "at its end; else hover");
+    one_drone(line, verb_options, "path",
+              "Fly along a CSV file, x,y[,z[,speed]] a line in the map, in a manual flight");
+    all.back().option("FILE", verb_options.path_file, "of waypoints").required().existing_file();
+    all.back().flag("--land", verb_options.land, "at its end; else hover");
     all.push_back(line.verb("login", "Sign in as an operator"));
-    all.back().option("--operator", wish.name, "who").required();
-    all.back().option("--pass-phrase-file", wish.pass_phrase_file,
+    all.back().option("--operator", verb_options.name, "who").required();
+    all.back().option("--pass-phrase-file", verb_options.pass_phrase_file,
                       "file that nobody else may read; else it is asked for");
     all.push_back(line.verb("logout", "Sign out: what this operator holds is landed and given back"));
     line.verbs_are_optional();
@@ -202,13 +206,13 @@ struct Verbs {
   }
 
  private:
-  Option with_names(CommandLine& line, Wish& wish, const char* name, const char* help) {
+  Option with_names(CommandLine& line, VerbOptions& verb_options, const char* name, const char* help) {
     all.push_back(line.verb(name, help));
-    return all.back().option("NAME", wish.names, "of drones");
+    return all.back().option("NAME", verb_options.names, "of drones");
   }
-  void one_drone(CommandLine& line, Wish& wish, const char* name, const char* help) {
+  void one_drone(CommandLine& line, VerbOptions& verb_options, const char* name, const char* help) {
     all.push_back(line.verb(name, help));
-    all.back().option("NAME", wish.drone, "of a drone").required();
+    all.back().option("NAME", verb_options.drone, "of a drone").required();
   }
   std::vector<Verb> all;
 };
@@ -217,13 +221,14 @@ struct Verbs {
 
 int main(int argc, char** argv) {
   CommandLine line("drones", about, notes);
-  Wish wish;
-  add_options(line, wish.options);
-  line.flag("--watch", wish.watch, "print anew at each change, until SIGINT");
-  const Verbs verbs(line, wish);
+  VerbOptions verb_options;
+  add_options(line, verb_options.options);
+  line.flag("--watch", verb_options.watch, "print anew at each change, until SIGINT");
+  const Verbs verbs(line, verb_options);
   if (const auto end = line.parse(argc, argv)) return *end;
   const std::string verb = verbs.given();
-  if (!wish.drone.empty()) wish.names = {wish.drone};
-  if (const std::string why = nonsense(wish, verb); !why.empty()) return fail(Error{why}, exit_usage);
-  return run(wish.options, [&](Station& station, const Target& target) { return act(station, target, wish, verb); });
+  if (!verb_options.drone.empty()) verb_options.names = {verb_options.drone};
+  if (const std::string why = nonsense(verb_options, verb); !why.empty()) return fail(Error{why}, exit_usage);
+  return run(verb_options.options,
+             [&](Station& station, const Target& target) { return act(station, target, verb_options, verb); });
 }

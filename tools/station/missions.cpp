@@ -16,13 +16,13 @@ namespace {
 using namespace ledgerline;
 using namespace ledgerline::station;
 
-struct Wish {
+struct VerbOptions {
   station::Options options;
   std::string file, name, id;
 };
 
-Status print(const Wish& wish, const std::string& body, const Result<std::string>& text) {
-  if (wish.options.json) {
+Status print(const VerbOptions& verb_options, const std::string& body, const Result<std::string>& text) {
+  if (verb_options.options.json) {
     print_line(body);
     return done;
   }
@@ -31,39 +31,39 @@ Status print(const Wish& wish, const std::string& body, const Result<std::string
   return done;
 }
 
-Status list(Station& station, const Wish& wish) {
+Status list(Station& station, const VerbOptions& verb_options) {
   const auto body = station.ask({.target = "missions"});
   if (!body) return body.error();
   const auto rows = mission_rows(*body);
-  return print(wish, *body, rows ? Result<std::string>(aligned(*rows)) : rows.error());
+  return print(verb_options, *body, rows ? Result<std::string>(aligned(*rows)) : rows.error());
 }
 
-Status add(Station& station, const Wish& wish) {
-  auto text = read_file(wish.file);
+Status add(Station& station, const VerbOptions& verb_options) {
+  auto text = read_file(verb_options.file);
   if (!text) return text.error();
-  const auto request = mission_to_add(wish.file, std::move(*text), wish.name);
+  const auto request = mission_to_add(verb_options.file, std::move(*text), verb_options.name);
   if (!request) return request.error();
   const auto body = station.ask(*request);
   if (!body) return body.error();
-  return print(wish, *body, mission_text(*body));
+  return print(verb_options, *body, mission_text(*body));
 }
 
-Status act(Station& station, const Wish& wish, const std::string& verb) {
-  if (verb.empty()) return list(station, wish);
-  if (verb == "add") return add(station, wish);
-  const std::string target = "missions/" + wish.id;
+Status act(Station& station, const VerbOptions& verb_options, const std::string& verb) {
+  if (verb.empty()) return list(station, verb_options);
+  if (verb == "add") return add(station, verb_options);
+  const std::string target = "missions/" + verb_options.id;
   if (verb == "show") {
     const auto body = station.ask({.target = target});
-    return body ? print(wish, *body, mission_text(*body)) : Status(body.error());
+    return body ? print(verb_options, *body, mission_text(*body)) : Status(body.error());
   }
   if (verb == "approve") {
-    if (auto approved = approve_and_wait(station, wish.id); !approved) return approved;
-    return print(wish, R"({"accepted":true})", fmt::format("{}: approve: done\n", wish.id));
+    if (auto approved = approve_and_wait(station, verb_options.id); !approved) return approved;
+    return print(verb_options, R"({"accepted":true})", fmt::format("{}: approve: done\n", verb_options.id));
   }
   const auto body = station.ask(verb == "remove" ? Request{.method = "DELETE", .target = target, .anybodys = false}
-                                                 : mission_request(wish.id, verb));
+                                                 : mission_request(verb_options.id, verb));
   if (!body) return body.error();
-  return print(wish, *body, fmt::format("{}: {}: accepted\n", wish.id, verb));
+  return print(verb_options, *body, fmt::format("{}: {}: accepted\n", verb_options.id, verb));
 }
 
 constexpr const char* about =
@@ -83,11 +83,11 @@ that the station has taken it; what comes of it the list shows, and `ledgerline 
 
 int main(int argc, char** argv) {
   CommandLine line("missions", about, notes);
-  Wish wish;
-  add_options(line, wish.options);
+  VerbOptions verb_options;
+  add_options(line, verb_options.options);
   std::vector<Verb> verbs{line.verb("add", "Read one, and check it")};
-  verbs.back().option("FILE", wish.file, "a mission, .json or .csv").required().existing_file();
-  verbs.back().option("--name", wish.name, "of a mission in CSV; else the file's");
+  verbs.back().option("FILE", verb_options.file, "a mission, .json or .csv").required().existing_file();
+  verbs.back().option("--name", verb_options.name, "of a mission in CSV; else the file's");
   for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
            {"show", "Show one: its check, its approvals, how far it is"},
            {"approve", "Approve it, at this ground and for a while"},
@@ -98,13 +98,13 @@ int main(int argc, char** argv) {
            {"land", "End it: all land"},
            {"remove", "Forget it"}}) {
     verbs.push_back(line.verb(name, help));
-    verbs.back().option("ID", wish.id, "of a mission, as the list has it").required();
+    verbs.back().option("ID", verb_options.id, "of a mission, as the list has it").required();
   }
   line.verbs_are_optional();
   if (const auto end = line.parse(argc, argv)) return *end;
   std::string verb;
   for (const Verb& one : verbs) verb += one.given() ? one.name() : "";
-  if (!wish.id.empty() && !ground::mission::is_name(wish.id))
+  if (!verb_options.id.empty() && !ground::mission::is_name(verb_options.id))
     return fail(Error{"ID is a mission's, as `ledgerline missions` lists it"}, exit_usage);
-  return run(wish.options, [&](Station& station, const Target&) { return act(station, wish, verb); });
+  return run(verb_options.options, [&](Station& station, const Target&) { return act(station, verb_options, verb); });
 }

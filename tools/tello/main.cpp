@@ -26,7 +26,7 @@ using namespace ledgerline;
 
 constexpr const char* usual_address = "192.168.10.1";  // of every Tello in its own Wi-Fi
 
-struct Wish {
+struct Options {
   std::string address = usual_address, interface, subnet, ssid, password_file;
   std::vector<std::string> addresses;
   std::string mocap = "none", config, out = "calibration.toml";
@@ -53,34 +53,34 @@ Result<std::vector<tello::Found>> asked_for(const std::vector<std::string>& addr
   return drones;
 }
 
-int show(const Wish& wish, std::vector<std::string> addresses) {
-  if (addresses.empty() && wish.subnet.empty()) addresses.emplace_back(usual_address);
-  auto drones = asked_for(addresses, wish.subnet);
+int show(const Options& options, std::vector<std::string> addresses) {
+  if (addresses.empty() && options.subnet.empty()) addresses.emplace_back(usual_address);
+  auto drones = asked_for(addresses, options.subnet);
   if (!drones) return fail(drones.error(), exit_usage);
   const std::size_t asked = drones->size();
-  if (auto status = tello::ask(*drones, wish.interface); !status) return fail(status.error());
+  if (auto status = tello::ask(*drones, options.interface); !status) return fail(status.error());
   std::erase_if(*drones, [](const tello::Found& drone) { return !drone.asking.present(); });
-  if (wish.json) print_line(tello::json(*drones));
+  if (options.json) print_line(tello::json(*drones));
   if (drones->empty()) {
     const std::string where = asked == 1 ? " at " + addresses.front() : fmt::format(" at any of {} addresses", asked);
     return fail(Error{"no Tello answers" + where + ": is it switched on, and this computer in its Wi-Fi?"});
   }
-  if (!wish.json) print_line(tello::words(*drones));
+  if (!options.json) print_line(tello::words(*drones));
   return 0;
 }
 
-int join_wifi(const Wish& wish) {
-  const auto password = tello::read_password(wish.password_file);
+int join_wifi(const Options& options) {
+  const auto password = tello::read_password(options.password_file);
   if (!password) return fail(password.error());
-  if (const std::string why = tello::wifi_refusal(wish.ssid, *password); !why.empty())
+  if (const std::string why = tello::wifi_refusal(options.ssid, *password); !why.empty())
     return fail(Error{why}, exit_usage);
-  const auto address = parse_ipv4(wish.address);
+  const auto address = parse_ipv4(options.address);
   if (!address) return fail(address.error(), exit_usage);
-  const std::string word = fmt::format("ap {} {}", wish.ssid, *password);
+  const std::string word = fmt::format("ap {} {}", options.ssid, *password);
   std::vector<tello::Found> drones{{*address, tello::Asking({word})}};
-  if (auto status = tello::ask(drones, wish.interface); !status) return fail(status.error());
+  if (auto status = tello::ask(drones, options.interface); !status) return fail(status.error());
   const tello::Asking& asking = drones.front().asking;
-  if (!asking.present()) return fail(Error{fmt::format("no Tello answers at {}", wish.address)});
+  if (!asking.present()) return fail(Error{fmt::format("no Tello answers at {}", options.address)});
   const tello::Question& asked = asking.questions().back();
   if (asked.refused)
     return fail(Error{fmt::format("it refuses ({}): only a Tello EDU or TT can join a Wi-Fi", asked.answer)});
@@ -89,37 +89,37 @@ int join_wifi(const Wish& wish) {
       fmt::format("It starts anew and joins {}. Its own Wi-Fi is gone then; join {} with this computer as well, "
                   "and look for it: ledgerline tello find --subnet ADDRESS/24. It joins so until its button was "
                   "held for 5 s, after which it has its own Wi-Fi again.",
-                  wish.ssid, wish.ssid));
+                  options.ssid, options.ssid));
   return 0;
 }
 
-int land(const Wish& wish) {
-  const auto address = parse_ipv4(wish.address);
+int land(const Options& options) {
+  const auto address = parse_ipv4(options.address);
   if (!address) return fail(address.error(), exit_usage);
-  const auto down = tello::land(*address, wish.interface, wish.seconds);
-  if (down && *down) print_line(wish.address + " is down");
+  const auto down = tello::land(*address, options.interface, options.seconds);
+  if (down && *down) print_line(options.address + " is down");
   return exit_code(down);
 }
 
-int calibrate(const Wish& wish) {
-  const auto address = parse_ipv4(wish.address);
+int calibrate(const Options& options) {
+  const auto address = parse_ipv4(options.address);
   if (!address) return fail(address.error(), exit_usage);
-  auto dds = dds::participant_options_of(wish.config, "ledgerline_tello");
+  auto dds = dds::participant_options_of(options.config, "ledgerline_tello");
   if (!dds) return fail(dds.error(), exit_usage);
   print_line(fmt::format(
       "{} will take off, and fly forwards and back, to its sides, up and down, and turn, for {} to {} s. It needs 4 m "
       "x "
       "4 m of free floor with something to be seen on it, light, 2.5 m of height, nobody near, and more than 30 % of "
       "battery. Ctrl-C lands it.",
-      wish.address, 15 + 62 * wish.repeat, 15 + 90 * wish.repeat));
-  if (!wish.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
-  const std::string topic = wish.mocap == "none" ? "" : wish.mocap;
-  const auto record = tello::fly_calibration({*address, wish.interface, topic, *dds, wish.repeat});
+      options.address, 15 + 62 * options.repeat, 15 + 90 * options.repeat));
+  if (!options.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
+  const std::string topic = options.mocap == "none" ? "" : options.mocap;
+  const auto record = tello::fly_calibration({*address, options.interface, topic, *dds, options.repeat});
   if (!record) return fail(record.error());
   const auto calibration = tello::estimate(*record);
-  if (!calibration) return fail(Error{wish.address + " is down, but: " + calibration.error().what});
+  if (!calibration) return fail(Error{options.address + " is down, but: " + calibration.error().what});
   const std::string text = tello::toml(*calibration);
-  if (auto status = replace_file(wish.out, text); !status) return fail(status.error());
+  if (auto status = replace_file(options.out, text); !status) return fail(status.error());
   print_line(text);
   if (!calibration->velocity)
     spdlog::warn("What vgx and vgy are worth was not measured, so link's wide defaults count: {}",
@@ -128,25 +128,25 @@ int calibrate(const Wish& wish) {
 }
 
 // What the flight of this file would fly; fly's own reader says what is wrong with it.
-Result<fly::Options> flight_of(const Wish& wish) {
-  std::vector<std::string> words{"--deployment", wish.deployment};
-  if (!wish.cyclonedds.empty()) words.insert(words.end(), {"--dds", wish.cyclonedds});
+Result<fly::Options> flight_of(const Options& options) {
+  std::vector<std::string> words{"--deployment", options.deployment};
+  if (!options.cyclonedds.empty()) words.insert(words.end(), {"--dds", options.cyclonedds});
   fly::Asked asked = fly::parse_command_line(words);
   if (!asked.fly) return Error{asked.text.substr(0, asked.text.find_last_not_of('\n') + 1)};
   if (!asked.options.own)
-    return Error{wish.deployment + ": names simulated drones; preflight is of drones that are there: docs/fly.md"};
+    return Error{options.deployment + ": names simulated drones; preflight is of drones that are there: docs/fly.md"};
   return asked.options;
 }
 
-int preflight(const Wish& wish) {
-  auto flight = flight_of(wish);
+int preflight(const Options& options) {
+  auto flight = flight_of(options);
   if (!flight) return fail(flight.error(), exit_usage);
   std::error_code error;
   const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", wish.listen_s});
+  const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", options.listen_s});
   if (!facts) return fail(facts.error());
   const auto lines = fly::judge(*facts);
-  print_line(wish.json ? fly::to_json(lines) : fly::words(lines));
+  print_line(options.json ? fly::to_json(lines) : fly::words(lines));
   return fly::anything_bad(lines) ? exit_failed : 0;
 }
 
@@ -168,57 +168,57 @@ Exit codes: 0 as asked (found, told, down, written, nothing wrong), 1 not, 2 bad
 
 int main(int argc, char** argv) {
   CommandLine line("tello", about, notes);
-  Wish wish;
+  Options options;
   const auto interface = [&](Verb& verb) {
-    verb.option("--interface", wish.interface, "network interface that it is behind, such as wlan1");
+    verb.option("--interface", options.interface, "network interface that it is behind, such as wlan1");
   };
   Verb find = line.verb("find", "say which Tellos answer: address, serial, battery, hardware, firmware");
-  find.option("--address", wish.addresses, "one to ask, 192.168.10.1 where none is named").one_at_a_time();
-  find.option("--subnet", wish.subnet, "ask each address of a subnet, /24 at most, such as 192.168.1.0/24");
+  find.option("--address", options.addresses, "one to ask, 192.168.10.1 where none is named").one_at_a_time();
+  find.option("--subnet", options.subnet, "ask each address of a subnet, /24 at most, such as 192.168.1.0/24");
   interface(find);
-  find.flag("--json", wish.json, "as JSON");
+  find.flag("--json", options.json, "as JSON");
   Verb info = line.verb("info", "the same of one Tello");
-  info.option("address", wish.address, "its address").required();
+  info.option("address", options.address, "its address").required();
   interface(info);
-  info.flag("--json", wish.json, "as JSON");
+  info.flag("--json", options.json, "as JSON");
   Verb join = line.verb("join-wifi", "tell a Tello EDU or TT to join a Wi-Fi; the password is asked for, or in a file");
-  join.option("ssid", wish.ssid, "the Wi-Fi's name").required();
-  join.option("--password-file", wish.password_file, "file with the password in its first line").existing_file();
-  join.option("--address", wish.address, "the Tello's address").shows_default();
+  join.option("ssid", options.ssid, "the Wi-Fi's name").required();
+  join.option("--password-file", options.password_file, "file with the password in its first line").existing_file();
+  join.option("--address", options.address, "the Tello's address").shows_default();
   interface(join);
   Verb landing = line.verb("land", "stop a Tello and land it, whoever flew it: again each second until it is down");
-  landing.option("address", wish.address, "its address").required();
-  landing.option("--seconds", wish.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
+  landing.option("address", options.address, "its address").required();
+  landing.option("--seconds", options.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
   interface(landing);
   Verb calibration =
       line.verb("calibrate", "fly a Tello for two minutes to measure how it answers rc, and what vg means");
-  calibration.option("address", wish.address, "its address").required();
-  calibration.option("--mocap", wish.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
-  calibration.option("--config", wish.config,
+  calibration.option("address", options.address, "its address").required();
+  calibration.option("--mocap", options.mocap, "topic of its poses (PoseStamped on DDS), or none").shows_default();
+  calibration.option("--config", options.config,
                      "TOML file: [dds] domain, local_only or cyclonedds, and the files of DDS Security (docs/dds.md)");
-  calibration.option("--out", wish.out, "TOML file that is written").shows_default();
-  calibration.option("--repeat", wish.repeat, "times that the schedule of a minute is flown")
+  calibration.option("--out", options.out, "TOML file that is written").shows_default();
+  calibration.option("--repeat", options.repeat, "times that the schedule of a minute is flown")
       .within(1, 5)
       .shows_default();
-  calibration.flag("--yes", wish.yes, "start the motors without asking");
+  calibration.flag("--yes", options.yes, "start the motors without asking");
   interface(calibration);
   Verb looking =
       line.verb("preflight",
                 "say what would keep a flight on the ground, and its cure: drones, batteries, state and pose "
                 "rates, leases, fence, clocks, ledger");
-  looking.option("--deployment", wish.deployment, "deployment.toml of drones that are there, as of `ledgerline fly`")
+  looking.option("--deployment", options.deployment, "deployment.toml of drones that are there, as of `ledgerline fly`")
       .required()
       .existing_file();
-  looking.option("--dds", wish.cyclonedds, "file of Cyclone DDS's own configuration, for motion capture elsewhere")
+  looking.option("--dds", options.cyclonedds, "file of Cyclone DDS's own configuration, for motion capture elsewhere")
       .existing_file();
-  looking.option("--seconds", wish.listen_s, "how long it listens to state text and poses")
+  looking.option("--seconds", options.listen_s, "how long it listens to state text and poses")
       .within(1.0, 60.0)
       .shows_default();
-  looking.flag("--json", wish.json, "as JSON");
+  looking.flag("--json", options.json, "as JSON");
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (looking.given()) return preflight(wish);
-  if (calibration.given()) return calibrate(wish);
-  if (find.given()) return show(wish, wish.addresses);
-  if (info.given()) return show(wish, {wish.address});
-  return join.given() ? join_wifi(wish) : land(wish);
+  if (looking.given()) return preflight(options);
+  if (calibration.given()) return calibrate(options);
+  if (find.given()) return show(options, options.addresses);
+  if (info.given()) return show(options, {options.address});
+  return join.given() ? join_wifi(options) : land(options);
 }

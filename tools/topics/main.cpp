@@ -16,32 +16,32 @@ namespace {
 
 using namespace ledgerline;
 
-struct Wish {
+struct Options {
   std::string file;
   bool json = false, once = false;
   double period_s = 1;
 };
 
-Status show(const Wish& wish) {
+Status show(const Options& options) {
   std::optional<topics::Status> before;
   do {
-    const auto text = read_file(wish.file);
+    const auto text = read_file(options.file);
     if (!text) return text.error();
-    auto now = topics::parse_status(*text, wish.file, monotonic_ns());
+    auto now = topics::parse_status(*text, options.file, monotonic_ns());
     if (!now) return now.error();
-    if (wish.json) {
+    if (options.json) {
       fmt::print("{}", *text);
     } else {
-      const bool on_terminal = ::isatty(STDOUT_FILENO) == 1 && !wish.once;
+      const bool on_terminal = ::isatty(STDOUT_FILENO) == 1 && !options.once;
       fmt::print("{}{}", on_terminal ? "\x1b[H\x1b[J" : "", topics::table(before.value_or(*now), *now));
     }
     std::fflush(stdout);
     before = std::move(*now);
-    for (const TimeNs until_ns = monotonic_ns() + from_seconds(wish.period_s);
-         !wish.once && !stop_requested && monotonic_ns() < until_ns;) {
+    for (const TimeNs until_ns = monotonic_ns() + from_seconds(options.period_s);
+         !options.once && !stop_requested && monotonic_ns() < until_ns;) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
     }
-  } while (!wish.once && !stop_requested);
+  } while (!options.once && !stop_requested);
   return done;
 }
 
@@ -58,12 +58,12 @@ Exit codes: 0 done; 1 there is no such file, or its bridge is silent; 2 bad usag
 
 int main(int argc, char** argv) {
   CommandLine line("topics", about, notes);
-  Wish wish;
-  line.option("STATUS", wish.file, "the file that [output] status of the bridge's config names").required();
-  line.flag("--json", wish.json, "the bridge's own status line instead of a table");
-  line.flag("--once", wish.once, "once");
-  line.option("--period", wish.period_s, "seconds").within(0.1, 3600.0);
+  Options options;
+  line.option("STATUS", options.file, "the file that [output] status of the bridge's config names").required();
+  line.flag("--json", options.json, "the bridge's own status line instead of a table");
+  line.flag("--once", options.once, "once");
+  line.option("--period", options.period_s, "seconds").within(0.1, 3600.0);
   if (const auto end = line.parse(argc, argv)) return *end;
   catch_stop_signals();
-  return exit_code(show(wish));
+  return exit_code(show(options));
 }

@@ -13,7 +13,7 @@ Error not_a_priority(const std::string& function) {
 }
 
 /// acquire or request.
-Result<LeaseCall> read_wish(const Arguments& call, const std::string& function) {
+Result<LeaseCall> read_lease_call(const Arguments& call, const std::string& function) {
   auto lease = read_drones<LeaseCall>(call);
   if (!lease) return Error{function + ": " + lease.error().what};
   const std::string option = call.option("priority", "");
@@ -122,7 +122,7 @@ Result<AnswerCall> read_answer(const Arguments& call, const std::string& functio
 }  // namespace
 
 Response acquire(Stub& stub, const Arguments& call) {
-  const auto lease = read_wish(call, contract::acquire);
+  const auto lease = read_lease_call(call, contract::acquire);
   if (!lease) return refuse(lease.error().what);
   if (Status status = check_operator(stub, stub.caller(), contract::acquire); !status)
     return refuse(status.error().what);
@@ -154,30 +154,31 @@ Response release(Stub& stub, const Arguments& call) {
 }
 
 Response request(Stub& stub, const Arguments& call) {
-  const auto wish = read_wish(call, contract::request);
-  if (!wish) return refuse(wish.error().what);
+  const auto lease = read_lease_call(call, contract::request);
+  if (!lease) return refuse(lease.error().what);
   if (Status status = check_operator(stub, stub.caller(), contract::request); !status)
     return refuse(status.error().what);
-  if (wish->has_delegate()) {
-    if (Status status = check_delegate(stub, contract::request, wish->delegate()); !status)
+  if (lease->has_delegate()) {
+    if (Status status = check_delegate(stub, contract::request, lease->delegate()); !status)
       return refuse(status.error().what);
   }
   const Identity self = to_message(stub.caller());
-  return change_controls(stub, call, contract::request, wish->drones(), [&](Control& control, std::uint64_t) -> Status {
-    if (Status status = check_rights(control, self, wish->priority()); !status) return status;
-    if (!is_held(control)) return Error{"nobody holds the lease; acquire it"};
-    if (same_identity(control.holder(), self)) {
-      return Error{to_text(stub.caller()) + " holds the lease already"};
-    }
-    add_request(control, self, delegate_in(*wish), wish->priority());
-    const auto of_us =
-        std::ranges::count(control.requests(), self.msp_id(), [](const Request& one) { return one.who().msp_id(); });
-    if (static_cast<std::size_t>(of_us) > contract::max_drone_requests) {
-      return Error{"it has " + std::to_string(contract::max_drone_requests) + " requests of " + self.msp_id() +
-                   " already, which is the limit; its holder may deny some"};
-    }
-    return done;
-  });
+  return change_controls(stub, call, contract::request, lease->drones(),
+                         [&](Control& control, std::uint64_t) -> Status {
+                           if (Status status = check_rights(control, self, lease->priority()); !status) return status;
+                           if (!is_held(control)) return Error{"nobody holds the lease; acquire it"};
+                           if (same_identity(control.holder(), self)) {
+                             return Error{to_text(stub.caller()) + " holds the lease already"};
+                           }
+                           add_request(control, self, delegate_in(*lease), lease->priority());
+                           const auto of_us = std::ranges::count(control.requests(), self.msp_id(),
+                                                                 [](const Request& one) { return one.who().msp_id(); });
+                           if (static_cast<std::size_t>(of_us) > contract::max_drone_requests) {
+                             return Error{"it has " + std::to_string(contract::max_drone_requests) + " requests of " +
+                                          self.msp_id() + " already, which is the limit; its holder may deny some"};
+                           }
+                           return done;
+                         });
 }
 
 Response hand_over(Stub& stub, const Arguments& call) {

@@ -19,7 +19,7 @@ struct PlannedCommand {
   std::uint64_t id = 0;  ///< for withdraw()
 };
 
-/// Makes one drone's plans: which action its phase wants now, and setpoints along its path, or as its pilot wishes.
+/// Makes one drone's plans: which action its phase wants now, and setpoints along its path, or as its pilot commands.
 /// Counts laps. Times in plans are the drone host's clock alone. Deterministic; one thread. What it is given must
 /// outlive it.
 class Planner {

@@ -38,7 +38,7 @@ std::optional<std::size_t> drone_in(const json& said, const std::vector<std::str
   return at == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(at - names.begin()));
 }
 
-Result<PilotWish> velocity_from(const json& said, const std::vector<std::string>& names, TimeNs now) {
+Result<PilotCommand> velocity_from(const json& said, const std::vector<std::string>& names, TimeNs now) {
   if (const Status keys = only(said, {"op", "drone", "linear", "yaw_rate", "t_ms"}); !keys) return keys.error();
   if (said.value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
   const auto drone = drone_in(said, names);
@@ -51,8 +51,8 @@ Result<PilotWish> velocity_from(const json& said, const std::vector<std::string>
   constexpr double rounded_ms = 1;
   if (!t_ms.is_number() || !(std::abs(t_ms.get<double>()) <= to_ms(now) + rounded_ms))
     return Error{"t_ms must be that of the newest state that its pilot had"};
-  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotWish{.drone = *drone, .late = 1};
-  return PilotWish{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
+  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotCommand{.drone = *drone, .late = 1};
+  return PilotCommand{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
 }
 
 /// Who may say it is decided where requests are answered, for both ways.
@@ -81,7 +81,7 @@ Result<StreamCommand> command_from(const json& said, const std::string& op, cons
 
 }  // namespace
 
-Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
+Result<PilotCommand> command_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
   const auto said = message_from(message);
   if (!said) return said.error();
   return velocity_from(*said, names, now);

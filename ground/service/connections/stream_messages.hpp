@@ -14,7 +14,7 @@ namespace ledgerline::ground::service {
 /// its pilot had: older than max_held_ns, a network has held it back, and it is late. The error says what is wrong with
 /// it.
 inline constexpr TimeNs max_held_ns = 500 * ns_per_ms;
-Result<PilotWish> wish_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
+Result<PilotCommand> command_from(std::string_view message, const std::vector<std::string>& names, TimeNs now);
 
 /// Who has opened the stream.
 struct StreamClient {
@@ -27,7 +27,7 @@ struct StreamCommand {
   std::optional<std::uint64_t> id{};  ///< the client's own, for the answer
 };
 struct StreamMessage {
-  std::optional<PilotWish> velocity{};
+  std::optional<PilotCommand> velocity{};
   std::optional<StreamCommand> command{};
 };
 /// {"op":"stop"} of all drones, {"op":"stop","drone":"tello1"}; the same of "cut", which may say "confirmed":true;

@@ -66,8 +66,8 @@ bool has(std::span<const std::size_t> drones, std::size_t drone) {
 }
 
 constexpr const char* taken = R"({"accepted":true})";
-ApiAnswer accepted(std::vector<PilotWish> wishes, bool confirmed = false) {
-  return {.status = 202, .body = taken, .wishes = std::move(wishes), .confirmed = confirmed};
+ApiAnswer accepted(std::vector<PilotCommand> commands, bool confirmed = false) {
+  return {.status = 202, .body = taken, .commands = std::move(commands), .confirmed = confirmed};
 }
 
 Result<PilotOrder> path_from(const json& body) {
@@ -249,21 +249,21 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
   const auto drone = find(known.names, name);
   if (!drone) return refusal(404, "no drone \"" + printable(std::string(name), max_shown) + "\" flies here");
   if (const auto call = call_of(verb)) return answer_call(request, {.kind = *call, .drone = *drone}, known);
-  PilotWish wish{.drone = *drone};
+  PilotCommand command{.drone = *drone};
   if (verb == "takeoff") {
-    wish.takeoff = true;
+    command.takeoff = true;
   } else if (verb == "land") {
-    wish.land = true;
+    command.land = true;
   } else if (verb == "stop") {
-    wish.stop = true;
+    command.stop = true;
   } else if (verb == "cut") {
-    wish.stop = wish.cut = true;
+    command.stop = command.cut = true;
   } else if (verb == "pause") {
-    wish.pause = true;
+    command.pause = true;
   } else if (verb == "resume") {
-    wish.order = PilotOrder{.kind = PilotOrder::Kind::resume};
+    command.order = PilotOrder{.kind = PilotOrder::Kind::resume};
   } else if (verb == "return") {
-    wish.order = PilotOrder{.kind = PilotOrder::Kind::return_home};
+    command.order = PilotOrder{.kind = PilotOrder::Kind::return_home};
   } else if (verb != "path") {
     return refusal(404,
                    "a drone knows takeoff, land, stop, cut, path, pause, resume, return, acquire, release, request, "
@@ -275,16 +275,16 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
   if (verb == "path") {
     auto order = path_from(*body);
     if (!order) return refusal(400, order.error().what);
-    wish.order = std::move(*order);
+    command.order = std::move(*order);
   } else if (verb == "cut") {
     if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
     const auto confirmed = flag_in(*body, "confirmed");
     if (!confirmed) return refusal(400, confirmed.error().what);
-    return accepted({std::move(wish)}, *confirmed);
+    return accepted({std::move(command)}, *confirmed);
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }
-  return accepted({std::move(wish)});
+  return accepted({std::move(command)});
 }
 
 ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
@@ -293,10 +293,10 @@ ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
   if (!body) return refusal(400, body.error().what);
   const auto cut = flag_in(*body, "cut"), confirmed = flag_in(*body, "confirmed");
   if (!cut || !confirmed) return refusal(400, (cut ? confirmed : cut).error().what);
-  std::vector<PilotWish> wishes;
+  std::vector<PilotCommand> commands;
   for (std::size_t drone = 0; drone < known.names.size(); ++drone)
-    wishes.push_back({.drone = drone, .stop = true, .cut = *cut});
-  return accepted(std::move(wishes), *confirmed);
+    commands.push_back({.drone = drone, .stop = true, .cut = *cut});
+  return accepted(std::move(commands), *confirmed);
 }
 
 ApiAnswer answer_events(std::string_view query, const Known& known) {
@@ -341,14 +341,14 @@ ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
 
 bool lands_and_nothing_else(const ApiAnswer& made) {
   if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
-  return !made.wishes.empty() && std::all_of(made.wishes.begin(), made.wishes.end(), only_lands);
+  return !made.commands.empty() && std::all_of(made.commands.begin(), made.commands.end(), only_lands);
 }
 
 /// Of a drone that is to be cut in the air where nobody has confirmed it.
 std::optional<std::size_t> unconfirmed_cut(const ApiAnswer& made, std::span<const std::size_t> aloft) {
-  const auto cut = std::find_if(made.wishes.begin(), made.wishes.end(),
-                                [&](const PilotWish& wish) { return wish.cut && has(aloft, wish.drone); });
-  return made.confirmed || cut == made.wishes.end() ? std::nullopt : std::optional(cut->drone);
+  const auto cut = std::find_if(made.commands.begin(), made.commands.end(),
+                                [&](const PilotCommand& command) { return command.cut && has(aloft, command.drone); });
+  return made.confirmed || cut == made.commands.end() ? std::nullopt : std::optional(cut->drone);
 }
 
 }  // namespace
@@ -360,7 +360,7 @@ ApiAnswer refusal(unsigned status, const std::string& words) { return {status, d
 ApiAnswer answer(const ApiRequest& request, const Known& known) {
   ApiAnswer made = answer_any(request, known);
   if (request.over && !lands_and_nothing_else(made)) return refusal(401, session_over);
-  if (made.wishes.empty()) return made;
+  if (made.commands.empty()) return made;
   // Nobody has to look for a pass phrase to stop a drone.
   if (!known.operators.empty() && !request.who && !lands_and_nothing_else(made))
     return refusal(403, "sign in first: who clicks is who signs; a stop, which lands it, needs no operator");
@@ -370,19 +370,19 @@ ApiAnswer answer(const ApiRequest& request, const Known& known) {
                                     known.names[*drone]));
   if (known.operators.empty()) return made;
   if (!request.who) return made;
-  for (PilotWish& wish : made.wishes) wish.by = known.operators[*request.who].identity;
+  for (PilotCommand& command : made.commands) command.by = known.operators[*request.who].identity;
   return made;
 }
 
-void merge(const PilotWish& wish, PilotWish& waiting) {
-  waiting.takeoff = waiting.takeoff || wish.takeoff;
-  waiting.land = waiting.land || wish.land;
-  waiting.stop = waiting.stop || wish.stop;
-  waiting.cut = waiting.cut || wish.cut;
-  waiting.pause = waiting.pause || wish.pause;
-  waiting.late += wish.late;
-  if (wish.order) waiting.order = wish.order;
-  if (wish.velocity) take_velocity(*wish.velocity, wish.came_ns, waiting);
+void merge(const PilotCommand& command, PilotCommand& waiting) {
+  waiting.takeoff = waiting.takeoff || command.takeoff;
+  waiting.land = waiting.land || command.land;
+  waiting.stop = waiting.stop || command.stop;
+  waiting.cut = waiting.cut || command.cut;
+  waiting.pause = waiting.pause || command.pause;
+  waiting.late += command.late;
+  if (command.order) waiting.order = command.order;
+  if (command.velocity) take_velocity(*command.velocity, command.came_ns, waiting);
 }
 
 std::string session_text(const std::string& token, const Operator& who) {

@@ -51,7 +51,7 @@ struct SignIn {
 struct ApiAnswer {
   unsigned status = 200;
   std::string body;  ///< JSON
-  std::vector<PilotWish> wishes{};
+  std::vector<PilotCommand> commands{};
   bool confirmed = false;              ///< that a drone is cut which is in the air
   std::optional<OperatorCall> call{};  ///< to be signed by who asked
   std::optional<SignIn> sign_in{};
@@ -84,8 +84,8 @@ struct Known {
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const Known& known);
 
-/// What one wish adds to those that wait for the same drone.
-void merge(const PilotWish& wish, PilotWish& waiting);
+/// What one command adds to those that wait for the same drone.
+void merge(const PilotCommand& command, PilotCommand& waiting);
 
 /// {"session":TOKEN,"operator":"alice","identity":"Org2MSP CN=..."}
 std::string session_text(const std::string& token, const Operator& who);

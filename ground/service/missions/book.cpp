@@ -249,9 +249,9 @@ MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& core) {
     if (!entry.stirred && !entry.run->active()) continue;
     mission::RunOutputs made = entry.run->step(now, seen_by(entry, drones, core));
     entry.stirred = entry.run->landing_due();
-    for (PilotWish& wish : made.wishes) {
-      wish.by = entry.by;
-      out.wishes.push_back(std::move(wish));
+    for (PilotCommand& command : made.commands) {
+      command.by = entry.by;
+      out.commands.push_back(std::move(command));
     }
     out.events.insert(out.events.end(), made.events.begin(), made.events.end());
     if (made.changed) out.kept.push_back(id);

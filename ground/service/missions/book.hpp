@@ -64,7 +64,7 @@ class MissionBook {
   void go_on(const std::string& id, const Checked& checked, const FlightView& core);
 
   struct Outputs {
-    std::vector<PilotWish> wishes;
+    std::vector<PilotCommand> commands;
     std::vector<mission::RunEvent> events;
     std::vector<std::string> kept;            ///< ids whose keep() is another by now
     std::vector<std::string> ended;           ///< ids of those that are done or aborted by now

@@ -57,7 +57,7 @@ class Hub {
   const std::shared_ptr<const std::string>& missions() const { return missions_message_; }
   const std::shared_ptr<const std::string>& faults() const { return faults_message_; }
   std::string greeting() const;
-  Status take(const PilotWish& wish) const { return behind_.take(wish); }
+  Status take(const PilotCommand& command) const { return behind_.take(command); }
 
   SignIns& sign_ins() { return sign_ins_; }
   const std::vector<Operator>& operators() const { return operators_; }

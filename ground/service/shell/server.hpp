@@ -50,7 +50,7 @@ class Server {
   /// thread.
   struct Behind {
     /// A pilot's word; the error says why it is not taken now.
-    std::function<Status(const PilotWish&)> take;
+    std::function<Status(const PilotCommand&)> take;
     OperatorKeys* keys = nullptr;  ///< null: nobody signs in
     /// A question about missions; `answer` comes once, on any thread. Null: there are none.
     std::function<void(MissionAsk asked, std::function<void(ApiAnswer)> answer)> ask_missions{};

@@ -198,11 +198,11 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     if (judged.session) asked.who = judged.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     if (target == "/api/v1/session") wipe_body();
-    const bool lands = std::any_of(made.wishes.begin(), made.wishes.end(), brings_down);
+    const bool lands = std::any_of(made.commands.begin(), made.commands.end(), brings_down);
     // A budget is no reason to keep a drone in the air.
     if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
-    for (const PilotWish& wish : made.wishes) {
-      if (const Status taken = hub_.take(wish); !taken) return respond(request, refusal(503, taken.error().what));
+    for (const PilotCommand& command : made.commands) {
+      if (const Status taken = hub_.take(command); !taken) return respond(request, refusal(503, taken.error().what));
     }
     if (made.call) {
       const Status signed_now = hub_.keys().submit(*asked.who, *made.call);

@@ -126,9 +126,11 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     read();
   }
 
-  static bool lands(const ApiAnswer& made) { return std::any_of(made.wishes.begin(), made.wishes.end(), brings_down); }
+  static bool lands(const ApiAnswer& made) {
+    return std::any_of(made.commands.begin(), made.commands.end(), brings_down);
+  }
 
-  Status fly(const StreamClient& client, PilotWish velocity) {
+  Status fly(const StreamClient& client, PilotCommand velocity) {
     if (!hub_.operators().empty()) {
       if (!session_) return Error{"sign in first: who flies is who signs"};
       if (!client.who) return Error{"the session is over"};
@@ -139,8 +141,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   }
 
   void bring_down(StreamCommand& command) {
-    for (const PilotWish& wish : std::exchange(command.made.wishes, {})) {
-      if (const Status taken = hub_.take(wish); !taken) command.made = refusal(503, taken.error().what);
+    for (const PilotCommand& one : std::exchange(command.made.commands, {})) {
+      if (const Status taken = hub_.take(one); !taken) command.made = refusal(503, taken.error().what);
     }
     if (!command.id) return;
     if (answers_.size() == max_answers) answers_.pop_front();

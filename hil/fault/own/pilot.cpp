@@ -38,10 +38,10 @@ bool parse_do(const std::string& text, PilotRow& row) {
     return true;
   }
   if (words.size() != 5 || words[0] != "fly") return false;
-  constexpr double max_wish = 10;
+  constexpr double max_command = 10;
   for (std::size_t i = 0; i < 4; ++i) {
     const auto value = parse_number(words[i + 1]);
-    if (!value || std::abs(*value) > max_wish) return false;
+    if (!value || std::abs(*value) > max_command) return false;
     (i < 3 ? row.velocity.linear_mps[i] : row.velocity.angular_radps[2]) = *value;
   }
   return true;
@@ -131,13 +131,13 @@ void Pilot::step(VirtualWorld& world) {
       continue;
     }
     for (const std::size_t drone : one.drones) {
-      ground::PilotWish wish{.drone = drone, .came_ns = now};
-      if (row.flies()) wish.velocity = row.velocity;
-      wish.takeoff = row.takeoff;
-      wish.land = row.land;
-      wish.stop = row.stop;
-      wish.cut = row.cut;
-      world.wish(wish);
+      ground::PilotCommand command{.drone = drone, .came_ns = now};
+      if (row.flies()) command.velocity = row.velocity;
+      command.takeoff = row.takeoff;
+      command.land = row.land;
+      command.stop = row.stop;
+      command.cut = row.cut;
+      world.post_command(command);
     }
   }
 }

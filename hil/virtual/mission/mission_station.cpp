@@ -73,14 +73,14 @@ std::string MissionStation::say(MissionWord word, const ground::FlightCore& core
   return "";
 }
 
-std::vector<ground::PilotWish> MissionStation::step(TimeNs now, const ground::FlightCore& core) {
+std::vector<ground::PilotCommand> MissionStation::step(TimeNs now, const ground::FlightCore& core) {
   if (!run_ || !said_) return {};
-  auto wishes = run_->step(now, ground::mission::drones_now(core)).wishes;
-  if (!run_->awaits_check()) return wishes;
+  auto commands = run_->step(now, ground::mission::drones_now(core)).commands;
+  if (!run_->awaits_check()) return commands;
   const auto findings = check(run_->rest(), core);
   const auto found = std::find_if(findings.begin(), findings.end(), [](const auto& one) { return one.forbids; });
   run_->go_on(found == findings.end() ? Status(done) : Status(Error{found->words}));
-  return wishes;
+  return commands;
 }
 
 void MissionStation::ground_ended() {

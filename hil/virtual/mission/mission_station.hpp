@@ -22,7 +22,7 @@ class MissionStation {
   /// Why it is refused; empty: it is done. `core`: ground as it runs.
   std::string say(MissionWord word, const ground::FlightCore& core);
   /// Behind ground's step; what it wants is for the next one.
-  std::vector<ground::PilotWish> step(TimeNs now, const ground::FlightCore& core);
+  std::vector<ground::PilotCommand> step(TimeNs now, const ground::FlightCore& core);
   void ground_ended();
   void ground_began();
 

@@ -146,11 +146,11 @@ DropReason DroneLink::land(TimeNs now) noexcept {
   return DropReason::none;
 }
 
-void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept {
+void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
   facts_.phase = session_.phase();
   facts_.may_fly_unseen = session_.may_fly_unseen();
   facts_.flying_since_ns = session_.phase_since_ns();
-  facts_.plan_valid = wish.valid;
+  facts_.plan_valid = setpoint.valid;
   facts_.covered_until_ns = playout_.covered_until_ns();
   facts_.state_ns = session_.state_at_ns();
   facts_.pose_ns = pose_.stamp_ns;
@@ -160,7 +160,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::Wish& wish) no
   facts_.battery = session_.state().battery;
   for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
   facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
-  const bool by_hand = wish.valid ? wish.body_frame : by_hand_;
+  const bool by_hand = setpoint.valid ? setpoint.body_frame : by_hand_;
   facts_.needs_position = !(by_hand && by_hand_without_pose_);
   // Without a pose its own height is all that is known of where it is.
   const bool placed =
@@ -179,14 +179,14 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
   lift_stops();
-  Playout::Wish wish = wished(now);
-  update_facts(at, wish);
+  Playout::CurrentSetpoint setpoint = desired_setpoint(now);
+  update_facts(at, setpoint);
   facts_.blind = session_.blind(now);
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
   obey_failsafe(now);
   if (landing_.asked() && !landing_waits(at)) session_.request_land(now);
-  if (landing_.asked()) wish = wished(now);
-  if (session_.phase() == FlightPhase::flying) fly(at, wish);
+  if (landing_.asked()) setpoint = desired_setpoint(now);
+  if (session_.phase() == FlightPhase::flying) fly(at, setpoint);
   talk(at);
   watch_phase(at);
   record_transition(at);
@@ -226,7 +226,7 @@ void DroneLink::talk(const LinkMoment& at) noexcept {
   }
 }
 
-void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
+void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
   const TimeNs now = at.now;
   if (!at.healthy) {
     // One zero, since the drone goes on with the last rc it got; then silence: see LinkSettings::health_rest_ns.
@@ -236,9 +236,9 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
     return;
   }
   // Whoever was to land and did not wait is not flying any more.
-  const bool follows = landing_.asked() || follows_plan(failsafe_.mode, wish.valid);
+  const bool follows = landing_.asked() || follows_plan(failsafe_.mode, setpoint.valid);
   const double yaw = yaw_rad(now);
-  const Velocity apart = left_by_others(in_map(wish, now));
+  const Velocity apart = left_by_others(in_map(setpoint, now));
   drawn_fence_ = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
   const Velocity goal =
       follows || steps_aside() ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
@@ -246,19 +246,19 @@ void DroneLink::fly(const LinkMoment& at, const Playout::Wish& wish) noexcept {
   const BodyCommand command = to_body(rc_settings_, limited, yaw);
 
   const TimeNs gap = now - last_rc_ns_;
-  const TimeNs wanted_gap = follows && wish.fresh    ? rc_settings_.min_gap_ns
-                            : command.rc != last_rc_ ? rc_settings_.changing_gap_ns
-                                                     : rc_settings_.max_gap_ns;
+  const TimeNs wanted_gap = follows && setpoint.fresh ? rc_settings_.min_gap_ns
+                            : command.rc != last_rc_  ? rc_settings_.changing_gap_ns
+                                                      : rc_settings_.max_gap_ns;
   if (gap < wanted_gap) return;
   send_rc(at, command.told, command.rc);
   if (!follows || landing_.asked()) return;
   const bool first = playout_.mark_sent();
-  applied_sequence_ = wish.sequence;
-  applied_stamp_ns_ = wish.state_stamp_ns;
-  if (wish.fresh) applied_late_ns_ = now - wish.meant_ns;
+  applied_sequence_ = setpoint.sequence;
+  applied_stamp_ns_ = setpoint.state_stamp_ns;
+  if (setpoint.fresh) applied_late_ns_ = now - setpoint.meant_ns;
   if (first) {
-    age_.add(now - wish.state_stamp_ns);
-    record_applied(at, wish.sequence, wish.state_stamp_ns, wish.fresh ? now - wish.meant_ns : 0);
+    age_.add(now - setpoint.state_stamp_ns);
+    record_applied(at, setpoint.sequence, setpoint.state_stamp_ns, setpoint.fresh ? now - setpoint.meant_ns : 0);
   }
 }
 

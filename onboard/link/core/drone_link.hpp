@@ -54,7 +54,7 @@ struct LinkMoment {
   LinkOutputs& out;
 };
 
-/// One drone as link flies it: its plans go through the admission into the playout, the playout's wish through
+/// One drone as link flies it: its plans go through the admission into the playout, the playout's setpoint through
 /// failsafe, fence and limits into `rc`; its session says where the flight is. In a step first what came is taken, then
 /// step() is called once, then sample() if it is time for one. Does not move: playout holds on to the admission. Core:
 /// no I/O, no clock, no allocation after construction; one thread.
@@ -83,7 +83,7 @@ class DroneLink {
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
   /// the drone is.
   void dead_reckon(double seconds) noexcept;
-  /// What the others must know of it, and what it wishes; false: it has no place among them, or none that is known.
+  /// What the others must know of it, and its setpoint; false: it has no place among them, or none that is known.
   bool among_others(TimeNs now, Neighbour& out) noexcept;
   /// What it may fly of that, before step().
   void take_verdict(const Verdict& verdict) noexcept { verdict_ = verdict; }
@@ -114,7 +114,7 @@ class DroneLink {
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
   /// Its own senses said where it is.
   bool by_own_senses() const noexcept;
-  Velocity in_map(const Playout::Wish& wish, TimeNs now) const noexcept;
+  Velocity in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
   DropReason may_follow(const LinkMoment& at, const Plan& plan) const noexcept;
   /// Does what any other plan asks for; none: done, or it was so already.
@@ -124,17 +124,17 @@ class DroneLink {
   void stop(TimeNs now, const Plan& plan) noexcept;
   DropReason resume(const Plan& plan) noexcept;
   void lift_stops() noexcept;
-  void update_facts(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  void update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   /// What it feels of itself; `placed`: a pose says where it is.
   void update_sensing(TimeNs now, bool placed) noexcept;
   /// Since when its own senses alone say where it is; 0: they do not.
   TimeNs alone_since_ns(TimeNs now) const noexcept;
   /// Of its plans; while a landing waits: downward.
-  Playout::Wish wished(TimeNs now) noexcept;
+  Playout::CurrentSetpoint desired_setpoint(TimeNs now) noexcept;
   /// Another is below the drone that is to land, link can still steer it, and its time is not over.
   bool landing_waits(const LinkMoment& at) const noexcept;
-  /// What of a wish may be flown, as the verdict says.
-  Velocity left_by_others(Velocity wish) const noexcept;
+  /// What of a setpoint may be flown, as the verdict says.
+  Velocity left_by_others(Velocity desired) const noexcept;
   bool too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   /// A hold with a usable position gets out of the wash of another that hovers above or below.
@@ -142,7 +142,7 @@ class DroneLink {
   /// The newest pose is young enough to be steered by.
   bool placed(TimeNs now) const noexcept;
   void talk(const LinkMoment& at) noexcept;
-  void fly(const LinkMoment& at, const Playout::Wish& wish) noexcept;
+  void fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   void send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept;
   void watch_phase(const LinkMoment& at) noexcept;
   void record_transition(const LinkMoment& at) noexcept;

@@ -324,14 +324,14 @@ FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& f
 }
 
 Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
-                       Velocity wish) noexcept {
+                       Velocity desired) noexcept {
   for (std::size_t i = 0; i < 3; ++i) {
     const double highest = i == 2 ? std::max(position_m[i], double(height_m)) : position_m[i];
     const double up = std::max(0.0, fence.max_m[i] - highest) / fence.slow_s;
     const double down = std::max(0.0, position_m[i] - fence.min_m[i]) / fence.slow_s;
-    wish.mps[i] = std::clamp(wish.mps[i], static_cast<float>(-down), static_cast<float>(up));
+    desired.mps[i] = std::clamp(desired.mps[i], static_cast<float>(-down), static_cast<float>(up));
   }
-  return wish;
+  return desired;
 }
 
 }  // namespace ledgerline::link

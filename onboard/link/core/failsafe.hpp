@@ -43,7 +43,7 @@ struct FailsafeFacts {
   /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
   float height_m = 0;
   float battery = 1;
-  /// Another drone of this host is in the way of what it wishes (separation.hpp); on the ground: of a take-off.
+  /// Another drone of this host is in the way of its setpoint (separation.hpp); on the ground: of a take-off.
   bool too_near = false;
   bool stop = false;  ///< from the ledger, or the local stop key
   bool cut = false;   ///< asked for by name
@@ -126,9 +126,9 @@ constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool own_senses
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
                               const FailsafeFacts& facts) noexcept;
 
-/// The wish, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and the
-/// drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.
+/// The desired, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and
+/// the drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.
 Velocity clip_at_fence(const FenceSettings& fence, const std::array<double, 3>& position_m, float height_m,
-                       Velocity wish) noexcept;
+                       Velocity desired) noexcept;
 
 }  // namespace ledgerline::link

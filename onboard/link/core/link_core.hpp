@@ -55,7 +55,7 @@ class LinkCore {
   /// aged here.
   bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
   void take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept;
-  /// Of what the drones wish each is left so much that they do not come too near to each other.
+  /// Limits the setpoints of the drones so that they do not come too near to each other.
   void keep_apart(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;
 

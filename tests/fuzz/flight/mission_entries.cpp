@@ -75,8 +75,9 @@ class KeptEntry final : public Entry {
       drone.phase = ground::DronePhase::manual;
     }
     for (int i = 1; i <= 5; ++i) {
-      for (const ground::PilotWish& wish : run->step(i * ns_per_s, now).wishes) {
-        if (wish.takeoff || (wish.order && wish.order->kind == ground::PilotOrder::Kind::path)) return refused("");
+      for (const ground::PilotCommand& command : run->step(i * ns_per_s, now).commands) {
+        if (command.takeoff || (command.order && command.order->kind == ground::PilotOrder::Kind::path))
+          return refused("");
       }
     }
     return outcome_of(MissionRun::restore(run->saved(), {}));

@@ -37,14 +37,14 @@ class RequestEntry final : public Entry {
     const Known known{names, "[]", "{}", events_, operators_, &faults_};
     const ApiAnswer strangers = answer(request, known);
     // Nobody is signed in: nothing is signed, nothing flies, and no motors are cut.
-    const bool flies = !std::all_of(strangers.wishes.begin(), strangers.wishes.end(), ground::only_lands);
+    const bool flies = !std::all_of(strangers.commands.begin(), strangers.commands.end(), ground::only_lands);
     const bool spoils = strangers.fault && strangers.fault->on;
     if (strangers.call || strangers.sign_out || flies || spoils) return refused("");
     request.who = 0;
     const ApiAnswer made = answer(request, known);
     if (made.status < 300) return accepted();
     // A refused request must not move a drone.
-    return made.wishes.empty() ? refused(made.body) : refused("");
+    return made.commands.empty() ? refused(made.body) : refused("");
   }
 
  private:
@@ -65,8 +65,8 @@ class StreamEntry final : public Entry {
     if (!onlookers) return refused(onlookers.error().what);
     if (!onlookers->command) return accepted();
     // An onlooker lands, and does nothing else.
-    const auto& wishes = onlookers->command->made.wishes;
-    if (!std::all_of(wishes.begin(), wishes.end(), ground::only_lands)) return refused("");
+    const auto& commands = onlookers->command->made.commands;
+    if (!std::all_of(commands.begin(), commands.end(), ground::only_lands)) return refused("");
     const auto operators = read_stream_message(bytes, {.who = 0}, known_, ns_per_s);
     const ApiAnswer& made = operators->command->made;
     return made.status < 300 ? accepted() : refused(made.body);

@@ -31,10 +31,10 @@ PoseSample sample_of(const PoseStamped& pose) {
   return {pose.header.stamp_ns - (realtime_ns() - monotonic_ns()), pose.position_m, yaw};
 }
 
-Result<dds::RawReader> subscribe(const CalibrationWish& wish, PoseRing& ring) {
-  auto participant = dds::Participant::create(wish.dds);
+Result<dds::RawReader> subscribe(const CalibrationOptions& options, PoseRing& ring) {
+  auto participant = dds::Participant::create(options.dds);
   if (!participant) return participant.error();
-  return dds::RawReader::create(*participant, wish.pose_topic, std::string(pose_type), {.reliable = false},
+  return dds::RawReader::create(*participant, options.pose_topic, std::string(pose_type), {.reliable = false},
                                 [&ring](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
                                   // One that does not fit is as one that DDS lost.
                                   if (const auto pose = pose_from_cdr(dds::text_of(cdr)))
@@ -50,34 +50,34 @@ bool person_agrees() {
   return std::getline(std::cin, answer) && answer == "yes";
 }
 
-Result<Record> fly_calibration(const CalibrationWish& wish) {
+Result<Record> fly_calibration(const CalibrationOptions& options) {
   catch_stop_signals();
-  auto socket = link::open_udp(wish.interface);
+  auto socket = link::open_udp(options.interface);
   if (!socket) return socket.error();
-  auto states = link::open_udp(wish.interface);
+  auto states = link::open_udp(options.interface);
   if (!states) return states.error();
   if (!link::listen_alone(*states, place(INADDR_ANY, state_port)))
     return Error{"another program listens to state text on port 8890 here: end it, for the flight needs it"};
   PoseRing ring;
   std::optional<dds::RawReader> reader;  // ends before the ring that it fills
-  if (!wish.pose_topic.empty()) {
-    auto made = subscribe(wish, ring);
+  if (!options.pose_topic.empty()) {
+    auto made = subscribe(options, ring);
     if (!made) return made.error();
     reader.emplace(std::move(*made));
   }
-  CalibrationFlight flight({.repeat = wish.repeat, .poses = reader.has_value()});
+  CalibrationFlight flight({.repeat = options.repeat, .poses = reader.has_value()});
   std::string doing;
   while (!flight.over()) {
     const TimeNs now = monotonic_ns();
     if (stop_requested) flight.end("it was asked to end");
-    for (const std::string& text : flight.due(now)) (void)say(*socket, wish.address, text);
+    for (const std::string& text : flight.due(now)) (void)say(*socket, options.address, text);
     if (flight.doing() != doing) spdlog::info("{}", doing = flight.doing());
     wait({socket->get(), states->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {
-      if (from == wish.address) flight.on_answer(bytes);
+      if (from == options.address) flight.on_answer(bytes);
     });
     read_all(states->get(), [&](std::uint32_t from, std::string_view bytes) {
-      if (from == wish.address) flight.on_state(monotonic_ns(), bytes);
+      if (from == options.address) flight.on_state(monotonic_ns(), bytes);
     });
     for (PoseSample pose; ring.pop(pose);) {
       if (std::abs(pose.stamp_ns - monotonic_ns()) > max_stamp_error_ns) {
@@ -88,7 +88,7 @@ Result<Record> fly_calibration(const CalibrationWish& wish) {
       }
     }
   }
-  const std::string where = ipv4_text(wish.address);
+  const std::string where = ipv4_text(options.address);
   if (flight.aloft())
     spdlog::error("{} was not seen down: a Tello lands by itself 15 s after the last word that it heard", where);
   if (!flight.failure().empty()) return Error{where + ": " + flight.failure()};

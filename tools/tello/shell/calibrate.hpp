@@ -8,7 +8,7 @@
 
 namespace ledgerline::tello {
 
-struct CalibrationWish {
+struct CalibrationOptions {
   std::uint32_t address = 0;
   std::string interface;   ///< empty: wherever routes lead
   std::string pose_topic;  ///< PoseStamped on DDS; empty: none
@@ -18,7 +18,7 @@ struct CalibrationWish {
 
 /// Flies it (CalibrationFlight) and lands, whatever comes: what is wrong, a signal, an error of a socket. Says on the
 /// log what it does. Catches SIGINT and SIGTERM. The caller has asked a person.
-Result<Record> fly_calibration(const CalibrationWish& wish);
+Result<Record> fly_calibration(const CalibrationOptions& options);
 
 /// True where a person types yes at the terminal, or in the input.
 bool person_agrees();

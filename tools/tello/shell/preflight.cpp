@@ -102,13 +102,13 @@ void forget_what_waits(const link::Descriptor& states) {
   }
 }
 
-Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, const PreflightWish& wish,
+Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, const PreflightOptions& options,
               fly::Facts& facts) {
   std::vector<Listening> listening(facts.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
   for (Poses& of_one : poses)
     for (HeardPose old; of_one.ring->pop(old);) continue;
-  for (const TimeNs end = monotonic_ns() + from_seconds(wish.listen_s); monotonic_ns() < end && !stop_requested;) {
+  for (const TimeNs end = monotonic_ns() + from_seconds(options.listen_s); monotonic_ns() < end && !stop_requested;) {
     wait({});
     for (auto& [interface, side] : sides) {
       read_all(side.states.get(), [&side = side, &listening](std::uint32_t from, std::string_view bytes) {
@@ -124,7 +124,7 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
     // By its own senses a drone is where the file says that it stands.
     const auto source = from_name<link::PoseSource>(facts.pose_source);
     if (source && !link::uses_mocap(*source))
-      facts.drones[i].pose = fly::PoseFacts{.position_m = wish.flight.own->drones[i].start_m};
+      facts.drones[i].pose = fly::PoseFacts{.position_m = options.flight.own->drones[i].start_m};
   }
   if (stop_requested) return Error{"it was asked to end"};
   return done;
@@ -151,8 +151,8 @@ class OwnFolder {
 };
 
 // By a program of its own, so that this one is without gRPC's threads.
-Status read_records(const PreflightWish& wish, fly::Facts& facts) {
-  const deployment::OwnLedger& network = *wish.flight.own->network;
+Status read_records(const PreflightOptions& options, fly::Facts& facts) {
+  const deployment::OwnLedger& network = *options.flight.own->network;
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
   const OwnFolder folder;
@@ -161,7 +161,7 @@ Status read_records(const PreflightWish& wish, fly::Facts& facts) {
   std::string records;
   Children children({[&records](const std::string&, const std::string& line) { records = line; }});
   const std::string name = "control";
-  const std::vector<std::string> command{wish.control, "--config", folder.in("ledger.toml"), "show", "--json"};
+  const std::vector<std::string> command{options.control, "--config", folder.in("ledger.toml"), "show", "--json"};
   if (auto s = children.start({name, command, folder.in("log"), SIGKILL}); !s) return s;
   for (const TimeNs end = monotonic_ns() + records_limit_ns; children.running(name) && !stop_requested;) {
     if (monotonic_ns() > end) break;
@@ -175,19 +175,19 @@ Status read_records(const PreflightWish& wish, fly::Facts& facts) {
   return fly::take_records(records, self->name, facts);
 }
 
-void look_at_ledger(const PreflightWish& wish, fly::Facts& facts) {
-  if (!wish.flight.own->network) return;
-  const Status status = read_records(wish, facts);
+void look_at_ledger(const PreflightOptions& options, fly::Facts& facts) {
+  if (!options.flight.own->network) return;
+  const Status status = read_records(options, facts);
   facts.ledger.state = status ? fly::LedgerFacts::State::reached : fly::LedgerFacts::State::failed;
   if (!status) facts.ledger.what = status.error().what;
 }
 
 }  // namespace
 
-Result<fly::Facts> look_around(const PreflightWish& wish) {
+Result<fly::Facts> look_around(const PreflightOptions& options) {
   catch_stop_signals();
-  fly::Facts facts = fly::facts_of(wish.flight);
-  look_at_ledger(wish, facts);  // first: it starts a process, and DDS starts threads
+  fly::Facts facts = fly::facts_of(options.flight);
+  look_at_ledger(options, facts);  // first: it starts a process, and DDS starts threads
   std::map<std::string, Side> sides;
   for (std::size_t i = 0; i < facts.drones.size(); ++i) {
     const auto address = parse_ipv4(facts.drones[i].address);
@@ -204,12 +204,12 @@ Result<fly::Facts> look_around(const PreflightWish& wish) {
       return Error{
           "another program listens to state text on port 8890 here: is it ledgerline-link? Not while it flies"};
   }
-  auto poses = subscribe(wish.flight);
+  auto poses = subscribe(options.flight);
   if (!poses) return poses.error();
   if (auto status = ask_all(sides, facts); !status) return status.error();
-  if (auto status = listen(sides, *poses, wish, facts); !status) return status.error();
+  if (auto status = listen(sides, *poses, options, facts); !status) return status.error();
   facts.clock = fly::read_kernel_clock();
-  facts.path_beyond = fly::path_beyond(wish.flight, facts);
+  facts.path_beyond = fly::path_beyond(options.flight, facts);
   return facts;
 }
 

@@ -7,7 +7,7 @@
 
 namespace ledgerline::tello {
 
-struct PreflightWish {
+struct PreflightOptions {
   fly::Options flight;  ///< of a deployment of drones that are there already (options.hpp)
   std::string control;  ///< the program that reads the control records of a ledger that runs already
   double listen_s = 3;  ///< to state text and poses
@@ -16,6 +16,6 @@ struct PreflightWish {
 /// Asks the drones, listens to them and to motion capture, reads the ledger's records, this computer's clock: nothing
 /// is flown, started for longer, or written on the ledger. What is wrong with one of them is a fact; an error: nobody
 /// can look, as where another program has the port. Catches SIGINT and SIGTERM, which end it early.
-Result<fly::Facts> look_around(const PreflightWish& wish);
+Result<fly::Facts> look_around(const PreflightOptions& options);
 
 }  // namespace ledgerline::tello

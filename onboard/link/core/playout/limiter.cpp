@@ -10,12 +10,12 @@ void Limiter::reset(TimeNs now) noexcept {
   last_ns_ = now;
 }
 
-const Velocity& Limiter::step(TimeNs now, const Velocity& wish, bool braking) noexcept {
+const Velocity& Limiter::step(TimeNs now, const Velocity& desired, bool braking) noexcept {
   // A long gap between two steps must not allow one big jump.
   const auto dt = static_cast<float>(std::clamp(to_seconds(now - last_ns_), 0.0, 0.05));
   last_ns_ = now;
 
-  std::array<float, 3> goal = wish.mps;
+  std::array<float, 3> goal = desired.mps;
   const float speed = std::hypot(goal[0], goal[1]);
   if (speed > settings_.max_speed_mps) {
     goal[0] *= settings_.max_speed_mps / speed;
@@ -33,7 +33,7 @@ const Velocity& Limiter::step(TimeNs now, const Velocity& wish, bool braking) no
     for (std::size_t i = 0; i < 3; ++i) output_.mps[i] += change[i] * allowed / wanted;
   }
 
-  const float yaw = std::clamp(wish.yaw_radps, -settings_.max_yaw_rate_radps, settings_.max_yaw_rate_radps);
+  const float yaw = std::clamp(desired.yaw_radps, -settings_.max_yaw_rate_radps, settings_.max_yaw_rate_radps);
   const float yaw_change = settings_.max_yaw_acceleration_radps2 * dt;
   output_.yaw_radps += std::clamp(yaw - output_.yaw_radps, -yaw_change, yaw_change);
   return output_;

@@ -11,8 +11,9 @@ namespace ledgerline::link {
 /// What became of the plans. Once nothing is pending: received = applied + late + dropped.
 struct PlanCounters {
   std::uint32_t received = 0;
-  std::uint32_t applied = 0;  ///< at least one setpoint flown (or the wish of a take-off, landing or stop met)
-  std::uint32_t late = 0;     ///< came, or could be flown, only after its last setpoint was over
+  std::uint32_t applied =
+      0;  ///< at least one setpoint flown (or the state that a take-off, landing or stop asks for is reached)
+  std::uint32_t late = 0;  ///< came, or could be flown, only after its last setpoint was over
   std::uint32_t dropped = 0;
   std::array<std::uint32_t, enum_count<DropReason>> dropped_by{};  ///< by DropReason
 };

@@ -36,7 +36,7 @@ void Playout::add(TimeNs now, const Plan& plan) noexcept {
   waiting_.push(waiting);
 }
 
-Playout::Wish Playout::wish(TimeNs now) noexcept {
+Playout::CurrentSetpoint Playout::setpoint(TimeNs now) noexcept {
   const TimeNs time = now - margin_.step(now);  // of playout
   // The newest plan that is due takes over, and what is older than it will never be flown again.
   std::size_t due = waiting_.size();
@@ -54,15 +54,15 @@ Playout::Wish Playout::wish(TimeNs now) noexcept {
       waiting_.erase_front(1);
     }
   }
-  wished_setpoint_ = -1;
+  desired_index_ = -1;
   if (waiting_.empty() || waiting_[0].plan.setpoints[0].at_ns > time) return {};
   const Waiting& flown = waiting_[0];
   std::uint32_t at = 0;
   while (at + 1 < flown.plan.count && flown.plan.setpoints[at + 1].at_ns <= time) ++at;
-  wished_setpoint_ = static_cast<std::int32_t>(at);
+  desired_index_ = static_cast<std::int32_t>(at);
   const Setpoint& setpoint = flown.plan.setpoints[at];
   return {.valid = true,
-          .fresh = wished_setpoint_ != flown.sent_setpoint,
+          .fresh = desired_index_ != flown.sent_setpoint,
           .velocity = {setpoint.velocity_mps, setpoint.yaw_rate_radps},
           .body_frame = flown.plan.body_frame,
           .sequence = flown.plan.sequence,
@@ -71,9 +71,9 @@ Playout::Wish Playout::wish(TimeNs now) noexcept {
 }
 
 bool Playout::mark_sent() noexcept {
-  if (wished_setpoint_ < 0 || waiting_.empty()) return false;
+  if (desired_index_ < 0 || waiting_.empty()) return false;
   Waiting& flown = waiting_[0];
-  flown.sent_setpoint = wished_setpoint_;
+  flown.sent_setpoint = desired_index_;
   if (flown.applied) return false;
   flown.applied = true;
   admission_.applied();
@@ -83,7 +83,7 @@ bool Playout::mark_sent() noexcept {
 void Playout::clear(DropReason reason) noexcept {
   for (const Waiting& waiting : waiting_) finish(waiting, reason);
   waiting_.clear();
-  wished_setpoint_ = -1;
+  desired_index_ = -1;
   covered_until_ns_ = 0;
 }
 

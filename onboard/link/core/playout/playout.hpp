@@ -11,8 +11,8 @@ namespace ledgerline::link {
 
 /// Flies each setpoint at the time it is meant for, or behind it by a margin where plans come late. Plans come in
 /// bursts; a newer plan takes over when its first setpoint is due, until then the one before it is flown, so a late
-/// successor leaves no gap. A plan once flown is never followed by an older one. When the newest plan is over, the wish
-/// is zero, and the limiter ramps down to it. Core: no allocation; one thread.
+/// successor leaves no gap. A plan once flown is never followed by an older one. When the newest plan is over, the
+/// setpoint is zero, and the limiter ramps down to it. Core: no allocation; one thread.
 class Playout {
  public:
   /// `admission`: told how each plan ends; outlives this.
@@ -23,7 +23,7 @@ class Playout {
   void add(TimeNs now, const Plan& plan) noexcept;
 
   /// What the plans want at `now`, before limits.
-  struct Wish {
+  struct CurrentSetpoint {
     bool valid = false;  ///< a plan covers this moment
     bool fresh = false;  ///< its setpoint has not been sent yet
     Velocity velocity;
@@ -32,9 +32,9 @@ class Playout {
     TimeNs state_stamp_ns = 0;
     TimeNs meant_ns = 0;  ///< when the setpoint was meant to be flown; it is by the margin later
   };
-  Wish wish(TimeNs now) noexcept;
+  CurrentSetpoint setpoint(TimeNs now) noexcept;
 
-  /// The wish's setpoint went to the drone. True when it was the plan's first: the plan is applied now.
+  /// The setpoint went to the drone. True when it was the plan's first: the plan is applied now.
   bool mark_sent() noexcept;
 
   /// No plan is to be flown any more (landing, or the end): the waiting ones are dropped with this reason.
@@ -58,8 +58,8 @@ class Playout {
   PlayoutSettings settings_;
   PlanAdmission& admission_;
   Margin margin_;
-  FixedVector<Waiting, 64> waiting_;   ///< in order; the first is the one being flown, if it is due
-  std::int32_t wished_setpoint_ = -1;  ///< of waiting_[0]
+  FixedVector<Waiting, 64> waiting_;  ///< in order; the first is the one being flown, if it is due
+  std::int32_t desired_index_ = -1;   ///< of waiting_[0]
   TimeNs covered_until_ns_ = 0;
 };
 

@@ -173,8 +173,8 @@ double DroneLink::yaw_rad(TimeNs now) const noexcept {
   return pose_.yaw_rad + told_yaw_rad_ - told_yaw_at_pose_rad_;
 }
 
-Velocity DroneLink::in_map(const Playout::Wish& wish, TimeNs now) const noexcept {
-  return wish.body_frame ? to_map(wish.velocity, yaw_rad(now)) : wish.velocity;
+Velocity DroneLink::in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept {
+  return setpoint.body_frame ? to_map(setpoint.velocity, yaw_rad(now)) : setpoint.velocity;
 }
 
 void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {

@@ -27,9 +27,9 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
   const double sigma_m = std::sqrt(static_cast<double>(std::max(pose_.variance[0], pose_.variance[1])));
   if (sigma_m > max_sigma_m) return false;
   if (!flies && now - pose_.stamp_ns > failsafe_settings_.pose_lost_ns) return false;
-  const Playout::Wish wish = wished(now);
+  const Playout::CurrentSetpoint setpoint = desired_setpoint(now);
   const bool flying = phase == FlightPhase::flying;
-  const bool steered = flying && (landing_.asked() || follows_plan(failsafe_.mode, wish.valid));
+  const bool steered = flying && (landing_.asked() || follows_plan(failsafe_.mode, setpoint.valid));
   const bool sinks = phase == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
                      (failsafe_.mode == FailsafeMode::land && !landing_.asked());
   using Kind = Neighbour::Kind;
@@ -54,13 +54,13 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
     for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
   }
   if (!steered) return true;
-  const Velocity inside = clip_at_fence(drawn_fence_, place_m, session_.state().height_m, in_map(wish, now));
-  for (std::size_t i = 0; i < 3; ++i) out.wish_mps[i] = static_cast<double>(inside.mps[i]);
+  const Velocity inside = clip_at_fence(drawn_fence_, place_m, session_.state().height_m, in_map(setpoint, now));
+  for (std::size_t i = 0; i < 3; ++i) out.desired_mps[i] = static_cast<double>(inside.mps[i]);
   return true;
 }
 
-Playout::Wish DroneLink::wished(TimeNs now) noexcept {
-  if (!landing_.asked()) return playout_.wish(now);
+Playout::CurrentSetpoint DroneLink::desired_setpoint(TimeNs now) noexcept {
+  if (!landing_.asked()) return playout_.setpoint(now);
   return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
 }
 
@@ -81,10 +81,10 @@ bool DroneLink::makes_room() const noexcept {
   return session_.phase() == FlightPhase::flying && (landing_.asked() || steps_aside());
 }
 
-Velocity DroneLink::left_by_others(Velocity wish) const noexcept {
-  if (!verdict_ || verdict_->kind == Verdict::Kind::unchanged) return wish;
-  for (std::size_t i = 0; i < 3; ++i) wish.mps[i] = static_cast<float>(verdict_->velocity_mps[i]);
-  return wish;
+Velocity DroneLink::left_by_others(Velocity desired) const noexcept {
+  if (!verdict_ || verdict_->kind == Verdict::Kind::unchanged) return desired;
+  for (std::size_t i = 0; i < 3; ++i) desired.mps[i] = static_cast<float>(verdict_->velocity_mps[i]);
+  return desired;
 }
 
 bool DroneLink::too_near() const noexcept {

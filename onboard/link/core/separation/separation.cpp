@@ -16,7 +16,7 @@ constexpr double patience_s = 3.0, short_patience_s = 0.7;
 constexpr double way_for_s = 3.0;
 // A way that leads no further is left after this.
 constexpr double idle_for_s = 0.5;
-// Its wish clear for so long, it is past: until then the ways that it tried are not tried again first.
+// Its setpoint clear for so long, it is past: until then the ways that it tried are not tried again first.
 constexpr double forget_s = 5.0;
 // A take-off ends here at the latest, and no way round leads lower than this above the ground, where a drone's own
 // wash lifts it.
@@ -43,7 +43,7 @@ std::span<const Verdict> Separation::step(double passed_s, std::span<const Neigh
   in_ = neighbours.first(std::min<std::size_t>(neighbours.size(), max_drones));
   passed_s_ = std::clamp(passed_s, 0.0, 0.05);  // as the limiter takes it
   if (settings_.min_m <= 0) {
-    for (std::size_t i = 0; i < in_.size(); ++i) verdicts_[i] = {.velocity_mps = in_[i].wish_mps};
+    for (std::size_t i = 0; i < in_.size(); ++i) verdicts_[i] = {.velocity_mps = in_[i].desired_mps};
     return {verdicts_.data(), in_.size()};
   }
   std::array<std::size_t, max_drones> order{};
@@ -71,8 +71,8 @@ void Separation::see(std::size_t i) noexcept {
     seen.now.high_m = std::max(seen.now.high_m, drone.floor_m + takeoff_height_m);
   if (drone.kind == Neighbour::Kind::sinking) seen.now.low_m = below_all_m;
   const Memory& memory = memory_[std::min(drone.number, max_drones)];
-  const Vec3& way = memory.way == Way::none ? drone.wish_mps : drone.motion.told_mps;
-  seen.moves = steered && moves(drone.wish_mps);
+  const Vec3& way = memory.way == Way::none ? drone.desired_mps : drone.motion.told_mps;
+  seen.moves = steered && moves(drone.desired_mps);
   seen.claim = seen.now;
   if (seen.moves) {
     Vec3 ahead = way;
@@ -99,12 +99,12 @@ void Separation::find_near() noexcept {
   }
 }
 
-Vec3 Separation::limited(const Vec3& told_mps, const Vec3& wish_mps) const noexcept {
+Vec3 Separation::limited(const Vec3& told_mps, const Vec3& desired_mps) const noexcept {
   Vec3 change{};
-  for (std::size_t k = 0; k < 3; ++k) change[k] = wish_mps[k] - told_mps[k];
+  for (std::size_t k = 0; k < 3; ++k) change[k] = desired_mps[k] - told_mps[k];
   const double wanted = length(change);
   const double allowed = braking_.acceleration_mps2 * passed_s_;
-  if (wanted <= allowed) return wish_mps;
+  if (wanted <= allowed) return desired_mps;
   Vec3 out = told_mps;
   for (std::size_t k = 0; k < 3; ++k) out[k] += change[k] * allowed / wanted;
   return out;
@@ -147,7 +147,7 @@ void Separation::fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind
 
 void Separation::decide(std::size_t i) noexcept {
   const Neighbour& drone = in_[i];
-  verdicts_[i] = {.velocity_mps = drone.wish_mps};
+  verdicts_[i] = {.velocity_mps = drone.desired_mps};
   Memory& memory = memory_[std::min(drone.number, max_drones)];
   if (drone.kind != Neighbour::Kind::steered) {
     if (!drone.can_step_aside || !leave_wash(i)) memory = {};
@@ -169,11 +169,11 @@ void Separation::decide(std::size_t i) noexcept {
     }
   }
   if (pressing == i && leave_wash(i)) return;
-  const std::size_t hindered = hindered_by(i, drone.wish_mps, true);
+  const std::size_t hindered = hindered_by(i, drone.desired_mps, true);
   if (pressing == i && hindered == i) {
     memory.clear_s += passed_s_;
     memory = {.tries = memory.clear_s < forget_s ? memory.tries : 0, .clear_s = memory.clear_s};
-    fly(i, drone.wish_mps, Verdict::Kind::unchanged);
+    fly(i, drone.desired_mps, Verdict::Kind::unchanged);
     return;
   }
   const std::size_t other = hindered != i ? hindered : pressing;
@@ -182,7 +182,7 @@ void Separation::decide(std::size_t i) noexcept {
   memory.waited_s += passed_s_;
   const double patience = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_patience_s : patience_s;
   if (hindered == i && leads_away(i, pressing)) {
-    fly(i, drone.wish_mps, Verdict::Kind::part);
+    fly(i, drone.desired_mps, Verdict::Kind::part);
     return;
   }
   if (memory.way == Way::none && pressing == i && memory.waited_s <= patience) {
@@ -224,7 +224,7 @@ bool Separation::leave_wash(std::size_t i) noexcept {
   using Advice = DownwashWatch::Advice;
   const Advice advice = wash_[std::min(in_[i].number, max_drones)].advice();
   const std::size_t other = drones_[i].stacked_with;
-  const Vec3& wish = in_[i].wish_mps;
+  const Vec3& desired = in_[i].desired_mps;
   Memory& memory = memory_[std::min(in_[i].number, max_drones)];
   const bool mine = in_[i].number > in_[other].number || !can_step_aside(other);
   if (advice == Advice::none || other == i || !mine || leads_away(i, other)) {
@@ -235,7 +235,7 @@ bool Separation::leave_wash(std::size_t i) noexcept {
     if (std::exchange(memory.aside, false)) memory.way = Way::none;
     // Level it waits beside the other; up and down it is free.
     verdicts_[i].other = in_[other].number;
-    return level(wish) > 0 && try_fly(i, {0, 0, wish[2]}, Verdict::Kind::hold, true);
+    return level(desired) > 0 && try_fly(i, {0, 0, desired[2]}, Verdict::Kind::hold, true);
   }
   memory.parting_s += passed_s_;
   if (!std::exchange(memory.aside, true) || memory.way == Way::none || memory.parting_s > way_for_s)
@@ -247,22 +247,22 @@ bool Separation::leave_wash(std::size_t i) noexcept {
 }
 
 bool Separation::leads_away(std::size_t i, std::size_t other) const noexcept {
-  const Vec3 &wish = in_[i].wish_mps, &at = drones_[i].course.at_m, &from = drones_[other].course.at_m;
-  return moves(wish) && wish[0] * (at[0] - from[0]) + wish[1] * (at[1] - from[1]) > 0;
+  const Vec3 desired = in_[i].desired_mps, &at = drones_[i].course.at_m, &from = drones_[other].course.at_m;
+  return moves(desired) && desired[0] * (at[0] - from[0]) + desired[1] * (at[1] - from[1]) > 0;
 }
 
 void Separation::go_round(std::size_t i, std::size_t other) noexcept {
   Memory& memory = memory_[std::min(in_[i].number, max_drones)];
   memory.parting_s += passed_s_;
   if (memory.way == Way::none || memory.parting_s > way_for_s || memory.idle_s > idle_for_s) choose_way(i, other);
-  const Vec3& wish = in_[i].wish_mps;
+  const Vec3& desired = in_[i].desired_mps;
   const Vec3 way = way_mps(i, other, memory.way);
   const bool in_height = memory.way == Way::up || memory.way == Way::down;
-  // What of the wish leads past the other, once it is apart from it on the way that it took; then that way.
-  const Vec3 past = in_height ? Vec3{wish[0], wish[1], 0} : Vec3{0, 0, wish[2]};
+  // What of the setpoint leads past the other, once it is apart from it on the way that it took; then that way.
+  const Vec3 past = in_height ? Vec3{desired[0], desired[1], 0} : Vec3{0, 0, desired[2]};
   const double idle_s = std::exchange(memory.idle_s, 0.0);
   if (moves(past) && try_fly(i, past, Verdict::Kind::hold, true)) return;
-  if (in_height && try_fly(i, {wish[0], wish[1], way[2]}, Verdict::Kind::part, true)) return;
+  if (in_height && try_fly(i, {desired[0], desired[1], way[2]}, Verdict::Kind::part, true)) return;
   if (moves(way) && try_fly(i, way, Verdict::Kind::part, false)) return;
   memory.idle_s = idle_s + passed_s_;
   fly(i, {}, Verdict::Kind::hold);
@@ -279,9 +279,9 @@ bool Separation::has_room(std::size_t i, std::size_t other, Way way) const noexc
 }
 
 void Separation::choose_way(std::size_t i, std::size_t other) noexcept {
-  const Vec3& wish = in_[i].wish_mps;
+  const Vec3& desired = in_[i].desired_mps;
   const bool below = in_[i].motion.position_m[2] < in_[other].motion.position_m[2] - headroom_m;
-  const bool upright = std::abs(wish[2]) > level(wish) || in_[other].kind == Neighbour::Kind::sinking ||
+  const bool upright = std::abs(desired[2]) > level(desired) || in_[other].kind == Neighbour::Kind::sinking ||
                        in_[other].kind == Neighbour::Kind::rising;
   const Way first = below ? Way::down : Way::up, second = below ? Way::up : Way::down;
   if (upright) {
@@ -314,11 +314,11 @@ Vec3 Separation::way_mps(std::size_t i, std::size_t other, Way way) const noexce
   if (way == Way::down) {
     return {0, 0, -std::clamp((in_[i].motion.position_m[2] - in_[i].floor_m - lowest_m) / 0.7, 0.0, speed)};
   }
-  const Vec3& wish = in_[i].wish_mps;
+  const Vec3& desired = in_[i].desired_mps;
   double x = 0, y = 0;
-  if (way != Way::away && level(wish) > moving_mps) {
-    x = wish[0];
-    y = wish[1];
+  if (way != Way::away && level(desired) > moving_mps) {
+    x = desired[0];
+    y = desired[1];
   } else {  // from all that are near
     for (std::size_t j = 0; j < in_.size(); ++j) {
       if (j == i || (j != other && gap_m(drones_[i].now, drones_[j].now) > apart_m_ + headroom_m)) continue;

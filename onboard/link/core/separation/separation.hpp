@@ -15,7 +15,7 @@ namespace ledgerline::link {
 struct Neighbour {
   enum class Kind : std::uint8_t {
     steered,   ///< flies what it is told; only such a one is told anything here
-    held,      ///< in the air, and told zero whatever it wishes: a failsafe has it
+    held,      ///< in the air, and told zero whatever its setpoint is: a failsafe has it
     rising,    ///< taking off: all heights up to its own take-off's end are its
     sinking,   ///< landing, or motors off: all below it is its
     standing,  ///< on the ground
@@ -23,16 +23,16 @@ struct Neighbour {
   DroneNumber number = 0;
   Kind kind = Kind::held;
   Motion motion;
-  Vec3 wish_mps{};              ///< of its plan, behind fence
+  Vec3 desired_mps{};           ///< of its plan, behind fence
   bool can_step_aside = false;  ///< one that is held, with a usable position: out of the wash of another
-  bool lands = false;           ///< its wish is to come down, and to land once there is room for it
+  bool lands = false;           ///< its setpoint is to come down, and to land once there is room for it
   double floor_m = 0, ceiling_m = 0;
 };
 
 struct Verdict {
   enum class Kind : std::uint8_t {
-    unchanged,  ///< it flies its wish
-    hold,       ///< another comes too near: it waits, or flies that part of its wish that leads past
+    unchanged,  ///< it flies its setpoint
+    hold,       ///< another comes too near: it waits, or flies that part of its setpoint that leads past
     part,       ///< it gets out of the other's way
   };
   Kind kind = Kind::unchanged;
@@ -45,10 +45,10 @@ struct Verdict {
 /// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.
 ///
 /// Never nearer. Each drone has a capsule that it does not leave if it is told to stop (capsule.hpp). All are apart by
-/// min + margin; a wish is flown only if they still are with the next step's capsule of who flies it, against the new
-/// ones of those who were asked before and the present ones of those who come behind. To stop is always allowed, since
-/// it shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone that
-/// was not told to, nothing is flown that brings the two nearer.
+/// min + margin; a setpoint is flown only if they still are with the next step's capsule of who flies it, against the
+/// new ones of those who were asked before and the present ones of those who come behind. To stop is always allowed,
+/// since it shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone
+/// that was not told to, nothing is flown that brings the two nearer.
 ///
 /// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
 /// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers:
@@ -59,9 +59,10 @@ struct Verdict {
 /// the higher number gets beside the lower one, or the one that can.
 ///
 /// A landing is not steered any more, and all below it is its: so it is begun with room for it. Until then who is to
-/// land comes down as any wish leads, and goes round whoever is there.
+/// land comes down as any setpoint leads, and goes round whoever is there.
 ///
-///   unchanged ──wish leads too near──▶ hold ──in the way, or waited enough──▶ part ──wish is clear──▶ unchanged
+///   unchanged ──setpoint leads too near──▶ hold ──in the way, or waited enough──▶ part ──setpoint is clear──▶
+///   unchanged
 ///
 /// Pure but for what it remembers: no clock, no allocation; one thread.
 class Separation {
@@ -78,10 +79,10 @@ class Separation {
   struct Memory {
     Way way = Way::none;
     double parting_s = 0;  ///< on this way
-    double waited_s = 0;   ///< without a break, with a wish that is not flown
+    double waited_s = 0;   ///< without a break, with a setpoint that is not flown
     double idle_s = 0;     ///< on this way, without getting further
     int tries = 0;         ///< where the next way is looked for
-    double clear_s = 0;    ///< the wish is flown
+    double clear_s = 0;    ///< the setpoint is flown
     bool aside = false;    ///< that way is out of another's wash
   };
   struct Drone {
@@ -97,7 +98,7 @@ class Separation {
   void see(std::size_t i) noexcept;
   void find_near() noexcept;
   void decide(std::size_t i) noexcept;
-  /// Its wish, level.
+  /// Its desired, level.
   bool leads_away(std::size_t i, std::size_t other) const noexcept;
   void go_round(std::size_t i, std::size_t other) noexcept;
   /// Takes the first of its ways that leads anywhere.
@@ -113,8 +114,8 @@ class Separation {
   std::size_t hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept;
   bool try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind, bool yields) noexcept;
   void fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept;
-  /// What it is told in the next step, if this is its wish.
-  Vec3 limited(const Vec3& told_mps, const Vec3& wish_mps) const noexcept;
+  /// What it is told in the next step, if this is its desired.
+  Vec3 limited(const Vec3& told_mps, const Vec3& desired_mps) const noexcept;
   bool has_way_over(std::size_t j, std::size_t i) const noexcept;
   void refuse_takeoffs() noexcept;
   void delay_landings() noexcept;

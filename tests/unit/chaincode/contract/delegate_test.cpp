@@ -18,9 +18,9 @@ using ::testing::StartsWith;
 
 class DelegateTest : public ContractTest {
  protected:
-  Response wish(const crypto::IdentityName& by, const char* function,
-                const std::optional<crypto::IdentityName>& delegate, std::uint32_t priority = 0,
-                const std::string& drone = "tello1") {
+  Response lease_call(const crypto::IdentityName& by, const char* function,
+                      const std::optional<crypto::IdentityName>& delegate, std::uint32_t priority = 0,
+                      const std::string& drone = "tello1") {
     LeaseCall call;
     call.add_drones(drone);
     call.set_priority(priority);
@@ -29,7 +29,7 @@ class DelegateTest : public ContractTest {
   }
   Response acquire(const crypto::IdentityName& by, const std::optional<crypto::IdentityName>& delegate,
                    std::uint32_t priority = 0, const std::string& drone = "tello1") {
-    return wish(by, "acquire", delegate, priority, drone);
+    return lease_call(by, "acquire", delegate, priority, drone);
   }
   Response answer(const crypto::IdentityName& by, const char* function, const crypto::IdentityName& to) {
     AnswerCall call;
@@ -87,9 +87,11 @@ TEST_F(DelegateTest, ADelegateIsAnotherOneOfTheHoldersOrganisation) {
   EXPECT_THAT(acquire(pilot, crypto::IdentityName{"Org2MSP", most + "x"}).message, HasSubstr("the limit is 1024"));
   EXPECT_EQ(acquire(pilot, crypto::IdentityName{"Org2MSP", most}).status, 200);
   for (const char* function : {"acquire", "request"}) {
-    EXPECT_THAT(wish(rival, function, guard).message, StartsWith(std::string(function) + ": Org1MSP CN=guard cannot"));
+    EXPECT_THAT(lease_call(rival, function, guard).message,
+                StartsWith(std::string(function) + ": Org1MSP CN=guard cannot"));
   }
-  EXPECT_THAT(wish(pilot, "release", station).message, StartsWith("release: a delegate is of acquire and request"));
+  EXPECT_THAT(lease_call(pilot, "release", station).message,
+              StartsWith("release: a delegate is of acquire and request"));
 }
 
 TEST_F(DelegateTest, NeitherTheRevokedNorAnAuditorIsADelegate) {
@@ -118,7 +120,7 @@ TEST_F(DelegateTest, AnotherDelegateIsAnotherEpochAndTheSameOneIsNot) {
 
 TEST_F(DelegateTest, ADelegateDoesNothingButCommand) {
   acquire(pilot, station, 5);
-  wish(rival, "request", std::nullopt);
+  lease_call(rival, "request", std::nullopt);
   stub.call(pilot, "stop", {"tello1"});
   for (const auto role : {ROLE_NONE, OPERATOR}) {
     if (role != ROLE_NONE) enroll(admin2, station, {}, role);
@@ -210,7 +212,7 @@ TEST_F(DelegateTest, MadeAnAuditorItIsRevokedAsAHolderIs) {
 TEST_F(DelegateTest, AHandOverGivesTheLeaseWithTheDelegateThatWasRequested) {
   acquire(pilot, station);
   const std::uint64_t before = epoch();
-  ASSERT_EQ(wish(rival, "request", station, 3).status, 200);
+  ASSERT_EQ(lease_call(rival, "request", station, 3).status, 200);
   EXPECT_EQ(control("tello1").requests(0).delegate().subject(), "CN=station");
   EXPECT_EQ(fly(station).status, 200) << "the holder's flight goes on";
   ASSERT_EQ(answer(pilot, "hand_over", rival).status, 200);
@@ -219,7 +221,7 @@ TEST_F(DelegateTest, AHandOverGivesTheLeaseWithTheDelegateThatWasRequested) {
   EXPECT_GT(epoch(), before) << "the same commander, another holder";
   EXPECT_NE(command(station, before).status, 200);
   EXPECT_EQ(fly(station).status, 200);
-  wish(pilot, "request", std::nullopt);
+  lease_call(pilot, "request", std::nullopt);
   ASSERT_EQ(answer(rival, "hand_over", pilot).status, 200);
   EXPECT_FALSE(control("tello1").has_delegate()) << "asked for without one";
   EXPECT_EQ(fly(pilot).status, 200);
@@ -229,7 +231,7 @@ TEST_F(DelegateTest, ADelegateThatWasRevokedSinceTheRequestGetsNothing) {
   const crypto::IdentityName laptop{"Org2MSP", "CN=laptop"};
   acquire(pilot, station);
   for (const auto& delegate : {laptop, station}) {
-    ASSERT_EQ(wish(rival, "request", delegate).status, 200);
+    ASSERT_EQ(lease_call(rival, "request", delegate).status, 200);
     revoke(delegate);
     EXPECT_THAT(answer(pilot, "hand_over", rival).message, HasSubstr("whose organisation lets it command no more"))
         << delegate.subject;

@@ -155,9 +155,9 @@ TEST_F(RevokeTest, AGrantWithdrawnMeanwhileEndsTheLeaseOfTheRevokedToo) {
 
 TEST_F(RevokeTest, ARevokedHolderHandsNothingOverAndDeniesNobody) {
   acquire(pilot);
-  LeaseCall wish;
-  wish.add_drones("tello1");
-  ASSERT_EQ(stub.call(rival, "request", wish).status, 200);
+  LeaseCall lease_call;
+  lease_call.add_drones("tello1");
+  ASSERT_EQ(stub.call(rival, "request", lease_call).status, 200);
   revoke(admin2, pilot);
   AnswerCall answer;
   answer.add_drones("tello1");

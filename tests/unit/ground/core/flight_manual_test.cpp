@@ -18,9 +18,9 @@ FlightConfig manual_config(int drones) {
   return config;
 }
 
-PilotWish takeoff(std::size_t drone = 0) { return {.drone = drone, .takeoff = true}; }
-PilotWish land(std::size_t drone = 0) { return {.drone = drone, .land = true}; }
-PilotWish velocity(double forward_mps, std::size_t drone = 0) {
+PilotCommand takeoff(std::size_t drone = 0) { return {.drone = drone, .takeoff = true}; }
+PilotCommand land(std::size_t drone = 0) { return {.drone = drone, .land = true}; }
+PilotCommand velocity(double forward_mps, std::size_t drone = 0) {
   return {.drone = drone, .velocity = Twist{{forward_mps, 0, 0}, {}}};
 }
 
@@ -107,7 +107,7 @@ TEST(ManualFlight, APilotWhoFallsSilentLeavesADroneThatStands) {
   const double here_m = world.drones[0].model.motion.position_m.x();
   EXPECT_NEAR(here_m - start_m, 0.5 * (2 - 0.3), 0.1);
   world.run(10);
-  // What was left of the last wish's time, the way there, and the drone's own lag.
+  // What was left of the last command's time, the way there, and the drone's own lag.
   EXPECT_LT(world.drones[0].model.motion.position_m.x() - here_m, 0.5 * (0.2 + 0.05 + 0.3));
   EXPECT_NEAR(world.drones[0].model.motion.velocity_mps.norm(), 0, 1e-3);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::manual);
@@ -205,7 +205,7 @@ TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
   other.run(1);
   for (int i = 0; i < 100; ++i) other.say(takeoff());
-  ASSERT_EQ(other.notes.size(), 1U) << "a flood of wishes is no flood of the log";
+  ASSERT_EQ(other.notes.size(), 1U) << "a flood of commands is no flood of the log";
   EXPECT_THAT(other.notes[0], HasSubstr("its lease is held by CN=User1@org3"));
   EXPECT_EQ(other.core.status(0).pilot.refused, 100U);
 }
@@ -338,7 +338,7 @@ TEST(ManualFlight, WhatTheFailsafeLandsIsTroubleUntilTheNextTakeOff) {
   EXPECT_TRUE(world.core.ok());
 }
 
-TEST(ManualFlight, AWishForADroneThatIsNotThereIsNothing) {
+TEST(ManualFlight, ACommandForAnUnknownDroneDoesNothing) {
   Flying world;
   world.say(takeoff(7));
   EXPECT_TRUE(world.notes.empty());

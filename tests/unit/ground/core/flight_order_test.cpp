@@ -19,8 +19,8 @@ FlightConfig order_config(int drones = 1) {
 
 Waypoint at(double x, double y, double z = 1) { return {{x, y}, z}; }
 
-PilotWish order(Order kind) { return {.drone = 0, .order = PilotOrder{kind, {}, false}}; }
-PilotWish path(std::vector<Waypoint> way, bool land_behind = false) {
+PilotCommand order(Order kind) { return {.drone = 0, .order = PilotOrder{kind, {}, false}}; }
+PilotCommand path(std::vector<Waypoint> way, bool land_behind = false) {
   return {.drone = 0, .order = PilotOrder{Order::path, std::move(way), land_behind}};
 }
 
@@ -254,9 +254,9 @@ TEST(PilotOrder, AFlightAroundItsOwnPathTakesNoOrder) {
   ASSERT_EQ(world.core.status(0).phase, DronePhase::path);
   ASSERT_EQ(world.core.status(0).planned.size(), 5U) << "a square, closed";
   EXPECT_EQ(world.core.status(0).planned.front(), world.core.status(0).planned.back());
-  for (const PilotWish& wish :
-       {order(Order::path), order(Order::resume), order(Order::return_home), PilotWish{.drone = 0, .pause = true}}) {
-    world.say(wish);
+  for (const PilotCommand& command :
+       {order(Order::path), order(Order::resume), order(Order::return_home), PilotCommand{.drone = 0, .pause = true}}) {
+    world.say(command);
     EXPECT_THAT(last_note(world), HasSubstr("it flies the path of its flight"));
     EXPECT_EQ(world.core.status(0).phase, DronePhase::path);
     world.run(1.1);
@@ -270,8 +270,8 @@ TEST(PilotOrder, WithoutAPoseNoPathIsFlown) {
   InAir blind;
   blind.drones[0].has_pose = false;
   blind.run(0.2);
-  for (const auto& wish : {path({at(1, 1)}), order(Order::return_home)}) {
-    blind.say(wish);
+  for (const auto& command : {path({at(1, 1)}), order(Order::return_home)}) {
+    blind.say(command);
     EXPECT_THAT(last_note(blind), HasSubstr("it has no pose"));
     EXPECT_EQ(blind.phase(), DronePhase::manual);
     blind.run(1.1);
@@ -322,7 +322,7 @@ TEST(PilotOrder, WithoutAPoseTheReferenceWaitsAlsoWithoutPrediction) {
 
 TEST(PilotOrder, APauseHoldsBesideAnyOrderOfTheSameStep) {
   InAir world;
-  PilotWish both = path({at(2, 1)});
+  PilotCommand both = path({at(2, 1)});
   both.pause = true;
   world.say(both);
   EXPECT_EQ(world.phase(), DronePhase::manual);
@@ -382,13 +382,13 @@ TEST(PilotOrder, VelocitiesThatWereHeldBackAreSaidAndNotFlown) {
   EXPECT_TRUE(hovers(world.newest_plan()));
 }
 
-TEST(PilotOrder, WhileAStopIsOnItsWayNothingTakesOffWhoeverWishes) {
+TEST(PilotOrder, WhileAStopIsOnItsWayNothingTakesOff) {
   FlightWorld world(order_config());
   world.run(1);
   const crypto::IdentityName alice{"Org2MSP", "CN=alice"};
-  std::vector<PilotWish> wishes{{.drone = 0, .takeoff = true}, {.drone = 0, .by = alice, .stop = true}};
+  std::vector<PilotCommand> commands{{.drone = 0, .takeoff = true}, {.drone = 0, .by = alice, .stop = true}};
   FlightInputs inputs;
-  inputs.wishes = wishes;
+  inputs.commands = commands;
   const FlightOutputs out = world.core.step(world.now_ns, inputs);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
   ASSERT_EQ(out.notes.size(), 1U);
@@ -436,7 +436,7 @@ TEST(PilotOrder, ALandingInTheMiddleOfAPathLandsThereAndBeatsAnOrder) {
   InAir world;
   world.say(path({at(4, 1)}));
   ASSERT_TRUE(world.passes(1, 1, 0.2));
-  PilotWish both = path({at(0, 5)});
+  PilotCommand both = path({at(0, 5)});
   both.land = true;
   world.say(both);
   EXPECT_EQ(world.phase(), DronePhase::landing);

@@ -32,7 +32,7 @@ TEST(FlightView, ADroneIsKnownByItsPlaceInTheConfigWhateverItsChannel) {
 TEST(FlightView, IsDoneWhenAllChannelsAre) {
   FlightCore teleop(flight("teleop", {{"a", 1}})), yard(flight("yard", {{"b", 2}}));
   const FlightView view({&teleop, &yard}, {0, 1});
-  const FlightInputs land{.land = "asked to land", .wishes = {}, .states = {}};
+  const FlightInputs land{.land = "asked to land", .commands = {}, .states = {}};
   (void)teleop.step(ns_per_s, land);
   ASSERT_TRUE(teleop.done());
   EXPECT_FALSE(view.done()) << "the drones of the other channel still fly";

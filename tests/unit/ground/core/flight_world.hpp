@@ -144,10 +144,10 @@ class FlightWorld {
   }
 
   /// The pilot's words, with the core's next step, which is now.
-  void say(PilotWish wish) {
-    wish.came_ns = now_ns;
+  void say(PilotCommand command) {
+    command.came_ns = now_ns;
     FlightInputs inputs;
-    inputs.wishes = {&wish, 1};
+    inputs.commands = {&command, 1};
     give(inputs);
   }
 

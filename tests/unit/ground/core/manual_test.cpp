@@ -22,12 +22,12 @@ Setpoint at(const std::vector<Setpoint>& plan, TimeNs after_ns) {
   return found;
 }
 
-TEST(Manual, WithoutAWishEveryPlanIsZero) {
+TEST(Manual, WithoutACommandEveryPlanIsZero) {
   ManualController manual({}, timeout_ns);
   for (const Setpoint& s : manual.plan(ground_ns, drone_ns)) EXPECT_TRUE(is_zero(s));
 }
 
-TEST(Manual, AWishIsFlownUntilItsTimeIsOverAndNotAMomentLonger) {
+TEST(Manual, ACommandIsFlownUntilItsTimeoutAndNotLonger) {
   ManualController manual({}, timeout_ns);
   ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0.2}, {0, 0, 0.5}}));
   for (const TimeNs later_ns : {0, 70, 200, 299}) {
@@ -40,7 +40,7 @@ TEST(Manual, AWishIsFlownUntilItsTimeIsOverAndNotAMomentLonger) {
   for (const Setpoint& s : manual.plan(ground_ns + timeout_ns, drone_ns + timeout_ns)) EXPECT_TRUE(is_zero(s));
 }
 
-TEST(Manual, AWishThatIsOldWhenItIsLookedAtIsNotFlownLongerForIt) {
+TEST(Manual, ACommandThatIsOldWhenItIsReadIsNotFlownLonger) {
   ManualController manual({}, timeout_ns);
   ASSERT_TRUE(manual.take(ground_ns - 250 * ns_per_ms, Twist{{0.4, 0, 0}, {}}));
   const auto plan = manual.plan(ground_ns, drone_ns);
@@ -48,7 +48,7 @@ TEST(Manual, AWishThatIsOldWhenItIsLookedAtIsNotFlownLongerForIt) {
   EXPECT_TRUE(is_zero(at(plan, 50 * ns_per_ms)));
 }
 
-TEST(Manual, ReleasedIsAsIfNothingHadBeenWished) {
+TEST(Manual, AReleaseIsAsIfNothingHadBeenCommanded) {
   ManualController manual({}, timeout_ns);
   ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0}, {}}));
   manual.release();
@@ -64,7 +64,7 @@ TEST(Manual, EveryTimeOutLeavesAPlanItsZero) {
   for (std::size_t i = 1; i < plan.size(); ++i) EXPECT_LT(plan[i - 1].at_ns, plan[i].at_ns);
 }
 
-TEST(Manual, AWishStaysInTheDronesFrameWhereverItsNoseIs) {
+TEST(Manual, ACommandStaysInTheBodyFrame) {
   ManualController manual({}, timeout_ns);
   ASSERT_TRUE(manual.take(ground_ns, Twist{{0.3, 0.1, 0}, {0, 0, 0.6}}));
   const auto plan = manual.plan(ground_ns, drone_ns);
@@ -88,7 +88,7 @@ TEST(Manual, FasterThanAllowedIsAsFastAsAllowedInTheSameDirection) {
   EXPECT_NEAR(s.yaw_rate_radps, -config.max_yaw_rate_radps, 1e-6);
 }
 
-TEST(Manual, NumbersThatNoDroneCanFlyAreRefusedAndTheWishBeforeThemRunsOut) {
+TEST(Manual, InvalidNumbersAreRefusedAndTheCommandBeforeThemTimesOut) {
   ManualController manual({}, timeout_ns);
   ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0}, {}}));
   constexpr double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();

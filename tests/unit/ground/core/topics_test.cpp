@@ -103,35 +103,35 @@ std::string twist_cdr(double forward_mps) {
 }
 
 TEST(Topics, OfVelocitiesTheNewestCountsAndTheOthersAreCounted) {
-  PilotWish wish;
-  pilot("/cmd_vel").take(twist_cdr(0.1), 5, wish);
-  pilot("/cmd_vel").take(twist_cdr(0.2), 7, wish);
-  ASSERT_TRUE(wish.velocity);
-  EXPECT_EQ(wish.velocity->linear_mps[0], 0.2);
-  EXPECT_EQ(wish.velocity->angular_radps[2], 0.25);
-  EXPECT_EQ(wish.came_ns, 7);
-  EXPECT_EQ(wish.replaced, 1U);
-  pilot("/cmd_vel").take(twist_cdr(0.3).substr(0, 40), 9, wish);
-  EXPECT_EQ(wish.velocity->linear_mps[0], 0.2);
-  EXPECT_EQ(wish.malformed, 1U);
+  PilotCommand command;
+  pilot("/cmd_vel").take(twist_cdr(0.1), 5, command);
+  pilot("/cmd_vel").take(twist_cdr(0.2), 7, command);
+  ASSERT_TRUE(command.velocity);
+  EXPECT_EQ(command.velocity->linear_mps[0], 0.2);
+  EXPECT_EQ(command.velocity->angular_radps[2], 0.25);
+  EXPECT_EQ(command.came_ns, 7);
+  EXPECT_EQ(command.replaced, 1U);
+  pilot("/cmd_vel").take(twist_cdr(0.3).substr(0, 40), 9, command);
+  EXPECT_EQ(command.velocity->linear_mps[0], 0.2);
+  EXPECT_EQ(command.malformed, 1U);
 }
 
 TEST(Topics, AVelocityThatNobodyCanFlyDoesNotTakeTheWaitingOnesPlace) {
-  PilotWish wish;
-  pilot("/cmd_vel").take(twist_cdr(0.1), 5, wish);
-  pilot("/cmd_vel").take(twist_cdr(std::numeric_limits<double>::quiet_NaN()), 7, wish);
-  pilot("/cmd_vel").take(twist_cdr(-1e9), 8, wish);
-  EXPECT_EQ(wish.velocity->linear_mps[0], 0.1);
-  EXPECT_EQ(wish.came_ns, 5);
-  EXPECT_EQ(wish.bad_values, 2U);
-  EXPECT_EQ(wish.replaced, 0U);
+  PilotCommand command;
+  pilot("/cmd_vel").take(twist_cdr(0.1), 5, command);
+  pilot("/cmd_vel").take(twist_cdr(std::numeric_limits<double>::quiet_NaN()), 7, command);
+  pilot("/cmd_vel").take(twist_cdr(-1e9), 8, command);
+  EXPECT_EQ(command.velocity->linear_mps[0], 0.1);
+  EXPECT_EQ(command.came_ns, 5);
+  EXPECT_EQ(command.bad_values, 2U);
+  EXPECT_EQ(command.replaced, 0U);
 }
 
 TEST(Topics, EachWordIsItsOwn) {
   const auto said = [](std::string_view name) {
-    PilotWish wish;
-    pilot(name).take({}, 1, wish);
-    return std::array{wish.takeoff, wish.land, wish.stop, wish.cut};
+    PilotCommand command;
+    pilot(name).take({}, 1, command);
+    return std::array{command.takeoff, command.land, command.stop, command.cut};
   };
   EXPECT_EQ(said("/takeoff"), (std::array{true, false, false, false}));
   EXPECT_EQ(said("/land"), (std::array{false, true, false, false}));

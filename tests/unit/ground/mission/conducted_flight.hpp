@@ -39,22 +39,22 @@ struct Flight {
     if (run.awaits_check()) {  // after a restart
       run.go_on(checked);
       RunOutputs more = run.step(now, drones);
-      out.wishes.insert(out.wishes.end(), more.wishes.begin(), more.wishes.end());
+      out.commands.insert(out.commands.end(), more.commands.begin(), more.commands.end());
       out.events.insert(out.events.end(), more.events.begin(), more.events.end());
     }
-    wishes = std::move(out.wishes);
+    commands = std::move(out.commands);
     events.insert(events.end(), out.events.begin(), out.events.end());
-    for (const PilotWish& wish : wishes) obey(wish, drones.at(wish.drone));
+    for (const PilotCommand& command : commands) obey(command, drones.at(command.drone));
   }
-  void obey(const PilotWish& wish, DroneNow& drone) {
+  void obey(const PilotCommand& command, DroneNow& drone) {
     if (deaf == drone.name) return;
-    if (wish.takeoff) drone.phase = DronePhase::takeoff;
-    if (wish.land) drone.phase = DronePhase::landing;
-    if (!wish.order && !wish.pause) return;
-    drone.paused = wish.pause;
+    if (command.takeoff) drone.phase = DronePhase::takeoff;
+    if (command.land) drone.phase = DronePhase::landing;
+    if (!command.order && !command.pause) return;
+    drone.paused = command.pause;
     drone.phase = drone.paused ? DronePhase::manual : DronePhase::path;
     if (drone.paused) return;
-    ordered[drone.name] = *wish.order;
+    ordered[drone.name] = *command.order;
     drone.reached = 0;
     ++drone.paths;
   }
@@ -92,15 +92,15 @@ struct Flight {
     }
     approve();
   }
-  std::vector<std::string> wished() const {
+  std::vector<std::string> commanded() const {
     std::vector<std::string> words;
-    for (const PilotWish& wish : wishes) {
-      const std::string what = wish.takeoff                                 ? " takeoff"
-                               : wish.land                                  ? " land"
-                               : wish.pause                                 ? " pause"
-                               : wish.order->kind == PilotOrder::Kind::path ? " path"
-                                                                            : " ?";
-      words.push_back(drones.at(wish.drone).name + what);
+    for (const PilotCommand& command : commands) {
+      const std::string what = command.takeoff                                 ? " takeoff"
+                               : command.land                                  ? " land"
+                               : command.pause                                 ? " pause"
+                               : command.order->kind == PilotOrder::Kind::path ? " path"
+                                                                               : " ?";
+      words.push_back(drones.at(command.drone).name + what);
     }
     return words;
   }
@@ -115,7 +115,7 @@ struct Flight {
   MissionRun run;
   std::vector<DroneNow> drones{standing("tello3", 9, 9), standing("tello2", 0, 2), standing("tello1", 0, 0)};
   TimeNs now = ns_per_s;
-  std::vector<PilotWish> wishes;
+  std::vector<PilotCommand> commands;
   std::vector<RunEvent> events;
   std::map<std::string, PilotOrder> ordered;
   std::string deaf;

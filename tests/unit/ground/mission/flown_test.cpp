@@ -38,7 +38,7 @@ struct Conducted : FlightWorld {
   }
   void conduct() {
     run(0.1);
-    for (PilotWish& wish : mission.step(now_ns, seen()).wishes) say(std::move(wish));
+    for (PilotCommand& command : mission.step(now_ns, seen()).commands) say(std::move(command));
     if (mission.awaits_check()) mission.go_on(done);
     if (mission.phase() == RunPhase::to_start && began_ns == 0) began_ns = now_ns;
   }

@@ -69,10 +69,10 @@ TEST(MissionRestored, ItGoesOnWithTheRestOfEachPathInOneStepWhenAllAreFound) {
   flight.step(5);
   flight.rises("tello1");
   flight.step(5);
-  EXPECT_THAT(flight.wishes, IsEmpty()) << "tello2 is not found yet";
+  EXPECT_THAT(flight.commands, IsEmpty()) << "tello2 is not found yet";
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
   EXPECT_THAT(flight.ordered.at("tello1").waypoints, SizeIs(1));
   EXPECT_THAT(flight.ordered.at("tello2").waypoints, SizeIs(1));
   EXPECT_TRUE(flight.ordered.at("tello2").land_behind);
@@ -93,12 +93,12 @@ TEST(MissionRestored, WhatTheCheckForbidsByNowHoversUntilSomebodyResumes) {
   flight.rises("tello2");
   flight.step();
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: tello1: its battery is for 20 s")));
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
 }
 
 TEST(MissionRestored, NothingIsFlownBeforeTheCheckIsThere) {
@@ -107,11 +107,11 @@ TEST(MissionRestored, NothingIsFlownBeforeTheCheckIsThere) {
   flight.rises("tello2");
   (void)flight.run.step(flight.now, flight.drones);
   EXPECT_TRUE(flight.run.awaits_check());
-  EXPECT_THAT(flight.run.step(flight.now + ns_per_s, flight.drones).wishes, IsEmpty());
+  EXPECT_THAT(flight.run.step(flight.now + ns_per_s, flight.drones).commands, IsEmpty());
   ASSERT_TRUE(flight.run.pause());
   flight.run.go_on(done);
   EXPECT_TRUE(flight.run.paused()) << "a pause counts more than a check that comes late";
-  EXPECT_THAT(flight.run.step(flight.now + 2 * ns_per_s, flight.drones).wishes, IsEmpty());
+  EXPECT_THAT(flight.run.step(flight.now + 2 * ns_per_s, flight.drones).commands, IsEmpty());
 }
 
 TEST(MissionRestored, ItHoversUntilSomebodyResumesIt) {
@@ -122,23 +122,23 @@ TEST(MissionRestored, ItHoversUntilSomebodyResumesIt) {
   flight.rises("tello2");
   flight.step();
   flight.step(60);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
 }
 
 TEST(MissionRestored, ItLandsEachDroneAsSoonAsItIsFound) {
   Killed flight(AfterRestart::land);
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty()) << "FlightCore has none of them";
+  EXPECT_THAT(flight.commands, IsEmpty()) << "FlightCore has none of them";
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello2 land"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello2 land"));
   flight.rises("tello1");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 land"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 land"));
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
 }
 
@@ -150,11 +150,11 @@ TEST(MissionRestored, ItGoesOnWhenItsApprovalsAreRead) {
   flight.rises("tello2");
   flight.step();
   flight.step(5);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_FALSE(flight.run.paused()) << "nobody knows yet that they are missing";
   flight.approve();
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
 }
 
 TEST(MissionRestored, ItHoversIfItsApprovalsCannotBeRead) {
@@ -164,7 +164,7 @@ TEST(MissionRestored, ItHoversIfItsApprovalsCannotBeRead) {
   flight.rises("tello2");
   flight.step();
   flight.step(31);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
 }
@@ -176,7 +176,7 @@ TEST(MissionRestored, WhatIsNotApprovedHovers) {
   flight.rises("tello1");
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
   EXPECT_THAT(flight.run.resume().error().what, HasSubstr("0 of 1 approvals"));
@@ -193,7 +193,7 @@ TEST(MissionRestored, APauseOutlivesTheRestart) {
   flight.rises("tello1");
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
 }
 
@@ -211,21 +211,21 @@ TEST(MissionRestored, NobodyTakesOffByItself) {
   flight.rises("tello1");
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
 
   Flight standing_ones;
   standing_ones.config.after_restart = AfterRestart::go_on;
   standing_ones.run = *MissionRun::restore(before, standing_ones.config);
   standing_ones.approve();
   standing_ones.step();
-  EXPECT_THAT(standing_ones.wishes, IsEmpty());
+  EXPECT_THAT(standing_ones.commands, IsEmpty());
   ASSERT_TRUE(standing_ones.run.resume());
   standing_ones.step();
-  EXPECT_THAT(standing_ones.wished(), ElementsAre("tello1 takeoff", "tello2 takeoff"));
+  EXPECT_THAT(standing_ones.commanded(), ElementsAre("tello1 takeoff", "tello2 takeoff"));
 }
 
 TEST(MissionRestored, WhoeverIsFoundOnTheGroundOrIsNotFoundIsLost) {
@@ -234,7 +234,7 @@ TEST(MissionRestored, WhoeverIsFoundOnTheGroundOrIsNotFoundIsLost) {
   flight.step();
   EXPECT_THAT(flight.told(), Contains("tello1: mission survey lost it: it was found on the ground"));
   flight.step(29);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   flight.step(2);
   EXPECT_THAT(flight.told(), Contains("tello2: mission survey lost it: it was not found in the air"));
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
@@ -245,7 +245,7 @@ TEST(MissionRestored, ALossBeforeItGoesOnKeepsTheOthersHovering) {
   flight.lands("tello1");
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
 }
 
@@ -259,7 +259,7 @@ TEST(MissionRestored, OneThatWasLandingAtItsEndAndHasLandedIsNoLoss) {
   flight.lands("tello2");
   flight.rises("tello1");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path"));
   EXPECT_THAT(flight.told(), Contains("tello2: mission survey: it has landed"));
 }
 
@@ -273,10 +273,10 @@ TEST(MissionRestored, AnAbortedOneLandsWhoeverIsStillInTheAir) {
   flight.step();
   flight.rises("tello1");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 land"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 land"));
   flight.rises("tello2");  // by its pilot, later
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
 }
 
 TEST(MissionRestored, WhatIsNoKeptMissionIsRefusedWithItsPlace) {

@@ -20,17 +20,17 @@ TEST(MissionRun, AllTakeOffAndBeginTheirPathsInTheSameStepWhenAllHover) {
   Flight flight;
   EXPECT_EQ(flight.run.phase(), RunPhase::approved);
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty()) << "not started";
+  EXPECT_THAT(flight.commands, IsEmpty()) << "not started";
   ASSERT_TRUE(flight.run.start({}));
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 takeoff", "tello2 takeoff"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 takeoff", "tello2 takeoff"));
   flight.rises("tello1");
   flight.step(5);
-  EXPECT_THAT(flight.wishes, IsEmpty()) << "tello2 is not up";
+  EXPECT_THAT(flight.commands, IsEmpty()) << "tello2 is not up";
   EXPECT_EQ(flight.run.phase(), RunPhase::taking_off);
   flight.rises("tello2");
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
   EXPECT_EQ(flight.ordered.at("tello1").waypoints.size(), 3U);
   EXPECT_FALSE(flight.ordered.at("tello1").land_behind);
   EXPECT_TRUE(flight.ordered.at("tello2").land_behind);
@@ -50,7 +50,7 @@ TEST(MissionRun, AllTakeOffAndBeginTheirPathsInTheSameStepWhenAllHover) {
   EXPECT_EQ(flight.run.phase(), RunPhase::done);
   EXPECT_THAT(flight.told(), Contains("mission survey is done"));
   flight.step(100);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
 }
 
 TEST(MissionRun, OneThatHoversAlreadyDoesNotTakeOff) {
@@ -58,7 +58,7 @@ TEST(MissionRun, OneThatHoversAlreadyDoesNotTakeOff) {
   flight.rises("tello1");
   ASSERT_TRUE(flight.run.start({}));
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello2 takeoff"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello2 takeoff"));
 }
 
 TEST(MissionRun, StartNeedsApprovalsOfThisDigestByDifferentSigners) {
@@ -117,13 +117,13 @@ TEST(MissionRun, PausedAllHoverAndResumedAllFlyTheRestInTheSameStep) {
   ASSERT_TRUE(flight.run.pause());
   EXPECT_THAT(flight.run.pause().error().what, HasSubstr("is paused"));
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 pause", "tello2 pause"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 pause", "tello2 pause"));
   EXPECT_THAT(flight.run.resume().error().what, HasSubstr("tello1 does not hover yet")) << "nobody has seen it hover";
   flight.step(60);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
   ASSERT_THAT(flight.ordered.at("tello1").waypoints, SizeIs(1));
   EXPECT_EQ(flight.ordered.at("tello1").waypoints[0].at_m.x(), 2);
   ASSERT_THAT(flight.ordered.at("tello2").waypoints, SizeIs(1));
@@ -145,10 +145,10 @@ TEST(MissionRun, PausedBeforeItsPathsItWaitsWithThem) {
   flight.rises("tello2");
   flight.step();
   flight.step(60);
-  EXPECT_THAT(flight.wishes, IsEmpty());
+  EXPECT_THAT(flight.commands, IsEmpty());
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
 }
 
 TEST(MissionRun, OneThatIsPausedByHandPausesAll) {
@@ -157,7 +157,7 @@ TEST(MissionRun, OneThatIsPausedByHandPausesAll) {
   flight.drone("tello1").phase = DronePhase::manual;
   flight.drone("tello1").paused = true;
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello2 pause"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello2 pause"));
   EXPECT_TRUE(flight.run.paused());
   EXPECT_THAT(flight.told(), Contains("mission survey: all hover: tello1 was paused"));
 }
@@ -167,11 +167,11 @@ TEST(MissionRun, EndedAllLand) {
   flight.to_paths();
   ASSERT_TRUE(flight.run.end("enough"));
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello1 land", "tello2 land"));
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 land", "tello2 land"));
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
   EXPECT_EQ(flight.run.why(), "enough");
   flight.step();
-  EXPECT_THAT(flight.wishes, IsEmpty()) << "once";
+  EXPECT_THAT(flight.commands, IsEmpty()) << "once";
   EXPECT_FALSE(flight.run.end("again"));
   EXPECT_FALSE(flight.run.pause());
   EXPECT_FALSE(flight.run.resume());
@@ -209,14 +209,14 @@ TEST(MissionRun, ALossIsAnsweredByItsRule) {
       EXPECT_EQ(flight.run.paused(), rule == OnLoss::hover) << loss.what;
       const std::string word = rule == OnLoss::hover ? "tello2 pause" : "tello2 land";
       if (rule == OnLoss::go_on) {
-        EXPECT_THAT(flight.wishes, IsEmpty()) << loss.what;
+        EXPECT_THAT(flight.commands, IsEmpty()) << loss.what;
         flight.ends_path("tello2");
         flight.step();
         flight.lands("tello2");
         flight.step();
         EXPECT_EQ(flight.run.phase(), RunPhase::done) << loss.what;
       } else {
-        EXPECT_THAT(flight.wished(), Contains(word)) << loss.what;
+        EXPECT_THAT(flight.commanded(), Contains(word)) << loss.what;
       }
     }
   }
@@ -231,13 +231,13 @@ TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndToldAgain) {
   flight.rises("tello2");
   flight.step();
   flight.step();
-  EXPECT_THAT(flight.wished(), IsEmpty()) << "all begin in the same step";
+  EXPECT_THAT(flight.commanded(), IsEmpty()) << "all begin in the same step";
   flight.drone("tello2").held = false;
   flight.deaf = "tello2";  // it refuses, for a moment
   flight.step();
-  EXPECT_THAT(flight.wished(), testing::UnorderedElementsAre("tello1 path", "tello2 path"));
+  EXPECT_THAT(flight.commanded(), testing::UnorderedElementsAre("tello1 path", "tello2 path"));
   flight.step();
-  EXPECT_THAT(flight.wished(), IsEmpty());
+  EXPECT_THAT(flight.commanded(), IsEmpty());
   flight.deaf = "";
   for (int i = 0; i < 4; ++i) flight.step();
   EXPECT_EQ(flight.drone("tello2").phase, DronePhase::path);
@@ -256,7 +256,7 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   flight.rises("tello2");
   ASSERT_TRUE(flight.run.resume());
   flight.step();
-  EXPECT_THAT(flight.wished(), ElementsAre("tello2 path")) << "without the one that was lost";
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello2 path")) << "without the one that was lost";
 
   Flight other;
   ASSERT_TRUE(other.run.start({}));
@@ -267,7 +267,7 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   other.step();
   other.step(4);
   EXPECT_THAT(other.told(), Contains("tello2: mission survey lost it: it did not begin its path"));
-  EXPECT_THAT(other.wished(), ElementsAre("tello1 pause"));
+  EXPECT_THAT(other.commanded(), ElementsAre("tello1 pause"));
 }
 
 TEST(MissionRun, WhoeverWasFlownElsewhereWhileItWaitedIsLost) {

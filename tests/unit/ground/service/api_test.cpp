@@ -45,26 +45,26 @@ TEST_F(Api, GivesTheEventsBehindOneThatTheClientHas) {
     EXPECT_EQ(ask("GET", std::string("/api/v1/events") + wrong).status, 400U) << wrong;
 }
 
-TEST_F(Api, AWordToADroneIsAWishOfThatDroneAlone) {
+TEST_F(Api, ACommandIsOfItsDroneAlone) {
   const ApiAnswer takeoff = ask("POST", "/api/v1/drones/tello2/takeoff");
   EXPECT_EQ(takeoff.status, 202U);
-  ASSERT_THAT(takeoff.wishes, SizeIs(1));
-  EXPECT_EQ(takeoff.wishes[0].drone, 1U);
-  EXPECT_TRUE(takeoff.wishes[0].takeoff);
-  EXPECT_FALSE(takeoff.wishes[0].stop);
+  ASSERT_THAT(takeoff.commands, SizeIs(1));
+  EXPECT_EQ(takeoff.commands[0].drone, 1U);
+  EXPECT_TRUE(takeoff.commands[0].takeoff);
+  EXPECT_FALSE(takeoff.commands[0].stop);
   const ApiAnswer cut = ask("POST", "/api/v1/drones/tello1/cut", "{}");
-  ASSERT_THAT(cut.wishes, SizeIs(1));
-  EXPECT_TRUE(cut.wishes[0].stop && cut.wishes[0].cut);
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").wishes.at(0).land);
+  ASSERT_THAT(cut.commands, SizeIs(1));
+  EXPECT_TRUE(cut.commands[0].stop && cut.commands[0].cut);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").commands.at(0).land);
   const ApiAnswer stop = ask("POST", "/api/v1/drones/tello1/stop");
-  EXPECT_TRUE(stop.wishes.at(0).stop && !stop.wishes.at(0).cut);
+  EXPECT_TRUE(stop.commands.at(0).stop && !stop.commands.at(0).cut);
 }
 
 TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
   const ApiAnswer path = ask("POST", "/api/v1/drones/tello1/path",
                              R"({"waypoints":[{"x":1,"y":-2},{"x":0,"y":0,"z":1.5,"speed":0.4}],"then":"land"})");
-  ASSERT_THAT(path.wishes, SizeIs(1)) << path.body;
-  const auto& order = path.wishes[0].order;
+  ASSERT_THAT(path.commands, SizeIs(1)) << path.body;
+  const auto& order = path.commands[0].order;
   ASSERT_TRUE(order);
   EXPECT_EQ(order->kind, PilotOrder::Kind::path);
   EXPECT_TRUE(order->land_behind);
@@ -73,9 +73,9 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
   EXPECT_FALSE(order->waypoints[0].height_m);
   EXPECT_EQ(order->waypoints[1].height_m, 1.5);
   EXPECT_EQ(order->waypoints[1].speed_mps, 0.4);
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/pause").wishes.at(0).pause);
-  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/resume").wishes.at(0).order->kind, PilotOrder::Kind::resume);
-  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/return").wishes.at(0).order->kind, PilotOrder::Kind::return_home);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/pause").commands.at(0).pause);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/resume").commands.at(0).order->kind, PilotOrder::Kind::resume);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/return").commands.at(0).order->kind, PilotOrder::Kind::return_home);
   std::string long_list = R"({"waypoints":[)";
   for (int i = 0; i < 501; ++i) long_list += std::string(i > 0 ? "," : "") + R"({"x":1,"y":1})";
   for (const std::string& wrong :
@@ -88,15 +88,15 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
 
 TEST_F(Api, StopAllStopsEveryDroneAndCutsOnlyWhereThatIsSaid) {
   const ApiAnswer stop = ask("POST", "/api/v1/stop");
-  ASSERT_THAT(stop.wishes, SizeIs(2));
+  ASSERT_THAT(stop.commands, SizeIs(2));
   for (std::size_t i = 0; i < 2; ++i) {
-    EXPECT_EQ(stop.wishes[i].drone, i);
-    EXPECT_TRUE(stop.wishes[i].stop && !stop.wishes[i].cut);
+    EXPECT_EQ(stop.commands[i].drone, i);
+    EXPECT_TRUE(stop.commands[i].stop && !stop.commands[i].cut);
   }
-  EXPECT_TRUE(ask("POST", "/api/v1/stop", R"({"cut":true})").wishes.at(0).cut);
+  EXPECT_TRUE(ask("POST", "/api/v1/stop", R"({"cut":true})").commands.at(0).cut);
 }
 
-TEST_F(Api, WhatItDoesNotUnderstandIsRefusedInWordsAndWishesNothing) {
+TEST_F(Api, UnknownCallsAreRefusedAndCommandNothing) {
   const struct {
     const char *method, *target, *body;
     unsigned status;
@@ -120,7 +120,7 @@ TEST_F(Api, WhatItDoesNotUnderstandIsRefusedInWordsAndWishesNothing) {
     const ApiAnswer refused = ask(c.method, c.target, c.body);
     EXPECT_EQ(refused.status, c.status) << c.target;
     EXPECT_THAT(refused.body, HasSubstr(c.words)) << c.target;
-    EXPECT_TRUE(refused.wishes.empty()) << c.target;
+    EXPECT_TRUE(refused.commands.empty()) << c.target;
   }
 }
 
@@ -131,8 +131,8 @@ class SignedIn : public Api {
 
 TEST_F(SignedIn, WhoClicksIsWhoIsMeant) {
   const ApiAnswer takeoff = ask("POST", "/api/v1/drones/tello2/takeoff", "", 1);
-  ASSERT_THAT(takeoff.wishes, SizeIs(1));
-  EXPECT_EQ(takeoff.wishes[0].by, operators[1].identity);
+  ASSERT_THAT(takeoff.commands, SizeIs(1));
+  EXPECT_EQ(takeoff.commands[0].by, operators[1].identity);
   EXPECT_EQ(
       ask("GET", "/api/v1/operators", "", 1).body,
       R"({"operators":[{"identity":"Org2MSP CN=alice","name":"alice"},{"identity":"Org2MSP CN=bob","name":"bob"}],"you":"bob"})");
@@ -144,22 +144,22 @@ TEST_F(Api, ACutInTheAirIsConfirmed) {
   const ApiAnswer refused = ask("POST", "/api/v1/drones/tello2/cut", "{}");
   EXPECT_EQ(refused.status, 409U);
   EXPECT_THAT(refused.body, HasSubstr("tello2 is in the air"));
-  EXPECT_TRUE(refused.wishes.empty());
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello2/cut", R"({"confirmed":true})").wishes.at(0).cut);
+  EXPECT_TRUE(refused.commands.empty());
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello2/cut", R"({"confirmed":true})").commands.at(0).cut);
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello2/cut", R"({"confirmed":"yes"})").status, 400U);
   EXPECT_EQ(ask("POST", "/api/v1/stop", R"({"cut":true})").status, 409U);
-  EXPECT_THAT(ask("POST", "/api/v1/stop", R"({"cut":true,"confirmed":true})").wishes, SizeIs(2));
-  EXPECT_THAT(ask("POST", "/api/v1/stop").wishes, SizeIs(2)) << "a stop is never asked twice for";
+  EXPECT_THAT(ask("POST", "/api/v1/stop", R"({"cut":true,"confirmed":true})").commands, SizeIs(2));
+  EXPECT_THAT(ask("POST", "/api/v1/stop").commands, SizeIs(2)) << "a stop is never asked twice for";
 }
 
 TEST_F(SignedIn, WithoutASessionNoMotorsAreCut) {
   for (const char* body : {R"({"confirmed":true})", "{}"}) {
     const ApiAnswer refused = ask("POST", "/api/v1/drones/tello1/cut", body);
     EXPECT_EQ(refused.status, 403U) << body;
-    EXPECT_TRUE(refused.wishes.empty()) << body;
+    EXPECT_TRUE(refused.commands.empty()) << body;
   }
   EXPECT_EQ(ask("POST", "/api/v1/stop", R"({"cut":true,"confirmed":true})").status, 403U);
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/cut", "", 0).wishes.at(0).cut);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/cut", "", 0).commands.at(0).cut);
 }
 
 TEST_F(SignedIn, WhatGroundHasStoppedByItselfAnOperatorMayLift) {
@@ -174,12 +174,12 @@ TEST_F(SignedIn, WithoutASessionThereAreOnlyLooksLandingsAndStops) {
   for (const char* verb : {"takeoff", "pause", "resume", "return", "acquire", "release", "request", "lift"}) {
     const ApiAnswer refused = ask("POST", std::string("/api/v1/drones/tello1/") + verb);
     EXPECT_EQ(refused.status, 403U) << verb;
-    EXPECT_TRUE(refused.wishes.empty() && !refused.call) << verb;
+    EXPECT_TRUE(refused.commands.empty() && !refused.call) << verb;
   }
   EXPECT_EQ(ask("GET", "/api/v1/drones").status, 200U);
-  EXPECT_FALSE(ask("POST", "/api/v1/stop").wishes.at(0).by);
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").wishes.at(0).land);
-  EXPECT_EQ(ask("POST", "/api/v1/stop", "", 0).wishes.at(1).by, operators[0].identity) << "his own stop";
+  EXPECT_FALSE(ask("POST", "/api/v1/stop").commands.at(0).by);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/land").commands.at(0).land);
+  EXPECT_EQ(ask("POST", "/api/v1/stop", "", 0).commands.at(1).by, operators[0].identity) << "his own stop";
 }
 
 TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
@@ -187,12 +187,12 @@ TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
     return answer({.method = method, .target = target, .body = body, .over = true},
                   {names, drones, "{}", events, operators});
   };
-  EXPECT_THAT(ask_over("POST", "/api/v1/stop").wishes, SizeIs(2));
+  EXPECT_THAT(ask_over("POST", "/api/v1/stop").commands, SizeIs(2));
   EXPECT_EQ(ask_over("POST", "/api/v1/stop", R"({"cut":true,"confirmed":true})").status, 401U);
   for (const char* verb : {"land", "stop"}) {
     const ApiAnswer taken = ask_over("POST", std::string("/api/v1/drones/tello1/") + verb);
-    ASSERT_THAT(taken.wishes, SizeIs(1)) << verb;
-    EXPECT_FALSE(taken.wishes[0].by) << verb;
+    ASSERT_THAT(taken.commands, SizeIs(1)) << verb;
+    EXPECT_FALSE(taken.commands[0].by) << verb;
   }
   EXPECT_EQ(ask_over("POST", "/api/v1/missions/12/land").mission->kind, MissionAsk::Kind::land);
   for (const char* target : {"drones",
@@ -218,7 +218,8 @@ TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
     for (const char* method : {"GET", "POST", "DELETE"}) {
       const ApiAnswer refused = ask_over(method, std::string("/api/v1/") + target);
       EXPECT_EQ(refused.status, 401U) << method << " " << target;
-      EXPECT_TRUE(refused.wishes.empty() && !refused.call && !refused.mission && !refused.sign_in && !refused.sign_out)
+      EXPECT_TRUE(refused.commands.empty() && !refused.call && !refused.mission && !refused.sign_in &&
+                  !refused.sign_out)
           << target;
     }
   }
@@ -312,11 +313,11 @@ TEST_F(Api, AMissionComesAsJsonOrAsCsvWithAName) {
 
 TEST_F(Api, WhereNobodySignsInThereIsNoCallToSign) {
   EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/acquire").status, 404U);
-  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello1/takeoff").wishes.at(0).by);
+  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello1/takeoff").commands.at(0).by);
 }
 
-TEST(Wishes, OfTwoThatWaitNoWordIsLostAndTheNewestVelocityCounts) {
-  PilotWish waiting{.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}, .came_ns = 1, .takeoff = true};
+TEST(PendingCommands, NoActionIsLostAndTheNewestVelocityCounts) {
+  PilotCommand waiting{.drone = 0, .velocity = Twist{{0.1, 0, 0}, {}}, .came_ns = 1, .takeoff = true};
   merge({.drone = 0, .stop = true}, waiting);
   EXPECT_TRUE(waiting.takeoff && waiting.stop && !waiting.cut);
   EXPECT_EQ(waiting.came_ns, 1);

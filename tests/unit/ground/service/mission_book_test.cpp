@@ -56,7 +56,7 @@ class Book : public testing::Test {
     for (int i = 0; i < seconds * 20; ++i) {
       world.run(0.05);
       auto out = book.step(world.now_ns, world.core);
-      for (const PilotWish& wish : out.wishes) world.say(wish);
+      for (const PilotCommand& command : out.commands) world.say(command);
       for (const auto& event : out.events) told.push_back(event.text);
       kept.insert(kept.end(), out.kept.begin(), out.kept.end());
       ended.insert(ended.end(), out.ended.begin(), out.ended.end());
@@ -241,7 +241,7 @@ TEST_F(Book, AnAbortedMissionOfBeforeLandsNobody) {
   ASSERT_TRUE(other.restore(kept));
   for (int i = 0; i < 100; ++i) {
     world.run(0.05);
-    for (const PilotWish& wish : other.step(world.now_ns, world.core).wishes) world.say(wish);
+    for (const PilotCommand& command : other.step(world.now_ns, world.core).commands) world.say(command);
   }
   EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "it was seen down once";
 }
@@ -284,7 +284,7 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
   for (int i = 0; i < 800; ++i) {
     world.run(0.05);
     const auto out = other.step(world.now_ns, world.core);
-    for (const PilotWish& wish : out.wishes) world.say(wish);
+    for (const PilotCommand& command : out.commands) world.say(command);
     for (const std::string& due : out.awaiting_check) {
       ++checks;
       other.go_on(due, {}, world.core);

@@ -60,10 +60,10 @@ class StationServer : public testing::Test {
     settings.listen = "127.0.0.1:0";
     settings.token_file = directory.path + "/" + "page.token";
     settings.session_idle_ns = 60 * ns_per_s;
-    const auto take = [this](const PilotWish& wish) -> Status {
-      if (wish.takeoff && !reached) return Error{"the ledger is not reached yet"};
+    const auto take = [this](const PilotCommand& command) -> Status {
+      if (command.takeoff && !reached) return Error{"the ledger is not reached yet"};
       const std::lock_guard lock(mutex);
-      wishes.push_back(wish);
+      commands.push_back(command);
       return done;
     };
     // On a thread of its own, as the flight's is.
@@ -126,13 +126,13 @@ class StationServer : public testing::Test {
   }
   std::size_t heard() {
     const std::lock_guard lock(mutex);
-    return wishes.size();
+    return commands.size();
   }
 
   fuzz::Directory directory;
   boost::asio::io_context io;
   std::mutex mutex;
-  std::vector<PilotWish> wishes;
+  std::vector<PilotCommand> commands;
   std::atomic<bool> reached{true};
   std::vector<std::jthread> threads;
   std::promise<std::function<void(ApiAnswer)>> late;  ///< of who asks for "slow"
@@ -270,7 +270,7 @@ TEST_F(StationServer, AnOpenStreamStopsAndLandsWithoutAnotherConnection) {
   EXPECT_EQ(answer_to(R"({"op":"stop","id":7})"), json::parse(R"({"op":"answer","id":7,"status":202})"));
   EXPECT_EQ(answer_to(R"({"op":"land","drone":"tello1","id":8})")["status"], 202);
   ASSERT_EQ(heard(), 2U);
-  EXPECT_TRUE(wishes[0].stop && wishes[1].land);
+  EXPECT_TRUE(commands[0].stop && commands[1].land);
   reached = false;
   for (int i = 0; i < 300; ++i) client->write(boost::asio::buffer(std::string(R"({"op":"stop"})")));
   EXPECT_EQ(answer_to(R"({"op":"stop","id":9})")["status"], 202) << "a budget is no reason to keep a drone in the air";
@@ -336,7 +336,7 @@ TEST_F(StationWithOperators, TheRightPassPhraseOpensASessionAndTheWrongOneSoonHa
   EXPECT_EQ(session.size(), token_digits);
   EXPECT_EQ(ask(http::verb::post, takeoff, session).result_int(), 202U);
   ASSERT_EQ(heard(), 1U);
-  EXPECT_EQ(wishes[0].by->subject, "CN=alice");
+  EXPECT_EQ(commands[0].by->subject, "CN=alice");
   EXPECT_EQ(ask(http::verb::post, "/api/v1/drones/tello1/acquire", session).result_int(), 202U);
   EXPECT_EQ(keys.calls.size(), 1U);
   const std::string wrong = R"({"operator":"alice","passphrase":"opne"})";
@@ -395,7 +395,7 @@ TEST_F(StationWithOperators, ASessionThatIsOverStillStopsAndLands) {
     EXPECT_EQ(ask(http::verb::post, target, guessed).result_int(), 401U) << target;
   }
   ASSERT_EQ(heard(), 6U);
-  EXPECT_FALSE(wishes[0].by) << "ground signs it: the operator's key is locked";
+  EXPECT_FALSE(commands[0].by) << "ground signs it: the operator's key is locked";
 }
 
 TEST_F(StationWithOperators, OnlookersLeaveAnOperatorHisPlacesAndCutNothing) {
@@ -415,8 +415,8 @@ TEST_F(StationWithOperators, OnlookersLeaveAnOperatorHisPlacesAndCutNothing) {
   EXPECT_EQ(answer_to(*own, R"({"op":"cut","drone":"tello1","confirmed":true,"id":2})")["status"], 202);
   EXPECT_EQ(answer_to(*onlookers[1], R"({"op":"stop","id":3})")["status"], 202);
   ASSERT_EQ(heard(), 2U);
-  EXPECT_TRUE(wishes[0].cut && wishes[0].by);
-  EXPECT_TRUE(wishes[1].stop && !wishes[1].cut && !wishes[1].by);
+  EXPECT_TRUE(commands[0].cut && commands[0].by);
+  EXPECT_TRUE(commands[1].stop && !commands[1].cut && !commands[1].by);
 }
 
 TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
@@ -562,7 +562,7 @@ TEST(StationPlace, IsThisComputerAlone) {
     ServiceSettings settings;
     settings.listen = listen;
     settings.token_file = directory.path + "/" + "token";
-    const auto server = Server::start(settings, {}, {}, {.take = [](const PilotWish&) { return Status(done); }});
+    const auto server = Server::start(settings, {}, {}, {.take = [](const PilotCommand&) { return Status(done); }});
     ASSERT_FALSE(server) << listen;
     EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
   }

@@ -47,7 +47,7 @@ class StationServerWithTls : public testing::Test {
   void start() {
     auto started = Server::start(settings, {"tello1"}, {},
                                  {.take =
-                                      [this](const PilotWish&) {
+                                      [this](const PilotCommand&) {
                                         ++heard;
                                         return Status(done);
                                       },
@@ -271,7 +271,7 @@ TEST_F(StationServerWithTls, OfEveryAddressTakesIpv4AndIpv6) {
 
 TEST_F(StationServerWithTls, DoesNotStartWithAKeyThatOthersMayRead) {
   ASSERT_EQ(::chmod(settings.tls.key.c_str(), 0644), 0);
-  const auto refused = Server::start(settings, {}, {}, {.take = [](const PilotWish&) { return Status(done); }});
+  const auto refused = Server::start(settings, {}, {}, {.take = [](const PilotCommand&) { return Status(done); }});
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().what, HasSubstr("chmod 600"));
 }

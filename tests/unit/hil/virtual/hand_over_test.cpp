@@ -123,7 +123,7 @@ Flown fly(std::uint64_t seed, int hand_overs, int evictions) {
     world.step();
     other.step();
     if (!taken_off && world.now() > ns_per_s) {
-      world.wish({.drone = 0, .takeoff = true});
+      world.post_command({.drone = 0, .takeoff = true});
       taken_off = true;
     }
     for (const WorldEvent& event : world.events()) {

@@ -21,7 +21,7 @@ class PilotPathTest : public testing::Test {
     ASSERT_TRUE(made) << made.error().what;
     world_ = std::move(*made);
     run(2);
-    world_->wish({.drone = 0, .takeoff = true});
+    world_->post_command({.drone = 0, .takeoff = true});
     ASSERT_TRUE(run_until(ground::DronePhase::manual, 20));
   }
 
@@ -43,7 +43,7 @@ class PilotPathTest : public testing::Test {
     }
   }
   void order(Order::Kind kind, std::vector<ground::Waypoint> way = {}, bool land_behind = false) {
-    world_->wish({.drone = 0, .order = Order{kind, std::move(way), land_behind}});
+    world_->post_command({.drone = 0, .order = Order{kind, std::move(way), land_behind}});
     run(0.1);
   }
   /// From where the drone stood.
@@ -66,7 +66,7 @@ TEST_F(PilotPathTest, IsFlownPausedResumedAndComesBackAndTheFailsafeHasNothingTo
   order(Order::Kind::path, {at(1.5, 0), at(1.5, 1.5), at(0.5, 1.5)});
   ASSERT_EQ(status().phase, ground::DronePhase::path);
   run(2);
-  world_->wish({.drone = 0, .pause = true});
+  world_->post_command({.drone = 0, .pause = true});
   run(0.1);
   ASSERT_TRUE(status().paused);
   run(3);

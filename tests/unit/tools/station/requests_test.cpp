@@ -34,9 +34,9 @@ TEST(ARequest, IsOneThatTheStationTakes) {
     ASSERT_EQ(answer.status, 202U) << answer.body;
     EXPECT_EQ(answer.call->to.subject, "CN=bob \"b\"");
   }
-  EXPECT_EQ(answered(stop_all()).wishes.size(), 2U);
-  EXPECT_FALSE(answered(stop_all()).wishes.at(0).cut);
-  EXPECT_TRUE(answered(cut_all(false)).wishes.at(0).cut);
+  EXPECT_EQ(answered(stop_all()).commands.size(), 2U);
+  EXPECT_FALSE(answered(stop_all()).commands.at(0).cut);
+  EXPECT_TRUE(answered(cut_all(false)).commands.at(0).cut);
   EXPECT_TRUE(answered(cut_all(true)).confirmed);
   EXPECT_EQ(answered(events_since(17)).status, 200U);
   EXPECT_EQ(answered(sign_in("alice", "open \"sesame\"")).sign_in->pass_phrase->view(), "open \"sesame\"");

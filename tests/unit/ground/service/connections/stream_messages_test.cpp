@@ -9,20 +9,20 @@ namespace {
 using testing::HasSubstr;
 using testing::SizeIs;
 
-TEST(StreamMessages, AVelocityOfTheStreamIsAWishWithItsMoment) {
+TEST(StreamMessages, AVelocityOfTheStreamIsACommandWithItsTime) {
   const std::vector<std::string> names{"tello1", "tello2"};
   const TimeNs now = 2 * ns_per_s;
   const auto said = [&](const std::string& t_ms) {
-    return wish_from(R"({"op":"velocity","drone":"tello2","linear":[0.5,0,-0.1],"yaw_rate":0.3)" + t_ms + "}", names,
-                     now);
+    return command_from(R"({"op":"velocity","drone":"tello2","linear":[0.5,0,-0.1],"yaw_rate":0.3)" + t_ms + "}", names,
+                        now);
   };
-  const auto wish = said(R"(,"t_ms":1600)");
-  ASSERT_TRUE(wish) << wish.error().what;
-  EXPECT_EQ(wish->drone, 1U);
-  EXPECT_EQ(wish->came_ns, now);
-  ASSERT_TRUE(wish->velocity);
-  EXPECT_EQ(wish->velocity->linear_mps[2], -0.1);
-  EXPECT_EQ(wish->velocity->angular_radps[2], 0.3);
+  const auto command = said(R"(,"t_ms":1600)");
+  ASSERT_TRUE(command) << command.error().what;
+  EXPECT_EQ(command->drone, 1U);
+  EXPECT_EQ(command->came_ns, now);
+  ASSERT_TRUE(command->velocity);
+  EXPECT_EQ(command->velocity->linear_mps[2], -0.1);
+  EXPECT_EQ(command->velocity->angular_radps[2], 0.3);
   const auto held = said(R"(,"t_ms":1499)");
   ASSERT_TRUE(held);
   EXPECT_FALSE(held->velocity) << "a network held it back: nobody means it any more";
@@ -34,7 +34,7 @@ TEST(StreamMessages, AVelocityOfTheStreamIsAWishWithItsMoment) {
                             R"({"op":"velocity","drone":"tello1","linear":[0,0],"yaw_rate":0,"t_ms":0})",
                             R"({"op":"velocity","drone":"tello1","linear":[0,0,"1"],"yaw_rate":0,"t_ms":0})",
                             R"({"op":"velocity","drone":"tello1","linear":[0,0,0],"yaw_rate":null,"t_ms":0})"})
-    EXPECT_FALSE(wish_from(wrong, names, 0)) << wrong;
+    EXPECT_FALSE(command_from(wrong, names, 0)) << wrong;
 }
 
 class StreamCommands : public testing::Test {
@@ -52,14 +52,14 @@ TEST_F(StreamCommands, WhoLooksOnStopsAndLandsAndNothingElse) {
   const auto all = said(R"({"op":"stop","id":3})");
   ASSERT_TRUE(all && all->command);
   EXPECT_EQ(all->command->id, 3U);
-  ASSERT_THAT(all->command->made.wishes, SizeIs(2));
-  EXPECT_TRUE(all->command->made.wishes[1].stop && !all->command->made.wishes[1].by);
+  ASSERT_THAT(all->command->made.commands, SizeIs(2));
+  EXPECT_TRUE(all->command->made.commands[1].stop && !all->command->made.commands[1].by);
   const auto one = said(R"({"op":"stop","drone":"tello2"})");
   ASSERT_TRUE(one && one->command);
   EXPECT_FALSE(one->command->id);
-  ASSERT_THAT(one->command->made.wishes, SizeIs(1));
-  EXPECT_EQ(one->command->made.wishes[0].drone, 1U);
-  EXPECT_TRUE(said(R"({"op":"land","drone":"tello1"})")->command->made.wishes.at(0).land);
+  ASSERT_THAT(one->command->made.commands, SizeIs(1));
+  EXPECT_EQ(one->command->made.commands[0].drone, 1U);
+  EXPECT_TRUE(said(R"({"op":"land","drone":"tello1"})")->command->made.commands.at(0).land);
   for (const char* cut : {R"({"op":"cut","confirmed":true})", R"({"op":"cut","drone":"tello1"})"})
     EXPECT_EQ(said(cut)->command->made.status, 403U) << cut;
 }
@@ -67,13 +67,13 @@ TEST_F(StreamCommands, WhoLooksOnStopsAndLandsAndNothingElse) {
 TEST_F(StreamCommands, AnOperatorsStopIsHisOwnAndHisCutIsConfirmed) {
   aloft = {0};
   const StreamClient alice{.who = 0};
-  EXPECT_EQ(said(R"({"op":"stop"})", alice)->command->made.wishes.at(0).by, operators[0].identity);
+  EXPECT_EQ(said(R"({"op":"stop"})", alice)->command->made.commands.at(0).by, operators[0].identity);
   EXPECT_EQ(said(R"({"op":"cut","drone":"tello1"})", alice)->command->made.status, 409U);
   EXPECT_EQ(said(R"({"op":"cut"})", alice)->command->made.status, 409U);
-  EXPECT_THAT(said(R"({"op":"cut","confirmed":true})", alice)->command->made.wishes, SizeIs(2));
+  EXPECT_THAT(said(R"({"op":"cut","confirmed":true})", alice)->command->made.commands, SizeIs(2));
   const StreamClient over{.over = true};
   EXPECT_EQ(said(R"({"op":"cut","confirmed":true})", over)->command->made.status, 401U);
-  EXPECT_THAT(said(R"({"op":"stop"})", over)->command->made.wishes, SizeIs(2));
+  EXPECT_THAT(said(R"({"op":"stop"})", over)->command->made.commands, SizeIs(2));
 }
 
 TEST_F(StreamCommands, WhatIsNoneIsAnError) {

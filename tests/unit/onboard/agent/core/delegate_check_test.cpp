@@ -85,8 +85,8 @@ class DelegateCheck : public ::testing::Test {
     return one;
   }
   /// acquire or request, as its creator asked for it, with the record that a peer made of it.
-  static Tx wish(const std::string& name, const Control& after, const crypto::IdentityName& by,
-                 const crypto::IdentityName* asked, std::uint32_t priority = 0) {
+  static Tx lease_call(const std::string& name, const Control& after, const crypto::IdentityName& by,
+                       const crypto::IdentityName* asked, std::uint32_t priority = 0) {
     LeaseCall call;
     call.add_drones("tello1");
     call.set_priority(priority);
@@ -172,11 +172,11 @@ TEST_F(DelegateCheck, WithEitherRevokedNothingFliesUntilTheFoldHasEndedTheLease)
 TEST_F(DelegateCheck, AnAcquireHasTheDelegateThatItsCreatorAskedFor) {
   start(free_again(epoch - 1));
   const Control alone = with_delegate(nullptr), ours = with_delegate(&station), theirs = with_delegate(&laptop);
-  expect_lie(wish("acquire", ours, holder, nullptr), "a delegate whom nobody asked for");
-  expect_lie(wish("acquire", theirs, holder, &station), "another delegate");
-  expect_lie(wish("acquire", alone, holder, &station), "without the delegate");
+  expect_lie(lease_call("acquire", ours, holder, nullptr), "a delegate whom nobody asked for");
+  expect_lie(lease_call("acquire", theirs, holder, &station), "another delegate");
+  expect_lie(lease_call("acquire", alone, holder, &station), "without the delegate");
   EXPECT_FALSE(flies(station) || flies(laptop) || flies(holder));
-  expect_taken(wish("acquire", ours, holder, &station));
+  expect_taken(lease_call("acquire", ours, holder, &station));
   EXPECT_TRUE(flies(station));
 }
 
@@ -197,12 +197,12 @@ TEST_F(DelegateCheck, ADelegateIsAnotherOneOfItsHoldersOrganisation) {
   start(free_again(epoch - 1));
   const crypto::IdentityName nobody{"Org2MSP", ""};
   for (const auto& who : {foreign, holder, nobody}) {
-    expect_lie(wish("acquire", with_delegate(&who), holder, &who), who.subject.c_str());
+    expect_lie(lease_call("acquire", with_delegate(&who), holder, &who), who.subject.c_str());
     Control record = control("tello1", epoch);
     start(record);
     Control after = record;
     add_request(after, to_message(rival), delegate_in(with_delegate(&who)), 0);
-    if (who != holder) expect_lie(wish("request", after, rival, &who), who.subject.c_str());
+    if (who != holder) expect_lie(lease_call("request", after, rival, &who), who.subject.c_str());
     start(free_again(epoch - 1));
   }
 }
@@ -212,13 +212,13 @@ TEST_F(DelegateCheck, ARevokedOneIsNoDelegate) {
   Control same = with_delegate(&station);
   *same.add_revoked() = to_message(station);
   same.set_priority(1);
-  expect_lie(wish("acquire", same, holder, &station, 1), "by the holder");
+  expect_lie(lease_call("acquire", same, holder, &station, 1), "by the holder");
   Control taken = same;
   *taken.mutable_holder() = to_message(rival);
   taken.set_epoch(epoch + 1);
   taken.set_priority(0);
-  expect_lie(wish("acquire", taken, rival, &station), "by another");
-  expect_taken(wish("acquire", with_delegate(&laptop, epoch + 1), holder, &laptop));
+  expect_lie(lease_call("acquire", taken, rival, &station), "by another");
+  expect_taken(lease_call("acquire", with_delegate(&laptop, epoch + 1), holder, &laptop));
   EXPECT_TRUE(flies(laptop, epoch + 1));
 }
 
@@ -233,22 +233,23 @@ TEST_F(DelegateCheck, ALeaseOfARevokedDelegateKeepsNobodyOutAndIsNotHandedOn) {
   taken.set_epoch(epoch + 1);
   taken.set_priority(0);
   taken.clear_requests();
-  expect_lie(wish("acquire", taken, rival, nullptr), "of a lower priority");
+  expect_lie(lease_call("acquire", taken, rival, nullptr), "of a lower priority");
   (void)give(revoke(station));
   Control given = taken;
   *given.mutable_delegate() = to_message(station);
   *given.add_revoked() = to_message(station);
   given.set_priority(3);
   expect_lie(hand_over(given, holder), "with the revoked one");
-  expect_taken(wish("acquire", taken, rival, nullptr));
+  expect_taken(lease_call("acquire", taken, rival, nullptr));
   EXPECT_TRUE(flies(rival, epoch + 1));
 }
 
 TEST_F(DelegateCheck, AnotherDelegateIsAnotherEpochAndTheSameOneIsNot) {
-  expect_lie(wish("acquire", with_delegate(&laptop), holder, &laptop), "another delegate under the same epoch");
-  expect_lie(wish("acquire", with_delegate(nullptr), holder, nullptr), "none under the same epoch");
-  expect_lie(wish("acquire", with_delegate(&station, epoch + 1), holder, &station), "the same under another epoch");
-  expect_taken(wish("acquire", with_delegate(nullptr, epoch + 1), holder, nullptr));
+  expect_lie(lease_call("acquire", with_delegate(&laptop), holder, &laptop), "another delegate under the same epoch");
+  expect_lie(lease_call("acquire", with_delegate(nullptr), holder, nullptr), "none under the same epoch");
+  expect_lie(lease_call("acquire", with_delegate(&station, epoch + 1), holder, &station),
+             "the same under another epoch");
+  expect_taken(lease_call("acquire", with_delegate(nullptr, epoch + 1), holder, nullptr));
   EXPECT_EQ(refused(station, epoch + 1), Refusal::not_holder);
   EXPECT_TRUE(flies(holder, epoch + 1));
 }
@@ -260,10 +261,10 @@ TEST_F(DelegateCheck, ARequestHasTheDelegateThatItsCreatorAskedFor) {
     add_request(record, to_message(rival), delegate_in(from), 3);
     return record;
   };
-  expect_lie(wish("request", requested(&laptop), rival, nullptr, 3), "a delegate whom nobody asked for");
-  expect_lie(wish("request", requested(&laptop), rival, &station, 3), "another delegate");
-  expect_lie(wish("request", requested(nullptr), rival, &station, 3), "without the delegate");
-  expect_taken(wish("request", requested(&station), rival, &station, 3));
+  expect_lie(lease_call("request", requested(&laptop), rival, nullptr, 3), "a delegate whom nobody asked for");
+  expect_lie(lease_call("request", requested(&laptop), rival, &station, 3), "another delegate");
+  expect_lie(lease_call("request", requested(nullptr), rival, &station, 3), "without the delegate");
+  expect_taken(lease_call("request", requested(&station), rival, &station, 3));
 }
 
 TEST_F(DelegateCheck, AHandOverGivesTheLeaseWithTheDelegateThatWasRequested) {

@@ -451,15 +451,15 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
 }
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {
-  const Velocity wish{{1, 1, 1}, 0.5F};
-  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, 1, wish);
+  const Velocity desired{{1, 1, 1}, 0.5F};
+  const Velocity at = clip_at_fence(fence, {fence.max_m[0], 0, 1}, 1, desired);
   EXPECT_EQ(at.mps[0], 0);
   EXPECT_EQ(at.mps[1], 1);
   EXPECT_EQ(at.yaw_radps, 0.5F);
-  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, wish).mps[0], 0.5F);
-  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, wish).mps[0], 1);             // leads back
+  EXPECT_LT(clip_at_fence(fence, {fence.max_m[0] - 0.2, 0, 1}, 1, desired).mps[0], 0.5F);
+  EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, desired).mps[0], 1);          // leads back
   EXPECT_EQ(clip_at_fence(fence, {fence.min_m[0] - 3, 0, 1}, 1, {{-1, 0, 0}, 0}).mps[0], 0);  // leads out
-  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, 1, wish).mps[2], 0);
+  EXPECT_EQ(clip_at_fence(fence, {0, 0, fence.max_m[2] + 0.5}, 1, desired).mps[2], 0);
 }
 
 TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {

@@ -67,9 +67,9 @@ Flown fly(int block, bool smoothing) {
       ++next;
       if (admission.admit(now, plan) == DropReason::none) playout.add(now, plan);
     }
-    const Playout::Wish wish = playout.wish(now);
-    told.push_back(limiter.step(now, wish.velocity, false).mps);
-    if (wish.valid && wish.fresh) {
+    const Playout::CurrentSetpoint setpoint = playout.setpoint(now);
+    told.push_back(limiter.step(now, setpoint.velocity, false).mps);
+    if (setpoint.valid && setpoint.fresh) {
       playout.mark_sent();
       if (now - begin > warm_up) {
         spacing += std::pow(to_ms(now - last_fresh), 2);

@@ -10,10 +10,10 @@ namespace {
 class LimiterTest : public ::testing::Test {
  protected:
   void SetUp() override { limiter.reset(now); }
-  Velocity run(TimeNs duration, const Velocity& wish, bool braking = false) {
+  Velocity run(TimeNs duration, const Velocity& desired, bool braking = false) {
     for (const TimeNs end = now + duration; now < end;) {
       now += ns_per_ms;
-      limiter.step(now, wish, braking);
+      limiter.step(now, desired, braking);
     }
     return limiter.output();
   }
@@ -22,7 +22,7 @@ class LimiterTest : public ::testing::Test {
   TimeNs now = ns_per_s;
 };
 
-TEST_F(LimiterTest, AStepInTheWishBecomesARamp) {
+TEST_F(LimiterTest, AStepInTheSetpointBecomesARamp) {
   const Velocity half = run(100 * ns_per_ms, {{1, 0, 0}, 0});
   EXPECT_NEAR(half.mps[0], 0.1 * settings.max_acceleration_mps2, 0.01);
   EXPECT_FLOAT_EQ(run(ns_per_s, {{1, 0, 0}, 0}).mps[0], 1);

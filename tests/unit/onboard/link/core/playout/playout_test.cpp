@@ -15,11 +15,11 @@ class PlayoutTest : public ::testing::Test {
     if (reason == DropReason::none) playout.add(now, plan);
     return reason;
   }
-  /// Flies what is wished at `now`, as LinkCore would.
-  Playout::Wish fly(TimeNs now) {
-    const Playout::Wish wish = playout.wish(now);
-    if (wish.valid) playout.mark_sent();
-    return wish;
+  /// Flies the setpoint at `now`, as LinkCore would.
+  Playout::CurrentSetpoint fly(TimeNs now) {
+    const Playout::CurrentSetpoint setpoint = playout.setpoint(now);
+    if (setpoint.valid) playout.mark_sent();
+    return setpoint;
   }
   void expect_sums() {
     playout.clear(DropReason::superseded);
@@ -72,10 +72,10 @@ TEST_F(PlayoutTest, ABurstIsFlownPlanByPlanInOrder) {
   for (std::uint64_t i = 0; i < 5; ++i) give(t, plan_of(i + 1, t + static_cast<TimeNs>(i) * 33 * ms, 4, 1, t));
   std::uint64_t last = 0;
   for (TimeNs now = t; now < t + 300 * ms; now += ms) {
-    const auto wish = fly(now);
-    if (!wish.valid) continue;
-    EXPECT_GE(wish.sequence, last);
-    last = wish.sequence;
+    const auto setpoint = fly(now);
+    if (!setpoint.valid) continue;
+    EXPECT_GE(setpoint.sequence, last);
+    last = setpoint.sequence;
   }
   EXPECT_EQ(admission.counters().applied, 5U);
   expect_sums();

@@ -13,7 +13,7 @@ namespace {
 
 constexpr double min_m = SeparationSettings{}.min_m;
 
-TEST(Separation, DronesThatAreFarFromEachOtherFlyWhatTheyWish) {
+TEST(Separation, DronesThatAreFarFromEachOtherFlyTheirSetpoints) {
   TrafficWorld world;
   world.add({0, 0, 1}, {4, 0, 1});
   world.add({0, 1.5, 1}, {4, 1.5, 1});

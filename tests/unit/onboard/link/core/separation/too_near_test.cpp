@@ -41,13 +41,13 @@ struct Crossing : LinkWorld {
     for (const TimeNs end = now + max_duration; now < end;) {
       double max_way = 0;
       for (std::size_t i = 0; i < 2; ++i) {
-        std::array<float, 3> wish{};
+        std::array<float, 3> desired{};
         for (std::size_t k = 0; k < 3; ++k) {
           const double way = goals[i][k] - tellos[i].position[k];
-          wish[k] = static_cast<float>(std::clamp(way, -0.8, 0.8));
+          desired[k] = static_cast<float>(std::clamp(way, -0.8, 0.8));
           max_way = std::max(max_way, std::abs(way));
         }
-        fly_plan(wish, 4, 0, i + 1);
+        fly_plan(desired, 4, 0, i + 1);
       }
       if (max_way < 0.1) return true;
       for (int i = 0; i < 100; ++i) {
@@ -81,10 +81,10 @@ TEST(TooNear, OneThatHoldsWithoutAPlanIsGoneRound) {
   const auto held = w.tellos[1].position;
   const auto goal = std::array{held[0] + 1.5, held[1], held[2]};
   for (int i = 0; i < 150; ++i) {  // tello2 holds, and lands in the end
-    std::array<float, 3> wish{};
+    std::array<float, 3> desired{};
     for (std::size_t k = 0; k < 3; ++k)
-      wish[k] = static_cast<float>(std::clamp(goal[k] - w.tellos[0].position[k], -0.8, 0.8));
-    w.fly_plan(wish, 4);
+      desired[k] = static_cast<float>(std::clamp(goal[k] - w.tellos[0].position[k], -0.8, 0.8));
+    w.fly_plan(desired, 4);
     for (int k = 0; k < 100; ++k) {
       w.step();
       const auto &a = w.tellos[0].position, &b = w.tellos[1].position;

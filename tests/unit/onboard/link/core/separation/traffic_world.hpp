@@ -17,7 +17,7 @@ inline constexpr double landing_mps = 0.5;
 struct PointDrone {
   DroneNumber number = 1;
   Vec3 place{}, goal{};
-  double speed = 1;          ///< of its wish
+  double speed = 1;          ///< of its setpoint
   double pose_lag_s = 0.02;  ///< a pose is so old when it comes, one each 10 ms
   Neighbour::Kind kind = Neighbour::Kind::steered;
   Vec3 gust{};         ///< moves it besides
@@ -83,9 +83,9 @@ class TrafficWorld {
       if (d.lands && !d.verdict.landing_waits) d.kind = Neighbour::Kind::sinking;
       const bool steered = d.kind == Neighbour::Kind::steered;
       const Vec3 told = steered ? clipped(d, verdicts[i].velocity_mps) : Vec3{};
-      Velocity wish;
-      for (std::size_t k = 0; k < 3; ++k) wish.mps[k] = static_cast<float>(told[k]);
-      send(d, d.limiter.step(now, wish, false));
+      Velocity desired;
+      for (std::size_t k = 0; k < 3; ++k) desired.mps[k] = static_cast<float>(told[k]);
+      send(d, d.limiter.step(now, desired, false));
       move(d, dt);
       if (!d.arrived()) d.arrived_s = to_seconds(now);
     }
@@ -120,16 +120,16 @@ class TrafficWorld {
     for (std::size_t k = 0; k < 3; ++k) way[k] = d.goal[k] - n.motion.position_m[k];
     const double length = std::hypot(way[0], way[1], way[2]);
     const double speed = std::min(d.speed, 1.2 * length);
-    for (std::size_t k = 0; k < 3; ++k) n.wish_mps[k] = length > 0 ? way[k] / length * speed : 0;
+    for (std::size_t k = 0; k < 3; ++k) n.desired_mps[k] = length > 0 ? way[k] / length * speed : 0;
     n.lands = d.lands && d.kind == Neighbour::Kind::steered;
-    if (n.lands) n.wish_mps = {0, 0, -landing_mps};
-    n.wish_mps = clipped(d, n.wish_mps);
+    if (n.lands) n.desired_mps = {0, 0, -landing_mps};
+    n.desired_mps = clipped(d, n.desired_mps);
     return n;
   }
-  Vec3 clipped(const PointDrone& d, Vec3 wish) const {  // at floor and ceiling, as clip_at_fence() does
+  Vec3 clipped(const PointDrone& d, Vec3 desired) const {  // at floor and ceiling, as clip_at_fence() does
     const double z = d.pose.place[2] + d.moved[2];
-    wish[2] = std::clamp(wish[2], -std::max(0.0, z - floor_m) / 0.7, std::max(0.0, ceiling_m - z) / 0.7);
-    return wish;
+    desired[2] = std::clamp(desired[2], -std::max(0.0, z - floor_m) / 0.7, std::max(0.0, ceiling_m - z) / 0.7);
+    return desired;
   }
   void send(PointDrone& d, const Velocity& told) {
     Vec3 rc{};
