@@ -48,7 +48,7 @@ foreach(proto ${FABRIC_MESSAGES})
   list(APPEND message_headers ${GENERATED}/${proto}.pb.h)
   list(APPEND message_protos ${proto}.proto)
 endforeach()
-# The lite runtime: nobody reflects on these messages, and unknown fields, of which a stranger can send megabytes, cost it
+# The lite runtime: nobody reflects on these messages, and unknown fields, of which anybody can send megabytes, cost it
 # less than half.
 add_custom_command(OUTPUT ${message_sources} ${message_headers}
   COMMAND protobuf::protoc --descriptor_set_in=${FABRIC_DESC}:${WKT_DESC} --cpp_out=lite:${GENERATED} ${message_protos}

@@ -1,4 +1,4 @@
-# `cmake --install` gives strangers the client and the shims as a CMake package: docs/library.md. Headers keep their paths of
+# `cmake --install` gives other projects the client and the shims as a CMake package: docs/library.md. Headers keep their paths of
 # this tree below include/ledgerline, so the examples are the same files here and there. Programs: packaging/CMakeLists.txt.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)

@@ -147,7 +147,7 @@ int tell_faults(const std::string& socket, const std::string& command) {
   return 0;
 }
 
-int print_day(const std::string& capture, const hil::DayAsked& asked) {
+int print_day(const std::string& capture, const hil::RecordingOptions& asked) {
   const auto table = hil::table_of_capture(capture, asked);
   if (!table) return fail(table.error());
   fmt::print("{}", *table);
@@ -203,7 +203,7 @@ int main(int argc, char** argv) {
   faults.option("COMMAND", command, "in quotes: 'drone tello1 to delay 200ms, loss 5%'").required();
 
   std::string capture, of = "states";
-  hil::DayAsked asked;
+  hil::RecordingOptions asked;
   Verb day = line.verb("day", about_day);
   day.option("CAPTURE", capture, "pcap or pcapng, as by tcpdump -w flight.pcap 'udp port 8889 or udp port 8890'")
       .required()

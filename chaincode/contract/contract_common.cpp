@@ -67,7 +67,7 @@ Status check_id(const std::string& id) {
     const std::size_t end = std::min(id.find('/', at), id.size());
     const std::string_view segment = std::string_view(id).substr(at, end - at);
     if (segment.empty()) return Error{id + ": an id's segments must not be empty"};
-    // Whoever makes a path or a topic of an id must not end up under another name.
+    // A client that makes a path or a topic of an id must not end up under another name.
     if (segment == "." || segment == "..") return Error{id + ": an id's segments must not be . or .."};
     at = end + 1;
   }

@@ -97,11 +97,11 @@ Status complete(Stub& stub, Control& control, std::vector<Identity>* claims) {
   return add_revoked(stub, control);
 }
 
-Result<std::optional<KnownControl>> read_control(Stub& stub, const std::string& drone) {
+Result<std::optional<ControlState>> read_control(Stub& stub, const std::string& drone) {
   auto control = read_versioned<Control>(stub, control_key(drone));
   if (!control) return control.error();
-  if (!*control) return std::optional<KnownControl>{};
-  KnownControl known{std::move(**control), {}};
+  if (!*control) return std::optional<ControlState>{};
+  ControlState known{std::move(**control), {}};
   if (Status status = complete(stub, known.message, &known.claims); !status) return status.error();
   return std::optional(std::move(known));
 }

@@ -121,15 +121,15 @@ void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
 /// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were
-/// lifted, who is revoked and who requests it. Stops come from a range, so whoever writes after reading them loses to a
-/// stop that came between; the stop, which reads nothing of this, loses to nobody. `claims`: gets who has claimed the
-/// drone, which is in the same range.
+/// lifted, who is revoked and who requests it. Stops come from a range, so a transaction that writes after reading them
+/// loses to a stop that came between. The stop reads nothing of this and loses to nobody. `claims`: gets who has
+/// claimed the drone, which is in the same range.
 Status complete(Stub& stub, Control& control, std::vector<Identity>* claims = nullptr);
-struct KnownControl : Versioned<Control> {
+struct ControlState : Versioned<Control> {
   std::vector<Identity> claims;  ///< of those who have claimed the drone
 };
 /// A complete one; nullopt: not enrolled. Its version is that of the drone's owner, grant and request records, too.
-Result<std::optional<KnownControl>> read_control(Stub& stub, const std::string& drone);
+Result<std::optional<ControlState>> read_control(Stub& stub, const std::string& drone);
 /// A control record as it is stored: without what complete() adds.
 Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);

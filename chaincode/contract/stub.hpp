@@ -29,8 +29,8 @@ class Stub {
   virtual ~Stub() = default;
   virtual Result<std::optional<std::string>> get_state(const std::string& key) = 0;
   virtual Status put_state(const std::string& key, const std::string& value) = 0;
-  /// From the next transaction on, whoever writes `key` needs the endorsement of a peer of `msp_id`, and no other one.
-  /// The key must be there, or be written by this call. What follows in the same block and writes the key is invalid.
+  /// From the next transaction on, a write to `key` needs the endorsement of a peer of `msp_id`, and no other one. The
+  /// key must be there, or be written by this call. What follows in the same block and writes the key is invalid.
   virtual Status put_policy(const std::string& key, const std::string& msp_id) = 0;
   /// Keys in [start, end), in order, at most `limit`.
   virtual Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,

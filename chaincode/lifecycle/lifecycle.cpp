@@ -20,7 +20,7 @@ constexpr std::chrono::milliseconds limit{60'000};
 // Of a transaction: a block may be cut seconds later. Orderers without a leader yet take none, and the gateway says so
 // too late for the call; so it is asked again.
 constexpr std::chrono::milliseconds transaction_limit{15'000};
-constexpr std::chrono::seconds patience{60};
+constexpr std::chrono::seconds timeout{60};
 // With jitter, so that administrators whose transactions met in one block do not meet again.
 constexpr TimeNs first_pause_ns = 250 * ns_per_ms, max_pause_ns = 1 * ns_per_s;
 // A peer that has just started does not know the others' yet.
@@ -79,7 +79,7 @@ Status Lifecycle::submit(const std::string& function, const std::string& argumen
                          const std::function<Result<bool>()>& is_done) {
   BackOff pauses(first_pause_ns, max_pause_ns);
   Random random(std::random_device{}());
-  for (const auto until = std::chrono::steady_clock::now() + patience;;
+  for (const auto until = std::chrono::steady_clock::now() + timeout;;
        std::this_thread::sleep_for(std::chrono::nanoseconds(pauses.next(random)))) {
     fabric::Call call{function, {argument}};
     call.need = need;

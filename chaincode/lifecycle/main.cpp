@@ -88,7 +88,7 @@ Result<std::string> id_of(const Options& options) {
 }
 
 Status make(const Options& options) {
-  if (!is_label(options.label)) return Error{"--label: letters and digits, inside also _ . + -"};
+  if (!is_label(options.label)) return Error{"--label: a-z, A-Z and 0-9, inside also _ . + -"};
   if (options.client_certificate.empty() != options.client_key.empty())
     return Error{"--client-certificate and --client-key belong together"};
   ServicePlace place{.address = options.address, .client_auth = options.client_auth || !options.client_key.empty()};
@@ -112,9 +112,9 @@ Status make(const Options& options) {
   fmt::print("{}\n", package_id(options.label, package));
   if (place.root_pem.empty())
     fmt::print(stderr,
-               "without --tls-root peers call the service in the clear: whoever is between them can answer for it\n");
+               "without --tls-root peers call the service in the clear: a man in the middle can answer for it\n");
   if (!place.client_key_pem.empty())
-    fmt::print(stderr, "the package holds the key of {}: whoever may fetch it from a peer has it\n",
+    fmt::print(stderr, "the package holds the key of {}: anyone who may fetch it from a peer has the key\n",
                options.client_key);
   return done;
 }

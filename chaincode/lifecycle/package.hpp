@@ -10,7 +10,7 @@ struct ServicePlace {
   std::string root_pem{};        ///< authorities of its TLS certificate; empty: no TLS
   bool client_auth = false;      ///< the service wants the peer's certificate (CHAINCODE_TLS_CLIENT_CA)
   std::string client_pem{};      ///< that certificate, where the peer's builder does not put its own in
-  std::string client_key_pem{};  ///< its key: whoever may fetch the package has it
+  std::string client_key_pem{};  ///< its key: anyone who may fetch the package has it
 };
 std::string connection_json(const ServicePlace& place);
 
@@ -20,9 +20,9 @@ std::string make_package(const std::string& label, const std::string& connection
 /// Of the definition of the contract in this tree. A network of an older one needs a new definition, because what the
 /// contract writes needs other endorsements: the first, of records without a version, named its own policy.
 std::string contract_version();
-/// "label:hash", as peers name it, and the service is told in CHAINCODE_ID.
+/// "label:hash", as peers name it, and as the service gets it in CHAINCODE_ID.
 std::string package_id(const std::string& label, const std::string& package);
-/// Fabric's rule: letters and digits, inside also _ . + -
+/// Fabric's rule: a-z, A-Z and 0-9, inside also _ . + -
 bool is_label(const std::string& text);
 
 }  // namespace ledgerline::chaincode_lifecycle

@@ -16,7 +16,7 @@ struct Command {
 
 /// Runs the commands of each lane one after the other, the lanes side by side. What each lane printed last, by lane;
 /// the first failure ends all, with the last lines of its lane's log (`log_stem`-N.log). Each command has a minute.
-/// Must be called on the thread that lives longest (Children).
+/// Must be called on the thread that outlives all others (Children).
 Result<std::vector<std::string>> run_lanes(const std::vector<std::vector<Command>>& lanes, const std::string& log_stem);
 
 /// One command: what it printed.

@@ -12,8 +12,8 @@ namespace ledgerline::fabric_network {
 
 /// A running network: orderers, peers and chaincode services as children of this process, which end with it, however it
 /// ends. A directory keeps its identities, ledgers and places: a second up() goes on where the last one ended. With
-/// Options::only it is this host's part of a network that several hosts run. One thread, which must be the one that
-/// lives longest (Children).
+/// Options::only it is this host's part of a network that several hosts run. One thread, which must outlive all
+/// others (Children).
 class Network {
  public:
   explicit Network(Options options) : site_(std::move(options)) {}

@@ -38,8 +38,7 @@ Result<Options> read_options(Config& config, Options options) {
   options.ca =
       config.boolean({"ca", "identities from fabric-ca; on one host alone, so without [[organisation]]"}, options.ca);
   options.history = config.boolean(
-      {"history", "the peers' history database; without it `history` fails, and blocks are told earlier"},
-      options.history);
+      {"history", "the peers' history database; without it `history` fails, and blocks come earlier"}, options.history);
   options.batch_count = static_cast<int>(config.integer(
       {"batch_count", "a block is cut with so many transactions: 1 is the fastest, the published flights had 10"},
       options.batch_count, 1, 10'000));
@@ -47,8 +46,8 @@ Result<Options> read_options(Config& config, Options options) {
       static_cast<TimeNs>(config.number({"batch_timeout_ms", "or this long after its first transaction"},
                                         to_ms(options.batch_timeout_ns), 1, 60'000) *
                           ns_per_ms);
-  options.patience_ns = from_seconds(config.number({"patience_s", "how long the parts on other hosts are waited for"},
-                                                   to_seconds(options.patience_ns), 1, 3'600));
+  options.timeout_ns = from_seconds(config.number({"timeout_s", "how long the parts on other hosts are waited for"},
+                                                  to_seconds(options.timeout_ns), 1, 3'600));
   const std::size_t channels = config.table_count({"channel", "with the contract on each; none: one, teleop"});
   if (channels > 0) options.channels.clear();
   for (std::size_t i = 0; i < channels; ++i) {

@@ -34,7 +34,7 @@ struct Options {
   std::vector<std::string> only;                   ///< parts that this host runs ("org1", "orderer2"); empty: all
   std::vector<std::string> background;             ///< organisations ("org3") for whom nobody on this host waits
   bool short_slices = false;                       ///< of all other parts here
-  TimeNs patience_ns = 120 * ns_per_s;             ///< how long parts on other hosts are waited for
+  TimeNs timeout_ns = 120 * ns_per_s;              ///< how long parts on other hosts are waited for
   std::vector<std::string> channels{"teleop"};
   int batch_count = 1;
   TimeNs batch_timeout_ns = 10 * ns_per_ms;

@@ -71,7 +71,7 @@ Status check_command(const Service& service, const std::string& program) {
                   service.name, file, program)};
 }
 
-/// Ends those that run another program, and waits until the network's process has started them anew.
+/// Ends those that run another program, and waits until the network's process has restarted them.
 Status renew(Site& site, const RunFile& file, const std::vector<Service>& services) {
   const std::string& program = site.options().chaincode;
   for (const Service& service : services) {

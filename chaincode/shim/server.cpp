@@ -60,10 +60,10 @@ Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& opti
 /// What a client's certificate says it is called.
 std::set<std::string> names_of(const grpc::ServerContext& context) {
   std::set<std::string> names;
-  const auto told = context.auth_context();
-  if (!told) return names;
+  const auto reported = context.auth_context();
+  if (!reported) return names;
   for (const char* property : {GRPC_X509_CN_PROPERTY_NAME, GRPC_X509_SAN_PROPERTY_NAME}) {
-    for (const grpc::string_ref& name : told->FindPropertyValues(property)) names.emplace(name.data(), name.size());
+    for (const grpc::string_ref& name : reported->FindPropertyValues(property)) names.emplace(name.data(), name.size());
   }
   return names;
 }
@@ -78,7 +78,7 @@ class Service final : public protos::Chaincode::Service {
 
   grpc::Status Connect(grpc::ServerContext* context,
                        grpc::ServerReaderWriter<protos::ChaincodeMessage, protos::ChaincodeMessage>* stream) override {
-    if (!is_told(*context)) {
+    if (!is_reported(*context)) {
       spdlog::warn("peer {}: its certificate has none of the names in CHAINCODE_TLS_CLIENT_NAMES", context->peer());
       return {grpc::StatusCode::PERMISSION_DENIED, "this chaincode service does not take this certificate"};
     }
@@ -116,7 +116,7 @@ class Service final : public protos::Chaincode::Service {
   }
 
  private:
-  bool is_told(const grpc::ServerContext& context) const {
+  bool is_reported(const grpc::ServerContext& context) const {
     const std::set<std::string> names = names_of(context);
     return client_names_.empty() || std::any_of(names.begin(), names.end(),
                                                 [&](const std::string& name) { return client_names_.contains(name); });

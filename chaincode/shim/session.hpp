@@ -23,7 +23,7 @@ class Session : public std::enable_shared_from_this<Session> {
   void begin();
   /// From the one thread that reads. An error ends the stream: this peer speaks another protocol.
   Status on_message(protos::ChaincodeMessage message);
-  /// The stream is over: whoever waits for the peer gets an error.
+  /// The stream is over: every caller that waits for the peer gets an error.
   void end();
   bool ready() const;
 

@@ -41,7 +41,7 @@ class Stub {
   /// The function's name first.
   virtual const std::vector<std::string>& args() const = 0;
 
-  /// nullopt: no such key. (Fabric does not tell an empty value from none.)
+  /// nullopt: no such key. (Fabric does not distinguish an empty value from none.)
   virtual Result<std::optional<std::string>> get_state(const std::string& key) = 0;
   virtual Status put_state(const std::string& key, const std::string& value) = 0;
   virtual Status del_state(const std::string& key) = 0;

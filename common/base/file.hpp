@@ -8,8 +8,7 @@ namespace ledgerline {
 
 /// Reads a whole file; an error names it.
 Result<std::string> read_file(const std::string& path);
-/// Writes a file anew, and makes the folders on the way to it; a regular one has its `mode` before it has content. Not
-/// synced.
+/// Rewrites a file, and creates its parent folders; a regular file has its `mode` before it has content. Not synced.
 Status write_file(const std::string& path, std::string_view content, int mode = 0644);
 /// The same, whole or not at all whatever dies meanwhile, and on the disk when it returns. `path`.new is its own.
 Status replace_file(const std::string& path, std::string_view content, int mode = 0644);

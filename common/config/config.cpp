@@ -5,6 +5,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <set>
@@ -17,6 +18,19 @@ namespace {
 
 constexpr std::size_t max_text = 1'000;  // a path, even in a message
 constexpr std::size_t max_key = 200;     // as shown; a damaged file may hold any
+
+// Keys of the release before: what they are now.
+constexpr auto renamed_keys = std::to_array<std::pair<std::string_view, std::string_view>>({
+    {"agent.doubt_s", "agent.integrity_hold_s"},
+    {"batch.longest_back_off_ms", "batch.max_back_off_ms"},
+    {"failsafe.doubt", "failsafe.on_untrusted_ledger"},
+    {"flight.doubt", "flight.on_untrusted_ledger"},
+    {"flight.told_mps", "flight.full_scale_mps"},
+    {"flight.told_mps2", "flight.max_acceleration_mps2"},
+    {"ledger.patience", "ledger.timeouts"},
+    {"mocap.longest_gap_ms", "mocap.max_gap_ms"},
+    {"patience_s", "timeout_s"},
+});
 
 Error parse_error(const std::string& name, const toml::parse_error& e) {
   return Error{fmt::format("{}:{}: {}", name, e.source().begin.line, printable(e.description()))};
@@ -118,7 +132,9 @@ struct Config::State {
     } else if (const auto* array = node.as_array(); array && array->is_array_of_tables()) {
       for (std::size_t i = 0; i < array->size(); ++i) find_unknown(*array->get(i), prefix + "." + std::to_string(i));
     } else if (!asked.contains(prefix)) {
-      problem(&node, prefix, "unknown key");
+      const auto now =
+          std::find_if(renamed_keys.begin(), renamed_keys.end(), [&](const auto& key) { return key.first == prefix; });
+      problem(&node, prefix, now == renamed_keys.end() ? "unknown key" : fmt::format("is {} now", now->second));
     }
   }
 };

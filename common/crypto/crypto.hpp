@@ -66,7 +66,7 @@ Result<Certificate> parse_certificate(const std::string& pem);
 Result<std::string> read_certificate_file(const std::string& path);
 /// SHA-256 of the first certificate's DER: its fingerprint.
 Result<Digest> certificate_hash(const std::string& pem);
-/// By what an authority tells the certificates apart that it has made, in hexadecimal. An error: it names no
+/// By what an authority distinguishes the certificates that it has made, in hexadecimal. An error: it names no
 /// authority's key.
 struct CertificateNumber {
   std::string serial, authority_key;
@@ -121,7 +121,7 @@ Result<std::vector<RevocationList>> read_revocation_lists(const std::string& pem
 /// The one list, as PEM, that Fabric reads in an entry of a configuration (Go's x509.ParseCRL): the first of a PEM text
 /// that begins with it, or DER. An error: none can be read, with which Fabric takes no configuration.
 Result<std::string> list_of_entry(const std::string& entry);
-/// Whether one of these lists names the certificate, whoever has signed them. An error: it cannot be read.
+/// Whether one of these lists names the certificate; who signed the lists is not checked. An error: it cannot be read.
 Result<bool> is_listed(const std::string& lists_pem, const std::string& certificate_pem);
 /// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
@@ -193,8 +193,8 @@ struct CertificateRequest {
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization);
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request);
 
-/// The CA's own certificate made anew, of the same name and key, that may sign documents: Fabric's CAs are for TLS and
-/// certificates alone. What the CA has issued is of this one, too.
+/// The CA's own certificate recreated, with the same name and key, that may sign documents: Fabric's CAs are for TLS
+/// and certificates alone. What the CA has issued is of this one, too.
 Result<std::string> make_document_authority(const KeyAndCertificate& ca);
 /// S/MIME (PKCS #7, the text in the clear), as DDS Security takes its documents; `ca`'s certificate from above.
 Result<std::string> sign_document(const KeyAndCertificate& ca, std::string_view text);

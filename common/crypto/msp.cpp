@@ -177,8 +177,8 @@ class CachingRegistry final : public MspRegistry {
   }
 
   /// A list counts whenever it was made, and until there is another. Fabric finds those of a configuration by the key
-  /// that they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, whoever
-  /// signed it.
+  /// that they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, no
+  /// matter who signed it.
   Status check_lists(const Authorities& authorities, X509* certificate, X509* issuer) const {
     for (const CrlPtr& list : authorities.lists) {
       if (lists_from_ == ListsFrom::configuration) {

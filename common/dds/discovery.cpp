@@ -12,7 +12,7 @@
 namespace ledgerline::dds {
 namespace {
 
-struct Seen {
+struct DiscoveredEndpoint {
   std::string topic, type;
   Qos qos;
   bool writes = false;
@@ -53,9 +53,9 @@ struct Discovery::State {
 
   // DDS has a thread for each of the two topics' readers at times.
   mutable std::mutex mutex;
-  std::unordered_map<Guid, Seen, GuidHash> endpoints;
+  std::unordered_map<Guid, DiscoveredEndpoint, GuidHash> endpoints;
   using Name = std::pair<std::string, std::string>;  ///< topic and type
-  std::map<Name, TopicSeen> topics;                  ///< as they were told last
+  std::map<Name, DiscoveredTopic> topics;            ///< as they were reported last
   std::uint64_t left_out = 0;
 
   dds_entity_t writers = 0, readers = 0;
@@ -95,8 +95,8 @@ struct Discovery::State {
       return;
     }
     if (!info.valid_data || !endpoint.topic_name || !endpoint.type_name) return;
-    Seen seen{ros_topic(endpoint.topic_name), ros_type(endpoint.type_name), read_qos(endpoint.qos), writes,
-              std::to_array(endpoint.participant_key.v) == own};
+    DiscoveredEndpoint seen{ros_topic(endpoint.topic_name), ros_type(endpoint.type_name), read_qos(endpoint.qos),
+                            writes, std::to_array(endpoint.participant_key.v) == own};
     if (seen.topic.empty() || seen.type.empty()) return;
     if (endpoints.size() >= max_endpoints && !endpoints.contains(guid)) {
       ++left_out;
@@ -107,10 +107,10 @@ struct Discovery::State {
   }
 
   void tell(const std::string& topic) {
-    std::map<std::string, TopicSeen> now;  // by type
+    std::map<std::string, DiscoveredTopic> now;  // by type
     for (const auto& [guid, seen] : endpoints) {
       if (seen.topic != topic) continue;
-      TopicSeen& entry = now[seen.type];
+      DiscoveredTopic& entry = now[seen.type];
       entry.topic = topic;
       entry.type = seen.type;
       if (seen.own) continue;
@@ -164,7 +164,7 @@ Result<Discovery> Discovery::create(ParticipantPtr participant, Callback callbac
   state->writers = open(DDS_BUILTIN_TOPIC_DCPSPUBLICATION, &State::writers_changed);
   state->readers = open(DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, &State::readers_changed);
   for (const dds_entity_t reader : {state->writers, state->readers}) {
-    if (reader < 0) return Error{std::string("DDS does not tell its topics: ") + dds_strretcode(reader)};
+    if (reader < 0) return Error{std::string("DDS does not report its topics: ") + dds_strretcode(reader)};
   }
   // What was there before the listeners were.
   state->take(state->writers, true);

@@ -34,9 +34,9 @@ Status check(const Qos& qos, const std::string& topic) {
 }
 
 bool is_name(std::string_view text) {
-  const auto letter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  const auto allowed = [&](char c) { return letter(c) || (c >= '0' && c <= '9') || c == '_'; };
-  return !text.empty() && letter(text.front()) && std::all_of(text.begin(), text.end(), allowed);
+  const auto is_alphabetic = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto allowed = [&](char c) { return is_alphabetic(c) || (c >= '0' && c <= '9') || c == '_'; };
+  return !text.empty() && is_alphabetic(text.front()) && std::all_of(text.begin(), text.end(), allowed);
 }
 
 std::vector<std::string_view> split(std::string_view text, std::string_view by) {
@@ -103,7 +103,7 @@ Result<std::string> dds_topic(const std::string& ros_topic) {
                     ros_topic.find("//") == std::string::npos &&
                     std::all_of(ros_topic.begin(), ros_topic.end(), allowed);
   if (!good)
-    return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has letters, digits, _ and / only"};
+    return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has a-z, A-Z, 0-9, _ and / only"};
   return "rt" + ros_topic;
 }
 

@@ -50,7 +50,7 @@ class RawWriter {
   ~RawWriter();
 
   /// Copies `cdr`. A reliable reader that lags holds it up by 100 ms at most, then it is an error; otherwise the oldest
-  /// message is overwritten. `source_time_ns`: what readers are told of when it was written, real time; 0: now.
+  /// message is overwritten. `source_time_ns`: the writing time that readers get, real time; 0: now.
   Status publish(std::span<const std::uint8_t> cdr, TimeNs source_time_ns = 0);
   Status publish(std::string_view cdr);
   /// Readers that are matched now.
@@ -100,7 +100,7 @@ class RawReader {
 
 /// What others have on one topic with one type: a topic whose type changes is seen to vanish with one and appear with
 /// the other.
-struct TopicSeen {
+struct DiscoveredTopic {
   std::string topic, type;  ///< ROS's names
   /// With writers: what all of them offer, so that a reader which asks for it hears each. With readers alone: what
   /// satisfies all of them.
@@ -108,7 +108,7 @@ struct TopicSeen {
   int writers = 0, readers = 0;  ///< both 0: vanished
   /// The topic is there with another type too (of others or of this participant): the two do not hear each other.
   bool clash = false;
-  bool operator==(const TopicSeen&) const = default;
+  bool operator==(const DiscoveredTopic&) const = default;
 };
 
 /// Topics of the domain as they appear, change and vanish. This participant's own readers and writers are left out, and
@@ -117,7 +117,7 @@ struct TopicSeen {
 /// Keeps `max_endpoints` readers and writers; those beyond are left out and counted.
 class Discovery {
  public:
-  using Callback = std::function<void(const TopicSeen& seen)>;
+  using Callback = std::function<void(const DiscoveredTopic& seen)>;
   static Result<Discovery> create(ParticipantPtr participant, Callback callback, std::size_t max_endpoints = 10'000);
   Discovery(Discovery&&) noexcept;
   Discovery& operator=(Discovery&&) noexcept;

@@ -56,7 +56,7 @@ bool is_plain_cdr(const std::uint8_t* header) { return header[0] == 0 && header[
 void free_message(ddsi_serdata* message) { std::free(static_cast<RawMessage*>(message)); }
 
 /// From the network: `copy(bytes)` writes `size` bytes. What is refused is handed on empty: DDS would write a line to
-/// its log for each message that it gets null for, and so let a stranger fill the disk.
+/// its log for each message that it gets null for, and so let an outsider fill the disk.
 template <typename Copy>
 ddsi_serdata* receive(const ddsi_sertype* type, ddsi_serdata_kind kind, std::size_t size, Copy copy) {
   // Without a key, a message that has the key alone (a writer disposes of its instance) says nothing.

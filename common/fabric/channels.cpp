@@ -43,7 +43,7 @@ void check_tables(Config& config, const Channels& channels, const std::string& b
                names.begin() + static_cast<std::ptrdiff_t>(i)) {
       config.wrong(key + "name", "must be another name than that of [ledger] and of each other [[channel]]");
     }
-    // Silently believing the peer on one channel of several is what nobody would see.
+    // Silently trusting the peer on one channel of several is what nobody would see.
     if (table.config_block.empty() && !block_of_ledger.empty())
       config.wrong(key + "config_block", "must be there, since [ledger] has one: the trust anchor of this channel");
     if (table.endpoint.empty() && (!table.tls_ca.empty() || !table.server_name.empty()))

@@ -90,7 +90,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   out.where.contract = config.text({"ledger.contract", "the chaincode's name on it"}, out.where.contract);
   out.max_in_flight = static_cast<std::size_t>(
       config.integer({"ledger.max_in_flight",
-                      "calls that may be under way; more are refused at once, so that a slow ledger fills no memory"},
+                      "calls that may be in flight; more are refused at once, so that a slow ledger fills no memory"},
                      64, 1, 10'000));
   out.deadline =
       std::chrono::milliseconds(config.integer({"ledger.deadline_ms",
@@ -98,9 +98,9 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
                                                 "1,000, since newer states say more, the others 5,000",
                                                 "see there"},
                                                deadline.count(), 100, 600'000));
-  out.patience_of_channel =
+  out.timeouts_of_channel =
       config.choice(
-          {"ledger.patience",
+          {"ledger.timeouts",
            "of agent and ground: `auto` makes deadline_ms, agent's check.max_age_ms and agent.ledger_silent_after_ms "
            "longer by twice the channel's BatchTimeout (nothing where each transaction is a block), as config_block, "
            "or "
@@ -126,7 +126,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
       {"ledger.config_block",
        "file with a config block of the channel, the trust anchor (`ledgerline fabric` and ledgerline-node write "
        "CHANNEL.block into their folder): blocks must be signed by the orderers that it names, or that a later "
-       "configuration names; none: the peer is believed about blocks"},
+       "configuration names; none: the peer is trusted about blocks"},
       "");
   out.blocks = block_source(config);
   out.identity_place = identity_place(config);
@@ -165,13 +165,13 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   // All keys first: what is not asked for would be reported as unknown.
   std::vector<std::pair<std::string, std::string>> named;
   bool complete = true;
-  const std::size_t count = config.table_count({"msp", "an organisation whose signatures are believed; at least one"});
+  const std::size_t count = config.table_count({"msp", "an organisation whose signatures are trusted; at least one"});
   for (std::size_t i = 0; i < count; ++i) {
     named.emplace_back(config.text({fmt::format("msp.{}.id", i), "its name, such as Org1MSP"}),
                        config.text({fmt::format("msp.{}.ca", i), "PEM file of its authority's certificate"}));
     complete = complete && !named.back().first.empty() && !named.back().second.empty();
   }
-  if (named.empty()) return Error{"the config names no organisation to believe; add [[msp]] with id and ca"};
+  if (named.empty()) return Error{"the config names no organisation to trust; add [[msp]] with id and ca"};
   if (!complete) return incomplete;
   std::vector<crypto::MspRoot> roots;
   for (const auto& [id, path] : named) {

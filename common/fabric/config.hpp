@@ -7,7 +7,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
 
-/// The tables of a program's config that say where the ledger is and whom to believe; used by agent and ground.
+/// The tables of a program's config that say where the ledger is and whom to trust; used by agent and ground.
 namespace ledgerline::fabric {
 
 /// Reads [ledger]: endpoint, tls_ca, msp_id, and msp_dir or certificate and private_key (must be there); channel,
@@ -18,13 +18,13 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 
 /// For the log of a program that acts on blocks, where config_block is empty.
 inline constexpr const char* blocks_not_judged =
-    "config_block is not set: the peer is believed about blocks, whoever signed them";
+    "config_block is not set: the peer's blocks are accepted without a check of who signed them";
 
 /// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each
 /// line: "channel a: block stream". Of one stream, since it remembers.
 std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream);
 
-/// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are believed, at least one.
+/// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are trusted, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
 
 }  // namespace ledgerline::fabric

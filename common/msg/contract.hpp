@@ -28,13 +28,14 @@ inline constexpr std::size_t max_drone_grants = 64;   ///< identities and organi
 inline constexpr std::size_t digest_bytes = 32;       ///< SHA-256
 inline constexpr std::size_t max_anchor_chars = 256;  ///< what its signer says of an anchor
 inline constexpr std::size_t max_page_anchors = 64;   ///< that one verify answers, and signers that it is asked for
-/// Of one organisation in an answer that is of everybody's: whoever mints identities hides nobody else's.
+/// Maximum for one organisation in an answer about all of them: one that mints identities hides no other
+/// organisation's.
 inline constexpr std::size_t max_organisation_anchors = 16;
 inline constexpr std::size_t max_drone_requests =
     16;  ///< identities of one organisation that ask for one drone at once
-/// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name. One
-/// for all would make whoever reads a role lose to each enrolment in its organisation; one for each identity has no
-/// bound.
+/// An organisation's roles are kept in so many records, by the first hex digit of the hash of each identity's name.
+/// With one for all, a transaction that reads a role would lose to each enrolment in its organisation; one for each
+/// identity has no bound.
 inline constexpr std::size_t role_tables = 16;
 /// Identities in one of them: 1,024 of an organisation, which a drone school reaches in decades (names outlive
 /// certificates).

@@ -146,7 +146,7 @@ inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_ep
   }
   forget_unnamed(control);
   if (!control.has_holder()) return;
-  // By the grants alone: a fold ends the lease of a revoked one, unless it is enrolled anew before that.
+  // By the grants alone: a fold ends the lease of a revoked one, unless it is enrolled again before that.
   const Rights rights = rights_of(control.grants(), control.owner().msp_id(), control.holder());
   if (!rights.fly) return end_lease(control, new_epoch);
   control.set_priority(std::min(control.priority(), rights.max_priority));

@@ -27,7 +27,7 @@ constexpr const char* name(FailsafeMode mode) noexcept {
 constexpr const char* name(FailsafeCause cause) noexcept {
   constexpr std::array names{"none",          "plan_ran_out",       "held_too_long",  "agent_silent",
                              "ledger_silent", "state_stale",        "pose_lost",      "fence",
-                             "battery_low",   "battery_critical",   "stopped",        "ledger_doubted",
+                             "battery_low",   "battery_critical",   "stopped",        "ledger_untrusted",
                              "velocity_lost", "position_uncertain", "motion_differs", "tilted",
                              "overturned",    "too_near",           "height_lost",    "other_client",
                              "sources_differ"};
@@ -49,10 +49,10 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "battery low",
                              "battery critical",
                              "stopped",
-                             "the ledger is doubted",
+                             "the ledger is not trusted",
                              "its own velocity is lost (it sees no ground)",
                              "its position is too uncertain for the fence",
-                             "it does not move as it is told",
+                             "it does not move as commanded",
                              "it is tilted",
                              "it lies on its back or side",
                              "another drone is too near",

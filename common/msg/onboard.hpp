@@ -68,7 +68,7 @@ enum class FailsafeCause : std::uint8_t {
   battery_low = 8,
   battery_critical = 9,
   stopped = 10,
-  ledger_doubted = 11,
+  ledger_untrusted = 11,
   velocity_lost = 12,
   position_uncertain = 13,
   motion_differs = 14,
@@ -108,7 +108,7 @@ struct Plan {
   DroneNumber drone = 0;
   PlanAction action = PlanAction::fly;
   std::uint64_t sequence = 0;  ///< grows by one per command of an operator's session (lease epoch)
-  std::uint64_t epoch = 0;     ///< lease epoch; sequence starts anew with it
+  std::uint64_t epoch = 0;     ///< lease epoch; sequence restarts with it
   TimeNs state_stamp_ns = 0;   ///< of the state that it was made from
   TimeNs verified_ns = 0;      ///< when agent handed it over: two-way latency = verified - state_stamp
   bool body_frame = false;     ///< flown by hand: velocities are in the drone's own frame, forward, left, up
@@ -116,7 +116,7 @@ struct Plan {
   std::array<Setpoint, max_setpoints> setpoints{};
 };
 
-/// How well a pose is known: variances along x, y, z [m2] and of yaw [rad2]. Zeros: nobody told (motion capture).
+/// How well a pose is known: variances along x, y, z [m2] and of yaw [rad2]. Zeros: not reported (motion capture).
 using PoseVariance = std::array<float, 4>;
 
 /// agent -> link: fused pose and velocity.
@@ -134,7 +134,7 @@ struct AgentBeat {
   TimeNs stamp_ns = 0;
   std::uint32_t drones = all_drones;  ///< whom it is for: bit N of drone N
   bool ledger_alive = false;          ///< blocks or commits came lately
-  bool ledger_doubted = false;        ///< what agent is shown of it contradicts itself, others or agent's own judgement
+  bool ledger_untrusted = false;      ///< what agent is shown of it contradicts itself, others or agent's own judgement
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.
   std::uint64_t boot_id = 0;
@@ -188,7 +188,7 @@ struct StateSample {
   std::uint32_t plans_late = 0;  ///< counters since boot
   std::uint32_t plans_dropped = 0;
   std::uint32_t plans_applied = 0;
-  /// Roll, pitch and yaw as the Tello tells them, in REP 103's signs; its yaw counts from power on.
+  /// Roll, pitch and yaw as the Tello reports them, in REP 103's signs; its yaw counts from power on.
   std::array<float, 3> attitude_rad{};
   std::array<float, 3> acceleration_mps2{};  ///< its own, with gravity: x forward, y left, z up; 0, 0, 9.8 at rest
   PoseVariance pose_variance{};

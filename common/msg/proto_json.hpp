@@ -10,7 +10,7 @@
 #include "common/base/result.hpp"
 
 /// The two forms of every message of the contract: protobuf bytes, or the same message as JSON text. A call, its answer
-/// and its event have one form; whoever reads events must take both (a person may `stop` a drone with JSON or plain
+/// and its event have one form; a reader of events must accept both (a person may `stop` a drone with JSON or plain
 /// strings, whose event is JSON).
 namespace ledgerline {
 

@@ -28,12 +28,12 @@ Header get_header(CdrReader& in) {
 
 // Rows and columns of x, y, z, roll, pitch, yaw.
 using Covariance = std::array<double, 36>;
-constexpr std::array<std::size_t, 4> told_variances{0, 7, 14, 35};
+constexpr std::array<std::size_t, 4> reported_variances{0, 7, 14, 35};
 
 Covariance covariance_of(const PoseVariance& variance) {
   Covariance covariance{};
-  for (std::size_t i = 0; i < told_variances.size(); ++i)
-    covariance[told_variances[i]] = static_cast<double>(variance[i]);
+  for (std::size_t i = 0; i < reported_variances.size(); ++i)
+    covariance[reported_variances[i]] = static_cast<double>(variance[i]);
   return covariance;
 }
 
@@ -82,8 +82,8 @@ Result<Odometry> odometry_from_cdr(std::string_view cdr) {
   odometry.position_m = in.get_array<double, 3>();
   odometry.orientation = in.get_array<double, 4>();
   const auto covariance = in.get_array<double, 36>();
-  for (std::size_t i = 0; i < told_variances.size(); ++i)
-    odometry.pose_variance[i] = static_cast<float>(covariance[told_variances[i]]);
+  for (std::size_t i = 0; i < reported_variances.size(); ++i)
+    odometry.pose_variance[i] = static_cast<float>(covariance[reported_variances[i]]);
   odometry.linear_mps = in.get_array<double, 3>();
   odometry.angular_radps = in.get_array<double, 3>();
   (void)in.get_array<double, 36>();
@@ -185,7 +185,7 @@ bool are_sizes(const Numbers& values) {
   return std::all_of(values.begin(), values.end(), [](double v) { return std::abs(v) <= largest; });  // NaN fails
 }
 
-bool believable(const StateSample& s) {
+bool plausible(const StateSample& s) {
   return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) && is_time(s.arrived_ns) &&
          is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
          are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) && are_sizes(s.attitude_rad) &&
@@ -263,7 +263,7 @@ Result<StateSample> link_status_from_cdr(std::string_view cdr) {
   s.attitude_rad = in.get_array<float, 3>();
   s.acceleration_mps2 = in.get_array<float, 3>();
   s.pose_variance = in.get_array<float, 4>();
-  if (in.ok() && !believable(s)) {
+  if (in.ok() && !plausible(s)) {
     return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
   }
   return checked(in, s, link_status_type);
@@ -299,7 +299,8 @@ bool read_value(std::string_view key, std::string_view value, Transition& t) {
   if (key == "stamp_ns") return read_number(value, t.stamp_ns) && is_time(t.stamp_ns);
   if (key == "phase") return read_name(value, t.phase);
   if (key == "mode") return read_name(value, t.mode);
-  if (key == "cause") return read_name(value, t.cause);
+  // Blocks of earlier versions have another word.
+  if (key == "cause") return read_name(value == "ledger_doubted" ? "ledger_untrusted" : value, t.cause);
   return true;
 }
 
@@ -374,7 +375,7 @@ std::string alarms_to_cdr(const Header& header, const std::string& drone, const 
   for (const Alarm& alarm : alarms) {
     put_status(
         out, alarm.stands ? level_error : level_ok, drone + "/alarm/" + alarm.kind,
-        (alarm.stands ? "the ledger is doubted: " : "over: ") + alarm.words, drone,
+        (alarm.stands ? "the ledger is not trusted: " : "over: ") + alarm.words, drone,
         {{"count", std::to_string(alarm.count)}, {"words", alarm.words}, {"block", std::to_string(alarm.block)}});
   }
   return out.take();

@@ -17,8 +17,8 @@ struct Header {
   std::string frame_id;
 };
 
-/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is told (x, y, z, yaw); zeros mean "unknown", as in
-/// ROS. Quaternion order x, y, z, w.
+/// nav_msgs/msg/Odometry. Of its covariances the pose's diagonal is filled in (x, y, z, yaw); zeros mean "unknown", as
+/// in ROS. Quaternion order x, y, z, w.
 struct Odometry {
   Header header;  ///< frame_id "map"
   std::string child_frame_id;
@@ -53,7 +53,7 @@ struct TransformStamped {
 inline constexpr std::string_view transforms_type = "tf2_msgs/msg/TFMessage";
 std::string to_cdr(const std::vector<TransformStamped>& transforms);
 
-/// geometry_msgs/msg/Twist. Numbers are as they came: whoever flies them looks at them first.
+/// geometry_msgs/msg/Twist. Numbers are as they came: a caller that flies them must check them first.
 struct Twist {
   std::array<double, 3> linear_mps{};
   std::array<double, 3> angular_radps{};
@@ -64,7 +64,7 @@ Result<Twist> twist_from_cdr(std::string_view cdr);
 /// std_msgs/msg/Empty: that it came is all it says.
 inline constexpr std::string_view empty_type = "std_msgs/msg/Empty";
 
-/// sensor_msgs/msg/Imu of a drone that tells no angular velocity (its covariance begins with -1, as the message's
+/// sensor_msgs/msg/Imu of a drone that reports no angular velocity (its covariance begins with -1, as the message's
 /// comments ask); the other covariances are zeros ("unknown").
 struct Imu {
   Header header;
@@ -101,7 +101,7 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
 /// The drone's number is left out: its name is in the id.
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr);
 
-/// diagnostic_msgs/msg/DiagnosticArray: why the drone's agent doubts the ledger that it is shown, or did, a
+/// diagnostic_msgs/msg/DiagnosticArray: why the drone's agent does not or did not trust the ledger, a
 /// DiagnosticStatus each. Its name is "<drone>/alarm/<kind>", its level 2 (ERROR) while it stands, else 0 (OK), its
 /// message a sentence, its values count, words and block.
 struct Alarm {

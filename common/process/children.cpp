@@ -240,10 +240,10 @@ void Children::signal_group(const std::string& name, int signal) {
   if (child && child->pid > 0) ::kill(-child->pid, signal);
 }
 
-bool Children::stop(const std::string& name, TimeNs patience_ns) {
+bool Children::stop(const std::string& name, TimeNs timeout_ns) {
   if (!running(name)) return true;
   signal(name, SIGTERM);
-  const TimeNs until_ns = monotonic_ns() + patience_ns;
+  const TimeNs until_ns = monotonic_ns() + timeout_ns;
   while (running(name) && monotonic_ns() < until_ns) poll(10 * ns_per_ms);
   if (!running(name)) return true;
   signal(name, SIGKILL);

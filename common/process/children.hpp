@@ -13,7 +13,7 @@ namespace ledgerline {
 
 /// The programs of a launcher. Each one is a process of its own group (a Ctrl-C at the terminal reaches the launcher
 /// alone), has its standard output read line by line, its standard error in a file, and ends when the launcher dies,
-/// however it dies. Owned by the main thread, which must be the one that lives longest: Linux ends children with the
+/// however it dies. Owned by the main thread, which must outlive all others: Linux ends children with the
 /// thread that made them.
 class Children {
  public:
@@ -46,8 +46,8 @@ class Children {
   void signal(const std::string& name, int signal);
   /// To all that this child started and that stayed in its process group, also after it has ended by itself.
   void signal_group(const std::string& name, int signal);
-  /// SIGTERM, then SIGKILL after `patience_ns`. False when it took the SIGKILL.
-  bool stop(const std::string& name, TimeNs patience_ns);
+  /// SIGTERM, then SIGKILL after `timeout_ns`. False when it took the SIGKILL.
+  bool stop(const std::string& name, TimeNs timeout_ns);
   /// User and system time so far, including that of the processes it started that still run, and of programs that ran
   /// under its name before; 0 when it does not run.
   double cpu_seconds(const std::string& name) const;

@@ -4,9 +4,9 @@
 namespace ledgerline {
 
 /// How a program competes for the processors of a busy host, with all threads and programs that it starts. None of
-/// these is a real-time class: whoever spins under one takes no more than its share.
+/// these is a real-time class: a thread that spins under one takes no more than its share.
 enum class Scheduling {
-  inherited,  ///< as whoever starts it
+  inherited,  ///< as the program that starts it
   /// SCHED_BATCH, nice 19: a seventieth of the share of others, and it interrupts nobody. SCHED_IDLE has a fifth of
   /// that, too little for peers to keep up.
   background,

@@ -10,7 +10,7 @@
 
 namespace ledgerline {
 
-/// One thread since it began, as /proc tells it.
+/// One thread since it began, as /proc reports it.
 struct ThreadUsage {
   std::string program;  ///< "link"; a process that a program started: "fabric/peer"
   std::string name;     ///< of the thread

@@ -17,7 +17,8 @@ std::string version_line(const std::string& program);
 
 /// Logs what went wrong and returns `exit_code`: `return fail(status.error());`
 int fail(const Error& error, int exit_code = exit_failed);
-/// The exit code of work that ended: what went wrong is logged; false is a failure that the program told of itself.
+/// The exit code of work that ended: what went wrong is logged; false is a failure that the program has reported
+/// itself.
 int exit_code(const Status& ended);
 int exit_code(const Result<bool>& ended);
 
@@ -28,8 +29,8 @@ void outlive_readers();
 
 /// A line of results, which are read as they come, or by nobody any more: that is no error.
 void print_line(const std::string& line);
-/// The same of a line that the next one replaces: left out while whoever reads stands still, so that no loop waits for
-/// him. One of more than 4,096 bytes may wait all the same.
+/// The same of a line that the next one replaces: left out while the reader stalls, so no loop waits for it. A line of
+/// more than 4,096 bytes may wait all the same.
 void print_status(const std::string& line);
 
 /// A program whose only argument is a TOML file: `argument` is "--config", or a name for a place on the line.

@@ -49,9 +49,9 @@ Result<std::string> ask_secret(const std::string& prompt) {
   termios before{};
   const bool terminal = ::tcgetattr(STDIN_FILENO, &before) == 0;
   if (terminal) {
-    termios unseen = before;
-    unseen.c_lflag &= ~static_cast<tcflag_t>(ECHO);
-    ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &unseen);
+    termios without_echo = before;
+    without_echo.c_lflag &= ~static_cast<tcflag_t>(ECHO);
+    ::tcsetattr(STDIN_FILENO, TCSAFLUSH, &without_echo);
     std::fprintf(stderr, "%s: ", prompt.c_str());
   }
   std::string secret;

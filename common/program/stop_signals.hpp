@@ -39,7 +39,7 @@ inline sigset_t block_signals(std::initializer_list<int> signals = {SIGINT, SIGT
 }
 
 /// catch_stop_signals() for a loop that waits in ppoll or pselect: signals are blocked but while it waits with the mask
-/// that this returns, so none can come unseen between its look at stop_requested and the wait.
+/// that this returns, so none can be missed between its look at stop_requested and the wait.
 inline sigset_t catch_stop_signals_while_waiting() {
   catch_stop_signals();
   sigset_t blocked, before;

@@ -14,14 +14,14 @@
 
 namespace ledgerline {
 
-/// From any threads to one loop, which the box's file descriptor wakes at once; letters come out in the order in which
+/// From any threads to one loop, which the box's file descriptor wakes at once; events come out in the order in which
 /// they were put. Nobody takes a lock, so no thread that is put aside in here holds up another: the loop's take is one
-/// exchange, wait-free, and a put tries again only if another came in between. (The heap, where letters lie, is
+/// exchange, wait-free, and a put tries again only if another came in between. (The heap, where events lie, is
 /// shared.)
 ///
-/// Bounded: whoever brings a letter by put_in_turn() into a full box waits, so a stream slows down instead of memory
-/// growing; put() never waits and may come from the loop itself: for letters of which only few can exist.
-template <typename Letter>
+/// Bounded: a caller of put_in_turn() waits while the box is full, so a stream slows down instead of memory
+/// growing; put() never waits and may come from the loop itself: for events of which only few can exist.
+template <typename Event>
 class Mailbox {
  public:
   explicit Mailbox(std::uint32_t max_in_turn = 256)
@@ -34,17 +34,17 @@ class Mailbox {
   Mailbox(const Mailbox&) = delete;
   Mailbox& operator=(const Mailbox&) = delete;
 
-  /// Any thread but the loop's. Returns at once after close(): the letter is then thrown away.
-  void put_in_turn(Letter letter) {
-    if (wait_for_room()) push(std::make_unique<Node>(Node{std::move(letter), true, nullptr}));
+  /// Any thread but the loop's. Returns at once after close(): the event is then thrown away.
+  void put_in_turn(Event event) {
+    if (wait_for_room()) push(std::make_unique<Node>(Node{std::move(event), true, nullptr}));
   }
 
   /// Any thread.
-  void put(Letter letter) {
-    if ((in_turn_.load() & closed) == 0) push(std::make_unique<Node>(Node{std::move(letter), false, nullptr}));
+  void put(Event event) {
+    if ((in_turn_.load() & closed) == 0) push(std::make_unique<Node>(Node{std::move(event), false, nullptr}));
   }
 
-  /// Any thread: wakes the loop without a letter.
+  /// Any thread: wakes the loop without an event.
   void wake() {
     const std::uint64_t one = 1;
     (void)!::write(wake_fd_, &one, sizeof one);  // fails only when 2^64 - 2 wakes wait already
@@ -60,28 +60,28 @@ class Mailbox {
 
   /// The loop only: all that has come, in order. Also clears the descriptor, and does so first: who puts behind the
   /// take wakes behind the clearing.
-  std::deque<Letter> take_all() {
+  std::deque<Event> take_all() {
     std::uint64_t count = 0;
     (void)!::read(wake_fd_, &count, sizeof count);  // nothing to read: nothing has come
-    std::deque<Letter> letters;
+    std::deque<Event> events;
     std::uint32_t in_turn = 0;
     for (Node* newest = newest_.exchange(nullptr, std::memory_order_acquire); newest;) {
       const std::unique_ptr<Node> node(newest);
       newest = node->older;
       in_turn += node->in_turn ? 1 : 0;
-      letters.push_front(std::move(node->letter));
+      events.push_front(std::move(node->event));
     }
     if (in_turn > 0) {
       in_turn_.fetch_sub(in_turn);
       in_turn_.notify_all();  // a system call only where somebody waits
     }
-    return letters;
+    return events;
   }
 
   /// Readable while there is something to take.
   int wake_fd() const { return wake_fd_; }
 
-  /// Lets everybody go who waits; from now on letters are thrown away.
+  /// Lets everybody go who waits; from now on events are thrown away.
   void close() {
     in_turn_.fetch_or(closed);
     in_turn_.notify_all();
@@ -89,7 +89,7 @@ class Mailbox {
 
  private:
   struct Node {
-    Letter letter;
+    Event event;
     bool in_turn = false;
     Node* older = nullptr;
   };
@@ -110,8 +110,8 @@ class Mailbox {
   }
 
   // The loop takes all or nothing, so a node that is the newest again is never one that was away meanwhile.
-  void push(std::unique_ptr<Node> letter) {
-    Node* const node = letter.release();
+  void push(std::unique_ptr<Node> event) {
+    Node* const node = event.release();
     node->older = newest_.load(std::memory_order_relaxed);
     while (!newest_.compare_exchange_weak(node->older, node, std::memory_order_release, std::memory_order_relaxed)) {
     }
@@ -121,7 +121,7 @@ class Mailbox {
   const std::uint32_t max_in_turn_;
   const int wake_fd_;
   std::atomic<Node*> newest_{nullptr};
-  std::atomic<std::uint32_t> in_turn_{0};  ///< letters of put_in_turn() that are in here, or come now; and `closed`
+  std::atomic<std::uint32_t> in_turn_{0};  ///< events of put_in_turn() that are in here, or come now; and `closed`
 };
 
 }  // namespace ledgerline

@@ -19,7 +19,7 @@ struct RealTime {
 Status schedule_fifo(int priority);
 
 /// For the calling thread: SCHED_FIFO at `priority` (0: none wanted), pinned to `cpu` (-1: any), memory locked. What is
-/// not permitted is a notice, not an error: on a desk the loop runs well enough without.
+/// not permitted is a notice, not an error: on a developer's computer the loop runs well enough without.
 RealTime enter_real_time(int priority, int cpu);
 
 }  // namespace ledgerline

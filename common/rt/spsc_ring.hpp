@@ -9,7 +9,7 @@ namespace ledgerline {
 
 /// Wait-free queue from one producer thread to one consumer thread, of fixed capacity (a power of two).
 /// A full ring refuses the new element; the producer counts or merges, by its own rule. No heap, no lock, no system
-/// call. Indices only grow; an element's place is index modulo capacity, so full and empty are told apart without a
+/// call. Indices only grow; an element's place is index modulo capacity, so full and empty are distinguished without a
 /// spare slot. Each side keeps the other's index as it last saw it, and looks again only when that one says full or
 /// empty: so the two threads share a cache line only when they must.
 template <typename T, std::size_t Capacity>

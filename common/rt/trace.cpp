@@ -14,7 +14,7 @@ namespace ledgerline {
 namespace {
 
 constexpr std::size_t buffered_records = 256;
-constexpr TimeNs max_buffered_ns = ns_per_s;  // whoever follows the file is not further behind
+constexpr TimeNs max_buffered_ns = ns_per_s;  // a reader that follows the file is not further behind
 
 struct FileHeader {
   char magic[8] = {'L', 'L', 'T', 'R', 'A', 'C', 'E', '1'};
@@ -62,7 +62,7 @@ TraceWriter& TraceWriter::operator=(TraceWriter&& other) noexcept {
 
 TraceWriter::~TraceWriter() {
   if (fd_ < 0) return;
-  (void)flush();  // a failed flush has been reported by the flush before it; there is nobody left to tell here
+  (void)flush();  // a failed flush has been reported by the flush before it; there is nobody left to report to here
   ::close(fd_);
 }
 

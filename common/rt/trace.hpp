@@ -38,7 +38,7 @@ enum class TraceKind : std::uint16_t {
   loop_turns = 20,         ///< link: id = number of the first turn, extra = how many, stamp = when the first was due,
                            ///< v = how late each began: 16 × 16 bits, us (PackedTurns in common/rt/loop_ticker.hpp)
   rc_sent = 21,            ///< link: v = the four sticks of an rc, as the SDK has them
-  pose_told = 22,          ///< link: id = state sequence, t = that of its state_sampled, stamp = the pose's, v = its
+  pose_reported = 22,      ///< link: id = state sequence, t = that of its state_sampled, stamp = the pose's, v = its
                            ///< variances along x, y, z [m2] and of yaw [rad2]; only of a pose that has any
   setpoint_left = 23,      ///< link: as command_applied, when the network device had the datagram (SO_TIMESTAMPING)
 };

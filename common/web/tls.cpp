@@ -22,7 +22,8 @@ constexpr std::size_t max_file_bytes = 1 << 20;
 /// Without it OpenSSL would ask for the pass phrase of a locked key at the terminal, and wait.
 int no_pass_phrase(char*, int, int, void*) { return -1; }
 
-/// The newest error of this thread's queue, which is then empty: whoever else speaks TLS here reads that queue, too.
+/// The newest error of this thread's queue, which is then empty: any other TLS code of this thread reads that queue,
+/// too.
 std::string openssl_error() {
   const char* words = ERR_reason_error_string(ERR_peek_last_error());
   ERR_clear_error();
@@ -62,7 +63,7 @@ Status use_own(ssl::context& context, const TlsFiles& files) {
   return done;
 }
 
-Status believe(ssl::context& context, const std::string& file) {
+Status trust(ssl::context& context, const std::string& file) {
   const auto authorities = read_file(file);
   if (!authorities) return authorities.error();
   boost::system::error_code error;
@@ -77,11 +78,11 @@ Result<TlsContext> server_tls(const TlsFiles& files) {
   TlsContext context = context_of(ssl::context::tls_server);
   if (auto status = use_own(*context, files); !status) return status.error();
   if (files.authority.empty()) return context;
-  if (auto status = believe(*context, files.authority); !status) return status.error();
-  // Told to clients, so that a browser offers the right one.
-  auto* const told = SSL_load_client_CA_file(files.authority.c_str());
-  if (!told) return Error{fmt::format("{} has no certificate in PEM: {}", files.authority, openssl_error())};
-  SSL_CTX_set_client_CA_list(context->native_handle(), told);
+  if (auto status = trust(*context, files.authority); !status) return status.error();
+  // Sent to clients, so that a browser offers the right one.
+  auto* const reported = SSL_load_client_CA_file(files.authority.c_str());
+  if (!reported) return Error{fmt::format("{} has no certificate in PEM: {}", files.authority, openssl_error())};
+  SSL_CTX_set_client_CA_list(context->native_handle(), reported);
   context->set_verify_mode(ssl::verify_peer | ssl::verify_fail_if_no_peer_cert);
   return context;
 }
@@ -92,7 +93,7 @@ Result<TlsContext> client_tls(const TlsFiles& files) {
   if (files.authority.empty()) {
     SSL_CTX_set_default_verify_paths(context->native_handle());
   } else {
-    if (auto status = believe(*context, files.authority); !status) return status.error();
+    if (auto status = trust(*context, files.authority); !status) return status.error();
     X509_VERIFY_PARAM_set_flags(SSL_CTX_get0_param(context->native_handle()), X509_V_FLAG_PARTIAL_CHAIN);
   }
   if (files.certificate.empty()) return context;

@@ -16,7 +16,7 @@ using TlsContext = std::shared_ptr<boost::asio::ssl::context>;
 
 /// Of a server. With an authority nobody gets past the handshake without a certificate of it. An error names the file.
 Result<TlsContext> server_tls(const TlsFiles& files);
-/// Of a client. Without an authority the system's are believed; one that is named is believed alone, and may be the
+/// Of a client. Without an authority the system's are trusted; one that is named is trusted alone, and may be the
 /// server's own certificate.
 Result<TlsContext> client_tls(const TlsFiles& files);
 

@@ -33,7 +33,7 @@ void Channel::open_stream() {
     tell(connected, why);
     put_(StreamState{connected, why});
   };
-  handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
+  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what)
       spdlog::error("{}the ledger's blocks contradict what is known: {}", label_, what);
@@ -53,7 +53,8 @@ void Channel::close() {
 }
 
 Status Channel::read_controls() {
-  const auto controls = belief::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
+  const auto controls =
+      verification::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
   if (!controls) return Error{label_ + controls.error().what};
   return set_controls(*controls);
 }
@@ -68,14 +69,14 @@ Status Channel::set_controls(const std::vector<Control>& controls) {
 Result<bool> Channel::take(const fabric::Block& block) {
   const auto next = control_start_.on_block(block);
   if (!next) return Error{label_ + next.error().what};
-  if (*next == belief::ControlStart::Next::read) {
+  if (*next == verification::ControlStart::Next::read) {
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
-      auto controls = belief::keep_reading_controls(
+      auto controls = verification::keep_reading_controls(
           stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
       if (!stop.stop_requested()) put_(ControlsRead{std::move(controls)});
     });
   }
-  return *next == belief::ControlStart::Next::take;
+  return *next == verification::ControlStart::Next::take;
 }
 
 Result<std::vector<fabric::Block>> Channel::take(const ControlsRead& read) {

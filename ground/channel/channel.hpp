@@ -6,10 +6,10 @@
 #include <variant>
 #include <vector>
 
-#include "common/belief/control_records.hpp"
 #include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/stream/confirmations.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/core/flight.hpp"
 
 namespace ledgerline::ground {
@@ -38,9 +38,9 @@ class Channel {
   struct ControlsRead {
     Result<std::vector<Control>> controls;
   };
-  using News = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
+  using Update = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
   /// Any thread, but one that may wait where a block comes.
-  using Put = std::function<void(News)>;
+  using Put = std::function<void(Update)>;
 
   /// `label` begins what is said; empty: there is one channel.
   Channel(Parts parts, std::string label, Put put);
@@ -61,7 +61,7 @@ class Channel {
   Result<std::vector<fabric::Block>> take(const ControlsRead& read);
   /// The outcome is put.
   void submit(Submission submission);
-  /// Ends all that puts; what is under way is put as unavailable. Before what `put` needs is gone.
+  /// Ends everything that puts; what is in flight is put as unavailable. Call it before what `put` needs is gone.
   void close();
   /// What becomes of a submission that somebody else signs.
   std::function<void(fabric::Outcome)> on_end(const Submission& submission) const;
@@ -73,7 +73,7 @@ class Channel {
   const std::vector<std::string> names_;  ///< of the drones
   const std::string label_;
   const Put put_;
-  belief::ControlStart control_start_;
+  verification::ControlStart control_start_;
   fabric::KeptCheckpoint kept_;  ///< until open_stream()
 
   std::unique_ptr<fabric::Client> client_, urgent_;

@@ -11,9 +11,6 @@
 #include <variant>
 
 #include "common/base/log.hpp"
-#include "common/belief/client.hpp"
-#include "common/belief/control_events.hpp"
-#include "common/belief/control_records.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/repeated.hpp"
@@ -24,6 +21,9 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/mailbox.hpp"
+#include "common/verification/client.hpp"
+#include "common/verification/control_events.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/control/table.hpp"
 #include "ledgerline.pb.h"
 
@@ -159,7 +159,7 @@ fabric::RepeatLimits limits_of(const Options& options) {
   return {.attempts = 10, .conflicts_only = true};
 }
 
-/// Whoever hammers makes these invalid again and again, unless the drones are claimed for them.
+/// A client that floods the ledger makes these invalid repeatedly, unless the drones are claimed for them.
 bool may_claim(const Options& options) {
   return options.function == contract::evict || options.function == contract::grant ||
          options.function == contract::resume;
@@ -196,7 +196,8 @@ Status print_answer(const std::string& bytes) {
   return done;
 }
 
-/// Page by page. Of each organisation its first, unless one is named: whoever mints identities hides nobody else's.
+/// Page by page. Of each organisation its first, unless one is named: one that mints identities hides no other
+/// organisation's.
 Status print_anchors(fabric::Client& client, AnchorCall asked, const std::string& file) {
   constexpr int max_pages = 1'000;
   Anchors all;
@@ -218,10 +219,10 @@ constexpr const char* show = "show";
 
 /// The control records of the drones that were named, or of all, in pages.
 Result<std::vector<Control>> read_records(fabric::Client& client, const Options& options) {
-  const belief::Evaluate evaluate = [&](const fabric::Call& call) { return client.evaluate(call); };
-  if (!options.drones.empty()) return belief::read_controls(options.drones, evaluate);
+  const verification::Evaluate evaluate = [&](const fabric::Call& call) { return client.evaluate(call); };
+  if (!options.drones.empty()) return verification::read_controls(options.drones, evaluate);
   std::vector<Control> controls;
-  const Status status = belief::read_all("control", evaluate, [&](const Asset& asset) {
+  const Status status = verification::read_all("control", evaluate, [&](const Asset& asset) {
     return parse_message(asset.msg_data(), controls.emplace_back());
   });
   if (!status) return status.error();
@@ -239,29 +240,29 @@ Status show_records(fabric::Client& client, const Options& options) {
 
 bool changes_records(const fabric::Block& block) {
   return std::any_of(block.transactions.begin(), block.transactions.end(),
-                     [](const auto& tx) { return tx.code == 0 && belief::is_control_event(tx.event_name); });
+                     [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
 }
 
 /// Once, and again behind each block that changes a record, until asked to end.
 Status show_live(fabric::Client& client, const Options& options) {
   std::atomic<bool> changed{true};
-  Mailbox<std::monostate> bell;
+  Mailbox<std::monostate> wakeup;
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [&](const fabric::Block& block, std::string_view) {
     if (!changes_records(block)) return;
     changed = true;
-    bell.wake();
+    wakeup.wake();
   };
   handlers.on_connection = [&](bool connected, const std::string& why) {
     if (!connected) spdlog::warn("block stream: {}", why);
     changed = true;  // behind a break, too: what came meanwhile was not seen
-    bell.wake();
+    wakeup.wake();
   };
   const auto stream = client.blocks(std::nullopt, std::move(handlers));
   while (!stop_requested) {
     if (!changed.exchange(false)) {
-      bell.wait(200 * ns_per_ms);  // and see whether to end
-      bell.take_all();
+      wakeup.wait(200 * ns_per_ms);  // and see whether to end
+      wakeup.take_all();
       continue;
     }
     if (auto status = show_records(client, options); !status) return status;
@@ -276,7 +277,7 @@ Status call_contract(const Options& options) {
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
   const std::string own_msp_id = ledger->identity.name.msp_id;
-  auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
+  auto client = fabric::Client::create(verification::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   if (options.function == show) return options.live ? show_live(**client, options) : show_records(**client, options);
   auto call = make_call(options, own_msp_id);
@@ -364,7 +365,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
     answer.option("--cert", options.certificate, "or its certificate, PEM").existing_file();
   }
   add(contract::evict, "take the lease from its holder (a supervisor of the drone's organisation, or its host)");
-  Verb stop = add(contract::stop, "land at once, whoever flies");
+  Verb stop = add(contract::stop, "land at once, no matter who flies");
   stop.flag("--cut", options.cut, "motors off instead of landing");
   stop.option("--within", options.within_s, "seconds for which it is said again until it is on the ledger")
       .within(0.0, 3600.0)

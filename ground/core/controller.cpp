@@ -22,11 +22,11 @@ double wrap(double angle) { return std::remainder(angle, 2 * std::numbers::pi); 
 
 motion::PredictorConfig predictor_of(const ControllerConfig& config) {
   motion::PredictorConfig predictor;
-  // Whoever says how slowly a drone answers means all of it; a third of that goes into leaning over.
+  // The configured lag of a drone is its whole delay; a third of that goes into leaning over.
   const double dead_s = config.lag_s / 3;
   predictor.first.dead_s = dead_s;
   predictor.first.lag_s = config.lag_s - dead_s;
-  predictor.told_acceleration_mps2 = config.told_mps2;
+  predictor.sent_acceleration_mps2 = config.max_acceleration_mps2;
   return predictor;
 }
 
@@ -34,7 +34,7 @@ motion::PredictorConfig predictor_of(const ControllerConfig& config) {
 
 motion::TrackLimits track_limits(const ControllerConfig& config) {
   motion::TrackLimits limits;
-  limits.told_mps = config.told_mps;
+  limits.full_scale_mps = config.full_scale_mps;
   limits.lag_s = config.lag_s;
   limits.vertical_mps = 0.8 * config.max_vertical_mps;
   return limits;
@@ -79,8 +79,8 @@ void PredictionError::seen(const Motion& state) {
 }
 
 double PredictionError::share() const {
-  constexpr double doubt_m2 = 0.5;  // metres of way, squared, until what was seen weighs as much as not knowing
-  const double mean = (errors_m2_ + unknown * unknown * doubt_m2) / (ways_m2_ + doubt_m2);
+  constexpr double prior_m2 = 0.5;  // metres of way, squared, until what was seen weighs as much as not knowing
+  const double mean = (errors_m2_ + unknown * unknown * prior_m2) / (ways_m2_ + prior_m2);
   return std::max(least, std::sqrt(mean));
 }
 
@@ -131,7 +131,7 @@ double PathController::expected_s(int laps) const {
 }
 
 double PathController::speed_at(double s_m) const {
-  const double max_mps = std::min({asked_mps(s_m), limit_mps_, config_.told_mps * predictor_.response().gain});
+  const double max_mps = std::min({asked_mps(s_m), limit_mps_, config_.full_scale_mps * predictor_.response().gain});
   return std::min({track_.speed_at(s_m), max_mps, motion::from_rest_to_rest_mps(s_m, end_m_)});
 }
 
@@ -183,7 +183,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
                            position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
                            config_.velocity_gain * (reference - from.velocity_mps.head<2>());
   wanted = (wanted - predictor_.drift_mps().head<2>()) / model.gain;
-  const double max_mps = std::min(config_.told_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
+  const double max_mps = std::min(config_.full_scale_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
   if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   Setpoint setpoint = level(from, place.position_m.z(), climb);
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
@@ -224,8 +224,8 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
     Setpoint setpoint = steer(middle, 0.5 * (s_m + next_m));
     setpoint.at_ns = first_ns + static_cast<TimeNs>(i) * step_ns;
     plan.push_back(setpoint);
-    const Eigen::Vector3d told(setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2]);
-    rollout.tell(told, static_cast<double>(setpoint.yaw_rate_radps), rollout.told_until_ns() + step_ns);
+    const Eigen::Vector3d sent(setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2]);
+    rollout.tell(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns);
     s_m = next_m;
   }
   predictor_.sent(id, plan);
@@ -250,7 +250,7 @@ std::vector<Setpoint> PathController::plan_plain(TimeNs first_ns) {
       moving ? Eigen::Vector2d(plain_mps(progress_m_) * path_.direction(progress_m_)) : Eigen::Vector2d::Zero();
   Eigen::Vector2d wanted = reference + config_.position_gain * (path_.point(progress_m_) - raw_.position_m.head<2>()) +
                            config_.velocity_gain * (reference - raw_.velocity_mps.head<2>());
-  const double max_mps = std::min(config_.told_mps, 1.5 * plain_mps(progress_m_) + 0.3);
+  const double max_mps = std::min(config_.full_scale_mps, 1.5 * plain_mps(progress_m_) + 0.3);
   if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   const double climb_mps = moving ? plain_mps(progress_m_) * path_.climb(progress_m_, config_.height_m) : 0;
   Setpoint setpoint = level(raw_, path_.height_m(progress_m_, config_.height_m), climb_mps);

@@ -27,10 +27,10 @@ struct ControllerConfig {
   double speed_mps = 0.5;
   Ramp ramp;
   double height_m = 1.0;
-  double lag_s = 0.3;          ///< of the drone's answer to a velocity setpoint, taken until it was learned
-  double told_mps = 1.0;       ///< what the drone can be told at most: rc 100
-  double told_mps2 = 4.0;      ///< link's limit of acceleration
-  double position_gain = 2.0;  ///< 1/s; with the lag: damped nearly critically by velocity_gain
+  double lag_s = 0.3;                  ///< of the drone's answer to a velocity setpoint, taken until it was learned
+  double full_scale_mps = 1.0;         ///< what the drone can be commanded at most: rc 100
+  double max_acceleration_mps2 = 4.0;  ///< link's limit of acceleration
+  double position_gain = 2.0;          ///< 1/s; with the lag: damped nearly critically by velocity_gain
   double velocity_gain = 0.4;
   double height_gain = 1.0;  ///< 1/s
   double yaw_gain = 1.0;     ///< 1/s
@@ -70,7 +70,7 @@ class PredictionError {
 /// corrections of position and velocity, less the wind's drift, over the drone's gain. Each plan starts from the state
 /// predicted for the moment when its first setpoint takes effect (motion::Predictor), and ends as late as asked for.
 ///
-/// With u told, and the model lag v' = gain u + drift - v, the law
+/// With u commanded, and the model lag v' = gain u + drift - v, the law
 ///     u = (v_ref + lag a_ref + K (p_ref - p) + V (v_ref - v) - drift) / gain
 /// leaves lag e'' + (1 + V) e' + K e = 0 of the error. K falls with the age at application, as 1.6 / age: what the
 /// model does not say must not be corrected faster than it is seen.

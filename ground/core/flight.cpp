@@ -7,10 +7,10 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
-#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -47,7 +47,7 @@ std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std:
   return std::nullopt;
 }
 
-FlightCore::Drone::Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen,
+FlightCore::Drone::Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const IntakeState& seen,
                          const PlanTiming& timing)
     : planner(config, i, lease, seen, status), phases(config, lease, seen, timing, planner, status) {}
 
@@ -96,7 +96,7 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
   }
   const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
-  // Of all that is commanded in one step the safest counts, whoever says it.
+  // Of all commands in one step the safest counts, no matter who gives it.
   for (const PilotCommand& command : inputs.commands) {
     if (brings_down(command)) take_command(now_ns, command, out);
   }
@@ -135,7 +135,7 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
 void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   std::size_t looked_at = out.news.size();
   for (const fabric::Transaction& tx : inputs.block->transactions) {
-    if (!tx.problem.empty()) ++transactions_.unbelievable;
+    if (!tx.problem.empty()) ++transactions_.invalid;
     if (tx.code != 0 || tx.config) continue;
     if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
     if (tx.event_name == contract::set) {
@@ -144,13 +144,13 @@ void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOut
       for (; looked_at < out.news.size(); ++looked_at) take_alarm(out.news[looked_at], out);
     } else if (tx.event_name == contract::command) {
       if (outbox_) outbox_->take_block(now_ns, tx);
-    } else if (belief::is_control_event(tx.event_name)) {
+    } else if (verification::is_control_event(tx.event_name)) {
       for (const LeaseBook::Change& change : leases_.take(tx, inputs.realtime_s)) lease_changed(now_ns, change);
     }
   }
 }
 
-void FlightCore::take_alarm(const DroneNews& news, FlightOutputs& out) {
+void FlightCore::take_alarm(const DroneUpdate& news, FlightOutputs& out) {
   if (news.alarm.empty()) return;
   const auto alarms = alarms_from_cdr(news.alarm);
   if (!alarms) {
@@ -161,11 +161,12 @@ void FlightCore::take_alarm(const DroneNews& news, FlightOutputs& out) {
   const std::string& name = config_.drones[news.drone].name;
   ++status.alarms;
   const auto standing = std::find_if(alarms->begin(), alarms->end(), [](const Alarm& alarm) { return alarm.stands; });
-  status.ledger_doubted = standing != alarms->end();
-  out.notes.push_back(status.ledger_doubted ? fmt::format("{}: its agent doubts the ledger: {} ({} times): {}", name,
-                                                          printable(standing->kind, max_kind), standing->count,
-                                                          printable(standing->words, max_alarm_words))
-                                            : fmt::format("{}: its agent believes the ledger again", name));
+  status.ledger_untrusted = standing != alarms->end();
+  out.notes.push_back(status.ledger_untrusted
+                          ? fmt::format("{}: its agent does not trust the ledger: {} ({} times): {}", name,
+                                        printable(standing->kind, max_kind), standing->count,
+                                        printable(standing->words, max_alarm_words))
+                          : fmt::format("{}: its agent trusts the ledger again", name));
 }
 
 void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out) {
@@ -199,7 +200,7 @@ void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
   }
   Phases& phases = drones_[change.drone]->phases;
   phases.lease_changed(now_ns);
-  // A path is its giver's: whoever has the drone now gives his own.
+  // A path belongs to the pilot who gave it: the drone's new holder gives another.
   if (change.new_epoch && config_.manual && drones_[change.drone]->status.phase == DronePhase::path)
     (void)phases.take_pause(now_ns);
 }
@@ -225,7 +226,7 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
     const std::string why = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
                                                                : config_.manual ? ""
                                                                                 : "landed by its pilot");
-    // A stop is the ledger's, whoever flies.
+    // A stop comes from the ledger, no matter who flies.
     if (!why.empty() && !stop) refuse(now_ns, command.drone, "no landing: " + why, out);
   } else if (const std::string whose = held_by_another(command); !whose.empty()) {
     if (command.takeoff || command.order || command.pause || command.velocity)
@@ -266,7 +267,7 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
 
 std::string FlightCore::held_by_another(const PilotCommand& command) const {
   const Lease& lease = leases_.of(command.drone);
-  // What we do not command we do not fly, whoever commands.
+  // We do not fly a drone that we do not command, no matter who asks for it.
   if (!lease.holder || lease.commander != config_.self) return "";
   if (lease.holder == (command.by ? *command.by : config_.self)) return "";
   return "its lease is held by " + holder_words(lease) + ": the holder's word counts";
@@ -291,7 +292,7 @@ void FlightCore::hand_over(TimeNs now_ns, std::size_t index, PlannedCommand comm
   command.plan.set_epoch(1);
   ++drones_[index]->status.commands_sent;
   out.traces.push_back(trace_of(config_.drones[index], command, now_ns));
-  out.plans.push_back(belief::plan_of(config_.drones[index].number, command.plan));
+  out.plans.push_back(verification::plan_of(config_.drones[index].number, command.plan));
 }
 
 bool FlightCore::done() const {

@@ -56,12 +56,12 @@ class FlightCore {
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
   const FlightStatus& status(std::size_t drone) const;
-  const Seen& seen(std::size_t drone) const { return intake_.of(drone); }
+  const IntakeState& seen(std::size_t drone) const { return intake_.of(drone); }
   const Lease& lease(std::size_t drone) const { return leases_.of(drone); }
   const FlightConfig& config() const { return config_; }
   double height_m() const { return config_.controller.height_m; }
   const FlightTransactions& transactions() const { return transactions_; }
-  /// The way there and back that plans are made for; the longest of all drones'.
+  /// The round trip that plans are made for; the maximum over all drones.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
   /// Who steers along a path that is flown or was; null before.
   const Follower* follower(std::size_t drone) const;
@@ -70,7 +70,8 @@ class FlightCore {
 
  private:
   struct Drone {
-    Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const Seen& seen, const PlanTiming& timing);
+    Drone(const FlightConfig& config, std::size_t i, const Lease& lease, const IntakeState& seen,
+          const PlanTiming& timing);
     FlightStatus status;
     Planner planner;
     Phases phases;
@@ -82,7 +83,7 @@ class FlightCore {
   };
 
   void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
-  void take_alarm(const DroneNews& news, FlightOutputs& out);
+  void take_alarm(const DroneUpdate& news, FlightOutputs& out);
   void take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
   void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
   void take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);

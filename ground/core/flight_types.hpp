@@ -25,7 +25,7 @@ struct FlightDrone {
   std::optional<Task> task{};  ///< nothing: what the flight says
 };
 
-/// Of what is told to people.
+/// Of messages to people.
 enum class Level { info, warning, alarm };
 
 /// What is done with a request for a drone that we hold when our operator has not answered it in time.
@@ -45,8 +45,8 @@ struct FlightConfig {
   MakeFollower follower{};    ///< who steers along the path; null: PathController
   crypto::IdentityName self;  ///< whose lease it must be
   std::shared_ptr<crypto::MspRegistry>
-      believed;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
-                 ///< what their signer asked for; null: not checked
+      trusted;  ///< states must be signed by one of these, the drone's owner, and control events must follow from
+                ///< what their signer asked for; null: not checked
   fabric::ChannelAndContract where;  ///< what comes from elsewhere is not for us
   RequestRule request_rule = RequestRule::none;
   TimeNs request_after_ns = 0;  ///< so long our operator may answer a request before the rule does
@@ -90,7 +90,7 @@ struct PilotOrder {
 /// What a pilot wants of one drone, since the last time. Of several words the safest counts: cut, stop, land, pause.
 struct PilotCommand {
   std::size_t drone = 0;                     ///< index into FlightConfig::drones
-  std::optional<crypto::IdentityName> by{};  ///< the operator whose word it is; none: whoever ground serves
+  std::optional<crypto::IdentityName> by{};  ///< the operator who gave it; none: any client that ground serves
   std::optional<Twist> velocity{};
   TimeNs came_ns = 0;  ///< when the velocity came; the ground's clock
   bool takeoff = false, land = false;
@@ -98,7 +98,7 @@ struct PilotCommand {
   /// command, too.
   bool pause = false;
   std::optional<PilotOrder> order{};  ///< the newest; no match for land, stop and cut
-  bool stop = false, cut = false;     ///< the contract's stop: land now, whoever flies; motors off at once
+  bool stop = false, cut = false;     ///< the contract's stop: land now, no matter who flies; motors off at once
   std::uint64_t replaced = 0;         ///< velocities for which a newer one came before anybody looked
   std::uint64_t bad_values = 0;       ///< velocities that no drone can fly
   std::uint64_t malformed = 0;        ///< messages that are not what their topic says
@@ -107,7 +107,7 @@ struct PilotCommand {
 
 /// What is taken at any time, and before all else.
 inline bool brings_down(const PilotCommand& command) { return command.stop || command.cut || command.land; }
-/// What needs no operator who is signed in: it lands the drone. A cut drops it, on whoever stands below.
+/// What needs no operator who is signed in: it lands the drone. A cut drops it, on people who may stand below.
 inline bool only_lands(const PilotCommand& command) { return (command.stop || command.land) && !command.cut; }
 
 struct FlightInputs {
@@ -122,18 +122,18 @@ struct FlightInputs {
 };
 
 /// What a block says of a drone; CDR as it came. Empty is what it does not say, or has said before.
-struct DroneNews {
+struct DroneUpdate {
   std::size_t drone = 0;  ///< index into FlightConfig::drones
   std::optional<StateSample> state;
   std::string odometry, battery;  ///< of the state's moment
   std::string transitions;        ///< of the failsafe
-  std::string alarm;              ///< why its agent doubts the ledger, or did
+  std::string alarm;              ///< why its agent does not or did not trust the ledger
 };
 
 struct FlightOutputs {
   std::vector<Submission> submissions;
   std::vector<TraceRecord> traces;
-  std::vector<DroneNews> news;
+  std::vector<DroneUpdate> news;
   std::vector<std::string> notes;  ///< for the log: what a pilot asked for and did not get; a path that is flown slower
   std::vector<Plan> plans;         ///< without a ledger: straight to link
 };
@@ -169,17 +169,17 @@ struct FlightStatus {
   double limit_mps = 0;                 ///< the latency-aware limit now; 0: none known, or no prediction
   std::optional<double> slowed_to_mps;  ///< the least limit that was below the speed asked for
   motion::Response response;            ///< as learned so far
-  std::uint64_t alarms = 0;             ///< of its agent, which doubts the ledger that it is shown
-  bool ledger_doubted = false;          ///< as the newest of them says
+  std::uint64_t alarms = 0;             ///< of its agent, which does not trust the ledger
+  bool ledger_untrusted = false;        ///< as the newest of them says
   std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
 };
 
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
   std::uint64_t malformed = 0;   ///< frames and states that are none
-  std::uint64_t unbelieved = 0;  ///< states whose signer is not the owner of the drone, or not believed; control events
+  std::uint64_t unverified = 0;  ///< states whose signer is not the owner of the drone, or not trusted; control events
   std::uint64_t altered = 0;     ///< events that are not what their signer asked for, records that follow from nothing
-  std::uint64_t unbelievable = 0;  ///< not what their flags say (fabric::Transaction::problem)
+  std::uint64_t invalid = 0;     ///< not what their flags say (fabric::Transaction::problem)
 };
 
 /// What this drone flies: its own task, or the flight's.

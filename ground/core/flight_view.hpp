@@ -39,10 +39,10 @@ class FlightView {
   const std::string& channel_of(std::size_t drone) const { return core_of(drone).config().where.channel; }
 
   const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(places_[drone].drone); }
-  const Seen& seen(std::size_t drone) const { return core_of(drone).seen(places_[drone].drone); }
+  const IntakeState& seen(std::size_t drone) const { return core_of(drone).seen(places_[drone].drone); }
   const Lease& lease(std::size_t drone) const { return core_of(drone).lease(places_[drone].drone); }
   const PathController* controller(std::size_t drone) const { return core_of(drone).controller(places_[drone].drone); }
-  /// What is the same for all flights: all but drones, `where` and `believed`.
+  /// What is the same for all flights: all but drones, `where` and `trusted`.
   const FlightConfig& config() const { return cores_.front()->config(); }
   double height_m() const { return cores_.front()->height_m(); }
 
@@ -56,9 +56,9 @@ class FlightView {
     return text;
   }
   TimeNs delay_ns() const {
-    TimeNs longest = 0;
-    for (const FlightCore* core : cores_) longest = std::max(longest, core->delay_ns());
-    return longest;
+    TimeNs delay = 0;
+    for (const FlightCore* core : cores_) delay = std::max(delay, core->delay_ns());
+    return delay;
   }
 
  private:

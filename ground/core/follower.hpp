@@ -9,8 +9,8 @@
 
 namespace ledgerline::ground {
 
-/// Steers one drone along its path: what Planner and Phases ask of whoever flies it. Our own is PathController; a
-/// plug-in's is ground/plugin/plugin.hpp. Times are the drone host's clock. One thread.
+/// Steers one drone along its path: what Planner and Phases need of the controller that flies it. Our own is
+/// PathController; a plug-in's is ground/plugin/plugin.hpp. Times are the drone host's clock. One thread.
 class Follower {
  public:
   virtual ~Follower() = default;

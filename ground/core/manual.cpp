@@ -5,7 +5,7 @@
 
 namespace ledgerline::ground {
 
-bool believable(const Twist& command) {
+bool plausible(const Twist& command) {
   const auto within = [](const std::array<double, 3>& values) {
     return std::all_of(values.begin(), values.end(),
                        [](double v) { return std::abs(v) <= absurd_speed; });  // NaN fails
@@ -16,7 +16,7 @@ bool believable(const Twist& command) {
 bool is_deliberate(const Twist& command, const ControllerConfig& limits) {
   constexpr double at_rest = 0.1;
   const auto& [x, y, z] = command.linear_mps;
-  return believable(command) &&
+  return plausible(command) &&
          (std::hypot(x, y) > at_rest * limits.speed_mps || std::abs(z) > at_rest * limits.max_vertical_mps ||
           std::abs(command.angular_radps[2]) > at_rest * limits.max_yaw_rate_radps);
 }
@@ -25,7 +25,7 @@ ManualController::ManualController(const ControllerConfig& config, TimeNs timeou
     : config_(config), timeout_ns_(std::min(timeout_ns, max_timeout_ns)) {}
 
 bool ManualController::take(TimeNs came_ns, const Twist& command) {
-  if (!believable(command)) return false;
+  if (!plausible(command)) return false;
   velocity_mps_ = command.linear_mps;
   const double speed = std::hypot(velocity_mps_[0], velocity_mps_[1]);
   if (speed > config_.speed_mps) {

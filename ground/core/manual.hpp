@@ -9,8 +9,8 @@
 namespace ledgerline::ground {
 
 /// Every number finite and within absurd_speed.
-bool believable(const Twist& command);
-/// Believable, and more than a stick at rest tells: a tenth of a limit. So much takes a drone off its path.
+bool plausible(const Twist& command);
+/// Plausible, and more than a stick at rest reports: a tenth of a limit. So much takes a drone off its path.
 bool is_deliberate(const Twist& command, const ControllerConfig& limits);
 
 /// A person flies: turns the velocity that was commanded last (geometry_msgs/msg/Twist in the drone's frame: x forward,
@@ -31,7 +31,7 @@ class ManualController {
   /// Of the config: speed, vertical speed and yaw rate as limits.
   ManualController(const ControllerConfig& config, TimeNs timeout_ns);
 
-  /// A command that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not believable. Roll
+  /// A command that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not plausible. Roll
   /// and pitch rates are left out.
   bool take(TimeNs came_ns, const Twist& command);
   void release() { until_ns_ = 0; }

@@ -15,36 +15,36 @@ Result<std::string> as_it_is(const std::string& message, Read read) {
   return message;
 }
 
-Result<std::string> odometry(const DroneNews& news, const std::string&) {
+Result<std::string> odometry(const DroneUpdate& news, const std::string&) {
   return as_it_is(news.odometry, odometry_from_cdr);
 }
 
 template <typename Make>
-Result<std::string> from_odometry(const DroneNews& news, Make make) {
+Result<std::string> from_odometry(const DroneUpdate& news, Make make) {
   if (news.odometry.empty()) return nothing;
   const auto odometry = odometry_from_cdr(news.odometry);
   if (!odometry) return odometry.error();
   return make(*odometry);
 }
 
-Result<std::string> pose(const DroneNews& news, const std::string&) {
+Result<std::string> pose(const DroneUpdate& news, const std::string&) {
   return from_odometry(news, [](const Odometry& o) {
     return to_cdr(PoseStamped{o.header, o.position_m, o.orientation});
   });
 }
 
-Result<std::string> transform(const DroneNews& news, const std::string&) {
+Result<std::string> transform(const DroneUpdate& news, const std::string&) {
   return from_odometry(news, [](const Odometry& o) {
     return to_cdr(std::vector<TransformStamped>{{o.header, o.child_frame_id, o.position_m, o.orientation}});
   });
 }
 
-Result<std::string> battery(const DroneNews& news, const std::string&) {
+Result<std::string> battery(const DroneUpdate& news, const std::string&) {
   return as_it_is(news.battery, battery_from_cdr);
 }
 
 // The battery's header has the state's moment in real time, which the state itself does not know.
-Result<std::string> imu(const DroneNews& news, const std::string&) {
+Result<std::string> imu(const DroneUpdate& news, const std::string&) {
   if (!news.state || !news.state->sdk_state_fresh || news.battery.empty()) return nothing;
   const auto of_moment = battery_from_cdr(news.battery);
   if (!of_moment) return of_moment.error();
@@ -53,11 +53,11 @@ Result<std::string> imu(const DroneNews& news, const std::string&) {
   return to_cdr(Imu{of_moment->header, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
 }
 
-Result<std::string> diagnostics(const DroneNews& news, const std::string&) {
+Result<std::string> diagnostics(const DroneUpdate& news, const std::string&) {
   return as_it_is(news.transitions, transitions_from_cdr);
 }
 
-Result<std::string> alarm(const DroneNews& news, const std::string&) { return as_it_is(news.alarm, alarms_from_cdr); }
+Result<std::string> alarm(const DroneUpdate& news, const std::string&) { return as_it_is(news.alarm, alarms_from_cdr); }
 
 void velocity(std::string_view cdr, TimeNs came_ns, PilotCommand& command) {
   const auto twist = twist_from_cdr(cdr);
@@ -65,7 +65,7 @@ void velocity(std::string_view cdr, TimeNs came_ns, PilotCommand& command) {
     ++command.malformed;
     return;
   }
-  if (!believable(*twist)) {
+  if (!plausible(*twist)) {
     ++command.bad_values;
     return;
   }

@@ -14,7 +14,7 @@ struct DroneTopic {
   std::string_view type;
   bool latched = false;  ///< who comes late still gets the last ones
   /// Its message as CDR; empty where the news have none. An error: what the ledger has is no such message.
-  Result<std::string> (*make)(const DroneNews& news, const std::string& drone);
+  Result<std::string> (*make)(const DroneUpdate& news, const std::string& drone);
 };
 extern const std::array<DroneTopic, 7> drone_topics;
 std::string topic_of(const DroneTopic& topic, const std::string& drone);

@@ -27,7 +27,7 @@ struct CheckConfig {
   double battery_reserve = 0.2;
   double start_near_m = 0.5;      ///< so far from its place a drone may stand; as far as two must be from each other
   double takeoff_height_m = 1.0;  ///< where a take-off ends: 0.8 to 1 m of a Tello
-  double takeoff_s = 10;          ///< until all hover: a take-off takes 4 s, and they are told one block after another
+  double takeoff_s = 10;  ///< until all hover: a take-off takes 4 s, and they get the command one block after another
   double landing_mps = 0.5;
 };
 

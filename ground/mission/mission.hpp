@@ -40,8 +40,8 @@ struct Mission {
 /// 1 to 64 of A-Z, a-z, 0-9, "_" and "-".
 bool is_name(std::string_view text);
 
-/// What every mission keeps to, whoever made it: names, counts, coordinates, heights, speeds; no drone twice. What
-/// depends on where the drones are is check()'s. The error names drone and waypoint, counted from 1.
+/// What every mission must satisfy, no matter who made it: names, counts, coordinates, heights, speeds; no drone twice.
+/// What depends on where the drones are is check()'s. The error names drone and waypoint, counted from 1.
 Status check_bounds(const Mission& mission);
 
 /// One text for each mission, which mission_from_json() reads: keys and drones in a fixed order, each number as short

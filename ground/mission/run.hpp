@@ -23,7 +23,7 @@ struct RunConfig {
   OnLoss on_loss = OnLoss::hover;
   AfterRestart after_restart = AfterRestart::hover;
   TimeNs takeoff_ns = 40 * ns_per_s;  ///< until a drone hovers: FlightConfig gives it 25 s, and its take-off may wait
-  TimeNs order_ns = 3 * ns_per_s;     ///< until a drone does what it was told; FlightCore takes or refuses it at once
+  TimeNs order_ns = 3 * ns_per_s;  ///< until a drone does what it was commanded; FlightCore takes or refuses it at once
   /// After a restart, until FlightCore has a drone (as long as it waits for a state), and approvals are set.
   TimeNs find_ns = 30 * ns_per_s;
 };
@@ -55,7 +55,7 @@ struct RunOutputs {
 /// keep their distances in time. A drone that is paused by hand pauses all.
 ///
 /// start() and resume() need approvals of this mission's own digest by as many different signers as required: those of
-/// another count nothing, so a mission that was changed is to be approved anew.
+/// another do not count, so a changed mission must be approved again.
 ///
 /// Kept and restored, it waits until FlightCore has found each drone that was in the air, and then goes on, hovers or
 /// lands (AfterRestart). It goes on only if what was kept is approved, and waits as long for the approvals to be set as
@@ -115,10 +115,10 @@ class MissionRun {
     std::size_t reached = 0;
     std::size_t begun_at = 0;  ///< reached, when the newest path was ordered
     TimeNs asked_ns = 0;       ///< for what the leg waits for
-    TimeNs told_ns = 0;        ///< its path, the last time
+    TimeNs reported_ns = 0;    ///< its path, the last time
     std::uint64_t paths = 0;   ///< DroneNow::paths before the newest order
     bool found = true;         ///< after a restart: FlightCore has it
-    bool to_land = false;      ///< and was not told yet
+    bool to_land = false;      ///< and was not commanded to yet
     bool landing_due = false;  ///< and was not seen down yet
   };
   static const std::vector<std::string_view>& leg_names();
@@ -160,7 +160,7 @@ class MissionRun {
   std::vector<Approval> all_approvals_;
   std::set<crypto::IdentityName> approvers_;  ///< of this digest
   std::vector<Part> parts_;
-  std::vector<RunEvent> events_;  ///< not told yet
+  std::vector<RunEvent> events_;  ///< not reported yet
   std::vector<PilotCommand> commands_;
   std::string last_saved_state_;
 };

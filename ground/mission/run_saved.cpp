@@ -90,7 +90,7 @@ Status MissionRun::restore_part(const nlohmann::json& given, std::size_t drone) 
     return Error{fmt::format("leg {} does not go with {} of {} waypoints", leg_names()[*leg], part.reached, count)};
   if (part.leg == Leg::landing && !mission_.drones[drone].land_behind)
     return Error{"leg landing does not go with a path that ends in hovering"};
-  // What was under way is begun anew from where it is.
+  // What was in progress starts again from where it is.
   if (part.leg == Leg::rising) part.leg = Leg::ready;
   if (part.leg == Leg::ordered || part.leg == Leg::flying) part.leg = Leg::halted;
   part.found = part.leg == Leg::standing || part.leg == Leg::landed || part.leg == Leg::lost;

@@ -9,7 +9,7 @@ namespace ledgerline::motion {
 
 /// A path with an end, as the closed one that Path and Track take. The closing pieces leave its last waypoint straight
 /// on and come to its first corner straight on, so that neither is rounded: the way begins and ends at these places
-/// themselves. Whoever flies it stops at the arc length of corner `last`; the closing pieces are flown by nobody.
+/// themselves. Its follower stops at the arc length of corner `last`; the closing pieces are never flown.
 ///
 ///     before --> here --> way[0] --> ... --> way[n-1] --> behind
 ///        ^                                                  |

@@ -8,9 +8,9 @@ namespace ledgerline::motion {
 namespace {
 
 constexpr TimeNs cell_ns = 10 * ns_per_ms;
-constexpr TimeNs pause_ns = ns_per_s;   // between states: after it the filter starts anew
-constexpr double jump_m = 0.5;          // no drone is that far from where it was expected
-constexpr std::size_t told_kept = 512;  // 2.5 s at 200 states a second
+constexpr TimeNs pause_ns = ns_per_s;     // between states: after it the filter restarts
+constexpr double jump_m = 0.5;            // no drone is that far from where it was expected
+constexpr std::size_t max_applied = 512;  // 2.5 s at 200 states a second
 constexpr std::size_t sent_kept = 256;
 // Measurements: agent's fused pose from optical mocap; its velocity lags by some 50 ms, so it counts little.
 constexpr double position_sigma_m = 0.002, velocity_sigma_mps = 0.3;
@@ -32,10 +32,10 @@ TimeNs end_of(const std::vector<Setpoint>& plan) {
 
 Eigen::Vector3d vector(const std::array<float, 3>& v) { return {v[0], v[1], v[2]}; }
 
-// One step of the model with a constant told velocity; exact for it.
-void step(const Response& r, const Eigen::Vector3d& told, const Eigen::Vector3d& drift, double dt_s,
+// One step of the model with a constant commanded velocity; exact for it.
+void step(const Response& r, const Eigen::Vector3d& sent, const Eigen::Vector3d& drift, double dt_s,
           Eigen::Vector3d& position, Eigen::Vector3d& velocity) {
-  const Eigen::Vector3d end = r.gain * told + drift;
+  const Eigen::Vector3d end = r.gain * sent + drift;
   const double rest = std::exp(-dt_s / r.lag_s);
   position += end * dt_s + (velocity - end) * r.lag_s * (1 - rest);
   velocity = end + (velocity - end) * rest;
@@ -61,10 +61,10 @@ void Predictor::start(const StateSample& state) {
 
 void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   late_ns_ = late_ns;
-  if (!told_.empty() && state.stamp_ns <= told_.back().stamp_ns) return;
-  // What link told the drone is news without a new pose, too: it brakes while mocap is away.
-  told_.push_back({state.stamp_ns, vector(state.sent_velocity_mps), static_cast<double>(state.sent_yaw_rate_radps)});
-  if (told_.size() > told_kept) told_.pop_front();
+  if (!applied_.empty() && state.stamp_ns <= applied_.back().stamp_ns) return;
+  // What link sent the drone is news without a new pose, too: it brakes while mocap is away.
+  applied_.push_back({state.stamp_ns, vector(state.sent_velocity_mps), static_cast<double>(state.sent_yaw_rate_radps)});
+  if (applied_.size() > max_applied) applied_.pop_front();
   if (state.pose_stamp_ns <= stamp_ns_) return;
   const Eigen::Vector3d measured = Eigen::Vector3d::Map(state.position_m.data());
   const bool gap = stamp_ns_ == 0 || state.pose_stamp_ns - stamp_ns_ > pause_ns;
@@ -77,19 +77,19 @@ void Predictor::observe(const StateSample& state, TimeNs late_ns) {
   yaw_rad_ = state.yaw_rad;
   if (!config_.learn) return;
   estimator_.add(state.pose_stamp_ns, measured.head<2>(),
-                 [this](TimeNs t) -> Eigen::Vector2d { return told_at(t).velocity_mps.head<2>(); });
+                 [this](TimeNs t) -> Eigen::Vector2d { return applied_at(t).velocity_mps.head<2>(); });
   response_ = estimator_.response();
 }
 
 // Between two of link's words: the line between them. A step somewhere between is half a period off at most, and as
 // often early as late.
-Predictor::Told Predictor::told_at(TimeNs t_ns) const {
-  if (told_.empty()) return {};
-  const auto next =
-      std::lower_bound(told_.begin(), told_.end(), t_ns, [](const Told& told, TimeNs t) { return told.stamp_ns < t; });
-  if (next == told_.begin()) return *next;
-  if (next == told_.end()) return told_.back();
-  const Told& before = *(next - 1);
+Predictor::AppliedVelocity Predictor::applied_at(TimeNs t_ns) const {
+  if (applied_.empty()) return {};
+  const auto next = std::lower_bound(applied_.begin(), applied_.end(), t_ns,
+                                     [](const AppliedVelocity& sent, TimeNs t) { return sent.stamp_ns < t; });
+  if (next == applied_.begin()) return *next;
+  if (next == applied_.end()) return applied_.back();
+  const AppliedVelocity& before = *(next - 1);
   const double share =
       static_cast<double>(t_ns - before.stamp_ns) / static_cast<double>(next->stamp_ns - before.stamp_ns);
   return {t_ns, before.velocity_mps + share * (next->velocity_mps - before.velocity_mps),
@@ -101,7 +101,7 @@ void Predictor::propagate(TimeNs to_ns) {
   while (stamp_ns_ < to_ns) {
     const TimeNs until_ns = std::min(to_ns, stamp_ns_ + cell_ns);
     const double dt = to_seconds(until_ns - stamp_ns_);
-    step(response_, told_at((stamp_ns_ + until_ns) / 2 - dead_ns).velocity_mps, drift_, dt, position_, velocity_);
+    step(response_, applied_at((stamp_ns_ + until_ns) / 2 - dead_ns).velocity_mps, drift_, dt, position_, velocity_);
     const double rest = std::exp(-dt / response_.lag_s), moved = response_.lag_s * (1 - rest);
     Eigen::Matrix3d f;
     f << 1, moved, dt - moved,  //
@@ -158,54 +158,54 @@ std::optional<Setpoint> Predictor::planned(TimeNs at_ns) const {
   return std::nullopt;
 }
 
-void Predictor::Rollout::move(const Eigen::Vector3d& told, double dt_s) {
-  step(response_, told, drift_, dt_s, motion_.position_m, motion_.velocity_mps);
+void Predictor::Rollout::move(const Eigen::Vector3d& sent, double dt_s) {
+  step(response_, sent, drift_, dt_s, motion_.position_m, motion_.velocity_mps);
   drift_ *= std::exp(-dt_s / drift_lasts_s);
   motion_.stamp_ns += from_seconds(dt_s);
 }
 
 void Predictor::Rollout::tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns) {
-  while (told_ns_ < until_ns) {
-    const TimeNs dt_ns = std::min(cell_ns, until_ns - told_ns_);
+  while (sent_ns_ < until_ns) {
+    const TimeNs dt_ns = std::min(cell_ns, until_ns - sent_ns_);
     const double dt_s = to_seconds(dt_ns);
-    const Eigen::Vector3d change = velocity_mps - told_;
-    const double most = told_acceleration_mps2_ * dt_s;
-    const Eigen::Vector3d before = told_;
-    told_ = change.norm() <= most ? velocity_mps : Eigen::Vector3d(told_ + change * (most / change.norm()));
-    move(0.5 * (before + told_), dt_s);
+    const Eigen::Vector3d change = velocity_mps - sent_;
+    const double most = sent_acceleration_mps2_ * dt_s;
+    const Eigen::Vector3d before = sent_;
+    sent_ = change.norm() <= most ? velocity_mps : Eigen::Vector3d(sent_ + change * (most / change.norm()));
+    move(0.5 * (before + sent_), dt_s);
     motion_.yaw_rad += yaw_rate_radps * dt_s;
-    told_ns_ += dt_ns;
+    sent_ns_ += dt_ns;
   }
 }
 
 Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
   Rollout out;
   out.response_ = response_;
-  out.told_acceleration_mps2_ = config_.told_acceleration_mps2;
+  out.sent_acceleration_mps2_ = config_.sent_acceleration_mps2;
   out.drift_ = drift_;
   out.motion_ = newest();
   const TimeNs dead_ns = from_seconds(response_.dead_s);
   const TimeNs until_ns = std::min(meant_ns + late_ns_, stamp_ns_ + max_ns);
   // Up to the last of link's words they count, behind it what was planned.
-  const TimeNs known_ns = told_.empty() ? stamp_ns_ : std::max(stamp_ns_ - dead_ns, told_.back().stamp_ns);
-  out.told_ns_ = stamp_ns_ - dead_ns;
-  for (const TimeNs end_ns = std::min(known_ns, until_ns); out.told_ns_ < end_ns;) {
-    const TimeNs dt_ns = std::min(cell_ns, end_ns - out.told_ns_);
-    const Told told = told_at(out.told_ns_ + dt_ns / 2);
-    out.move(told.velocity_mps, to_seconds(dt_ns));
-    out.told_ns_ += dt_ns;
-    // Yaw follows at once: what was told before the pose is in it.
-    const TimeNs turned_ns = std::clamp<TimeNs>(out.told_ns_ - stamp_ns_, 0, dt_ns);
-    out.motion_.yaw_rad += told.yaw_rate_radps * to_seconds(turned_ns);
+  const TimeNs known_ns = applied_.empty() ? stamp_ns_ : std::max(stamp_ns_ - dead_ns, applied_.back().stamp_ns);
+  out.sent_ns_ = stamp_ns_ - dead_ns;
+  for (const TimeNs end_ns = std::min(known_ns, until_ns); out.sent_ns_ < end_ns;) {
+    const TimeNs dt_ns = std::min(cell_ns, end_ns - out.sent_ns_);
+    const AppliedVelocity sent = applied_at(out.sent_ns_ + dt_ns / 2);
+    out.move(sent.velocity_mps, to_seconds(dt_ns));
+    out.sent_ns_ += dt_ns;
+    // Yaw follows at once: what was sent before the pose is in it.
+    const TimeNs turned_ns = std::clamp<TimeNs>(out.sent_ns_ - stamp_ns_, 0, dt_ns);
+    out.motion_.yaw_rad += sent.yaw_rate_radps * to_seconds(turned_ns);
   }
-  out.told_ = told_at(out.told_ns_).velocity_mps;
-  while (out.told_ns_ < until_ns) {
-    const TimeNs to_ns = std::min(out.told_ns_ + cell_ns, until_ns);
-    const std::optional<Setpoint> setpoint = planned(out.told_ns_ - late_ns_);
+  out.sent_ = applied_at(out.sent_ns_).velocity_mps;
+  while (out.sent_ns_ < until_ns) {
+    const TimeNs to_ns = std::min(out.sent_ns_ + cell_ns, until_ns);
+    const std::optional<Setpoint> setpoint = planned(out.sent_ns_ - late_ns_);
     if (setpoint) {
       out.tell(vector(setpoint->velocity_mps), static_cast<double>(setpoint->yaw_rate_radps), to_ns);
     } else {
-      out.tell(out.told_, 0, to_ns);
+      out.tell(out.sent_, 0, to_ns);
     }
   }
   return out;

@@ -22,27 +22,27 @@ struct Motion {
 struct PredictorConfig {
   Response first;                       ///< taken until something was learned
   bool learn = true;                    ///< estimate the response online
-  double told_acceleration_mps2 = 4.0;  ///< link's limit: how fast the velocity told to the drone changes
+  double sent_acceleration_mps2 = 4.0;  ///< link's limit: how fast the velocity sent to the drone changes
 };
 
 /// Where a drone will be when a plan takes effect, from its states and the plans that were sent:
 ///
 ///  - a Kalman filter for each axis has position, velocity and drift (what the wind adds to the velocity, slowly
-///    changing), driven by what link says it told the drone, through the Response (Bar-Shalom, Li, Kirubarajan:
+///    changing), driven by what link says it sent to the drone, through the Response (Bar-Shalom, Li, Kirubarajan:
 ///    Estimation with Applications to Tracking and Navigation, 5.2 and 6.2);
 ///  - from the newest state on, plans that were sent but not flown yet drive the same model: each setpoint at the
-///    moment when link will fly it and for as long, zero after a plan's end, and the told velocity changes no faster
+///    moment when link will fly it and for as long, zero after a plan's end, and the sent velocity changes no faster
 ///    than link's limit of acceleration allows;
 ///  - the Response is learned meanwhile (ResponseEstimator).
 ///
 /// States may come in bursts, with gaps, twice or out of order: one that is not newer changes nothing, one whose pose
-/// is not newer says what the drone was told and no more. A pause of more than 1 s, or a pose more than 0.5 m from
-/// where it was expected, starts the filter anew; what was learned of the response stays. Bounded in memory, and in
-/// work by max_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one
-/// response; yaw simply follows its rate.
+/// is not newer says what the drone was sent and no more. A pause of more than 1 s, or a pose more than 0.5 m from
+/// where it was expected, restarts the filter; what was learned of the response stays. Bounded in memory, and in work
+/// by max_ns, whatever the times say. Deterministic; one thread. Horizontal axes and height share one response; yaw
+/// simply follows its rate.
 class Predictor {
  public:
-  /// The longest time that is predicted over.
+  /// The maximum time that is predicted over.
   static constexpr TimeNs max_ns = 5 * ns_per_s;
 
   explicit Predictor(const PredictorConfig& config);
@@ -60,31 +60,31 @@ class Predictor {
   const Eigen::Vector3d& drift_mps() const { return drift_; }
   const Response& response() const { return response_; }
 
-  /// The model, running ahead of time. It is always one dead time further than the told velocity it was given: nothing
-  /// told later can change that.
+  /// The model, running ahead of time. It is always one dead time further than the sent velocity it was given: nothing
+  /// sent later can change that.
   class Rollout {
    public:
-    const Motion& effect() const { return motion_; }  ///< its stamp: told_until + dead time
-    TimeNs told_until_ns() const { return told_ns_; }
-    const Eigen::Vector3d& told_mps() const { return told_; }
-    /// The drone is told this velocity, as fast as link lets it change, until then.
+    const Motion& effect() const { return motion_; }  ///< its stamp: sent_until_ns() + dead time
+    TimeNs sent_until_ns() const { return sent_ns_; }
+    const Eigen::Vector3d& sent_mps() const { return sent_; }
+    /// The drone is sent this velocity, as fast as link lets it change, until then.
     void tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns);
 
    private:
     friend class Predictor;
-    void move(const Eigen::Vector3d& told, double dt_s);
+    void move(const Eigen::Vector3d& sent, double dt_s);
     Response response_;
-    double told_acceleration_mps2_ = 0;
+    double sent_acceleration_mps2_ = 0;
     Eigen::Vector3d drift_ = Eigen::Vector3d::Zero();
-    TimeNs told_ns_ = 0;
-    Eigen::Vector3d told_ = Eigen::Vector3d::Zero();
+    TimeNs sent_ns_ = 0;
+    Eigen::Vector3d sent_ = Eigen::Vector3d::Zero();
     Motion motion_;
   };
   /// As it will stand when a setpoint that says `meant_ns` is about to be flown: link does so `late_ns` later.
   Rollout until(TimeNs meant_ns) const;
 
  private:
-  struct Told {
+  struct AppliedVelocity {
     TimeNs stamp_ns = 0;
     Eigen::Vector3d velocity_mps = Eigen::Vector3d::Zero();
     double yaw_rate_radps = 0;
@@ -93,7 +93,7 @@ class Predictor {
     std::uint64_t id;
     std::vector<Setpoint> plan;
   };
-  Told told_at(TimeNs t_ns) const;
+  AppliedVelocity applied_at(TimeNs t_ns) const;
   void propagate(TimeNs to_ns);
   void correct(const StateSample& state);
   void start(const StateSample& state);
@@ -102,7 +102,7 @@ class Predictor {
   PredictorConfig config_;
   ResponseEstimator estimator_;
   Response response_;
-  std::deque<Told> told_;  ///< by link's words, oldest first
+  std::deque<AppliedVelocity> applied_;  ///< by link's words, oldest first
   std::deque<Sent> sent_;
   TimeNs late_ns_ = 0;
 

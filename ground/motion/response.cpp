@@ -12,7 +12,7 @@ constexpr TimeNs gap_ns = 200 * ns_per_ms;
 constexpr std::size_t points_kept = 160;  // a window at 200 states a second, and room
 // Memory of about 1,500 samples, two a state: some 25 s of a flight at 30 Hz.
 constexpr double forget = 1 - 1.0 / 1'500;
-constexpr double excited_mps = 0.08;  // change of what was told that says something
+constexpr double excited_mps = 0.08;  // change of the sent velocity that says something
 constexpr double first_gain_sigma = 0.5, first_lag_sigma_s = 0.3, first_wind_sigma_mps = 0.05;
 constexpr double noise_m = 0.004;    // of a window's way, model's error included
 constexpr std::size_t enough = 120;  // samples before the estimate is used
@@ -32,7 +32,7 @@ ResponseEstimator::ResponseEstimator(const Response& first) : response_(first) {
 }
 
 void ResponseEstimator::add(TimeNs stamp_ns, const Eigen::Vector2d& position_m,
-                            const std::function<Eigen::Vector2d(TimeNs)>& told) {
+                            const std::function<Eigen::Vector2d(TimeNs)>& sent) {
   if (!points_.empty() && stamp_ns <= points_.back().stamp_ns) return;
   if (!points_.empty() && stamp_ns - points_.back().stamp_ns > gap_ns) points_.clear();
   points_.push_back({stamp_ns, position_m});
@@ -49,12 +49,12 @@ void ResponseEstimator::add(TimeNs stamp_ns, const Eigen::Vector2d& position_m,
            to_seconds(points_[i + 1].stamp_ns - points_[i - 1].stamp_ns);
   };
   const Eigen::Vector2d change = velocity(to) - velocity(1);
-  // The way that was told, from the longest dead time before the window on, by trapezoids.
+  // The commanded displacement, from the maximum dead time before the window on, by trapezoids.
   const TimeNs first_ns = from_ns - from_seconds(candidate_step_s * (candidates - 1));
   std::vector<Eigen::Vector2d> way{Eigen::Vector2d::Zero()};
-  Eigen::Vector2d before = told(first_ns), least = before, most = before;
+  Eigen::Vector2d before = sent(first_ns), least = before, most = before;
   for (TimeNs t = first_ns + quadrature_ns; t < to_ns + quadrature_ns; t += quadrature_ns) {
-    const Eigen::Vector2d u = told(t);
+    const Eigen::Vector2d u = sent(t);
     way.emplace_back(way.back() + 0.5 * (before + u) * to_seconds(quadrature_ns));
     before = u;
     least = least.cwiseMin(u);
@@ -76,12 +76,12 @@ void ResponseEstimator::add(TimeNs stamp_ns, const Eigen::Vector2d& position_m,
 }
 
 void ResponseEstimator::fit(double span_s, const Eigen::Vector2d& moved, const Eigen::Vector2d& change,
-                            const std::array<Eigen::Vector2d, candidates>& told) {
+                            const std::array<Eigen::Vector2d, candidates>& sent) {
   for (std::size_t c = 0; c < candidates; ++c) {
     Fit& f = fits_[c];
     for (int axis = 0; axis < 2; ++axis) {
       Vector4 x = Vector4::Zero();
-      x[0] = told[c][axis];
+      x[0] = sent[c][axis];
       x[1] = -change[axis];
       x[2 + axis] = span_s;
       const double error = moved[axis] - x.dot(f.parameters);

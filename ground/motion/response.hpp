@@ -8,7 +8,7 @@
 
 namespace ledgerline::motion {
 
-/// How a drone's velocity v answers the velocity u that it is told, with the wind's push w [m/s]:
+/// How a drone's velocity v answers the velocity u that it is sent, with the wind's push w [m/s]:
 ///
 ///     lag dv/dt = gain u(t - dead) + w - v
 ///
@@ -27,7 +27,7 @@ struct Response {
 ///
 /// so recursive least squares with exponential forgetting fit them (Ljung, System Identification, 11.2), for each of a
 /// few dead times side by side; the one with the smallest squared error so far is taken. Both horizontal axes share
-/// gain and lag; each has a wind. Nothing is learned, and nothing forgotten, while the told velocity is steady. Bounded
+/// gain and lag; each has a wind. Nothing is learned, and nothing forgotten, while the sent velocity is steady. Bounded
 /// in memory, work and results. Deterministic; one thread.
 class ResponseEstimator {
  public:
@@ -38,9 +38,9 @@ class ResponseEstimator {
 
   explicit ResponseEstimator(const Response& first);
 
-  /// A measured position at its time; times must grow. `told(t)`: horizontal velocity that the drone was told, for
+  /// A measured position at its time; times must grow. `sent(t)`: horizontal velocity that the drone was sent, for
   /// times up to now. After a gap of more than 0.2 s the fit goes on with what comes after it.
-  void add(TimeNs stamp_ns, const Eigen::Vector2d& position_m, const std::function<Eigen::Vector2d(TimeNs)>& told);
+  void add(TimeNs stamp_ns, const Eigen::Vector2d& position_m, const std::function<Eigen::Vector2d(TimeNs)>& sent);
   /// What is remembered of positions is of another flight.
   void interrupt() { points_.clear(); }
 
@@ -61,7 +61,7 @@ class ResponseEstimator {
     Eigen::Vector2d position_m;
   };
   void fit(double span_s, const Eigen::Vector2d& moved, const Eigen::Vector2d& change,
-           const std::array<Eigen::Vector2d, candidates>& told);
+           const std::array<Eigen::Vector2d, candidates>& sent);
   void choose();
 
   std::deque<Point> points_;

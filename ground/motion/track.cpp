@@ -128,7 +128,7 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
       ahead = (ahead + 1) % pieces.size();
       limit = std::min(limit, limit_of(pieces[ahead], limits));
     }
-    limit = std::clamp(limit, creep_mps, limits.told_mps);
+    limit = std::clamp(limit, creep_mps, limits.full_scale_mps);
     knots_.push_back({{place.x(), place.y(), piece.height_from + along * climb},
                       direction,
                       piece.bend * left_of(direction),
@@ -141,7 +141,7 @@ void Track::lay(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& o
 void Track::pace(const TrackLimits& limits) {
   const std::size_t n = knots_.size();
   // What is left for speeding up and braking where part of the acceleration bends the way.
-  const auto along = [&](const Knot& knot, double speed) {
+  const auto along = [&](const PathPoint& knot, double speed) {
     const double across = speed * speed * knot.bend.norm();
     const double a = limits.acceleration_mps2;
     return std::sqrt(std::max(0.0, a * a - across * across));
@@ -150,15 +150,15 @@ void Track::pace(const TrackLimits& limits) {
     return std::sqrt(speed * speed + 2 * acceleration * step_m_);
   };
   for (std::size_t i = 2 * n; i-- > 0;) {
-    Knot& knot = knots_[i % n];
-    const Knot& next = knots_[(i + 1) % n];
+    PathPoint& knot = knots_[i % n];
+    const PathPoint& next = knots_[(i + 1) % n];
     const double braking = std::min(along(knot, next.speed), along(next, next.speed));
     knot.speed = std::min(knot.speed, reached(next.speed, braking));
   }
   for (std::size_t i = 0; i < 2 * n; ++i) {
-    const Knot& knot = knots_[i % n];
-    Knot& next = knots_[(i + 1) % n];
-    const double room = std::max(0.0, limits.told_mps - knot.speed) / limits.lag_s;
+    const PathPoint& knot = knots_[i % n];
+    PathPoint& next = knots_[(i + 1) % n];
+    const double room = std::max(0.0, limits.full_scale_mps - knot.speed) / limits.lag_s;
     const double gaining = std::min({along(knot, knot.speed), along(next, knot.speed), room});
     next.speed = std::min(next.speed, reached(knot.speed, gaining));
   }
@@ -170,8 +170,8 @@ Track::Point Track::at(double s_m) const {
   if (cell < 0) cell += n;
   const auto i = std::min(static_cast<std::size_t>(cell), knots_.size() - 1);
   const double share = cell - static_cast<double>(i);
-  const Knot& a = knots_[i];
-  const Knot& b = knots_[(i + 1) % knots_.size()];
+  const PathPoint& a = knots_[i];
+  const PathPoint& b = knots_[(i + 1) % knots_.size()];
   Point place;
   place.position_m = a.position + share * (b.position - a.position);
   const Eigen::Vector2d direction = (a.direction + share * (b.direction - a.direction)).normalized();
@@ -186,7 +186,7 @@ double Track::speed_at(double s_m) const { return at(s_m).speed_mps; }
 
 double Track::lap_s(double speed_mps) const {
   double lap = 0;
-  for (const Knot& knot : knots_) lap += step_m_ / std::min(knot.speed, speed_mps);
+  for (const PathPoint& knot : knots_) lap += step_m_ / std::min(knot.speed, speed_mps);
   return lap;
 }
 

@@ -8,9 +8,9 @@ namespace ledgerline::motion {
 
 struct TrackLimits {
   double acceleration_mps2 =
-      1.7;                    ///< along the track, and across it in a bend; of a Tello's 4 the controller keeps half
-  double told_mps = 1.0;      ///< a velocity told to the drone can be no greater (rc 100)
-  double lag_s = 0.3;         ///< so that gaining speed, which needs a told velocity ahead of it, respects told_mps
+      1.7;                      ///< along the track, and across it in a bend; of a Tello's 4 the controller keeps half
+  double full_scale_mps = 1.0;  ///< a velocity commanded of the drone can be no greater (rc 100)
+  double lag_s = 0.3;  ///< so that gaining speed, which needs a commanded velocity ahead of it, respects full_scale_mps
   double vertical_mps = 0.4;  ///< up or down, where waypoints differ in height
   double cut_m = 0.07;        ///< by which a bend may miss its corner; it begins at half the shorter piece at most
 };
@@ -45,7 +45,7 @@ class Track {
   double lap_s(double speed_mps) const;
 
  private:
-  struct Knot {
+  struct PathPoint {
     Eigen::Vector3d position;
     Eigen::Vector2d direction;
     Eigen::Vector2d bend;
@@ -60,7 +60,7 @@ class Track {
   double length_m_ = 0;
   std::vector<double> corners_m_;  ///< arc length of each
   double step_m_ = 0;              ///< between knots
-  std::vector<Knot> knots_;
+  std::vector<PathPoint> knots_;
 };
 
 }  // namespace ledgerline::motion

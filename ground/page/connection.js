@@ -122,8 +122,8 @@ export class Connection extends EventTarget {
     if (!session) return;
     const answer = await this.#ask(session.token, 'DELETE', 'session');
     if (session !== this.#session) return;
-    const told = answer.ok || answer.status === 401;
-    this.#change(null, told ? `${session.operator} is signed out.` : `${session.operator} is signed out here, and the station does not know: ${answer.words}.`);
+    const is_known = answer.ok || answer.status === 401;
+    this.#change(null, is_known ? `${session.operator} is signed out.` : `${session.operator} is signed out here, and the station does not know: ${answer.words}.`);
   }
 
   #change(session, words) {
@@ -135,21 +135,21 @@ export class Connection extends EventTarget {
     this.#open();
   }
 
-  async #ask(token, method, path, body, patience_ms = REQUEST_MS) {
+  async #ask(token, method, path, body, timeout_ms = REQUEST_MS) {
     const file = body && 'text' in body;
     try {
       const answer = await fetch(`/api/v1/${path}`, {
         method,
         headers: { Authorization: `Bearer ${token}`, ...(body && { 'Content-Type': file ? body.type : 'application/json' }) },
         body: file ? body.text : body && JSON.stringify(body),
-        signal: AbortSignal.timeout(patience_ms),
+        signal: AbortSignal.timeout(timeout_ms),
         cache: 'no-store',
       });
       const text = await answer.text(); // one that breaks off or takes too long is no answer, whatever its status
       const said = text.startsWith('{') ? JSON.parse(text) : {};
       return { ok: answer.ok, status: answer.status, body: said, words: answer.ok ? 'accepted' : said.error ?? `refused (${answer.status})` };
     } catch (error) {
-      const words = error.name === 'TimeoutError' ? `no answer within ${patience_ms / 1000} s` : 'the station cannot be reached';
+      const words = error.name === 'TimeoutError' ? `no answer within ${timeout_ms / 1000} s` : 'the station cannot be reached';
       return { ok: false, status: 0, body: {}, words };
     }
   }
@@ -215,8 +215,8 @@ export class Connection extends EventTarget {
   /// `hello.back`: how long the link was lost, in words; null: it was not.
   #greet(hello) {
     const away = this.#lostAt === null ? null : ((performance.now() - this.#lostAt) / 1000).toFixed(1);
-    const anew = hello.started_ms !== this.hello.started_ms;
-    hello.back = away && (anew ? `Ground was away for ${away} s; it is back` : `The connection was lost for ${away} s; it is back`);
+    const restarted = hello.started_ms !== this.hello.started_ms;
+    hello.back = away && (restarted ? `Ground was away for ${away} s; it is back` : `The connection was lost for ${away} s; it is back`);
     this.#lostAt = null;
     this.hello = hello;
   }
@@ -228,8 +228,8 @@ export class Connection extends EventTarget {
     socket.onclose = null;
     socket.close();
     // Half of the wait is drawn, so that many pages do not come back all at once.
-    const longest = Math.min(MAX_WAIT_MS, FIRST_WAIT_MS * 2 ** this.#fails++);
-    const wait = longest / 2 + (Math.random() * longest) / 2;
+    const limit = Math.min(MAX_WAIT_MS, FIRST_WAIT_MS * 2 ** this.#fails++);
+    const wait = limit / 2 + (Math.random() * limit) / 2;
     this.#wait = setTimeout(() => this.#open(), wait);
     this.#say('link', { up: false, words: `Connection lost: trying again in ${(wait / 1000).toFixed(1)} s` });
     // A refused WebSocket does not say why; a plain request does.

@@ -78,7 +78,7 @@ export class DelayPlot {
     if (this.#words.textContent !== said) this.#words.textContent = said;
   }
 
-  /// Each frame: draws anew at once when the theme has changed.
+  /// Each frame: redraws at once when the theme has changed.
   follow(now) {
     if (this.#theme === this.#ink('text')) return;
     this.#theme = this.#ink('text');

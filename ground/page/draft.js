@@ -118,7 +118,7 @@ export class Draft {
     this.#sending = false;
     if (answer.ok) this.toggle(false);
     this.#canvas.focus(); // a field that keeps the focus would keep the keys
-    this.#say(`Path for ${drone}: ${answer.words}`); // refused: the draft stays, to be mended
+    this.#say(`Path for ${drone}: ${answer.words}`); // refused: the draft stays, to be repaired
   }
 
   #set(points) {

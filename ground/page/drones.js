@@ -158,7 +158,7 @@ class Card {
     fields.stopped.title = (drone.stopped_by ?? []).join('; ');
     this.#optional('limit', drone.limit_mps === null ? '' : `${drone.limit_mps.toFixed(1)} m/s`);
     fields.limit.classList.toggle('warn', drone.limit_mps < this.#connection.hello.speed_mps);
-    this.#optional('why', [drone.why, drone.ledger_doubted ? 'the ledger is doubted' : ''].filter(Boolean).join('; '));
+    this.#optional('why', [drone.why, drone.ledger_untrusted ? 'the ledger is not trusted' : ''].filter(Boolean).join('; '));
     for (const [what, button] of Object.entries(this.#buttons)) button.setAttribute('aria-disabled', this.#whyNot(what, drone) !== null);
     const pause = drone.paused ? 'Resume' : 'Pause';
     if (this.#buttons.pause.textContent !== pause) {

@@ -68,7 +68,7 @@ export class Events {
     setInterval(() => this.#open.length && this.#tellSound(), 1000);
   }
 
-  /// A station that was started anew counts from the beginning. `started`: when this one was, as its hello says.
+  /// A station that restarted counts from the beginning. `started`: when this one was, as its hello says.
   restart(started) {
     if (sessionStorage.getItem('started') === `${started}`) return;
     sessionStorage.setItem('started', started);

@@ -14,7 +14,7 @@ const MOVES = {
 const clip = (value) => Math.max(-1, Math.min(1, value));
 
 /// Sums the sources and sends. `send(drone, linear, yaw_rate)`; `target()` names the drone that may be flown now, or null.
-/// Event `release`: every source must be let go and held anew.
+/// Event `release`: every source must be released and held again.
 export class Hand extends EventTarget {
   #sources = new Map(); // name -> [forward, left, up, turn]
   #flown = null; // the drone that got the last velocity that was not zero
@@ -43,7 +43,7 @@ export class Hand extends EventTarget {
     else if (!this.#flown) this.#tick(); // at once, not at the next beat
   }
 
-  /// All is let go: keys that are still down must be pressed anew.
+  /// All is released: keys that are still down must be pressed again.
   release() {
     this.#sources.clear();
     this.dispatchEvent(new Event('release'));
@@ -73,7 +73,7 @@ export class Hand extends EventTarget {
 
 const typing = (element) => element.matches?.('input, select');
 
-/// The keys of flight. `enabled()`: whether letters and arrows fly now; else they stay the browser's.
+/// The keys of flight. `enabled()`: whether those keys fly now; else they stay the browser's.
 export function flyByKeys(hand, enabled) {
   const down = new Set();
   const tell = () => {

@@ -17,7 +17,7 @@
  *
  * What comes back is looked at before it is sent: numbers must be finite, setpoints in order of time and within the
  * request. Otherwise the drone is landed, and the error says what was wrong. Whatever a plug-in says, link's own limits
- * (speed, acceleration, fence, age, separation) and its failsafe hold as ever.
+ * (speed, acceleration, fence, age, separation) and its failsafe hold as well.
  */
 #ifndef LEDGERLINE_CONTROLLER_PLUGIN_H
 #define LEDGERLINE_CONTROLLER_PLUGIN_H
@@ -45,8 +45,8 @@ typedef struct {
   uint32_t waypoint_count;
   uint32_t laps;           /* asked for; start() says how far that is */
   double yaw_rad;          /* where the drone looks: to be kept */
-  double max_speed_mps;    /* what it can be told at most */
-  double max_gain_mps2;    /* how fast link lets the velocity that it is told change */
+  double max_speed_mps;    /* largest velocity that can be commanded */
+  double max_gain_mps2;    /* how fast link lets the sent velocity change */
   double max_vertical_mps; /* up and down */
   int64_t pose_lost_ns;    /* with an older pose link brakes */
 } ledgerline_task;
@@ -56,10 +56,10 @@ typedef struct {
   int64_t stamp_ns;      /* when link made it */
   int64_t pose_stamp_ns; /* when the drone was there: older than stamp_ns; the same again while no new pose came */
   double position_m[3];
-  double velocity_mps[3]; /* as whoever knows the pose has it */
+  double velocity_mps[3]; /* by the source of the pose */
   double yaw_rad;
-  double told_mps[3]; /* what link told the drone, behind its limits */
-  double told_yaw_rate_radps;
+  double sent_mps[3]; /* what link sent the drone, behind its limits */
+  double sent_yaw_rate_radps;
   int64_t late_ns; /* by so much later than they say link flies setpoints now */
   int32_t braking; /* not 0: link flies no plan now */
 } ledgerline_state;

@@ -5,7 +5,7 @@
 //
 // A reference moves along the path, and the drone is steered to it: the reference's velocity and a share of the way
 // that is missing, for the place where the drone will be when the plan takes effect. How fast it is now this controller
-// takes from two poses, so it works beside a pose source that tells no velocity.
+// takes from two poses, so it works beside a pose source that reports no velocity.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,7 +19,7 @@ using Vector = std::array<double, 3>;
 
 constexpr double gain_per_s = 1.0;    // of the way that is missing; more than 1 / (lag + age) would swing
 constexpr double yaw_gain_per_s = 1;  // the same of the heading
-constexpr double lag_s = 0.3;         // until a Tello flies what it is told
+constexpr double lag_s = 0.3;         // until a Tello flies what it is sent
 constexpr double leash_m = 1.0;       // the reference waits for a drone that is farther behind
 constexpr int64_t step_ns = 50'000'000;
 constexpr uint32_t steps = 12;  // 0.6 s: so long may the next plan be away
@@ -51,7 +51,7 @@ class Controller {
   void observe(const ledgerline_state& state) {
     const Vector at{state.position_m[0], state.position_m[1], state.position_m[2]};
     yaw_now_rad_ = state.yaw_rad;
-    const int64_t stamp_ns = state.pose_stamp_ns;  // a state may tell a pose again: then nothing is new
+    const int64_t stamp_ns = state.pose_stamp_ns;  // a state may repeat a pose: then nothing is new
     if (stamp_ns <= pose_ns_) return;
     if (pose_ns_ > 0) {
       for (std::size_t i = 0; i < 3; ++i) velocity_mps_[i] = (at[i] - at_m_[i]) / seconds(stamp_ns - pose_ns_);
@@ -111,7 +111,7 @@ class Controller {
   }
 
   void steer(const Vector& drone, double s_m, double speed_mps, ledgerline_setpoint& setpoint) const {
-    const double then_m = s_m + lag_s * speed_mps;  // where the reference is when the drone flies what it is told now
+    const double then_m = s_m + lag_s * speed_mps;  // where the reference is when the drone flies what it is sent now
     const Vector goal = place(s_m), from = place(then_m), to = place(then_m + 0.01);
     Vector wanted{};
     for (std::size_t i = 0; i < 3; ++i)

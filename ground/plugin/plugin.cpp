@@ -70,7 +70,7 @@ class PluginFollower final : public Follower {
   void observe(const StateSample& state, TimeNs late_ns) override;
   bool ready() const override { return seen_; }
   std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count) override;
-  void withdraw(std::uint64_t) override {}  // the states say what link was told
+  void withdraw(std::uint64_t) override {}  // the states say what link was sent
 
   double progress_m() const override { return progress_m_; }
   bool at_end() const override { return started_ && progress_m_ >= end_m_ - 1e-6; }
@@ -119,10 +119,10 @@ void PluginFollower::observe(const StateSample& state, TimeNs late_ns) {
   for (std::size_t i = 0; i < 3; ++i) {
     shown.position_m[i] = state.position_m[i];
     shown.velocity_mps[i] = state.velocity_mps[i];
-    shown.told_mps[i] = static_cast<double>(state.sent_velocity_mps[i]);
+    shown.sent_mps[i] = static_cast<double>(state.sent_velocity_mps[i]);
   }
   shown.yaw_rad = state.yaw_rad;
-  shown.told_yaw_rate_radps = static_cast<double>(state.sent_yaw_rate_radps);
+  shown.sent_yaw_rate_radps = static_cast<double>(state.sent_yaw_rate_radps);
   shown.late_ns = late_ns;
   shown.braking = state.mode == FailsafeMode::brake ? 1 : 0;
   guarded("observe", [&] { table().observe(controller_, &shown); });
@@ -193,8 +193,8 @@ Result<std::unique_ptr<Follower>> make(const std::shared_ptr<const Library>& lib
   given.waypoint_count = static_cast<std::uint32_t>(waypoints.size());
   given.laps = static_cast<std::uint32_t>(task.laps);
   given.yaw_rad = task.yaw_rad;
-  given.max_speed_mps = config.told_mps;
-  given.max_gain_mps2 = config.told_mps2;
+  given.max_speed_mps = config.full_scale_mps;
+  given.max_gain_mps2 = config.max_acceleration_mps2;
   given.max_vertical_mps = config.max_vertical_mps;
   given.pose_lost_ns = config.pose_lost_ns;
   void* controller = nullptr;
@@ -218,7 +218,7 @@ Result<MakeFollower> load_controller(const std::string& file) {
   void* handle = ::dlopen(std::filesystem::absolute(file).c_str(), RTLD_NOW | RTLD_LOCAL);
   if (!handle) {
     const char* why = ::dlerror();
-    return Error{fmt::format("{} cannot be loaded: {}", file, why ? why : "no reason is told")};
+    return Error{fmt::format("{} cannot be loaded: {}", file, why ? why : "no reason is given")};
   }
   using Entry = const Table* (*)();
   const auto entry = reinterpret_cast<Entry>(::dlsym(handle, "ledgerline_controller"));
@@ -232,7 +232,7 @@ Result<MakeFollower> load_controller(const std::string& file) {
   if (wrong.empty() && !table) {
     wrong = "is no controller: it has no ledgerline_controller() (ground/plugin/controller_plugin.h)";
   } else if (table && table->version != LEDGERLINE_CONTROLLER_VERSION) {
-    wrong = fmt::format("is made for version {} of the interface, this program has version {}: build it anew",
+    wrong = fmt::format("is made for version {} of the interface, this program has version {}: build it again",
                         table->version, LEDGERLINE_CONTROLLER_VERSION);
   } else if (table &&
              (!table->name || !table->create || !table->start || !table->observe || !table->plan || !table->destroy)) {

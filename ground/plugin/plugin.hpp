@@ -12,7 +12,7 @@ namespace ledgerline::ground {
 /// A follower made so checks whatever the plug-in says: a plan with a number that is not finite or beyond absurd_speed,
 /// with setpoints out of order or beyond what was asked for, with none or too many, or a progress that is none is not
 /// sent; problem() then says what was wrong, and the drone is landed. An exception that gets out is such a problem too.
-/// What no process survives (a wild pointer) ends ground, as ever: link lands the drones.
+/// What no process survives (a wild pointer) still ends ground: link then lands the drones.
 Result<MakeFollower> load_controller(const std::string& file);
 
 }  // namespace ledgerline::ground

@@ -1,11 +1,11 @@
-// Ground's and agents' certificates: renewals are taken while it flies, and their ends are told on the station.
+// Ground's and agents' certificates: renewals are taken while it flies, and their ends are reported on the station.
 #include "common/base/log.hpp"
 #include "ground/shell/ground.hpp"
 
 namespace ledgerline::ground {
 namespace {
 
-constexpr TimeNs look_period_ns = ns_per_s;  // ends are told by the day
+constexpr TimeNs look_period_ns = ns_per_s;  // ends are reported by the day
 
 Level level_of(crypto::Renewal::Weight weight) {
   return weight == crypto::Renewal::Weight::alarm ? Level::alarm : Level::warning;
@@ -29,7 +29,7 @@ void Ground::start_certificates() {
   if (!certificates_) return;
   certificates_->start([this](fabric::CertificateWatch::Weight weight, const std::string& words) {
     fabric::CertificateWatch::log(weight, words);
-    if (server_) mailbox_.put(Told{level_of(weight), "", words});
+    if (server_) mailbox_.put(Report{level_of(weight), "", words});
   });
 }
 

@@ -17,7 +17,7 @@ constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr TimeNs warning_gap_ns = ns_per_s;
-constexpr TimeNs show_gap_ns = ns_per_s / 30;      // for whoever looks at the page
+constexpr TimeNs show_gap_ns = ns_per_s / 30;      // while somebody looks at the page
 constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
 
 std::vector<std::string> names_of(const FlightView& view) {
@@ -51,20 +51,20 @@ Ground::~Ground() {
   mailbox_.close();
   for (const auto& roles : roles_) roles->close();
   if (missions_) missions_->close();
-  if (desk_) desk_->close();
+  if (service_) service_->close();
   if (faults_) faults_->close();
   for (const auto& channel : channels_) channel->close();
 }
 
-std::optional<Ground::Letter> Ground::next_letter(TimeNs timeout_ns) {
-  if (letters_.empty()) {
+std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
+  if (events_.empty()) {
     mailbox_.wait(timeout_ns);
-    letters_ = mailbox_.take_all();
+    events_ = mailbox_.take_all();
   }
-  if (letters_.empty()) return std::nullopt;
-  Letter letter = std::move(letters_.front());
-  letters_.pop_front();
-  return letter;
+  if (events_.empty()) return std::nullopt;
+  Event event = std::move(events_.front());
+  events_.pop_front();
+  return event;
 }
 
 std::vector<PilotCommand> Ground::take_commands() {
@@ -89,18 +89,18 @@ void Ground::post_command(const PilotCommand& one) {
 }
 
 void Ground::say(Level level, const std::string& drone, std::string words) {
-  mailbox_.put(Told{level, drone, std::move(words)});
+  mailbox_.put(Report{level, drone, std::move(words)});
 }
 
-void Ground::see_off(TimeNs now_ns) {
+void Ground::end_session(TimeNs now_ns) {
   for (const std::size_t who : leaving_.all()) {
-    const crypto::IdentityName& identity = desk_->operators()[who].identity;
+    const crypto::IdentityName& identity = service_->operators()[who].identity;
     const service::Held held = service::held_by(view_, identity);
     const service::Leaving::Step step = leaving_.step(now_ns, who, held);
     for (const std::size_t drone : step.land) post_command({.drone = drone, .by = identity, .land = true});
     if (!step.give_back) continue;
-    const bool is_posted = desk_->see_off(who, held.drones);  // false: too much waits to be signed
-    if (!is_posted && step.last) desk_->forget(who);
+    const bool is_posted = service_->end_session(who, held.drones);  // false: too much waits to be signed
+    if (!is_posted && step.last) service_->forget(who);
     if (is_posted || step.last) leaving_.remove(who);
   }
 }
@@ -134,11 +134,11 @@ void Ground::note(const fabric::Block& block) {
   if (!server_) return;
   unshown_blocks_.push_back(
       service::summary_of(block, monotonic_ns(), self_->now()->serialized, view_.config().where.contract));
-  if (server_->watched() || unshown_blocks_.size() >= service::max_told_blocks)
+  if (server_->watched() || unshown_blocks_.size() >= service::max_reported_blocks)
     server_->publish_blocks(std::exchange(unshown_blocks_, {}));
 }
 
-Status Ground::open(std::size_t index, const Channel::News& news, FlightInputs& inputs) {
+Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
   Channel& channel = *channels_[index];
   if (const auto* block = std::get_if<fabric::Block>(&news)) {
     const auto now = channel.take(*block);
@@ -169,24 +169,24 @@ Status Ground::open(std::size_t index, const Channel::News& news, FlightInputs& 
     auto held = channel.take(*read);
     if (!held) return held.error();
     // The blocks that waited come next, before any that came behind them.
-    std::vector<Letter> next;
+    std::vector<Event> next;
     for (fabric::Block& each : *held) next.push_back(OfChannel{index, std::move(each)});
-    letters_.insert(letters_.begin(), std::make_move_iterator(next.begin()), std::make_move_iterator(next.end()));
+    events_.insert(events_.begin(), std::make_move_iterator(next.begin()), std::make_move_iterator(next.end()));
   }
   return done;
 }
 
-Status Ground::open(const Letter& letter, std::vector<FlightInputs>& inputs) {
-  if (const auto* of = std::get_if<OfChannel>(&letter)) {
+Status Ground::open(const Event& event, std::vector<FlightInputs>& inputs) {
+  if (const auto* of = std::get_if<OfChannel>(&event)) {
     if (lost_[of->channel]) return done;
     const Status opened = open(of->channel, of->news, inputs[of->channel]);
     if (opened || channels_.size() == 1) return opened;
     lose(of->channel, opened.error());
     return done;
   }
-  if (const auto* told = std::get_if<Told>(&letter)) {
-    unshown_.push_back(board_.tell(monotonic_ns(), told->level, told->drone, told->words));
-  } else if (const auto* change = std::get_if<SessionChange>(&letter)) {
+  if (const auto* reported = std::get_if<Report>(&event)) {
+    unshown_.push_back(board_.tell(monotonic_ns(), reported->level, reported->drone, reported->words));
+  } else if (const auto* change = std::get_if<SessionChange>(&event)) {
     change->in ? leaving_.remove(change->who) : leaving_.add(change->who, monotonic_ns());
   }
   return done;
@@ -211,8 +211,8 @@ std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotComm
 }
 
 bool Ground::more_waits_for(std::size_t channel) const {
-  return std::any_of(letters_.begin(), letters_.end(), [&](const Letter& letter) {
-    const auto* of = std::get_if<OfChannel>(&letter);
+  return std::any_of(events_.begin(), events_.end(), [&](const Event& event) {
+    const auto* of = std::get_if<OfChannel>(&event);
     return !of || of->channel == channel;
   });
 }
@@ -220,16 +220,16 @@ bool Ground::more_waits_for(std::size_t channel) const {
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
   // Whose drones an earlier ground left to us may come back for them.
-  for (std::size_t who = 0; desk_ && who < desk_->operators().size(); ++who)
+  for (std::size_t who = 0; service_ && who < service_->operators().size(); ++who)
     leaving_.add(who, monotonic_ns() + session_idle_ns_);
   TimeNs leave_ns = 0;
   while (!view_.done()) {
-    const auto letter = next_letter(tick_ns);
+    const auto event = next_event(tick_ns);
     std::vector<FlightInputs> inputs(channels_.size());
-    if (letter) {
-      if (auto status = open(*letter, inputs); !status) return status.error();
+    if (event) {
+      if (auto status = open(*event, inputs); !status) return status.error();
     }
-    if (letters_.empty()) letters_ = mailbox_.take_all();
+    if (events_.empty()) events_ = mailbox_.take_all();
     const std::vector<std::vector<PilotCommand>> commands = split(take_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].commands = commands[i];
@@ -249,7 +249,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       break;
     }
     dismiss(now_ns);
-    if (!leaving_.empty()) see_off(now_ns);
+    if (!leaving_.empty()) end_session(now_ns);
     tell_certificates(now_ns);
     show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
@@ -283,17 +283,17 @@ void Ground::act(std::size_t index, FlightOutputs& out) {
   Channel& channel = *channels_[index];
   for (Submission& submission : out.submissions) {
     // A stop whose stopper has signed out meanwhile is ground's own.
-    if (submission.by && desk_->stop(*submission.by, index, submission.call, channel.on_end(submission))) continue;
+    if (submission.by && service_->stop(*submission.by, index, submission.call, channel.on_end(submission))) continue;
     channel.submit(std::move(submission));
   }
   recorder_.add(out.traces);
-  for (DroneNews& news : out.news) {
+  for (DroneUpdate& news : out.news) {
     news.drone = view_.drone_at({index, news.drone});
     publish(index, news);
   }
 }
 
-void Ground::publish(std::size_t channel, const DroneNews& news) {
+void Ground::publish(std::size_t channel, const DroneUpdate& news) {
   const std::string& drone = names_[news.drone];
   for (std::size_t i = 0; i < drone_topics.size(); ++i) {
     const DroneTopic& topic = drone_topics[i];

@@ -23,10 +23,10 @@
 #include "ground/service/core/board.hpp"
 #include "ground/service/core/certificate_ends.hpp"
 #include "ground/service/operators/leaving.hpp"
-#include "ground/service/shell/fault_desk.hpp"
+#include "ground/service/shell/fault_service.hpp"
 #include "ground/service/shell/server.hpp"
-#include "ground/shell/mission_desk.hpp"
-#include "ground/shell/operator_desk.hpp"
+#include "ground/shell/mission_service.hpp"
+#include "ground/shell/operator_service.hpp"
 #include "ground/shell/operators/role_watch.hpp"
 #include "ground/shell/pilots/pilot_readers.hpp"
 #include "ground/shell/settings.hpp"
@@ -53,7 +53,7 @@ class Ground {
   /// the operators'.
   Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
                const std::vector<fabric::ClientConfig>& ledgers);
-  /// Has renewed certificates taken while it runs, and tells their ends on the station, with those of agents. Before
+  /// Has renewed certificates taken while it runs, and reports their ends on the station, with those of agents. Before
   /// serve().
   void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) { certificates_ = std::move(watch); }
   /// Where the page is; empty: nowhere.
@@ -62,10 +62,10 @@ class Ground {
  private:
   struct OfChannel {
     std::size_t channel;
-    Channel::News news;
+    Channel::Update news;
   };
   /// What an operator's call came to.
-  struct Told {
+  struct Report {
     service::Level level;
     std::string drone;
     std::string words;
@@ -75,7 +75,7 @@ class Ground {
     std::size_t who;
     bool in;
   };
-  using Letter = std::variant<OfChannel, Told, SessionChange>;
+  using Event = std::variant<OfChannel, Report, SessionChange>;
 
   std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   Status open_topics();
@@ -91,24 +91,24 @@ class Ground {
   /// As an event; `drone`: its name, empty: of none. Any thread.
   void say(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
-  Status open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers);
+  Status open_service(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers);
   /// Ends the sessions of operators whose roles were taken.
   void dismiss(TimeNs now_ns);
   /// Lands what somebody holds who has left, gives it back, and forgets his key.
-  void see_off(TimeNs now_ns);
+  void end_session(TimeNs now_ns);
   /// One of several.
   void lose(std::size_t channel, const Error& why);
   void show(TimeNs now_ns);
   void start_certificates();
   void tell_certificates(TimeNs now_ns);
-  /// For whoever looks at the page: what a block holds.
+  /// For the page: what a block holds.
   void note(const fabric::Block& block);
-  void publish(std::size_t channel, const DroneNews& news);
+  void publish(std::size_t channel, const DroneUpdate& news);
   Status wait_for_block_streams(const std::atomic<bool>& quit);
-  std::optional<Letter> next_letter(TimeNs timeout_ns);
-  /// What of a letter is for the cores, whose inputs these are; an error ends the flight.
-  Status open(const Letter& letter, std::vector<FlightInputs>& inputs);
-  Status open(std::size_t channel, const Channel::News& news, FlightInputs& inputs);
+  std::optional<Event> next_event(TimeNs timeout_ns);
+  /// What of an event is for the cores, whose inputs these are; an error ends the flight.
+  Status open(const Event& event, std::vector<FlightInputs>& inputs);
+  Status open(std::size_t channel, const Channel::Update& news, FlightInputs& inputs);
   /// Of each channel, its drones as its core has them.
   std::vector<std::vector<PilotCommand>> split(const std::vector<PilotCommand>& commands) const;
   bool more_waits_for(std::size_t channel) const;
@@ -134,11 +134,11 @@ class Ground {
   service::CertificateEnds certificate_ends_;
   TimeNs next_certificates_ns_ = 0;
   service::Refusals refusals_;
-  std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; at most max_told_blocks
+  std::vector<service::BlockSummary> unshown_blocks_;  ///< as unshown_; at most max_reported_blocks
   TimeNs next_warning_ns_ = 0, next_unheard_log_ns_ = 0;
 
-  Mailbox<Letter> mailbox_;     ///< blocks in turn; of outcomes there are as many as calls in flight
-  std::deque<Letter> letters_;  ///< taken out of the mailbox, not opened yet
+  Mailbox<Event> mailbox_;    ///< blocks in turn; of outcomes there are as many as calls in flight
+  std::deque<Event> events_;  ///< taken out of the mailbox, not opened yet
   std::mutex commands_mutex_;
   std::vector<PilotCommand> commands_;           ///< at most one for each drone and operator
   std::atomic<bool> flying_{false};              ///< run() is
@@ -146,15 +146,15 @@ class Ground {
   std::vector<bool> lost_;                       ///< likewise: what it says cannot be taken any more
   std::vector<std::uint64_t> news_unpublished_;  ///< likewise
 
-  service::Leaving leaving_;  ///< operators of desk_
+  service::Leaving leaving_;  ///< operators of service_
   TimeNs session_idle_ns_ = 0;
   std::vector<std::size_t> dismissed_;  ///< as said last
 
   // Last, so that they end first: their callbacks use all of the above.
-  std::unique_ptr<OperatorDesk> desk_;             ///< null: nobody signs in
+  std::unique_ptr<OperatorService> service_;       ///< null: nobody signs in
   std::vector<std::unique_ptr<RoleWatch>> roles_;  ///< of each channel, where operators sign in
-  std::unique_ptr<MissionDesk> missions_;          ///< null: there is no service
-  std::unique_ptr<service::FaultDesk> faults_;     ///< null: none are switched here
+  std::unique_ptr<MissionService> missions_;       ///< null: there is no service
+  std::unique_ptr<service::FaultService> faults_;  ///< null: none are switched here
   std::unique_ptr<service::Server> server_;
   std::optional<PilotReaders> pilots_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;

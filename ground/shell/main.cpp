@@ -2,16 +2,16 @@
 
 #include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
-#include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/patience.hpp"
+#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
+#include "common/verification/client.hpp"
 #include "ground/shell/ground.hpp"
 
 namespace {
@@ -33,10 +33,10 @@ Status check_drones(const std::vector<ground::FlightDrone>& drones) {
 /// A channel's part of the flight.
 Result<ground::Channel::Parts> make_channel(Config& config, ground::FlightConfig flight,
                                             const fabric::ClientConfig& careful, const std::string& checkpoint) {
-  auto believed = fabric::msp_registry(config);
-  if (!believed) return believed.error();
+  auto trusted = fabric::msp_registry(config);
+  if (!trusted) return trusted.error();
   flight.self = careful.identity.name;
-  flight.believed = std::move(believed).value();
+  flight.trusted = std::move(trusted).value();
   flight.where = careful.where;
   auto kept = fabric::KeptCheckpoint::read(checkpoint, careful.where.channel);
   if (!kept) return kept.error();
@@ -60,17 +60,17 @@ int fly(Config& config) {
       ground::pilot_settings(config, !service.operators.empty(), dds.security.has_value());
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
-  auto believed = fabric::msp_registry(config);
+  auto trusted = fabric::msp_registry(config);
   const endorser::WithinSettings within = endorser::read_within_settings(config);
   const fabric::Channels channels = fabric::read_channels(config);
   Status checked = config.finish();
   if (checked) checked = check_drones(flight.drones);
   if (checked && !ledger) checked = ledger.error();
-  if (checked && !believed) checked = believed.error();
+  if (checked && !trusted) checked = trusted.error();
   if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
   if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
-  fabric::ClientConfig careful = belief::for_contract(std::move(ledger).value());
+  fabric::ClientConfig careful = verification::for_contract(std::move(ledger).value());
   auto certificates = fabric::watch_certificates(config, careful, channels.tls_pairs());
   if (!certificates) return fail(certificates.error(), exit_usage);
   auto ledgers = fabric::each_channel(careful, channels);
@@ -78,7 +78,7 @@ int fly(Config& config) {
   std::vector<ground::Channel::Parts> parts;
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
-    if (const auto longer_ns = fabric::take_patience(own); !longer_ns) return fail(longer_ns.error());
+    if (const auto longer_ns = fabric::take_timeouts(own); !longer_ns) return fail(longer_ns.error());
     if (const Status s = endorser::endorse_within(within, own); !s) return fail(s.error(), exit_usage);
     auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
                              fabric::file_of_channel(checkpoint, channels, i));
@@ -113,7 +113,7 @@ ground.toml: [[drone]] name, number, and for a path of its own shape, waypoints,
 )" + ledger_table_help +
     channel_tables_help +
     R"(  [flight] shape (square|triangle|x|eight|waypoints|manual), waypoints (CSV: x,y[,z[,speed]]), predict,
-    ramp_start_mps, ramp_step_mps, told_mps, told_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
+    ramp_start_mps, ramp_step_mps, full_scale_mps, max_acceleration_mps2, pose_lost_ms, speed_mps, laps, seconds, height_m, side_m,
     lag_s, cmd_timeout_ms, controller (a library of your own: docs/own-code.md)
   [output] trace, summary, status_period_ms, checkpoint
   [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)

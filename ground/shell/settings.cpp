@@ -59,12 +59,12 @@ void read_controller(Config& config, ControllerConfig& controller) {
       config.number({"flight.ramp_start_mps", "speed of the first lap of a ramp of speeds; 0: no ramp"}, 0, 0, 8);
   controller.ramp.step_mps =
       config.number({"flight.ramp_step_mps", "by which each further lap of a ramp is faster"}, 0, 0, 2);
-  controller.told_mps =
-      config.number({"flight.told_mps", "what the drone can be told at most: link's rc.full_scale_mps, rc 100"},
-                    controller.told_mps, 0.1, 20);
-  controller.told_mps2 =
-      config.number({"flight.told_mps2", "link's limits.acceleration_mps2: paths are planned within it"},
-                    controller.told_mps2, 0.1, 50);
+  controller.full_scale_mps = config.number(
+      {"flight.full_scale_mps", "what the drone can be commanded at most: link's rc.full_scale_mps, rc 100"},
+      controller.full_scale_mps, 0.1, 20);
+  controller.max_acceleration_mps2 =
+      config.number({"flight.max_acceleration_mps2", "link's limits.acceleration_mps2: paths are planned within it"},
+                    controller.max_acceleration_mps2, 0.1, 50);
   controller.pose_lost_ns =
       config.integer(
           {"flight.pose_lost_ms", "link's failsafe.pose_lost_ms: with an older pose link brakes, and the path waits"},
@@ -190,10 +190,10 @@ service::ServiceSettings service_settings(Config& config) {
                                  "alone (127.0.0.1:8800; port 0: any); none: no page"},
                                 "");
   settings.token_file = config.text(
-      {"service.token_file", "file of the page's token, made where it is missing: whoever may read it may fly"}, "");
+      {"service.token_file", "file of the page's token, made where it is missing: anyone who may read it may fly"}, "");
   settings.tls.certificate =
       config.text({"service.tls_certificate",
-                   "PEM file of the page's certificate and those between it and its authority, taken anew when it "
+                   "PEM file of the page's certificate and those between it and its authority, taken again when it "
                    "changes; none: no TLS"},
                   "");
   settings.tls.key =
@@ -276,9 +276,10 @@ PilotSettings pilot_settings(Config& config, bool has_operators, bool has_dds_se
   PilotSettings settings;
   settings.topics =
       config
-          .boolean({"pilot.topics",
-                    "pilots' ROS 2 topics are read: whoever can write them flies, on loopback every user of this host",
-                    "true; false with [service] operators"})
+          .boolean(
+              {"pilot.topics",
+               "pilots' ROS 2 topics are read: anyone who can write them flies, on loopback every user of this host",
+               "true; false with [service] operators"})
           .value_or(!has_operators);
   const auto emergency = config.boolean({"pilot.emergency",
                                          "`/<drone>/emergency` among them, motors off in the air, too: nobody is asked "
@@ -299,11 +300,10 @@ std::vector<const PilotTopic*> topics_read(const PilotSettings& settings) {
 }
 
 std::string checkpoint_path(Config& config) {
-  return config.text(
-      {"output.checkpoint",
-       "file, of this ground alone, with the newest block that was believed: a peer that serves an older "
-       "chain, or another one, is refused at the next start; none: each start begins anew"},
-      "");
+  return config.text({"output.checkpoint",
+                      "file, of this ground alone, with the newest block that was trusted: a peer that serves an older "
+                      "chain, or another one, is refused at the next start; none: each start begins from nothing"},
+                     "");
 }
 
 std::string status_line(const FlightView& flights, std::optional<std::int64_t> certificate_days) {
@@ -335,7 +335,7 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
          {"origin", status.origin_m},
          {"height_m", core.height_m()},
          {"alarms", status.alarms},
-         {"ledger_doubted", status.ledger_doubted},
+         {"ledger_untrusted", status.ledger_untrusted},
          {"states_received", status.states_received},
          {"commands_made", status.commands_made},
          {"commands_sent", status.commands_sent},
@@ -368,9 +368,9 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
              {"unavailable", t.unavailable},
              {"overloaded", t.overloaded}}},
            {"states_malformed", t.malformed},
-           {"states_unbelieved", t.unbelieved},
+           {"states_unverified", t.unverified},
            {"transactions_altered", t.altered},
-           {"transactions_unbelievable", t.unbelievable},
+           {"transactions_invalid", t.invalid},
            {"news_unpublished", shell.news_unpublished},
            {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
            {"delay_ms", to_ms(core.delay_ns())},

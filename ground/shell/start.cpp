@@ -20,7 +20,7 @@ namespace {
 // second or two; one that is away is away for longer.
 constexpr TimeNs others_wait_ns = 2 * ns_per_s;
 
-// As an operator's own call (OperatorDesk): what loses to another one is sent again.
+// As an operator's own call (OperatorService): what loses to another one is sent again.
 constexpr fabric::RepeatLimits lift_limits{.attempts = 10, .conflicts_only = true};
 
 }  // namespace
@@ -29,11 +29,12 @@ std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel:
   std::vector<std::unique_ptr<Channel>> channels;
   for (std::size_t i = 0; i < parts.size(); ++i) {
     std::string label = parts.size() > 1 ? fmt::format("channel {}: ", parts[i].flight.where.channel) : "";
-    channels.push_back(std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::News news) {
-      const bool is_block = std::holds_alternative<fabric::Block>(news);
-      OfChannel letter{i, std::move(news)};
-      is_block ? mailbox_.put_in_turn(std::move(letter)) : mailbox_.put(std::move(letter));
-    }));
+    channels.push_back(
+        std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::Update news) {
+          const bool is_block = std::holds_alternative<fabric::Block>(news);
+          OfChannel event{i, std::move(news)};
+          is_block ? mailbox_.put_in_turn(std::move(event)) : mailbox_.put(std::move(event));
+        }));
   }
   return channels;
 }
@@ -87,7 +88,7 @@ Status Ground::read_pilot_topics() {
 }
 
 Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
-  std::deque<Letter> later;  // of channels that are read already
+  std::deque<Event> later;  // of channels that are read already
   std::optional<TimeNs> first_ns;
   const auto are_open = [&]() -> Status {
     for (std::size_t i = 0; i < channels_.size();) {
@@ -95,43 +96,43 @@ Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
         ++i;
         continue;
       }
-      auto letter = next_letter(0);
-      if (!letter && first_ns && monotonic_ns() - *first_ns > others_wait_ns) return done;
-      if (!letter) return Error{channels_[i]->label() + (streams_[i].why.empty() ? "no answer yet" : streams_[i].why)};
-      const auto* of = std::get_if<OfChannel>(&*letter);
+      auto event = next_event(0);
+      if (!event && first_ns && monotonic_ns() - *first_ns > others_wait_ns) return done;
+      if (!event) return Error{channels_[i]->label() + (streams_[i].why.empty() ? "no answer yet" : streams_[i].why)};
+      const auto* of = std::get_if<OfChannel>(&*event);
       const auto* state = of ? std::get_if<Channel::StreamState>(&of->news) : nullptr;
       if (state) {
         streams_[of->channel] = *state;
         if (state->connected && !first_ns) first_ns = monotonic_ns();
       } else {
-        later.push_back(std::move(*letter));
+        later.push_back(std::move(*event));
       }
     }
     return done;
   };
   const Status open = keep_trying(
       "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
-  letters_.insert(letters_.begin(), std::make_move_iterator(later.begin()), std::make_move_iterator(later.end()));
+  events_.insert(events_.begin(), std::make_move_iterator(later.begin()), std::make_move_iterator(later.end()));
   return open;
 }
 
-Status Ground::open_desk(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers) {
-  auto desk = OperatorDesk::create({.folder = folder,
-                                    .ledgers = ledgers,
-                                    .drones = names_,
-                                    .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
-                                    .lift_ground_stop =
-                                        [this](std::size_t channel, const fabric::Call& call) {
-                                          return fabric::submit_repeatedly(channels_[channel]->urgent(), call,
-                                                                           lift_limits, nullptr);
-                                        },
-                                    .tell = std::bind_front(&Ground::say, this),
-                                    .on_session =
-                                        [this](std::size_t who, bool in) {
-                                          mailbox_.put(SessionChange{who, in});
-                                        }});
-  if (!desk) return Error{"[service] operators: " + desk.error().what};
-  desk_ = std::move(*desk);
+Status Ground::open_service(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers) {
+  auto operators = OperatorService::create(
+      {.folder = folder,
+       .ledgers = ledgers,
+       .drones = names_,
+       .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
+       .lift_ground_stop =
+           [this](std::size_t channel, const fabric::Call& call) {
+             return fabric::submit_repeatedly(channels_[channel]->urgent(), call, lift_limits, nullptr);
+           },
+       .tell = std::bind_front(&Ground::say, this),
+       .on_session =
+           [this](std::size_t who, bool in) {
+             mailbox_.put(SessionChange{who, in});
+           }});
+  if (!operators) return Error{"[service] operators: " + operators.error().what};
+  service_ = std::move(*operators);
   return done;
 }
 
@@ -145,23 +146,23 @@ void Ground::dismiss(TimeNs now_ns) {
     server_->dismiss(dismissed);
     for (const std::size_t who : dismissed) {
       if (std::find(dismissed_.begin(), dismissed_.end(), who) != dismissed_.end()) continue;
-      const std::string& name = desk_->operators()[who].name;
+      const std::string& name = service_->operators()[who].name;
       say(Level::warning, "",
           fmt::format("{} is no operator any more: signed out, and what {} holds lands", name, name));
     }
     dismissed_ = std::move(dismissed);
   }
   // Each time: what is flown now is still theirs.
-  for (const std::size_t who : dismissed_) missions_->disown(desk_->operators()[who].identity);
+  for (const std::size_t who : dismissed_) missions_->disown(service_->operators()[who].identity);
 }
 
 void Ground::open_missions(service::MissionSettings settings) {
   settings.check.flight = view_.config().controller;
-  missions_ = std::make_unique<MissionDesk>(MissionDesk::Parts{
+  missions_ = std::make_unique<MissionService>(MissionService::Parts{
       .settings = std::move(settings),
       .core = view_,
       .client = channels_.front()->urgent(),
-      .sign = [this](std::size_t who, const service::OperatorCall& call) { return desk_->submit(who, call); },
+      .sign = [this](std::size_t who, const service::OperatorCall& call) { return service_->submit(who, call); },
       .signed_in = [this](std::size_t who) { return !leaving_.has(who); },
       .post_command = [this](const PilotCommand& one) { post_command(one); },
       .tell =
@@ -183,10 +184,10 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
                                    .fence = missions.check.fence};
   open_missions(std::move(missions));
   if (!settings.operators.empty()) {
-    if (Status opened = open_desk(settings.operators, ledgers); !opened) return opened;
+    if (Status opened = open_service(settings.operators, ledgers); !opened) return opened;
     for (const auto& channel : channels_) {
       roles_.push_back(std::make_unique<RoleWatch>(RoleWatch::Parts{
-          .operators = desk_->operators(),
+          .operators = service_->operators(),
           .evaluate = [&client = channel->urgent()](const fabric::Call& call) { return client.evaluate(call); },
           .wake = [this] { mailbox_.wake(); }}));
     }
@@ -194,15 +195,15 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   self_ = ledgers.front().identity.in_use;
   session_idle_ns_ = settings.session_idle_ns;
   service::Server::Behind behind{.take = [this](const PilotCommand& one) { return take(one); },
-                                 .keys = desk_.get(),
+                                 .keys = service_.get(),
                                  .ask_missions =
                                      [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
                                        ask(std::move(asked), std::move(answer));
                                      },
                                  .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
   if (!settings.faults.empty()) {
-    faults_ = std::make_unique<service::FaultDesk>(settings.faults, std::bind_front(&Ground::say, this));
-    behind.ask_faults = std::bind_front(&service::FaultDesk::ask, faults_.get());
+    faults_ = std::make_unique<service::FaultService>(settings.faults, std::bind_front(&Ground::say, this));
+    behind.ask_faults = std::bind_front(&service::FaultService::ask, faults_.get());
   }
   auto server = service::Server::start(settings, names_, greeting, std::move(behind));
   if (!server) return server.error();

@@ -16,8 +16,8 @@ struct Flight {
 };
 
 /// Flies `count` scripts in `jobs` threads, each number once. `make` and `done` are called by one thread at a time;
-/// `done` in the order in which flights end. A `done` that returns false ends the campaign behind the flights under
-/// way.
+/// `done` in the order in which flights end. A `done` that returns false ends the campaign after the flights in
+/// progress.
 void fly_all(std::size_t count, unsigned jobs, const std::function<Flight(std::size_t)>& make,
              const std::function<bool(std::size_t, const Flight&, Result<RunResult>)>& done);
 

@@ -78,7 +78,7 @@ std::string ledger_fault(Draw& draw, const std::string& recording) {
   constexpr std::array<const char*, 3> ends{"agent", "ground", "both"};
   constexpr std::array<const char*, 3> ways{"", "to ", "from "};
   constexpr std::array<const char*, 10> all_lies{"chain",    "hash",   "number",  "signature", "endorsement",
-                                                 "stranger", "member", "channel", "contract",  "flag"};
+                                                 "outsider", "member", "channel", "contract",  "flag"};
   constexpr std::array<const char*, 5> all_slips{"boot", "stamp", "speed", "late", "twice"};
   switch (draw.below(9)) {
     case 0:

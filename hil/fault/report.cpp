@@ -83,7 +83,7 @@ json timeline_json(const std::vector<TimelinePoint>& points) {
   json out = json::array();
   for (const TimelinePoint& p : points)
     out.push_back({rounded(to_seconds(p.t_ns)), rounded(p.at_m[0]), rounded(p.at_m[1]), rounded(p.at_m[2]),
-                   rounded(p.believed_m[0]), rounded(p.believed_m[1]), rounded(p.believed_m[2]), rounded(p.told_mps),
+                   rounded(p.estimated_m[0]), rounded(p.estimated_m[1]), rounded(p.estimated_m[2]), rounded(p.sent_mps),
                    static_cast<int>(p.phase), static_cast<int>(p.mode), name(p.cause), p.lap});
   return out;
 }

@@ -43,7 +43,7 @@ struct NotFlown {
 /// `not_flown` has no figures.
 std::string json_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                       const std::vector<NotFlown>& not_flown = {});
-/// As CI systems read it: a testcase for each run of `all`; what was seen is told of those in `results`.
+/// As CI systems read it: a testcase for each run of `all`; what was seen is reported for those in `results`.
 /// What was not flown is an error, or skipped.
 std::string junit_text(const std::vector<RunResult>& results, const std::vector<RunSummary>& all,
                        const std::vector<NotFlown>& not_flown = {});

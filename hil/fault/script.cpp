@@ -130,10 +130,11 @@ void read_flight(Config& config, const std::string& folder, Script& script) {
                     .value_or(flight.pose);
   flight.calibrated = config.boolean(
       {"flight.calibrated", "link knows the scale, lag and bias of its drones' own velocities"}, flight.calibrated);
-  flight.doubt =
-      from_name<link::OnDoubt>(config.choice({"flight.doubt", "what link does while agent doubts the ledger"},
-                                             {"ignore", "hold", "land"}, "ignore"))
-          .value_or(flight.doubt);
+  flight.on_untrusted_ledger =
+      from_name<link::OnUntrustedLedger>(
+          config.choice({"flight.on_untrusted_ledger", "what link does while agent does not trust the ledger"},
+                        {"ignore", "hold", "land"}, "ignore"))
+          .value_or(flight.on_untrusted_ledger);
   which_tello(config, folder, flight);
   read_after_restart(config, flight);
   flight.room_m =
@@ -265,7 +266,8 @@ std::string text_of(const Script& script) {
   if (f.blocks != usual.blocks) text += "blocks = \"ordered\"\n";
   if (f.pose != usual.pose) text += fmt::format("pose = \"{}\"\n", name(f.pose));
   if (f.calibrated != usual.calibrated) text += fmt::format("calibrated = {}\n", f.calibrated);
-  if (f.doubt != usual.doubt) text += fmt::format("doubt = \"{}\"\n", name(f.doubt));
+  if (f.on_untrusted_ledger != usual.on_untrusted_ledger)
+    text += fmt::format("on_untrusted_ledger = \"{}\"\n", name(f.on_untrusted_ledger));
   if (f.after_restart != usual.after_restart)
     text += fmt::format("after_restart = \"{}\"\n", after_restart_names[static_cast<std::size_t>(f.after_restart)]);
   if (f.battery != usual.battery) text += fmt::format("battery = {}\n", f.battery);

@@ -38,7 +38,7 @@ void Line::begin_day(TimeNs now) {
   if (impairment_.recorded_day && !day_begins_) day_begins_ = now - impairment_.recorded_day->offset_ns;
 }
 
-RecordedDay::Fate Line::fate(TimeNs now) const {
+RecordedDay::Delivery Line::fate(TimeNs now) const {
   if (!impairment_.recorded_day) return {};
   return impairment_.recorded_day->day->at(now - *day_begins_);
 }
@@ -56,7 +56,7 @@ void Line::push(TimeNs now, std::string_view bytes, std::uint64_t tag) {
 void Line::push_datagram(TimeNs now, std::string bytes, std::uint64_t tag) {
   ++counts_.pushed;
   counts_.bytes_in += bytes.size();
-  const RecordedDay::Fate recorded = fate(now);
+  const RecordedDay::Delivery recorded = fate(now);
   if (impairment_.partition || loses() || recorded.lost) {
     ++counts_.lost;
     return;

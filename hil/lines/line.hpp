@@ -69,7 +69,7 @@ class Line {
   bool share(Effect effect, double of);
   void begin_day(TimeNs now);
   /// What the recorded day does to what is pushed now; nothing without one.
-  RecordedDay::Fate fate(TimeNs now) const;
+  RecordedDay::Delivery fate(TimeNs now) const;
   /// When it has passed the rate's queue; nothing: the queue is full.
   std::optional<TimeNs> pass_rate(TimeNs now, std::size_t bytes);
   double rate_backlog_bytes(TimeNs now) const;

@@ -123,14 +123,14 @@ SharedPorts::~SharedPorts() {
 }
 
 std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides) {
-  std::uint64_t strangers = 0;
+  std::uint64_t outsiders = 0;
   receive_from(socket, [&](const sockaddr_in& from, std::string_view bytes) {
     for (DroneSide& side : sides) {
       if (side.route().address.s_addr == from.sin_addr.s_addr) return side.take(way, now, bytes);
     }
-    ++strangers;
+    ++outsiders;
   });
-  return strangers;
+  return outsiders;
 }
 
 DroneSide::DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed)
@@ -228,7 +228,7 @@ DroneSide::Client* DroneSide::client_at(const sockaddr_in& address, TimeNs now) 
   if (clients_.size() == max_clients) {
     const auto oldest = std::min_element(clients_.begin(), clients_.end(),
                                          [](const Client& a, const Client& b) { return a.heard < b.heard; });
-    if (now - oldest->heard < client_patience) {
+    if (now - oldest->heard < client_timeout) {
       ++too_many_clients_;
       return nullptr;
     }

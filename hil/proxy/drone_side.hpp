@@ -12,7 +12,7 @@
 
 namespace ledgerline::hil::proxy {
 
-/// Where the drones' state (8890) and video (11111) arrive: one socket each for all drones, told apart by source
+/// Where the drones' state (8890) and video (11111) arrive: one socket each for all drones, distinguished by source
 /// address. One thread.
 class SharedPorts {
  public:
@@ -35,7 +35,7 @@ class SharedPorts {
 class DroneSide {
  public:
   static constexpr std::size_t max_clients = 8;
-  static constexpr TimeNs client_patience = 10 * ns_per_s;  ///< one that was silent for so long gives way to another
+  static constexpr TimeNs client_timeout = 10 * ns_per_s;  ///< one that was silent for so long gives way to another
 
   static Result<DroneSide> open(const DroneRoute& route, in_addr source, std::uint64_t seed);
   DroneSide(DroneSide&&) noexcept;

@@ -50,7 +50,7 @@ class Proxy {
   std::optional<CommandSocket> socket_;
   TimeNs start_ = 0;
   std::vector<pollfd> polled_;
-  std::uint64_t strangers_ = 0, unnamed_ = 0;
+  std::uint64_t outsiders_ = 0, unnamed_ = 0;
   TimeNs latest_ = 0;  // how much later than due the loop came to it, at most
   nlohmann::json switched_ = nlohmann::json::array();
 };
@@ -135,8 +135,8 @@ void Proxy::turn(TimeNs now) {
   const auto take = [&](std::size_t count) { return std::exchange(left, left.subspan(count)).first(count); };
   if (shared_) {
     const auto ports = take(2);
-    if (ports[0].revents != 0) strangers_ += receive_shared(ports[0].fd, Way::state, now, drones_);
-    if (ports[1].revents != 0) strangers_ += receive_shared(ports[1].fd, Way::video, now, drones_);
+    if (ports[0].revents != 0) outsiders_ += receive_shared(ports[0].fd, Way::state, now, drones_);
+    if (ports[1].revents != 0) outsiders_ += receive_shared(ports[1].fd, Way::video, now, drones_);
   }
   for (DroneSide& side : drones_) {
     side.receive(now, take(side.sockets()));
@@ -175,7 +175,7 @@ Status Proxy::write_summary() const {
   nlohmann::json summary{{"seed", settings_.seed},
                          {"drones", nlohmann::json::array()},
                          {"servers", nlohmann::json::array()},
-                         {"strangers", strangers_},
+                         {"outsiders", outsiders_},
                          {"switched", switched_},
                          {"switched_unnamed", unnamed_},
                          {"latest_ms", to_ms(latest_)}};

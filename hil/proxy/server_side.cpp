@@ -141,7 +141,7 @@ bool ServerSide::may_accept(TimeNs now) const { return !to_.partition && !from_.
 void ServerSide::add_to(TimeNs now, std::vector<pollfd>& polled) const {
   const auto wanted = [&](int fd, const Half& reads, const Half& writes) -> pollfd {
     const int events = (reads.may_read(now) ? POLLIN : 0) | (writes.pending.empty() ? 0 : POLLOUT);
-    return {events == 0 ? -1 : fd, static_cast<short>(events), 0};  // its end would be told again and again
+    return {events == 0 ? -1 : fd, static_cast<short>(events), 0};  // its end would be reported repeatedly
   };
   polled.push_back({may_accept(now) ? listener_ : -1, POLLIN, 0});
   for (const auto& c : connections_) {
@@ -208,7 +208,7 @@ void ServerSide::accept_all(TimeNs now) {
                                                                    {Line(Kind::stream, seed + 1), server, client}}));
     impair(Way::to, to_);
     impair(Way::from, from_);
-    // What becomes of it is told by the socket.
+    // The socket reports what becomes of it.
     if (::connect(server, reinterpret_cast<const sockaddr*>(&route_.address), sizeof route_.address) == 0 ||
         errno == EINPROGRESS)
       continue;

@@ -21,7 +21,7 @@ struct DroneRoute {
 };
 struct ServerRoute {
   std::string name;
-  sockaddr_in listen{};   ///< port 0: any free one, which the ready line tells
+  sockaddr_in listen{};   ///< port 0: any free one, which the ready line reports
   sockaddr_in address{};  ///< of the server
 };
 

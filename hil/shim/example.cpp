@@ -1,5 +1,5 @@
-// Another simulator behind link's shim, as small as one can be (docs/shim.md): drones that do what they are told at
-// once, as points. Takes the shim's file and a number of drones; ends with SIGINT. Then, in link.toml:
+// Another simulator behind link's shim, as small as one can be (docs/shim.md): drones that do what they are commanded
+// at once, as points. Takes the shim's file and a number of drones; ends with SIGINT. Then, in link.toml:
 //
 //     [tello]
 //     transport = "shim"
@@ -31,7 +31,7 @@ struct Drone {
   double height_cm = 0, climb_cmps = 0;  // rc's third number: 100 is 1 m/s
 
   /// What it answers; empty: nothing, as to rc.
-  std::string_view told(std::string_view text) {
+  std::string_view sent(std::string_view text) {
     if (text.starts_with("rc ")) {
       const std::string_view last_two = text.substr(text.find(' ', text.find(' ', 3) + 1) + 1);
       (void)std::from_chars(last_two.data(), last_two.data() + last_two.size(), climb_cmps);
@@ -76,7 +76,7 @@ int main(int argc, char** argv) {
   for (int millisecond = 0; !ended; ++millisecond) {
     for (Datagram datagram; end->take(datagram);) {
       if (!known(datagram.drone)) continue;
-      const std::string_view answer = drones[datagram.drone - 1u].told(datagram.view());
+      const std::string_view answer = drones[datagram.drone - 1u].sent(datagram.view());
       if (!answer.empty()) (void)end->give(datagram.drone, Datagram::Port::answer, answer);
     }
     for (std::size_t i = 0; i < drones.size(); ++i) {

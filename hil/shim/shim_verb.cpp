@@ -33,7 +33,7 @@ ShimVerb::ShimVerb(Verb verb) : verb_(std::move(verb)) {
               "this program moves link's clock: so many times as fast as real time, or `free`; SIGUSR1 halts it")
       .needs(plans)
       .needs(memory);
-  verb_.option("--datagrams", datagrams_, "CSV file: all that the drones were told").needs(plans);
+  verb_.option("--datagrams", datagrams_, "CSV file: all that the drones were sent").needs(plans);
 }
 
 Status ShimVerb::read() {

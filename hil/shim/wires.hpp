@@ -11,10 +11,10 @@
 /// The wires of the simulated drones of `ledgerline hil shim`. One thread.
 namespace ledgerline::hil::shim {
 
-/// Whoever speaks through the shim's memory is the drones' one client.
+/// The process that speaks through the shim's memory is the drones' one client.
 inline constexpr sim::Endpoint link_endpoint{1, sim::command_port};
 
-/// To whoever is behind the memory; false: there is no room.
+/// To the process at the other end of the memory; false: there is no room.
 bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
 
 /// The shim's memory. Nobody wakes this end, since link's loop makes no system call for it: what link said is taken at

@@ -8,7 +8,7 @@
 
 namespace ledgerline::hil {
 
-/// SHA-256 of everything that is put in, folded whenever a megabyte has come together.
+/// SHA-256 of everything that is put in, compressed to a digest after each megabyte.
 class Digester {
  public:
   void put(std::string_view bytes) {

@@ -34,15 +34,15 @@ struct DroneFacts {
   FlightPhase phase = FlightPhase::disconnected;
   FailsafeMode mode = FailsafeMode::none;
   FailsafeCause cause = FailsafeCause::none;
-  double told_mps = 0;            ///< horizontal and vertical speed of the newest rc, together
-  std::array<double, 3> told{};   ///< the same as a velocity of the map frame, by the yaw that link believes [m/s]
-  TimeNs told_ns = 0;             ///< when it was sent; 0: never
-  TimeNs told_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
+  double sent_mps = 0;            ///< horizontal and vertical speed of the newest rc, together
+  std::array<double, 3> sent{};   ///< the same as a velocity of the map frame, by link's estimate of the yaw [m/s]
+  TimeNs sent_ns = 0;             ///< when it was sent; 0: never
+  TimeNs sent_until_ns = 0;       ///< end of the newest plan that link was given, as it says; 0: none
   TimeNs land_until_ns = 0;       ///< of a landing that waits for room below (SeparationSettings); 0: none does
   TimeNs made_room_ns = 0;        ///< when its failsafe made room for another last, which link steers without a plan
   TimeNs plan_end_ns = 0;         ///< the latest of these three, the plan's by playout's margin now; 0: none
   std::uint64_t plans_given = 0;  ///< FLY plans that link was given
-  std::optional<Pose> pose;       ///< newest that link was given, or made of the drone's own senses
+  std::optional<Pose> pose;       ///< newest that link was given, or estimated by onboard odometry
   ground::DronePhase ground_phase = ground::DronePhase::waiting;
   bool finished = false;
   int lap = 0;                                   ///< 0 before the path
@@ -55,16 +55,16 @@ struct DroneFacts {
 /// What happened at one moment.
 struct WorldEvent {
   enum class Kind {
-    mode,     ///< link's phase, mode or cause changed; the facts have them
-    handed,   ///< agent handed a command on to link: `sequence`
-    applied,  ///< a plan's first setpoint was sent: `sequence`; `value` is its age [s]
-    sent,     ///< a command that is no rc went to the drone: `text`
-    bad_rc,   ///< an rc that the SDK would not take: `text`
-    started,  ///< a process: `text`
-    ended,    ///< the same
-    fault,    ///< begins or ends: `text`
-    doubted,  ///< agent doubts the ledger: `text`
-    unasked,  ///< something is flown or shown that nobody signed: `text`
+    mode,       ///< link's phase, mode or cause changed; the facts have them
+    handed,     ///< agent handed a command on to link: `sequence`
+    applied,    ///< a plan's first setpoint was sent: `sequence`; `value` is its age [s]
+    sent,       ///< a command that is no rc went to the drone: `text`
+    bad_rc,     ///< an rc that the SDK would not take: `text`
+    started,    ///< a process: `text`
+    ended,      ///< the same
+    fault,      ///< begins or ends: `text`
+    untrusted,  ///< agent does not trust the ledger: `text`
+    unasked,    ///< something is flown or shown that nobody signed: `text`
   };
   TimeNs t_ns = 0;
   Kind kind{};

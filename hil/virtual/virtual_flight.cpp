@@ -48,7 +48,7 @@ class Observer {
     result.flown_ns = world_.now();
     result.blocks = world_.blocks();
     result.transactions = world_.transactions();
-    if (world_.agent()) result.doubts = world_.agent()->doubt().count();
+    if (world_.agent()) result.violations = world_.agent()->integrity().count();
     result.digest = world_.digest();
     const auto reports = world_.link()->reports();
     for (std::size_t i = 0; i < reports.size(); ++i) {

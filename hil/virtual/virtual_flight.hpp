@@ -27,7 +27,7 @@ struct VirtualFlightResult {
   TimeNs flown_ns = 0;      ///< virtual time
   crypto::Digest digest{};  ///< SHA-256 over all blocks, all traces and every datagram to and from the drones
   std::uint64_t blocks = 0, transactions = 0;
-  std::uint64_t doubts = 0;  ///< reasons that agent had to doubt the ledger
+  std::uint64_t violations = 0;  ///< integrity violations that agent found
   struct Drone {
     std::string name;
     Quantiles two_way_ms, age_ms;

@@ -105,14 +105,14 @@ void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& p
     const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
     const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
                                         : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
-    facts.told_until_ns = std::max(facts.told_until_ns, last + hold + host_slept_ns);
+    facts.sent_until_ns = std::max(facts.sent_until_ns, last + hold + host_slept_ns);
     ++facts.plans_given;
   }
 }
 
 void Witness::asked(const fabric::Call& call) {
   if (call.args.empty()) return;
-  const auto of = [&](const std::string& drone) -> Asked* {
+  const auto of = [&](const std::string& drone) -> SignedRequests* {
     for (std::size_t i = 0; i < facts_.size(); ++i) {
       if (facts_[i].name == drone) return &asked_[i];
     }
@@ -122,18 +122,18 @@ void Witness::asked(const fabric::Call& call) {
   DronesCall stop;  // or resume
   if (call.function == contract::command && parse_message(call.args[0], command)) {
     for (const DronePlan& plan : command.plans()) {
-      if (Asked* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
+      if (SignedRequests* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
     }
   } else if (call.function == contract::stop && parse_message(call.args[0], stop)) {
     for (const std::string& name : stop.drones()) {
-      Asked* drone = of(name);
+      SignedRequests* drone = of(name);
       if (!drone) continue;
       drone->stop = true;
       drone->cut = drone->cut || stop.cut();
     }
   } else if (call.function == contract::resume && parse_message(call.args[0], stop)) {
     for (const std::string& name : stop.drones()) {
-      if (Asked* drone = of(name)) drone->resumed = true;
+      if (SignedRequests* drone = of(name)) drone->resumed = true;
     }
   }
 }
@@ -166,7 +166,7 @@ void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
 }
 
 void Witness::handed_unasked(TimeNs now, const Plan& plan) {
-  const Asked& asked = asked_[plan.drone - 1U];
+  const SignedRequests& asked = asked_[plan.drone - 1U];
   const bool known = plan.action == PlanAction::stop               ? asked.stop
                      : plan.action == PlanAction::cut              ? asked.cut
                      : plan.action == PlanAction::resumed          ? asked.resumed || !asked.stopped
@@ -200,11 +200,11 @@ void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, doub
   }
   if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
   DroneFacts& facts = facts_[i];
-  facts.told_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
+  facts.sent_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
   // rc is right, forward, up
-  facts.told = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
+  facts.sent = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
                 sticks[1] * std::sin(yaw_rad) - sticks[0] * std::cos(yaw_rad), sticks[2]};
-  facts.told_ns = now;
+  facts.sent_ns = now;
 }
 
 void Witness::traced(TimeNs now, const TraceRecord& record) {
@@ -226,7 +226,7 @@ void Witness::link_ended() {
     facts.phase = FlightPhase::disconnected;
     facts.mode = FailsafeMode::none;
     facts.cause = FailsafeCause::none;
-    facts.told_until_ns = facts.land_until_ns = facts.made_room_ns = facts.plan_end_ns = 0;
+    facts.sent_until_ns = facts.land_until_ns = facts.made_room_ns = facts.plan_end_ns = 0;
   }
 }
 
@@ -237,9 +237,9 @@ void Witness::end_step(TimeNs now, const sim::Simulator& sim, const ground::Flig
     DroneFacts& facts = facts_[i];
     facts.truth = sim.truth(facts.number);
     if (link) {
-      const TimeNs told_ns = facts.told_until_ns == 0 ? 0 : facts.told_until_ns + link->margin_ns(facts.number);
+      const TimeNs sent_ns = facts.sent_until_ns == 0 ? 0 : facts.sent_until_ns + link->margin_ns(facts.number);
       if (facts.mode != FailsafeMode::none && link->makes_room(facts.number)) facts.made_room_ns = now;
-      facts.plan_end_ns = std::max({told_ns, facts.land_until_ns, facts.made_room_ns});
+      facts.plan_end_ns = std::max({sent_ns, facts.land_until_ns, facts.made_room_ns});
     }
     facts.off_path_m.reset();
     const auto& at_m = facts.truth.position_m;

@@ -53,7 +53,7 @@ class Witness {
 
  private:
   std::vector<DroneFacts> facts_;
-  struct Asked {
+  struct SignedRequests {
     std::unordered_set<std::string> plans;  ///< every one that was signed
     bool stop = false, cut = false, resumed = false;
     bool stopped = false;          ///< by a stop that is on the ledger
@@ -63,7 +63,7 @@ class Witness {
 
   std::vector<ground::Path> courses_;  ///< by drone: what a pilot should fly; none in a flight around paths
   std::vector<WorldEvent> events_, noted_;
-  std::vector<Asked> asked_;  ///< by drone
+  std::vector<SignedRequests> asked_;  ///< by drone
 };
 
 }  // namespace ledgerline::hil

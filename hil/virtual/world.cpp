@@ -5,8 +5,8 @@
 #include <cmath>
 #include <utility>
 
-#include "common/belief/roles.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/roles.hpp"
 #include "hil/virtual/digester.hpp"
 #include "hil/virtual/ledger/ground_news.hpp"
 #include "hil/virtual/ledger/ledger_audit.hpp"
@@ -25,7 +25,7 @@ constexpr std::uint64_t wifi_seed = 0x77696669;
 constexpr sim::Endpoint link_endpoint{0x7F000001, 40000};
 
 // Of a far ledger more than of one that is near: what was sent last is still on its way.
-TimeNs patience_ns(const WorldConfig& config) {
+TimeNs timeout_ns(const WorldConfig& config) {
   return LedgerPort::deadline_ns + (config.delays.added.none() ? 0 : 10 * ns_per_s);
 }
 
@@ -35,9 +35,9 @@ VirtualWorld::VirtualWorld(const WorldConfig& config)
     : config_(config),
       ledger_(node_config(config), config.delays, config.seed),
       host_(ledger_, drone_host, config.seed + 1, WayDelay::Way::back, config.delays.added.agent_share,
-            patience_ns(config)),
+            timeout_ns(config)),
       operator_(ledger_, operator_name, config.seed + 2, WayDelay::Way::there, 1 - config.delays.added.agent_share,
-                patience_ns(config)),
+                timeout_ns(config)),
       stoppers_(ledger_, operator_, config.seed + 3),
       sim_(sim_parameters(config), 0),
       wires_(std::make_unique<Wires>(config.seed ^ 0x73646bULL, static_cast<std::size_t>(config.drones))),
@@ -221,15 +221,16 @@ void VirtualWorld::step_agent() {
   if (const auto connected = host_.take_connection()) agent_->on_connection(host_now(), *connected);
   for (const auto& ended : host_.take_outcomes()) agent_->on_outcome(host_now(), ended.id, ended.outcome, agent_out_);
   for (const std::string& why : host_.take_contradictions())
-    agent_->on_doubt(host_now(), agent::DoubtKind::stream, why);
+    agent_->on_violation(host_now(), agent::IntegrityViolation::stream, why);
   for (const auto& block : host_.take_blocks()) agent_->on_block(host_now(), block, agent_out_);
   for (const auto& block : host_.take_refused()) agent_->on_refused_block(host_now(), block, agent_out_);
   if (const auto granted = agent_->await_roles(); !granted.empty()) {
-    const auto read = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); }, granted);
+    const auto read =
+        verification::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); }, granted);
     if (read) agent_->add_roles(*read);
   }
   agent_->step(host_now(), agent_out_);
-  for (const auto& word : agent_out_.doubts) note(WorldEvent::Kind::doubted, 0, word.words);
+  for (const auto& word : agent_out_.violations) note(WorldEvent::Kind::untrusted, 0, word.words);
   for (auto& submit : agent_out_.submits) host_.submit(now_, submit.frame, std::move(submit.call));
   for (const auto& trace : agent_out_.traces) digester_->put(trace);
   if (link_) {
@@ -287,7 +288,7 @@ void VirtualWorld::give_ground(ground::FlightInputs inputs) {
   const auto commands = std::exchange(commands_, {});
   inputs.commands = commands;
   auto out = ground_->step(now_, inputs);
-  for (const ground::DroneNews& news : out.news) {
+  for (const ground::DroneUpdate& news : out.news) {
     if (news.state) witness_.shown(now_, news.drone, *news.state);
   }
   for (const Plan& plan : out.plans) {  // of a local flight
@@ -345,7 +346,7 @@ void VirtualWorld::step_link() {
   }
   witness_.given(now_, host_slept_ns_, plans);
   link_stops_ = link_->local_stops();
-  if (!link_ends_ns_ || !(link_->all_landed_or_told() || now_ >= *link_ends_ns_)) return;
+  if (!link_ends_ns_ || !(link_->all_landed_or_commanded() || now_ >= *link_ends_ns_)) return;
   kill(Process::link);
   if (std::exchange(link_begins_again_, false)) start(Process::link);
 }

@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "common/belief/control_records.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/core/flight.hpp"
 #include "hil/virtual/ledger/ledger_port.hpp"
 #include "hil/virtual/ledger/stoppers.hpp"
@@ -47,7 +47,7 @@ class VirtualWorld {
 
   /// Ground has ended, and every drone is on the ground and known to be, for half a second.
   bool over() const;
-  /// It has ended; a dead one that was told to start has not.
+  /// It has ended; a dead one that was commanded to start has not.
   bool ground_done() const { return ground_ ? ground_->done() : !ground_wanted_; }
   bool ok() const { return ground_ && ground_->ok(); }
   std::string why() const { return ground_ ? ground_->why() : "ground is not running"; }
@@ -55,8 +55,8 @@ class VirtualWorld {
   /// It runs: it lives and was not stopped.
   bool runs(Process process) const;
 
-  /// What ground and agent were told is on the ledger, and what a node that starts anew from its store knows nothing
-  /// of, or holds for invalid: must be none. At the end: it restarts the node.
+  /// What ground and agent count as committed, but a node that restarts from its store does not know or holds for
+  /// invalid: must be none. At the end: it restarts the node.
   std::vector<std::string> lost_acknowledged();
   /// Transitions that are neither on the ledger nor kept by link or agent: drones with such, in words; of the link that
   /// runs now.
@@ -83,7 +83,7 @@ class VirtualWorld {
   void stop(Process process, bool stopped) { stopped_[static_cast<std::size_t>(process)] = stopped; }
   /// The drones' host, link and agent, sleeps: its clock stands still meanwhile.
   void suspend_host(bool suspended) { host_suspended_ = suspended; }
-  /// SIGTERM: link lands what flies and ends, as its loop does; `again`: whoever watches over it then starts it anew.
+  /// SIGTERM: link lands what flies and ends, as its loop does; `again`: its supervisor then restarts it.
   void end_link(bool again = false);
   void stall_ledger(bool stalled) { ledger_stalled_ = stalled; }
   void restart_ledger();
@@ -115,7 +115,7 @@ class VirtualWorld {
   void step_sim();
   void step_mocap(const std::vector<sim::MocapPose>& poses);
   void deliver_to_drones();
-  /// What has come of a drone and is believed.
+  /// The poses of a drone that have come and are accepted.
   std::vector<agent::MocapPose> take_mocap(std::size_t drone);
   void step_agent();
   void step_local();

@@ -1,7 +1,7 @@
 // VirtualWorld's processes: how they begin, die and come back.
 #include <utility>
 
-#include "common/belief/roles.hpp"
+#include "common/verification/roles.hpp"
 #include "hil/virtual/wires/wires.hpp"
 #include "hil/virtual/world.hpp"
 #include "ledgerline.pb.h"
@@ -14,7 +14,7 @@ constexpr TimeNs landing_bound_ns = 10 * ns_per_s;  // link's ShellSettings
 }  // namespace
 
 Result<Control> VirtualWorld::read_control(LedgerPort& port, const std::string& drone) {
-  return belief::read_control(drone, [&](const fabric::Call& call) { return port.evaluate(now_, call); });
+  return verification::read_control(drone, [&](const fabric::Call& call) { return port.evaluate(now_, call); });
 }
 
 void VirtualWorld::start_link() {
@@ -45,8 +45,8 @@ Status VirtualWorld::start_agent() {
     agent_->set_control(host_now(), *control);
     controls.push_back(std::move(*control));
   }
-  auto roles = belief::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); },
-                                  belief::organisations_of(controls));
+  auto roles = verification::read_roles([&](const fabric::Call& call) { return host_.evaluate(now_, call); },
+                                        verification::organisations_of(controls));
   if (!roles) return roles.error();
   agent_->set_roles(std::move(*roles));
   return done;

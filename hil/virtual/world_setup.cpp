@@ -17,7 +17,7 @@ namespace ledgerline::hil {
 const crypto::IdentityName drone_host{"Org1MSP", "CN=User1@org1.ledgerline"};
 const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2.ledgerline"};
 const crypto::IdentityName supervisor_name{"Org1MSP", "CN=User2@org1.ledgerline"};
-const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3.ledgerline"};
+const crypto::IdentityName outsider_name{"Org3MSP", "CN=User1@org3.ledgerline"};
 const crypto::IdentityName administrator_name{"Org2MSP", "CN=Admin@org2.ledgerline"};
 
 std::string drone_name(int number) { return fmt::format("tello{}", number); }
@@ -109,7 +109,7 @@ link::LinkSettings link_settings(const WorldConfig& config) {
   settings.playout.max_speed_mps =
       std::max(settings.playout.max_speed_mps, 1.5F * static_cast<float>(config.full_scale_mps));
   settings.playout.max_age_ns = std::max(settings.playout.max_age_ns, config.max_age_ns);
-  settings.failsafe.doubt = config.doubt;
+  settings.failsafe.on_untrusted_ledger = config.on_untrusted_ledger;
   settings.playout.max_margin_ns = 0;  // as ./fly: ground counts on plans that take over as they come
   Random put(config.seed);
   for (int k = 1; k <= config.drones; ++k) {
@@ -173,11 +173,11 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
   ground.controller.predict = config.predict;
   ground.controller.ramp = config.ramp;
   const link::LinkSettings link = link_settings(config);
-  ground.controller.told_mps = static_cast<double>(link.rc.full_scale_mps);
-  ground.controller.told_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
+  ground.controller.full_scale_mps = static_cast<double>(link.rc.full_scale_mps);
+  ground.controller.max_acceleration_mps2 = static_cast<double>(link.playout.max_acceleration_mps2);
   ground.controller.pose_lost_ns = link::pose_limit_ns(link.failsafe, link::uses_own_senses(config.pose));
   ground.self = operator_name;
-  ground.believed = ledger.shared_registry();
+  ground.trusted = ledger.shared_registry();
   return ground;
 }
 
@@ -211,7 +211,7 @@ Status prepare(VirtualLedger& ledger, int drones) {
 }
 
 Status enroll_supervisors(VirtualLedger& ledger, int drones) {
-  for (const crypto::IdentityName& name : {supervisor_name, stranger_name}) {
+  for (const crypto::IdentityName& name : {supervisor_name, outsider_name}) {
     const auto domain = name.subject.substr(name.subject.find('@'));
     const auto admin = ledger.add_client({name.msp_id, "CN=Admin" + domain});
     EnrollCall role;
@@ -221,7 +221,7 @@ Status enroll_supervisors(VirtualLedger& ledger, int drones) {
     if (auto s = ledger.commit_now(0, admin, {contract::enroll, {role.SerializeAsString()}}); !s) return s;
   }
   GrantCall grant;
-  grant.mutable_grant()->mutable_to()->set_msp_id(stranger_name.msp_id);
+  grant.mutable_grant()->mutable_to()->set_msp_id(outsider_name.msp_id);
   grant.mutable_grant()->set_stop(true);
   for (int k = 1; k <= drones; ++k) grant.add_drones(drone_name(k));
   const auto admin1 = ledger.add_client({"Org1MSP", "CN=Admin@org1.ledgerline"});

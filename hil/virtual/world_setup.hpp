@@ -31,8 +31,9 @@ struct WorldConfig {
   double rate_hz = 30;
   int laps = 1;
   bool predict = true;
-  TimeNs max_age_ns = 500 * ns_per_ms;          ///< of a command, from its state's stamp; for a far ledger more
-  link::OnDoubt doubt = link::OnDoubt::ignore;  ///< link's, while agent doubts the ledger
+  TimeNs max_age_ns = 500 * ns_per_ms;  ///< of a command, from its state's stamp; for a far ledger more
+  link::OnUntrustedLedger on_untrusted_ledger =
+      link::OnUntrustedLedger::ignore;          ///< link's, while agent does not trust the ledger
   TimeNs idle_evict_ns = agent::usual_idle_ns;  ///< agent's: a holder who is idle on the ground for so long
   bool keeps_rc = true, command_counts = true;  ///< which Tello: sim::SdkParameters
   bool drawn_tello = false;  ///< of what nobody knows of a real one, each seed draws another: sim/core/draw_tello.hpp
@@ -65,7 +66,7 @@ struct WorldConfig {
 
 // Who takes part.
 extern const crypto::IdentityName drone_host, operator_name;
-extern const crypto::IdentityName supervisor_name, stranger_name;  ///< of the drones' organisation, of another one
+extern const crypto::IdentityName supervisor_name, outsider_name;  ///< of the drones' organisation, of another one
 extern const crypto::IdentityName administrator_name;              ///< of the operator's organisation
 std::string drone_name(int number);
 
@@ -80,7 +81,7 @@ Reach reach_of(const ground::Task& task);
 ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m);
 std::vector<std::array<double, 2>> corners_of(const ground::Path& path);
 
-// What each part of such a world is told.
+// The settings of each part of such a world.
 node::CoreConfig node_config(const WorldConfig& config);
 sim::Parameters sim_parameters(const WorldConfig& config);
 link::LinkSettings link_settings(const WorldConfig& config);
@@ -90,7 +91,7 @@ ground::FlightConfig ground_config(const WorldConfig& config, VirtualLedger& led
 
 /// enroll, grant and acquire, as the launcher does before take-off.
 Status prepare(VirtualLedger& ledger, int drones);
-/// Makes the two supervisors what they are; the stranger may stop these drones.
+/// Makes the two supervisors what they are; the outsider may stop these drones.
 Status enroll_supervisors(VirtualLedger& ledger, int drones);
 
 }  // namespace ledgerline::hil

@@ -12,16 +12,16 @@
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
-#include "onboard/ipc/bell.hpp"
 #include "onboard/ipc/quiet_stdout.hpp"
 #include "onboard/ipc/roudi_probe.hpp"
+#include "onboard/ipc/wakeup.hpp"
 
 namespace ledgerline::ipc {
 namespace {
 
 constexpr const char* roudi_name = "roudi";
 // Beside the sockets of iceoryx, so that who shares those shares it, too.
-constexpr const char* agent_bell = "/tmp/ledgerline-agent.bell";
+constexpr const char* agent_wakeup = "/tmp/ledgerline-agent.wakeup";
 std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 
 // No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
@@ -68,7 +68,7 @@ class Receiver {
 
 class IceoryxLinkEnd final : public LinkEnd {
  public:
-  explicit IceoryxLinkEnd(BellRope agent) : agent_(std::move(agent)) {}
+  explicit IceoryxLinkEnd(WakeupSource agent) : agent_(std::move(agent)) {}
   bool take_plan(Plan& out) noexcept override { return plans_.take(out); }
   bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
   bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
@@ -82,19 +82,19 @@ class IceoryxLinkEnd final : public LinkEnd {
   Receiver<AgentBeat> beats_{"beat", beat_queue};
   Sender<StateSample> states_{"state"};
   Sender<Transition> transitions_{"transition"};
-  BellRope agent_;
+  WakeupSource agent_;
 };
 
 class IceoryxAgentEnd final : public AgentEnd {
  public:
-  explicit IceoryxAgentEnd(std::unique_ptr<Bell> bell) : bell_(std::move(bell)) {}
+  explicit IceoryxAgentEnd(std::unique_ptr<WakeupSink> wakeup) : wakeup_(std::move(wakeup)) {}
   bool take_state(StateSample& out) noexcept override { return states_.take(out); }
   bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
-  int wake_fd() const noexcept override { return bell_->fd(); }
-  bool woken() noexcept override { return bell_->clear(); }
+  int wake_fd() const noexcept override { return wakeup_->fd(); }
+  bool woken() noexcept override { return wakeup_->clear(); }
 
  private:
   Receiver<StateSample> states_{"state", state_queue};
@@ -102,7 +102,7 @@ class IceoryxAgentEnd final : public AgentEnd {
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
   Sender<AgentBeat> beats_{"beat"};
-  std::unique_ptr<Bell> bell_;
+  std::unique_ptr<WakeupSink> wakeup_;
 };
 
 }  // namespace
@@ -140,15 +140,15 @@ Status connect(const std::string& program, const std::function<bool()>& is_asked
 bool roudi_lives() { return probe(roudi_name) == Peer::alive && socket_inode(roudi_name) == roudi_inode; }
 
 Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
-  auto agent = BellRope::create(agent_bell);
+  auto agent = WakeupSource::create(agent_wakeup);
   if (!agent) return agent.error();
   return std::unique_ptr<LinkEnd>(std::make_unique<IceoryxLinkEnd>(std::move(*agent)));
 }
 
 Result<std::unique_ptr<AgentEnd>> AgentEnd::create() {
-  auto bell = Bell::create(agent_bell);
-  if (!bell) return bell.error();
-  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>(std::move(*bell)));
+  auto wakeup = WakeupSink::create(agent_wakeup);
+  if (!wakeup) return wakeup.error();
+  return std::unique_ptr<AgentEnd>(std::make_unique<IceoryxAgentEnd>(std::move(*wakeup)));
 }
 
 }  // namespace ledgerline::ipc

@@ -15,7 +15,7 @@ A config for one simulated drone:
   [state]
   listen = "127.0.0.1:8890"
   rate_hz = 30.0
-SIGTERM, SIGINT, or SIGHUP of a terminal that is closed, lands what flies, and what may fly unseen (at most 10 s; 3 s
+SIGTERM, SIGINT, or SIGHUP of a terminal that is closed, lands what flies, and what may be airborne without state (at most 10 s; 3 s
 for drones that nobody ever heard of), then ends. What it lands so stays down, for the next link, too ([output]
 local_stops), until the drone's organisation resumes it on the ledger, or SIGUSR1 comes.
 It ends, too, when RouDi is gone, but not before all drones are on the ground: start it again behind a new RouDi.

@@ -37,7 +37,7 @@ int watch_leaks(const sigset_t& signals, const Broker& broker, LeakWatch& watch,
     if (said == 0) {
       spdlog::warn(
           "{} chunks of shared memory stay in use, of processes that were killed or of a reader that stands still; the "
-          "cure for the first: start RouDi, link and agent anew while nothing flies",
+          "cure for the first: restart RouDi, link and agent while nothing flies",
           watch.leaked());
     }
     said = watch.leaked();

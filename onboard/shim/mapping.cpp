@@ -78,7 +78,7 @@ Result<Mapping> Mapping::open(const std::string& path, End end, bool lockstep) {
     if (*mapping) return std::move(**mapping);
     ::usleep(between_us);
   }
-  return Error{fmt::format("{}: it is made and removed again and again by others", path)};
+  return Error{fmt::format("{}: others create and remove it repeatedly", path)};
 }
 
 Result<std::optional<Mapping>> Mapping::try_open(const std::string& path, End end, bool lockstep) {
@@ -97,21 +97,21 @@ Result<std::optional<Mapping>> Mapping::try_open(const std::string& path, End en
   if (!set_lock(fd, end, F_WRLCK))
     return Error{fmt::format("{}: another process holds this end of it: end that one first", path)};
   // Held while it is made, so that no link sees half of it.
-  const bool anew = makes && set_lock(fd, End::link, F_WRLCK);
+  const bool recreates = makes && set_lock(fd, End::link, F_WRLCK);
   if (::fstat(fd, &info) != 0) return failed(path, "cannot look at it");
-  const bool still_nothing = !anew && info.st_size == 0;
+  const bool still_nothing = !recreates && info.st_size == 0;
   if (info.st_nlink == 0 || (makes && still_nothing)) return std::optional<Mapping>();
-  if (anew && !is_empty_or_shim(fd, info.st_size))
+  if (recreates && !is_empty_or_shim(fd, info.st_size))
     return Error{fmt::format("{}: there is another file of this name: choose another, or remove it", path)};
-  if (anew && ::ftruncate(fd, 0) != 0) return failed(path, "cannot make it anew");
+  if (recreates && ::ftruncate(fd, 0) != 0) return failed(path, "cannot recreate it");
   // Room is taken now, or a full memory would end the process at its first write.
-  if (const int why = anew ? ::posix_fallocate(fd, 0, sizeof(Memory)) : 0; why != 0)
+  if (const int why = recreates ? ::posix_fallocate(fd, 0, sizeof(Memory)) : 0; why != 0)
     return Error{fmt::format("{}: no room for it: {}", path, std::strerror(why))};
-  if (!anew && info.st_size != static_cast<off_t>(sizeof(Memory))) return other_build(path);
+  if (!recreates && info.st_size != static_cast<off_t>(sizeof(Memory))) return other_build(path);
   void* place = ::mmap(nullptr, sizeof(Memory), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, fd, 0);
   if (place == MAP_FAILED) return failed(path, "cannot map it");
   mapping.memory_ = static_cast<Memory*>(place);
-  if (anew) {
+  if (recreates) {
     Memory* made = ::new (place) Memory;
     made->bytes = sizeof(Memory);
     made->lockstep = lockstep;

@@ -100,7 +100,7 @@ Result<std::vector<Pad>> parse_pads(std::string_view text) {
     if (!pad) return pad.error();
     const bool twice = std::any_of(pads.begin(), pads.end(), [&](const Pad& other) { return other.id == pad->id; });
     if (twice)
-      return Error{fmt::format("mission pad {} is there twice: a drone tells pads apart by their id", pad->id)};
+      return Error{fmt::format("mission pad {} is there twice: a drone distinguishes pads by their id", pad->id)};
     pads.push_back(*pad);
   }
   return pads;

@@ -81,7 +81,7 @@ struct BatteryParameters {
   double load_sag = 0;
 };
 
-/// Where its temperature goes, and how fast [A]; "85~88C" in flight [T]. Users tell of drones that switch themselves
+/// Where its temperature goes, and how fast [A]; "85~88C" in flight [T]. Users report drones that switch themselves
 /// off after some minutes on the ground, where no rotor cools them: with ground_c above shutdown_c.
 struct HeatParameters {
   double start_c = 62;

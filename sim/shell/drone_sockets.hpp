@@ -10,7 +10,7 @@
 
 namespace ledgerline::sim {
 
-/// One UDP socket a drone, each bound to its own address on port 8889: clients tell drones apart by the source address
+/// One UDP socket a drone, each bound to its own address on port 8889: clients distinguish drones by the source address
 /// of what they get, so answers and state leave through it. SO_REUSEADDR, so that a client of this host which sets it
 /// too can hold 0.0.0.0:8889; a lock on the addresses (an abstract Unix socket of this network namespace) refuses a
 /// second simulator, which that option would let in. One thread.

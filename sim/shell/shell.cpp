@@ -161,7 +161,7 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
   std::puts(ready.c_str());
   std::fflush(stdout);
   TimeNs max_late = 0;
-  bool told_late = false;
+  bool logged_late = false;
   DroneWire::Received received;
   while (!stop_requested) {
     tick += ns_per_ms;
@@ -178,10 +178,10 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
       if (!due) continue;
       record.look(simulator, now);
       max_late = std::max(max_late, now - tick);
-      if (now - tick > late_to_tell && !told_late) {
+      if (now - tick > late_to_tell && !logged_late) {
         spdlog::warn("the simulation ran {:.0f} ms late and caught up: this machine is too busy for real time",
                      to_ms(now - tick));
-        told_late = true;
+        logged_late = true;
       }
       if (now - tick > ns_per_ms) tick = now - (now - tick) % ns_per_ms;
     }

@@ -10,11 +10,11 @@
 #include <fstream>
 #include <map>
 
-#include "common/belief/calls.hpp"
-#include "common/belief/identity.hpp"
 #include "common/fabric/stream/block_intake.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/histogram_json.hpp"
+#include "common/verification/calls.hpp"
+#include "common/verification/identity.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/benchmarks/rounds.hpp"
@@ -97,11 +97,11 @@ class Chain {
   std::int64_t now_s() const { return ledger_.now.real_ns / ns_per_s; }
 
   fabric::BlockIntake make_intake(bool judges) const {
-    auto intake =
-        fabric::BlockIntake::make({.where = {},
-                                   .config_block = judges ? ledger_.chain[0] : std::string(),
-                                   .make_registry = fabric::BlockJudge::registry_of(fabric::library),
-                                   .likely_policy = [](const std::string& key) { return belief::likely_policy(key); }});
+    auto intake = fabric::BlockIntake::make(
+        {.where = {},
+         .config_block = judges ? ledger_.chain[0] : std::string(),
+         .make_registry = fabric::BlockJudge::registry_of(fabric::library),
+         .likely_policy = [](const std::string& key) { return verification::likely_policy(key); }});
     if (!intake) give_up(intake.error().what);
     intake->start_at(begin_);
     return std::move(*intake);
@@ -115,8 +115,8 @@ class Chain {
   Control record() const {
     Control record;
     record.set_drone("tello1");
-    *record.mutable_owner() = belief::to_message(ledger_.host.name);
-    *record.mutable_holder() = belief::to_message(ledger_.pilot.name);
+    *record.mutable_owner() = verification::to_message(ledger_.host.name);
+    *record.mutable_holder() = verification::to_message(ledger_.pilot.name);
     record.set_epoch(epoch);
     return record;
   }
@@ -207,7 +207,7 @@ class Reader {
     const auto checked = check_->check(step.answered_ns, now_s_, *block);
     const TimeNs took_ns = cpu_ns() - begin;
     const std::size_t plans = step.kind == commands ? step.transactions : 0;
-    if (checked.plans.size() != plans || !checked.refused.empty() || checked.unbelievable > 0) {
+    if (checked.plans.size() != plans || !checked.refused.empty() || checked.invalid > 0) {
       give_up(fmt::format(
           "block {}: {} plans of {} commands{}", block->number, checked.plans.size(), plans,
           checked.refused.empty() ? "" : fmt::format(", {}", agent::refusal_name(checked.refused.front().why))));

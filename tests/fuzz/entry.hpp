@@ -8,7 +8,7 @@
 
 #include "common/base/result.hpp"
 
-/// Every place where bytes of strangers come in, behind one interface: seeded campaigns (fuzz_test.cpp) and libFuzzer
+/// Every place where untrusted bytes come in, behind one interface: seeded campaigns (fuzz_test.cpp) and libFuzzer
 /// (libfuzzer.cpp) feed the same entries.
 namespace ledgerline::fuzz {
 

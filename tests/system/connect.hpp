@@ -7,10 +7,10 @@
 #include <string>
 #include <thread>
 
-#include "common/belief/client.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
+#include "common/verification/client.hpp"
 
 namespace ledgerline {
 
@@ -30,7 +30,7 @@ inline fabric::ClientConfig ledger_of(const std::string& path) {
 
 /// A client of the contract, of a config file with [ledger].
 inline std::unique_ptr<fabric::Client> connect(const std::string& path) {
-  return or_end(path, fabric::Client::create(belief::for_contract(ledger_of(path))));
+  return or_end(path, fabric::Client::create(verification::for_contract(ledger_of(path))));
 }
 
 /// How often the call was made until it was on the ledger; 0: it was refused or given up.

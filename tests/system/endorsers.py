@@ -3,7 +3,7 @@ import json
 import pathlib
 import subprocess
 
-from fabric import BIN, PATIENCE_S
+from fabric import BIN, TIMEOUT_S
 from netns import die_with_parent
 
 
@@ -36,5 +36,5 @@ class Endorser:
 
     def stop(self) -> dict:
         self.process.terminate()
-        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log_file.read_text()
+        assert self.process.wait(timeout=TIMEOUT_S) == 0, self.log_file.read_text()
         return json.loads(self.summary_file.read_text())

@@ -11,7 +11,7 @@ from netns import die_with_parent
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 FABRIC = pathlib.Path(os.environ["LEDGERLINE_FABRIC"])
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 
 
 def needs_fabric() -> None:
@@ -26,7 +26,7 @@ def needs_fabric() -> None:
 
 def fabric(*words) -> subprocess.CompletedProcess:
     """`ledgerline fabric ...` to its end."""
-    return subprocess.run([BIN / "ledgerline-fabric", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+    return subprocess.run([BIN / "ledgerline-fabric", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def processes_in(directory: pathlib.Path) -> dict[str, dict]:
@@ -38,7 +38,7 @@ def processes_in(directory: pathlib.Path) -> dict[str, dict]:
 
 def leader_in(directory: pathlib.Path, channel: str = "teleop") -> str:
     """The Raft leader; there may be none for a moment."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
         for name, process in processes_in(directory).items():
             if channel in process.get("leads", []):
@@ -66,7 +66,7 @@ class Network:
 
     def stop(self) -> None:
         self.process.terminate()
-        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log()
+        assert self.process.wait(timeout=TIMEOUT_S) == 0, self.log()
 
     def log(self) -> str:
         return self.log_file.read_text()
@@ -100,7 +100,7 @@ class Peer:
 
     def run(self, *words) -> subprocess.CompletedProcess:
         return subprocess.run(self.command(FABRIC / "peer", *map(str, words)), env=self.environment, capture_output=True,
-                              text=True, timeout=PATIENCE_S)
+                              text=True, timeout=TIMEOUT_S)
 
     def invoke(self, channel: str, *arguments: str) -> None:
         """Returns when it is committed at this peer."""
@@ -114,7 +114,7 @@ class Peer:
         return done.stdout if done.returncode == 0 else done.stderr
 
     def wait_for(self, channel: str, text: str, *arguments: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while text not in (answer := self.query(channel, *arguments)):
             assert time.monotonic() < deadline, answer
             time.sleep(0.1)

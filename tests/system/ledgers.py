@@ -122,7 +122,7 @@ class Fabric(Ledger):
 
 
 def tables(ledger, organisation: int, user: str = "User1", endorsers: bool = False) -> str:
-    """Where the ledger is, and whom to believe, in the config of a program of that user; where the others' peers are, too,
+    """Where the ledger is, and whom to trust, in the config of a program of that user; where the others' peers are, too,
     or else its own peer asks them."""
     endpoint, ca = ledger.peer(organisation)
     text = (f'[ledger]\nendpoint = "{endpoint}"\ntls_ca = "{ca}"\nconfig_block = "{ledger.directory}/teleop.block"\nmsp_id = "Org{organisation}MSP"\n'

@@ -11,7 +11,7 @@
 namespace ledgerline::audit {
 namespace {
 
-constexpr std::size_t max_shown = 200;  // of what strangers wrote
+constexpr std::size_t max_shown = 200;  // of what others wrote
 
 bool parse(std::string_view bytes, common::Block& block) {
   return bytes.size() <= INT32_MAX && block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
@@ -30,7 +30,7 @@ const std::string& metadata(const common::Block& block, int index) {
 bool has_unsigned_bytes(const common::Block& block) {
   const std::string& bytes = metadata(block, common::SIGNATURES);
   common::Metadata said;
-  if (!said.ParseFromString(bytes)) return false;  // BlockJudge tells
+  if (!said.ParseFromString(bytes)) return false;  // BlockJudge reports it
   common::Metadata known;
   known.set_value(said.value());
   for (const common::MetadataSignature& one : said.signatures()) {
@@ -225,12 +225,12 @@ void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::Verd
   for (std::size_t i = 0; i < verdicts.size() && i < block.transactions.size(); ++i) {
     const fabric::Transaction& tx = block.transactions[i];
     counts_.endorsements += tx.endorsements.size();
-    if (tx.code == fabric::code_unbelievable)
-      find(i, tx.tx_id, fmt::format("it is flagged VALID and cannot be believed: {}", tx.problem));
+    if (tx.code == fabric::code_unverified)
+      find(i, tx.tx_id, fmt::format("it is flagged VALID and cannot be trusted: {}", tx.problem));
     if (tx.config) continue;
     const auto member = members_->member(tx.creator, std::nullopt);
-    const belief::Creator creator = member ? belief::Creator{(*member)->name, (*member)->admin}
-                                           : belief::Creator{{"", "nobody of the channel"}, false};
+    const verification::Creator creator = member ? verification::Creator{(*member)->name, (*member)->admin}
+                                                 : verification::Creator{{"", "nobody of the channel"}, false};
     const Status status = story_->take({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
     if (!status) find(i, tx.tx_id, status.error().what);
   }

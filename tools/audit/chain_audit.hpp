@@ -24,11 +24,11 @@ struct Finding {
 /// "block 17, transaction 3 (0a1b...): its flag is VALID, but ..."
 std::string to_text(const Finding& finding);
 
-/// Whom to believe.
+/// Whom to trust.
 struct Trust {
   std::string channel = "teleop";
   /// common.Block with a configuration of the channel, from somebody who is trusted: any one of the chain's. Empty: the
-  /// first block that comes is taken as it is, and with it whoever made it.
+  /// first block that comes is taken as it is, and its author is trusted.
   std::string anchor;
   crypto::Library library = crypto::Library::libcrypto;
 };
@@ -43,7 +43,7 @@ struct Counts {
 
 /// Judges a channel's whole chain, block by block from number 0: form, order and hashes; the orderers' signatures; each
 /// transaction by Fabric's own rule, against the flag that the peer gave it; control events against the records before.
-/// What is believed goes into the story. Goes on behind a finding as well as it can, so that what follows a first one
+/// What is verified goes into the story. Goes on behind a finding as well as it can, so that what follows a first one
 /// may follow from it. Memory: that of KeyState, the story's bounds, and max_findings. Pure; one thread.
 class ChainAudit {
  public:
@@ -52,7 +52,7 @@ class ChainAudit {
 
   /// The next block of the chain, a common.Block.
   void add(std::string_view block);
-  /// Something that whoever reads the chain has found out, where the next block should be.
+  /// A finding of the chain's reader, where the next block should be.
   void find_at_end(const std::string& what);
   /// Behind the last block: that the anchor was in the chain.
   void end();

@@ -23,7 +23,7 @@ constexpr int exit_found = 1, exit_unreadable = 2;
 struct Options {
   std::string blocks, config, anchor, channel = "teleop", save, json, html;
   bool trust_first_block = false;
-  double patience_s = 20;
+  double timeout_s = 20;
 };
 
 int give_up(const std::string& what) {
@@ -34,7 +34,7 @@ int give_up(const std::string& what) {
 /// What goes where: set by what was asked for, before anything is read.
 struct Plan {
   Trust trust;
-  Asked asked;
+  AuditRequest asked;
   std::optional<fabric::ClientConfig> peer;
 };
 
@@ -81,9 +81,9 @@ int run(const Options& options) {
     if (!options.save.empty() && saved) saved = save_block(options.save, audit->height(), block);
     audit->add(block);
   };
-  const std::chrono::milliseconds patience(static_cast<int>(1e3 * options.patience_s));
+  const std::chrono::milliseconds timeout(static_cast<int>(1e3 * options.timeout_s));
   const auto reading =
-      plan->peer ? read_peer(std::move(*plan->peer), patience, on_block) : read_copy(options.blocks, on_block);
+      plan->peer ? read_peer(std::move(*plan->peer), timeout, on_block) : read_copy(options.blocks, on_block);
   if (!reading) return give_up(reading.error().what);
   if (!reading->problem.empty()) audit->find_at_end(reading->problem);
   audit->end();
@@ -102,7 +102,7 @@ int run(const Options& options) {
 }
 
 constexpr const char* about =
-    "Judges a channel's whole chain, from a peer or from a copy without any network, believing no flag: who commanded, "
+    "Judges a channel's whole chain, from a peer or from a copy without any network, trusting no flag: who commanded, "
     "held and stopped which drone, and the first transaction that is not as it must be.";
 constexpr const char* notes = R"(Examples:
   audit --config operator.toml --html audit.html
@@ -122,7 +122,7 @@ void add_options(CommandLine& line, Options& o) {
   line.flag("--trust-first-block", o.trust_first_block, "Without an anchor: take the chain's first block as it is");
   line.option("--channel", o.channel, "The channel of a copy").shows_default();
   line.option("--save", o.save, "Write every block into this folder, for later audits");
-  line.option("--patience", o.patience_s, "Seconds without a block after which a peer's chain ends")
+  line.option("--timeout", o.timeout_s, "Seconds without a block after which a peer's chain ends")
       .within(1.0, 600.0)
       .shows_default();
   line.option("--json", o.json, "Write everything to this file as one JSON object; -: to standard output, alone");

@@ -9,8 +9,6 @@
 
 #include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
-#include "common/belief/calls.hpp"
-#include "common/belief/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/stream/confirmations.hpp"
 #include "common/msg/contract.hpp"
@@ -19,8 +17,10 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
+#include "common/verification/calls.hpp"
+#include "common/verification/client.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/shell/letters.hpp"
+#include "onboard/agent/shell/events.hpp"
 #include "tools/bench/exchange.hpp"
 
 namespace {
@@ -147,13 +147,13 @@ class Side {
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
-    for (agent::Letter& letter : mailbox_.take_all()) {
-      if (const auto* block = std::get_if<fabric::Block>(&letter)) {
+    for (agent::Event& event : mailbox_.take_all()) {
+      if (const auto* block = std::get_if<fabric::Block>(&event)) {
         take(*block);
-      } else if (const auto* ended = std::get_if<agent::FrameEnded>(&letter)) {
+      } else if (const auto* ended = std::get_if<agent::FrameEnded>(&event)) {
         (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
         if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
-      } else if (const auto* state = std::get_if<agent::StreamState>(&letter)) {
+      } else if (const auto* state = std::get_if<agent::StreamState>(&event)) {
         connected_ = state->connected;
         if (!connected_) why_ = state->why;
       }
@@ -216,8 +216,8 @@ class Side {
     }
     return {.function = contract::set,
             .args = {call.SerializeAsString()},
-            .told_by_block = true,
-            .need = belief::frame_need()};
+            .reported_by_block = true,
+            .need = verification::frame_need()};
   }
 
   const bool is_a_;
@@ -248,7 +248,7 @@ Status run(const std::string& role, const std::string& config_file, const std::s
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
   if (auto s = endorser::endorse_within(within, *ledger); !s) return s;
-  auto client = fabric::Client::create(belief::for_contract(std::move(ledger).value()));
+  auto client = fabric::Client::create(verification::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   Side side(role == "a", *schedule, std::move(client).value());
   constexpr TimeNs start_limit_ns = 20 * ns_per_s;

@@ -23,7 +23,7 @@ struct Schedule {
   double drain_s = 0;  ///< how long answers are awaited; messages go on meanwhile, so that the load stays the same
 
   TimeNs due_ns(std::uint64_t n) const;  ///< after the start
-  /// The longest that side a takes.
+  /// The maximum time that side a takes.
   double length_s() const;
 };
 /// `rate`: messages a second of both directions together.

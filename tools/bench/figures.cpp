@@ -23,10 +23,10 @@ std::optional<double> cpu(const Turn& run) { return run.cpu_ms_per_message(); }
 std::optional<double> ledger_cpu(const Turn& run) { return run.ledger_cpu_ms_per_message(); }
 
 using Turns = std::vector<const Turn*>;
-Turns select(const std::vector<Turn>& runs, int rate, const std::string& contender) {
+Turns select(const std::vector<Turn>& runs, int rate, const std::string& competitor) {
   Turns found;
   for (const Turn& run : runs) {
-    if (run.rate == rate && run.contender == contender) found.push_back(&run);
+    if (run.rate == rate && run.competitor == competitor) found.push_back(&run);
   }
   return found;
 }
@@ -78,8 +78,8 @@ std::string text(const std::optional<Spread>& s) {
 
 }  // namespace
 
-const std::vector<Contender>& contenders() {
-  static const std::vector<Contender> all{
+const std::vector<Competitor>& competitors() {
+  static const std::vector<Competitor> all{
       {"published", "published settings, gateway", Way::gateway, true, ""},
       {"ledgerline-published", "published settings, Ledgerline", Way::ledgerline, true, "libcrypto", true},
       {"gateway", "gateway", Way::gateway, false, ""},
@@ -90,18 +90,18 @@ const std::vector<Contender>& contenders() {
       {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, "peer", true},
       {"ledgerline-ordered", "Ledgerline, ordered", Way::ledgerline, false, "libcrypto", false, "ordered", true},
       {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true,
-       Contender::Endorser::beside},
+       Competitor::Endorser::beside},
       {"endorser-ordered", "own endorser, ordered", Way::ledgerline, false, "libcrypto", true, "ordered", true,
-       Contender::Endorser::beside},
+       Competitor::Endorser::beside},
       {"endorser-within-ordered", "own endorser within, ordered", Way::ledgerline, false, "libcrypto", true, "ordered",
-       true, Contender::Endorser::within},
+       true, Competitor::Endorser::within},
   };
   return all;
 }
 
-const Contender* find_contender(const std::string& id) {
-  const auto& all = contenders();
-  const auto found = std::find_if(all.begin(), all.end(), [&](const Contender& c) { return c.id == id; });
+const Competitor* find_competitor(const std::string& id) {
+  const auto& all = competitors();
+  const auto found = std::find_if(all.begin(), all.end(), [&](const Competitor& c) { return c.id == id; });
   return found == all.end() ? nullptr : &*found;
 }
 
@@ -142,13 +142,13 @@ std::optional<Spread> spread_of(std::vector<double> values) {
 
 Summary summarize(const std::vector<Turn>& runs) {
   Summary summary;
-  for (const Turn& run : runs) summary.figures[run.rate][run.contender] = {};
+  for (const Turn& run : runs) summary.figures[run.rate][run.competitor] = {};
   for (auto& [rate, of_rate] : summary.figures) {
     for (auto& [id, figures] : of_rate) figures = figures_of(select(runs, rate, id));
-    for (const Contender& one : contenders()) {
+    for (const Competitor& one : competitors()) {
       if (one.way != Way::ledgerline || of_rate.count(one.id) == 0) continue;
       const Turns ours = select(runs, rate, one.id);
-      for (const Contender& baseline : contenders()) {
+      for (const Competitor& baseline : competitors()) {
         const bool is_baseline = baseline.way != Way::ledgerline || baseline.id == usual_id;
         if (!is_baseline || baseline.id == one.id || of_rate.count(baseline.id) == 0) continue;
         const Turns theirs = select(runs, rate, baseline.id);
@@ -171,7 +171,7 @@ std::string to_table(const Summary& summary) {
       fmt::format("\n{:>5}  {:<31}{:<22}{:<22}{:<20}{:<20}{:>8}{:>9}{:>9}{:>7}\n", "msg/s", "client", "p50, ms",
                   "p99, ms", "CPU, ms a message", "of the ledger", "sent", "answered", "replaced", "lost");
   for (const auto& [rate, of_rate] : summary.figures) {
-    for (const Contender& one : contenders()) {
+    for (const Competitor& one : competitors()) {
       const auto found = of_rate.find(one.id);
       if (found == of_rate.end()) continue;
       const Figures& f = found->second;
@@ -186,12 +186,12 @@ std::string to_table(const Summary& summary) {
         "\nLedgerline / baseline, median (lowest-highest alternation)\n{:>5}  {:<31}{:<31}{:<22}{:<22}{:<22}{}\n",
         "msg/s", "client", "baseline", "p50", "p99", "CPU", "CPU of the ledger");
     for (const Ratios& r : summary.ratios) {
-      out += fmt::format("{:>5}  {:<31}{:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_contender(r.ours)->title,
-                         find_contender(r.against)->title, text(r.p50), text(r.p99), text(r.cpu), text(r.ledger_cpu));
+      out += fmt::format("{:>5}  {:<31}{:<31}{:<22}{:<22}{:<22}{}\n", r.rate, find_competitor(r.ours)->title,
+                         find_competitor(r.against)->title, text(r.p50), text(r.p99), text(r.cpu), text(r.ledger_cpu));
     }
   }
   out += "\nSaturates at (of the rates measured)\n";
-  for (const Contender& one : contenders()) {
+  for (const Competitor& one : competitors()) {
     const auto found = summary.saturates_at.find(one.id);
     if (found == summary.saturates_at.end()) continue;
     out += fmt::format("       {:<31}{}\n", one.title,

@@ -11,7 +11,7 @@ namespace ledgerline::two_way {
 
 /// Who may be measured, in the order of the table.
 enum class Way { gateway, direct, polling, ledgerline };
-struct Contender {
+struct Competitor {
   std::string id;     ///< "published"
   std::string title;  ///< for the table
   Way way = Way::gateway;
@@ -23,12 +23,12 @@ struct Contender {
   /// Of Ledgerline: each side's organisation has an endorser of its own, as a program beside its client or in it.
   enum class Endorser { none, beside, within } endorser = Endorser::none;
 };
-const std::vector<Contender>& contenders();
-const Contender* find_contender(const std::string& id);
+const std::vector<Competitor>& competitors();
+const Competitor* find_competitor(const std::string& id);
 
-/// One contender at one rate, once.
+/// One competitor at one rate, once.
 struct Turn {
-  std::string contender;
+  std::string competitor;
   int rate = 0;         ///< msg/s, both directions
   int alternation = 0;  ///< from 0
   int position = 0;     ///< in its alternation, from 0
@@ -39,7 +39,7 @@ struct Turn {
   std::uint64_t answers = 0;          ///< in the measured time
   std::uint64_t transactions = 0, failed = 0, dropped = 0;  ///< of both clients, warm-up too
   std::uint64_t blocks = 0;                                 ///< that Ledgerline's two clients took, likewise
-  std::uint64_t blocks_as_ordered = 0;                      ///< of these, before their peer told them
+  std::uint64_t blocks_as_ordered = 0;                      ///< of these, before their peer delivered them
   double confirmed_after_ms = 0;                            ///< of side a, median: how long before
   bool timed_out = false;                                   ///< it was ended by its time limit
   std::string why = {};                                     ///< what a client complained of last
@@ -77,7 +77,7 @@ struct Ratios {
 };
 
 struct Summary {
-  std::map<int, std::map<std::string, Figures>> figures;  ///< by rate, by contender
+  std::map<int, std::map<std::string, Figures>> figures;  ///< by rate, by competitor
   std::vector<Ratios> ratios;                             ///< by rate, ours and baseline, as the table
   /// The lowest rate at which at least half of the runs saturate; nothing: none did.
   std::map<std::string, std::optional<int>> saturates_at;

@@ -22,7 +22,7 @@ json to_json(const Turn& r) {
   json times = json::array();
   for (const double ms : r.times_ms) times.push_back(rounded(ms));
   const auto cpu = r.cpu_ms_per_message(), ledger_cpu = r.ledger_cpu_ms_per_message();
-  return {{"client", r.contender},
+  return {{"client", r.competitor},
           {"rate", r.rate},
           {"alternation", r.alternation},
           {"position", r.position},

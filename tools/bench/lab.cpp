@@ -20,7 +20,7 @@ using nlohmann::json;
 
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
 constexpr TimeNs network_limit_ns = 120 * ns_per_s, client_limit_ns = 30 * ns_per_s;
-constexpr TimeNs network_patience_ns = 30 * ns_per_s, client_patience_ns = 5 * ns_per_s;
+constexpr TimeNs network_timeout_ns = 30 * ns_per_s, client_timeout_ns = 5 * ns_per_s;
 constexpr double overtime_s = 10;
 constexpr int log_lines = 8;
 constexpr int names_of_b = 16;
@@ -87,7 +87,7 @@ Network::Network(Place place, Settings settings, fs::path dir, const std::atomic
       children_({[this](const std::string&, const std::string& line) { ready_ = line; }}) {}
 
 Network::~Network() {
-  if (children_.running(name_)) children_.stop(name_, network_patience_ns);
+  if (children_.running(name_)) children_.stop(name_, network_timeout_ns);
 }
 
 Status Network::wait_for_line(const std::string& name, TimeNs limit_ns) {
@@ -207,7 +207,7 @@ Result<json> Network::down() {
     return Error{
         fmt::format("{} {}.{}", name_, children_.how_it_ended(name_), tail(children_, name_, dir_ / (name_ + ".log")))};
   }
-  if (!children_.stop(name_, network_patience_ns)) return Error{name_ + " did not end when asked to and was killed"};
+  if (!children_.stop(name_, network_timeout_ns)) return Error{name_ + " did not end when asked to and was killed"};
   const auto text = read_file(dir_ / "summary.json");
   if (!text) return text.error();
   json summary = json::parse(*text, nullptr, false);
@@ -220,18 +220,18 @@ namespace {
 /// The two clients of a run, and what they have said so far.
 class Pair {
  public:
-  Pair(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule, fs::path dir,
+  Pair(const Place& place, const Network& network, const Competitor& competitor, const Schedule& schedule, fs::path dir,
        const std::atomic<int>& interrupts)
       : place_(place),
         network_(network),
-        contender_(contender),
+        competitor_(competitor),
         schedule_(schedule),
         dir_(std::move(dir)),
         interrupts_(interrupts),
         children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
 
   Result<Turn> run() {
-    if (contender_.endorser == Contender::Endorser::beside) {
+    if (competitor_.endorser == Competitor::Endorser::beside) {
       for (const int organisation : {1, 2}) {
         if (auto s = start_endorser(organisation); !s) return s.error();
       }
@@ -253,10 +253,10 @@ class Pair {
       const bool died = !children_.running(name) && !children_.ended_well(name);
       if (died)
         run_.why = fmt::format("side {} {}.{}", name, children_.how_it_ended(name), tail(children_, name, log(name)));
-      if (children_.running(name)) children_.stop(name, client_patience_ns);
+      if (children_.running(name)) children_.stop(name, client_timeout_ns);
     }
     children_.poll(0);  // what they said last
-    run_.contender = contender_.id;
+    run_.competitor = competitor_.id;
     return run_;
   }
 
@@ -286,7 +286,7 @@ class Pair {
     while (!there()) {
       if (interrupts_ > 0) return Error{"interrupted"};
       if (!children_.running(name) || monotonic_ns() > until_ns) {
-        return Error{fmt::format("{}, {}: {}.{}", contender_.title, name,
+        return Error{fmt::format("{}, {}: {}.{}", competitor_.title, name,
                                  children_.running(name) ? "not ready in time" : children_.how_it_ended(name),
                                  tail(children_, name, log(name)))};
       }
@@ -308,11 +308,11 @@ class Pair {
     fs::create_directories(dir_, error);
     const Network::Access access = network_.access(name == "a" ? 1 : 2);
     Children::Program program{name, {}, log(name), SIGKILL};
-    if (contender_.way == Way::ledgerline) {
+    if (competitor_.way == Way::ledgerline) {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
-                         fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", contender_.signer, contender_.blocks);
-      if (contender_.judged) text += fmt::format("config_block = \"{}\"\n", access.config_block);
+                         fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", competitor_.signer, competitor_.blocks);
+      if (competitor_.judged) text += fmt::format("config_block = \"{}\"\n", access.config_block);
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }
@@ -320,7 +320,7 @@ class Pair {
       const auto own = endorsers_.find(endorser_name(name == "a" ? 1 : 2));
       if (own != endorsers_.end()) text += endorser_table(access.msp_id, own->second, peer.tls_ca);
       text += endorser_table(access.msp_id, peer.endpoint, peer.tls_ca);
-      if (contender_.endorser == Contender::Endorser::within)
+      if (competitor_.endorser == Competitor::Endorser::within)
         text += fmt::format("\n[own_endorser]\nmsp_dir = \"{}\"\nsummary = \"{}\"\n",
                             (network_.endorser_dir(name == "a" ? 1 : 2) / "msp").string(),
                             (dir_ / (name + "-endorser.json")).string());
@@ -328,9 +328,9 @@ class Pair {
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
     } else {
-      const char* way = contender_.way == Way::direct    ? "direct"
-                        : contender_.way == Way::polling ? "polling"
-                                                         : "gateway";
+      const char* way = competitor_.way == Way::direct    ? "direct"
+                        : competitor_.way == Way::polling ? "polling"
+                                                          : "gateway";
       json endorsers = json::array();
       for (const auto& [endpoint, tls_ca] : access.endorsers)
         endorsers.push_back({{"endpoint", endpoint}, {"tlsCa", tls_ca}});
@@ -365,7 +365,7 @@ class Pair {
       run_.answers = count_in(line, "answers");
       run_.ledger_cpu_s = ledger_cpu_seconds() - ledger_cpu_at_begin_s_;
       for (const auto& [_, side] : sides_) {
-        // A process that is gone used none that could be told; the run says that it died.
+        // The CPU time of a process that is gone cannot be measured; the run says that it died.
         run_.cpu_s += cpu_seconds(side.process).value_or(side.cpu_at_begin_s) - side.cpu_at_begin_s;
       }
     }
@@ -397,7 +397,7 @@ class Pair {
 
   const Place& place_;
   const Network& network_;
-  const Contender& contender_;
+  const Competitor& competitor_;
   const Schedule& schedule_;
   fs::path dir_;
   const std::atomic<int>& interrupts_;
@@ -410,9 +410,9 @@ class Pair {
 
 }  // namespace
 
-Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
-                      const fs::path& dir, const std::atomic<int>& interrupts) {
-  return Pair(place, network, contender, schedule, dir, interrupts).run();
+Result<Turn> exchange(const Place& place, const Network& network, const Competitor& competitor,
+                      const Schedule& schedule, const fs::path& dir, const std::atomic<int>& interrupts) {
+  return Pair(place, network, competitor, schedule, dir, interrupts).run();
 }
 
 }  // namespace ledgerline::two_way

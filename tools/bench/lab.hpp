@@ -28,7 +28,7 @@ struct Place {
   double poll_ms = 10;  ///< between an answer and the next question, polling
 };
 
-/// A ledger of its own, from up() to the destructor. One thread, which must be the one that lives longest (Children).
+/// A ledger of its own, from up() to the destructor. One thread, which must outlive all others (Children).
 class Network {
  public:
   struct Settings {
@@ -77,9 +77,9 @@ class Network {
   Children children_;
 };
 
-/// Both clients of a contender on a network, once. An error: they did not start, or it was interrupted; whatever
+/// Both clients of a competitor on a network, once. An error: they did not start, or it was interrupted; whatever
 /// happens later is in the run.
-Result<Turn> exchange(const Place& place, const Network& network, const Contender& contender, const Schedule& schedule,
-                      const std::filesystem::path& dir, const std::atomic<int>& interrupts);
+Result<Turn> exchange(const Place& place, const Network& network, const Competitor& competitor,
+                      const Schedule& schedule, const std::filesystem::path& dir, const std::atomic<int>& interrupts);
 
 }  // namespace ledgerline::two_way

@@ -30,7 +30,7 @@ Clients:
   ledgerline-published  Ledgerline on the published settings; only when it is asked for
   gateway               as published, on one orderer, a block for each transaction ("our settings")
   direct                the same past the gateway: the peer's Endorser, one Broadcast stream to the orderer
-  polling               as gateway, but asking again and again, with a cache of what was there the last time
+  polling               as gateway, but asking repeatedly, with a cache of what was there the last time
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
   ledgerline-judged     as ledgerline, and each side judges every block and transaction
@@ -69,7 +69,7 @@ void find_programs(Options& o) {
 
 Status check(const Options& o) {
   const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
-                                     [](const auto& id) { return find_contender(id)->way != Way::ledgerline; });
+                                     [](const auto& id) { return find_competitor(id)->way != Way::ledgerline; });
   if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
   const fs::path client = o.place.npm / "node_modules/@hyperledger/fabric-gateway";
   if (baselines && !fs::exists(client)) {
@@ -78,7 +78,7 @@ Status check(const Options& o) {
   }
   if (baselines && !fs::exists(o.place.script)) return Error{o.place.script.string() + " is missing"};
   const bool endorsers = std::any_of(o.clients.begin(), o.clients.end(), [](const auto& id) {
-    return find_contender(id)->endorser != Contender::Endorser::none;
+    return find_competitor(id)->endorser != Competitor::Endorser::none;
   });
   if (endorsers && o.place.embedded)
     return Error{"an organisation's own endorser is for Fabric: the embedded node endorses within itself"};
@@ -137,7 +137,7 @@ int measure(Options& options) {
 
 void add_options(Verb verb, Options& o) {
   std::vector<std::string> ids;
-  for (const Contender& one : contenders()) {
+  for (const Competitor& one : competitors()) {
     ids.push_back(one.id);
     if (!one.only_when_asked) o.clients.push_back(one.id);
   }

@@ -24,8 +24,8 @@ Status Measurement::run() {
   for (int alternation = 0; alternation < o_.alternations; ++alternation) {
     for (const int rate : o_.rates) {
       position_ = 0;
-      std::vector<const Contender*> order;
-      for (const std::string& id : o_.clients) order.push_back(find_contender(id));
+      std::vector<const Competitor*> order;
+      for (const std::string& id : o_.clients) order.push_back(find_competitor(id));
       if (alternation % 2 == 1) std::reverse(order.begin(), order.end());
       for (auto from = order.begin(); from != order.end();) {
         const auto to = std::find_if(
@@ -67,26 +67,26 @@ Status Measurement::write_json() const {
   return write_result(o_.json, head, lines_of(runs_));
 }
 
-// Contenders on one network; a new one after a collapse, so that nobody finds another's backlog.
-Status Measurement::group(const std::vector<const Contender*>& contenders, int rate, int alternation) {
+// Competitors on one network; a new one after a collapse, so that nobody finds another's backlog.
+Status Measurement::group(const std::vector<const Competitor*>& competitors, int rate, int alternation) {
   std::optional<Network> network;
-  const bool published = contenders.front()->published_settings;
-  for (const Contender* contender : contenders) {
+  const bool published = competitors.front()->published_settings;
+  for (const Competitor* competitor : competitors) {
     if (!network) {
       network.emplace(o_.place, Network::settings(published), o_.place.dir / fmt::format("network{}", ++directories_),
                       interrupts_);
       if (auto s = network->up(); !s) return s;
     }
     const Schedule schedule = make_schedule(rate, o_.warm_up_s, o_.seconds, o_.drain_s);
-    auto run = exchange(o_.place, *network, *contender, schedule, o_.place.dir / fmt::format("run{}", runs_.size() + 1),
-                        interrupts_);
+    auto run = exchange(o_.place, *network, *competitor, schedule,
+                        o_.place.dir / fmt::format("run{}", runs_.size() + 1), interrupts_);
     if (!run) return run.error();
     run->rate = rate;
     run->alternation = alternation;
     run->position = position_++;
     tell(*run);
     runs_.push_back(std::move(*run));
-    if (runs_.back().collapsed() || contender == contenders.back()) {
+    if (runs_.back().collapsed() || competitor == competitors.back()) {
       if (auto s = end(*network, published); !s) return s;
       network.reset();
     }
@@ -111,7 +111,7 @@ Status Measurement::end(Network& network, bool published) {
 void Measurement::tell(const Turn& r) const {
   const auto cpu = r.cpu_ms_per_message();
   spdlog::info("{}/{} {:>4} msg/s  {:<31} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
-               r.alternation + 1, o_.alternations, r.rate, find_contender(r.contender)->title, r.quantile_ms(0.5),
+               r.alternation + 1, o_.alternations, r.rate, find_competitor(r.competitor)->title, r.quantile_ms(0.5),
                r.quantile_ms(0.99), cpu.value_or(0), r.answered, r.sent, r.collapsed() ? ", collapsed" : "",
                r.why.empty() ? "" : " (" + r.why + ")");
 }

@@ -28,7 +28,7 @@ std::vector<nlohmann::json> lines_of(const std::vector<Run>& runs) {
   return lines;
 }
 
-/// Every contender at every rate, again and again; networks come up and go down as they are needed. What was measured
+/// Every competitor at every rate, repeatedly; networks come up and go down as they are needed. What was measured
 /// stays when it fails or is interrupted.
 class Measurement {
  public:
@@ -42,7 +42,7 @@ class Measurement {
   Status write_json() const;
 
  private:
-  Status group(const std::vector<const Contender*>& contenders, int rate, int alternation);
+  Status group(const std::vector<const Competitor*>& competitors, int rate, int alternation);
   Status end(Network& network, bool published);
   void tell(const Turn& run) const;
 

@@ -14,11 +14,11 @@ namespace {
 using namespace ledgerline;
 
 int carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dds, const fabric::ClientConfig& ledger,
-          crypto::MspRegistry& believed) {
+          crypto::MspRegistry& trusted) {
   bridge::warn_of_open_topics(carried);
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  auto bridges = bridge::Bridges::create(carried, {ledger}, believed, *participant);
+  auto bridges = bridge::Bridges::create(carried, {ledger}, trusted, *participant);
   if (!bridges) return fail(bridges.error(), exit_usage);  // of files that the config names
   return exit_code((*bridges)->run(stop_requested, [ready = false](const std::string& status) mutable {
     if (!std::exchange(ready, true)) print_line(R"({"ready":true,"program":"ledgerline-bridge"})");
@@ -28,18 +28,18 @@ int carry(const bridge::BridgeConfig& carried, const dds::ParticipantOptions& dd
 
 int run(Config& config) {
   auto ledger = fabric::ledger_config(config);
-  auto believed = fabric::msp_registry(config);
+  auto trusted = fabric::msp_registry(config);
   const bridge::BridgeConfig carried = bridge::read_bridge(config);
   const dds::ParticipantOptions dds = dds::participant_options(config, "ledgerline_bridge");
   Status checked = config.finish();
   if (checked && !carried.carries_something()) checked = Error{"no [[topic]] is named"};
   if (checked && !ledger) checked = ledger.error();
-  if (checked && !believed) checked = believed.error();
+  if (checked && !trusted) checked = trusted.error();
   if (!checked) return fail(checked.error(), exit_usage);
   const auto certificates = fabric::watch_certificates(config, *ledger);
   if (!certificates) return fail(certificates.error(), exit_usage);
   (*certificates)->start(fabric::CertificateWatch::log);
-  return carry(carried, dds, *ledger, **believed);
+  return carry(carried, dds, *ledger, **trusted);
 }
 
 const char* const about =

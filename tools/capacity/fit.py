@@ -3,7 +3,7 @@ import math
 
 
 class Undetermined(Exception):
-    """What the points do not tell apart."""
+    """What the points do not distinguish."""
 
 
 def least_squares(rows: list[list[float]], values: list[float]) -> list[float]:

@@ -14,7 +14,7 @@ import running
 from netns import Namespace, die_with_parent
 from running import TICKS_PER_S, Failed
 
-DESK = "10.78.0.1"  # of ledger and ground
+STATION = "10.78.0.1"  # of ledger and ground
 READY_S, END_S = 120, 90
 GROUND_STARTS = 5   # one that ends before it is ready is begun again, as its systemd unit does
 NAMES_A_HOST = 16   # host k has tello<16 k + 1> and so on, whether it has that many or not
@@ -108,12 +108,12 @@ class Fleet:
     def streams(self, drones: list[Drone]) -> int:
         return len({(drone.host, drone.channel) for drone in drones})
 
-    # What the programs are told.
+    # What the programs get.
     def organisation(self, k: int) -> pathlib.Path:
         return self.run / f"ledger/crypto/peerOrganizations/org{k}.ledgerline"
 
-    def tables(self, who: tuple[int, str], channels: list[int], believed: bool = True) -> str:
-        """Where the ledger is, and whom to believe, for somebody on these channels."""
+    def tables(self, who: tuple[int, str], channels: list[int], trusted: bool = True) -> str:
+        """Where the ledger is, and whom to trust, for somebody on these channels."""
         organisation, user = who
         if self.fabric:
             own, ca = self.ready["peers"][organisation - 1], self.tls_ca(organisation)
@@ -122,7 +122,7 @@ class Fleet:
             name = self.names[channel]
             block = self.run / ("ledger" if self.fabric or channel == 0 else name) / f"{name}.block"
             if not self.fabric:
-                own, ca = f"{DESK}:{7051 + channel}", self.tls_ca(1)
+                own, ca = f"{STATION}:{7051 + channel}", self.tls_ca(1)
             text += (f'[ledger]\nchannel = "{name}"\n' if i == 0 else f'[[channel]]\nname = "{name}"\n')
             text += f'config_block = "{block}"\n'
             if i == 0 or not self.fabric:
@@ -135,7 +135,7 @@ class Fleet:
             text += f'[[orderer]]\nendpoint = "{self.ready["orderers"][0]}"\ntls_ca = "{orderer_ca}"\n'
             text += "".join(f'[[endorser]]\nmsp_id = "Org{k}MSP"\nendpoint = "{self.ready["peers"][k - 1]}"\ntls_ca = "{self.tls_ca(k)}"\n'
                             for k in (1, 2, 3))
-        if believed:
+        if trusted:
             text += "".join(f'[[msp]]\nid = "Org{k}MSP"\nca = "{self.organisation(k)}/ca/ca.org{k}.ledgerline-cert.pem"\n'
                             for k in (1, 2, 3))
         return text
@@ -174,7 +174,7 @@ class Fleet:
 
     def start(self) -> "Fleet":
         self.run.mkdir(parents=True)
-        for words in ("link add fleet type bridge", f"addr add {DESK}/24 dev fleet", "link set fleet up"):
+        for words in ("link add fleet type bridge", f"addr add {STATION}/24 dev fleet", "link set fleet up"):
             subprocess.run(["ip", *words.split()], check=True)
             self.bridge = True
         self.start_ledger()
@@ -189,8 +189,8 @@ class Fleet:
 
     def start_ledger(self) -> None:
         if self.fabric:
-            places = self.write("net", "batch_count = 1\n" + "".join(f'[[organisation]]\nhost = "{DESK}"\nport = {7051 + 10 * k}\n' for k in range(3)) +
-                                f'[[orderer]]\nhost = "{DESK}"\nport = 7151\n')
+            places = self.write("net", "batch_count = 1\n" + "".join(f'[[organisation]]\nhost = "{STATION}"\nport = {7051 + 10 * k}\n' for k in range(3)) +
+                                f'[[orderer]]\nhost = "{STATION}"\nport = 7151\n')
             words = [word for name in self.names for word in ("--channel", name)]
             one = self.start_program("fabric", "fabric", ["run", "--dir", self.run / "ledger", "--tools", self.fabric, "--config", places, *words], self.drones)
             self.ready = one.wait_ready()
@@ -199,12 +199,12 @@ class Fleet:
             place = self.run / ("ledger" if k == 0 else name)
             if k > 0:
                 shutil.copytree(self.run / "ledger/crypto", place / "crypto")
-            self.start_program("node", f"node{k}", ["--dir", place, "--listen", f"{DESK}:{7051 + k}", "--channel", name, "--batch-count", "1",
+            self.start_program("node", f"node{k}", ["--dir", place, "--listen", f"{STATION}:{7051 + k}", "--channel", name, "--batch-count", "1",
                                                     "--summary", self.run / f"node{k}.json"],
                                [drone for drone in self.drones if drone.channel == k]).wait_ready()
 
     def control(self, who: tuple[int, str], channel: int, *words, limit_s: float = READY_S) -> str:
-        file = self.write(f"control-{who[0]}-{who[1]}-{channel}", self.tables(who, [channel], believed=False))
+        file = self.write(f"control-{who[0]}-{who[1]}-{channel}", self.tables(who, [channel], trusted=False))
         done = subprocess.run([self.programs / "ledgerline-control", "--config", file, *words], capture_output=True, text=True, timeout=limit_s)
         if done.returncode != 0:
             raise Failed(f"control {' '.join(map(str, words))}: {done.stderr.strip()}")

@@ -134,7 +134,7 @@ const std::vector<Source>& sources() {
        {},
        read_deployment},
       {ledger,
-       "Where the ledger is, and whom to believe. At least one `[[msp]]` must be there; control alone, which reads no "
+       "Where the ledger is, and whom to trust. At least one `[[msp]]` must be there; control alone, which reads no "
        "block, has none.",
        {},
        read_ledger},

@@ -1,4 +1,4 @@
-// ledgerline demo: a flight of ledgerline-fly with a page and two operators, and words for whoever sees it first.
+// ledgerline demo: a flight of ledgerline-fly with a page and two operators, and explanations for a first-time viewer.
 #include <fmt/format.h>
 #include <unistd.h>
 

@@ -50,7 +50,7 @@ struct OwnDrones {
   std::string
       mocap_table;  ///< TOML, for agent's config, none of it where poses come from elsewhere; empty: its defaults
   std::string link_tables;  ///< TOML: [pose] unless from mocap, [fence], [rc], [limits], for link's config
-  link::LinkSettings link;  ///< what these tables say, for what is checked and told before link reads them
+  link::LinkSettings link;  ///< what these tables say, for what is checked and reported before link reads them
   OwnFlight flight;
 };
 

@@ -36,7 +36,7 @@ Exit codes: 0 all is well, but for warnings; 1 something is broken; 2 wrong usag
 struct Options {
   std::string dir = "/etc/ledgerline", role;
   bool json = false, drones = false, table = false;
-  double patience_s = 3;
+  double timeout_s = 3;
 };
 
 void add(Findings& all, Findings more) {
@@ -46,10 +46,10 @@ void add(Findings& all, Findings more) {
 /// Without those that are there in the same words.
 void add_new(Findings& all, Findings more) {
   for (Finding& one : more) {
-    const bool told = std::any_of(all.begin(), all.end(), [&](const Finding& other) {
+    const bool reported = std::any_of(all.begin(), all.end(), [&](const Finding& other) {
       return other.problem == one.problem && other.check == one.check && other.what == one.what;
     });
-    if (!told) all.push_back(std::move(one));
+    if (!reported) all.push_back(std::move(one));
   }
 }
 
@@ -63,7 +63,7 @@ void look_at_host(const Configs& configs, Findings& all) {
   std::set<std::string> folders, interfaces;
   for (const ProgramConfig& one : configs.programs) {
     for (const std::string& file : one.written) {
-      const FolderFacts facts = look_at_folder_of(file);
+      const DirectoryFacts facts = look_at_folder_of(file);
       if (folders.insert(facts.path).second) add(all, judge(facts));
     }
     for (const std::string& name : one.interfaces)
@@ -99,13 +99,13 @@ bool look_at_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map
 }
 
 /// What was looked at already.
-struct Seen {
+struct Checked {
   std::set<std::string> servers;
   std::map<std::string, bool> identities, tls_pairs;  ///< whether each is in order
 };
 
 /// Each server once, but for each program its own peer. True: the program's own peer is in order.
-bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patience, Seen& seen, Findings& all) {
+bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds timeout, Checked& seen, Findings& all) {
   bool good = true;
   const auto look = [&](ServerKeys keys, const std::string& kind) {
     if (keys.tls_certificate.empty() && keys.tls_key.empty()) {
@@ -120,7 +120,7 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patienc
       if (kind == "peer") good = false;
       return;
     }
-    const Finding finding = judge(look_at_server(keys, fmt::format("{} of {}", kind, one.file), patience));
+    const Finding finding = judge(look_at_server(keys, fmt::format("{} of {}", kind, one.file), timeout));
     if (kind == "peer") good = !finding.problem;
     all.push_back(finding);
   };
@@ -131,8 +131,8 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds patienc
   return good;
 }
 
-void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, Findings& all) {
-  Seen seen;
+void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, Findings& all) {
+  Checked seen;
   std::vector<ProgramConfig> programs;
   for (const ProgramConfig& one : configs.programs) {
     for (ProgramConfig& each : of_each_channel(one)) programs.push_back(std::move(each));
@@ -144,7 +144,7 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     if (!one.ledger->msps.empty()) add(trust, judge(read_trust(*one.ledger, one.file, anchor)));
     const IdentityFacts identity = read_identity(*one.ledger);
     Findings own;
-    // By each channel's authorities; what is the same on all is told once.
+    // By each channel's authorities; what is the same on all is reported once.
     const auto [good, is_new] =
         seen.identities.emplace(identity.msp_id + " " + identity.place + " " + identity.channel, true);
     if (is_new) {
@@ -154,12 +154,12 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds patience, 
     const bool known = good->second && !anything_broken(trust);
     add_new(all, std::move(own));
     add(all, std::move(trust));
-    const bool reached = look_at_servers(one, patience, seen, all);
+    const bool reached = look_at_servers(one, timeout, seen, all);
     const bool flies = one.program == "agent" || one.program == "ground";
     const std::vector<std::string> drones = names_of(one.drones);
-    // What is broken before this would only be told once more, in other words.
+    // What is broken before this would only be reported once more, in other words.
     if (!known || !reached || !flies) continue;
-    Findings answers = ask_ledger(one, anchor.block, anchor.embedded, drones, patience);
+    Findings answers = ask_ledger(one, anchor.block, anchor.embedded, drones, timeout);
     for (Finding& each : answers) each.what = one.label + each.what;
     add(all, std::move(answers));
   }
@@ -175,7 +175,7 @@ int main(int argc, char** argv) {
       .one_of(std::vector<std::string>(std::begin(config_roles), std::end(config_roles)));
   line.flag("--drones", options.drones,
             "asks each drone for its battery, unless link runs, and listens for poses of motion capture");
-  line.option("--patience", options.patience_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
+  line.option("--timeout", options.timeout_s, "s, for each answer of the ledger").within(0.1, 60.0).shows_default();
   line.flag("--json", options.json, "one object instead of lines");
   line.flag("--table", options.table, "prints all problems with their cures, as Markdown, and looks at nothing");
   if (const auto end = line.parse(argc, argv)) return *end;
@@ -185,11 +185,11 @@ int main(int argc, char** argv) {
   }
   std::signal(SIGPIPE, SIG_IGN);          // a server may close the connection while something is written to it
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the lines
-  const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * options.patience_s));
+  const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * options.timeout_s));
   Configs configs = read_configs(options.dir, options.role);
   Findings all = std::move(configs.findings);
   look_at_host(configs, all);
-  look_at_ledger(configs, patience, all);
+  look_at_ledger(configs, timeout, all);
   const ProgramConfig* const link = configs.of("link");
   if (options.drones && link) {
     add(all, ask_drones(*link));

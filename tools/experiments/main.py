@@ -70,7 +70,7 @@ def short(result: dict) -> str:
 
 
 def measure(experiment: config.Experiment, place: runs.Place, out: pathlib.Path, seeds: int | None) -> dict:
-    """All repetitions, those kept from before included; the experiment's JSON is written anew after each."""
+    """All repetitions, those kept from before included; the experiment's JSON is rewritten after each."""
     started = time.monotonic()
     boxes = config.read_published()["box"]
     programs = runs.digest(place, experiment.runs)

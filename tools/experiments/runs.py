@@ -16,7 +16,7 @@ import verdicts
 from config import SETTINGS, Case
 
 HERE = pathlib.Path(__file__).resolve().parent
-PATIENCE_S = 900     # beyond what was asked: only how long something broken may take
+TIMEOUT_S = 900     # beyond what was asked: only how long something broken may take
 LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local", "roudi",
@@ -25,7 +25,7 @@ PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric"
             "hosts": ["link", "agent", "ground", "sim", "node", "hil", "roudi", "control"]}
 SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py", HERE.parent / "python/running.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
-TOLD_MPS = 1.0                # what a drone can be told at most, where nothing else is asked for: rc 100
+FULL_SCALE_MPS = 1.0                # what a drone can be commanded at most, where nothing else is asked for: rc 100
 MAX_DELAY_MS = 3000       # of hil virtual
 VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
@@ -157,7 +157,7 @@ def lap_figures(laps: list[dict], options: dict, finished: bool) -> dict:
     figures = verdicts.later_figures(laps)
     if "ramp" not in options:
         return {"figures": figures}
-    more, end = verdicts.ramp_figures(laps, asked_speeds(options), finished, options.get("full_scale", TOLD_MPS))
+    more, end = verdicts.ramp_figures(laps, asked_speeds(options), finished, options.get("full_scale", FULL_SCALE_MPS))
     return {"figures": figures | more, "ramp_end": end}
 
 
@@ -181,7 +181,7 @@ def flight_options(case: Case, place: Place, seed: int) -> dict:
 
 
 def flown(records, paths: dict) -> dict:
-    """What is in the traces of a flight, whoever started it."""
+    """What is in the traces of a flight, no matter who started it."""
     two_way, age = (traces.latencies_ms(records, kind) for kind in (traces.TraceKind.COMMAND_VERIFIED, traces.TraceKind.COMMAND_APPLIED))
     return {"figures": {**quantile_figures("two_way_ms", two_way), **quantile_figures("age_ms", age)},
             "two_way_ms": verdicts.distribution(two_way), "age_ms": verdicts.distribution(age),
@@ -194,7 +194,7 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     options = flight_options(case, place, seed)
     run, result, log = place.work / "run", place.work / "result.json", place.work / "fly.log"
     command = [place.program("fly"), "--out", run, "--json", result, *words(options)]
-    code, _ = run_program(command, log, PATIENCE_S + options.get("seconds", 0))
+    code, _ = run_program(command, log, TIMEOUT_S + options.get("seconds", 0))
     if code in (1, 2) and not result.exists():
         raise NotMeasured(f"fly {' '.join(words(options))}: {tail(log)}")
     if code is None or not result.exists():
@@ -219,7 +219,7 @@ def flight(case: Case, place: Place, seed: int) -> dict:
 def virtual(case: Case, place: Place, seed: int) -> dict:
     log = place.work / "hil.log"
     options = {**case.options, "seed": seed}
-    code, printed = run_program([place.program("hil"), "virtual", *words(options)], log, PATIENCE_S)
+    code, printed = run_program([place.program("hil"), "virtual", *words(options)], log, TIMEOUT_S)
     if code == 2:
         raise NotMeasured(f"hil virtual {' '.join(words(options))}: {tail(log)}")
     try:
@@ -254,7 +254,7 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
     options |= {"alternations": 1, "npm": place.npm, "fabric": place.fabric, "json": result}
     with tempfile.TemporaryDirectory(prefix="ledgerline-experiment-",
                                      dir="/dev/shm" if place.storage == "tmpfs" else place.work) as ledgers:
-        code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * PATIENCE_S)
+        code, _ = run_program([place.program("bench"), "two-way", "--dir", ledgers, *words(options)], log, 2 * TIMEOUT_S)
     if code != 0 or not result.exists():
         raise NotMeasured(ending("bench two-way", code, log))
     out = json.loads(result.read_text())
@@ -292,7 +292,7 @@ def hosts(case: Case, place: Place, seed: int) -> dict:
         raise NotMeasured("three hosts are flown on the embedded ledger alone")
     run = place.work / "run"
     try:
-        finished = three_hosts.fly(place.program, run, case.options, seed, PATIENCE_S)
+        finished = three_hosts.fly(place.program, run, case.options, seed, TIMEOUT_S)
     except three_hosts.Failed as error:
         return failed(f"three hosts: {error}", case.options)
     except (RuntimeError, subprocess.SubprocessError, OSError) as error:

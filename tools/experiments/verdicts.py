@@ -41,10 +41,10 @@ def good_turns(turns: list[dict], limit_m: float = GOOD_BELOW_M) -> list[dict]:
     return list(itertools.takewhile(lambda turn: turn["finished"] and turn["max_m"] < limit_m, turns))
 
 
-def ramp_figures(turns: list[dict], asked: list[float], finished: bool, told_mps: float) -> tuple[dict, str]:
+def ramp_figures(turns: list[dict], asked: list[float], finished: bool, full_scale_mps: float) -> tuple[dict, str]:
     """Of the laps before the first bad one (`asked`: the speeds of all laps that were wanted): the fastest as it was asked for,
     the greatest mean speed over a lap, which corners and the controller's own limit slow down, and the greatest speed at
-    all; 0: none was good. And what ended it: the lap that failed, or that the drone cannot be told more, or only the ramp."""
+    all; 0: none was good. And what ended it: the lap that failed, or that the drone cannot be commanded more, or only the ramp."""
     good = good_turns(turns)
     figures = {f"top_{name}": max((turn[key] for turn in good), default=0.0)
                for name, key in (("speed_mps", "speed_mps"), ("lap_mps", "flown_mps"), ("peak_mps", "peak_mps"))}
@@ -52,7 +52,7 @@ def ramp_figures(turns: list[dict], asked: list[float], finished: bool, told_mps
         figures["failed_at_mps"] = asked[len(good)]
         return figures, f"failed at {asked[len(good)]:.3g} m/s"
     figures["unfailed_to_mps"] = asked[-1]
-    own = f"the drone can be told no more than {told_mps:.3g} m/s" if asked[-1] >= told_mps else "the ramp ended there"
+    own = f"the drone cannot be commanded faster than {full_scale_mps:.3g} m/s" if asked[-1] >= full_scale_mps else "the ramp ended there"
     return figures, f"nothing failed up to {asked[-1]:.3g} m/s: {own}"
 
 

@@ -31,7 +31,7 @@ Exit codes: 0 written; 1 not, with what is wrong; 2 wrong usage.)";
 struct Options {
   std::string role, deployment, profile, host, msp_id, out = "/etc/ledgerline";
   std::vector<std::string> drones, channels, client_authorities;
-  init::Folders folders;
+  init::Directories folders;
   bool direct = false;
   double batch_timeout_ms = 10;
   int batch_count = 1;
@@ -82,8 +82,8 @@ Status write_configs(const Options& options) {
   if (!planned) return planned.error();
   if (auto status = init::add_channels(planned->plan, options.channels); !status) return status;
   const auto timeout_ns = static_cast<TimeNs>(options.batch_timeout_ms * ns_per_ms);
-  planned->plan.patience =
-      deployment::patience_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(options.batch_count)));
+  planned->plan.timeouts =
+      deployment::timeout_with(fabric::both_ways_ns(timeout_ns, static_cast<std::uint32_t>(options.batch_count)));
   planned->plan.client_authorities = options.client_authorities;
   const auto files = init::files_of(init::role_of(options.role), planned->plan);
   if (!files) return files.error();

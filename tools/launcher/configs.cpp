@@ -10,7 +10,7 @@
 #include "common/fabric/tx/both_ways.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
-#include "tools/deployment/patience.hpp"
+#include "tools/deployment/timeouts.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {
@@ -116,7 +116,7 @@ std::string pad_tables(const std::vector<sim::Pad>& pads) {
   return tables;
 }
 
-// A simulated one stands where the simulator puts it, so that those which fly by their own senses have one frame.
+// A simulated one stands where the simulator puts it, so that those which fly by onboard odometry have one frame.
 std::string link_drone_tables(const Options& options) {
   const sim::Parameters places;
   std::string tables;
@@ -164,12 +164,12 @@ std::string dds_table(const Options& options, Side side) {
 
 // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
 // command stays, unless a longer one was asked for.
-std::string patience(const Options& options) {
+std::string timeouts(const Options& options) {
   const TimeNs longer_ns = both_ways(options);
   if (longer_ns == 0 && options.max_age_ns == 0) return "";
-  const deployment::Patience patience = deployment::patience_with(longer_ns, options.max_age_ns);
+  const deployment::Timeouts timeouts = deployment::timeout_with(longer_ns, options.max_age_ns);
   return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
-                     to_ms(patience.max_age_ns), to_ms(patience.silent_after_ns));
+                     to_ms(timeouts.max_age_ns), to_ms(timeouts.silent_after_ns));
 }
 
 // Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
@@ -194,7 +194,7 @@ std::string endorser_within(const RunFiles& files, const Options& options, const
 // Of agent's and ground's transactions.
 std::string deadline(const Options& options) {
   if (both_ways(options) == 0) return "";
-  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deployment::patience_with(both_ways(options)).deadline_ns));
+  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deployment::timeout_with(both_ways(options)).deadline_ns));
 }
 
 // What both sides of the ledger add to their [ledger].
@@ -203,7 +203,7 @@ std::string ledger_keys(const Options& options) {
          fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
 }
 
-// Without any pose link waits for those of motion capture, in vain, and its drones may be flown by hand.
+// Without any pose, link waits for motion capture without result, and its drones may be flown by hand.
 std::string source_for_link(const std::string& pose) { return pose == "none" ? "mocap" : pose; }
 
 // Link shares the port of state texts with nobody: at one address it leaves the others to a proxy.
@@ -231,7 +231,7 @@ std::string flight_table(const Options& options) {
   // What link keeps to, as its own config leaves it.
   const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
   const bool mocap = source_for_link(pose_of(options)) == name(link::PoseSource::mocap);
-  table += fmt::format("told_mps = {:.3f}\ntold_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
+  table += fmt::format("full_scale_mps = {:.3f}\nmax_acceleration_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
                        std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
                        to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));
   if (!options.controller.empty()) table += fmt::format("controller = \"{}\"\n", options.controller);
@@ -328,7 +328,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const std::string with_status = "status_period_ms = 250\n";
   const std::string link = link_config(files, options);
   const std::string agent = ledger("agent", 1) + output_table(files, "agent") +
-                            checkpoint_line(files, options, "agent") + with_status + patience(options) +
+                            checkpoint_line(files, options, "agent") + with_status + timeouts(options) +
                             endorser_within(files, options, places) + (options.own ? options.own->mocap_table : "") +
                             dds_table(options, Side::drones) + drone_tables(options);
   const std::string ground = ledger("ground", 2) + output_table(files, "ground") +

@@ -13,7 +13,7 @@ struct RunFiles {
   std::string directory;
   std::string in(const std::string& name) const { return directory + "/" + name; }
   std::string page_token() const { return in("page.token"); }
-  std::string proxy_faults() const { return in("faults.sock"); }      ///< told to the proxy
+  std::string proxy_faults() const { return in("faults.sock"); }      ///< passed to the proxy
   std::string fault_switches() const { return in("switches.sock"); }  ///< the page's, which the launcher serves
   std::string log(const std::string& program) const { return in(program + ".log"); }
   std::string config(const std::string& program) const { return in(program + ".toml"); }
@@ -55,7 +55,7 @@ Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places);
 std::string shim_memory(const RunFiles& files);
 
 /// Writes the proxy's config: every drone but those behind the shim, and for agent and ground a server of their own for
-/// each of `places`. The ready line tells their ports.
+/// each of `places`. The ready line reports their ports.
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places);
 
 /// The addresses of a proxy's servers by name ("agent", "ground", "agent-orderer1" ...); empty: no proxy.

@@ -24,8 +24,8 @@ constexpr TimeNs watch_ns = 50 * ns_per_ms;
 constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
 constexpr TimeNs memory_period_ns = 5 * ns_per_s;
 constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
-constexpr TimeNs patience_ns = 5 * ns_per_s, fabric_patience_ns = 30 * ns_per_s;
-constexpr TimeNs landing_patience_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
+constexpr TimeNs timeout_ns = 5 * ns_per_s, fabric_timeout_ns = 30 * ns_per_s;
+constexpr TimeNs landing_timeout_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
 constexpr int log_lines = 8;
 // Soon: without link a drone goes on with its last setpoint, and without agent it is not to come to landing. What dies
 // faster than this does not fly.
@@ -303,7 +303,7 @@ Status Launcher::fly() {
       interrupts_seen = interrupts_;
       if (switches_) switches_->end();  // a drone must hear that it shall land
       children_.signal(controller_, SIGTERM);
-      flying = !hurry();
+      flying = !is_impatient();
       if (flying) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
@@ -373,7 +373,7 @@ Status Launcher::start_again(const std::string& name) {
 void Launcher::recycle_shared_memory() {
   if (!children_.running("roudi")) return;
   chunks_leaked_ = false;
-  live_.say("RouDi lost shared memory with a process that was killed: it starts anew, nothing is in the air");
+  live_.say("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
   children_.signal("roudi", SIGTERM);
 }
 
@@ -381,21 +381,21 @@ void Launcher::recycle_shared_memory() {
 void Launcher::stop_all(bool landed) {
   switches_.reset();
   std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
-  if (!landed && !hurry() && children_.running("link") && (options_.own || children_.running("sim")) &&
+  if (!landed && !is_impatient() && children_.running("link") && (options_.own || children_.running("sim")) &&
       live_.anything_in_air()) {
     live_.say("Landing all drones");
     children_.signal("link", SIGTERM);
-    const TimeNs until_ns = monotonic_ns() + landing_patience_ns;
-    while (children_.running("link") && monotonic_ns() < until_ns && !hurry()) {
+    const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;
+    while (children_.running("link") && monotonic_ns() < until_ns && !is_impatient()) {
       children_.poll(watch_ns);
       live_.show(monotonic_ns());
     }
   }
   for (const auto& name : order) {
     if (name.empty() || !children_.running(name)) continue;
-    const TimeNs patience = name == "fabric" ? fabric_patience_ns : hurry() ? ns_per_s : patience_ns;
-    const bool in_time = children_.stop(name, patience);
-    if (!in_time && !hurry()) {
+    const TimeNs timeout = name == "fabric" ? fabric_timeout_ns : is_impatient() ? ns_per_s : timeout_ns;
+    const bool in_time = children_.stop(name, timeout);
+    if (!in_time && !is_impatient()) {
       record_.ok = false;
       record_.why +=
           fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);

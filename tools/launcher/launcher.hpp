@@ -11,7 +11,7 @@
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"
 #include "tools/launcher/preflight/preflight.hpp"
-#include "tools/launcher/switches/switch_desk.hpp"
+#include "tools/launcher/switches/switch_service.hpp"
 
 namespace ledgerline::timing {
 struct UsageRecord;
@@ -78,7 +78,7 @@ class Launcher {
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
   Status supervise_onboard(TimeNs now_ns);
-  bool hurry() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
+  bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
   bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
   bool controller_comes_back() const;
@@ -98,7 +98,7 @@ class Launcher {
   Live live_;
   Preflight preflight_;
   Children children_;
-  std::unique_ptr<SwitchDesk> switches_;      ///< null: the page has none
+  std::unique_ptr<SwitchService> switches_;   ///< null: the page has none
   std::string records_;                       ///< as control-show printed them
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;

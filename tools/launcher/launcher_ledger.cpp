@@ -141,7 +141,7 @@ Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
   if (!proxied.contains("agent") || !proxied.contains("ground"))
     return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
   if (!options_.fault_switches) return done;
-  auto switches = SwitchDesk::open(files_.fault_switches(), files_.proxy_faults(), drone_names(options_));
+  auto switches = SwitchService::open(files_.fault_switches(), files_.proxy_faults(), drone_names(options_));
   if (!switches) return switches.error();
   switches_ = std::move(*switches);
   return done;

@@ -173,7 +173,7 @@ Result<RunLock> RunLock::take(const std::string& file, const std::string& about)
     char text[1024] = {};
     const ssize_t n = ::pread(fd, text, sizeof text - 1, 0);
     ::close(fd);
-    return Error{fmt::format("a flight is under way already: {}. Wait for it, or end it with Ctrl-C there",
+    return Error{fmt::format("a flight is already in progress: {}. Wait for it, or end it with Ctrl-C there",
                              n > 0 ? text : "its process is not known")};
   }
   if (ours && (::ftruncate(fd, 0) != 0 || ::pwrite(fd, about.data(), about.size(), 0) < 0)) {

@@ -11,7 +11,7 @@ namespace ledgerline::fly {
 /// lock, so it is held until the last process of a run is gone, even when the launcher was killed.
 class RunLock {
  public:
-  /// The error names who holds it. `about`: what to tell the next one.
+  /// The error names who holds it. `about`: the message for the next one.
   static Result<RunLock> take(const std::string& file, const std::string& about);
   RunLock(RunLock&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
   RunLock& operator=(RunLock&&) = delete;

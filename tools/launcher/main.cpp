@@ -108,7 +108,7 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const fly::Asked asked = fly::parse_command_line({argv + 1, argv + argc});
+  const fly::ParsedOptions asked = fly::parse_command_line({argv + 1, argv + argc});
   if (!asked.fly) {
     (asked.exit_code == 0 ? std::cout : std::cerr) << asked.text;
     return asked.exit_code;

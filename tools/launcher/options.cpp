@@ -14,7 +14,7 @@
 #include "ground/shell/course_file.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/pads.hpp"
-#include "tools/deployment/one_desk.hpp"
+#include "tools/deployment/one_host.hpp"
 #include "tools/launcher/operators.hpp"
 #include "tools/launcher/preflight/fence.hpp"
 
@@ -39,7 +39,7 @@ constexpr const char* help_notes = R"(Examples:
   fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
   fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
-  fly --deployment desk.toml          the drones and the ledger that the file names
+  fly --deployment deployment.toml          the drones and the ledger that the file names
   fly --deployment real.toml          drones that are there already: Tellos, with their fence (docs/fly.md)
   fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
   fly --json r.json --out /tmp/run    figures as JSON; traces, logs and page in /tmp/run
@@ -78,7 +78,7 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
       .one_of({"mocap", "tello", "mocap+tello", "none"})
       .shows_default();
   line.option("--pads", words.pads,
-              "Mission pads on the simulated floor, and drones that fly by their own senses and these:\n"
+              "Mission pads on the simulated floor, and drones that fly by onboard odometry and these:\n"
               "ID:X:Y[:DEGREES], in m and counter-clockwise from x, with commas between")
       .checked_by("PADS", [](const std::string& text) {
         const auto pads = sim::parse_pads(text);
@@ -106,7 +106,7 @@ void add_deployment_options(CommandLine& line, Options& o, Words& words) {
       line.option("--orderers", o.orderers, "Fabric: how many orderers").one_of({1, 3}).shows_default();
   line.option(
           "--deployment", words.deployment,
-          "deployment.toml: simulated drones and their ledger on this desk (docs/deployment.md), or without [[host]]\n"
+          "deployment.toml: simulated drones and their ledger on this host (docs/deployment.md), or without [[host]]\n"
           "drones that are there already, real ones, and their fence (docs/fly.md)")
       .existing_file()
       .excludes(drones)
@@ -170,7 +170,7 @@ void add_run_options(CommandLine& line, Options& o) {
             return is_operator_name(name) ? std::string() : "a name is 1 to 32 characters of a-z and 0-9";
           });
   line.option("--approvals", o.approvals,
-              "How many operators must approve a mission before it starts; 2: whoever wrote it needs a second one")
+              "How many operators must approve a mission before it starts; 2: its author needs a second one")
       .one_of({1, 2})
       .needs(operators)
       .shows_default();
@@ -341,11 +341,11 @@ std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
   auto config = Config::load(words.deployment);
   if (!config) return "--deployment: " + config.error().what;
   if (!deployment::is_of_own_drones(*config)) {
-    const auto desk = deployment::read_one_desk(*config);
-    if (!desk) return "--deployment: " + desk.error().what;
-    o.drones = desk->drones;
-    words.ledger = deployment::name_of(desk->ledger);
-    o.orderers = desk->orderers;
+    const auto host = deployment::read_one_host(*config);
+    if (!host) return "--deployment: " + host.error().what;
+    o.drones = host->drones;
+    words.ledger = deployment::name_of(host->ledger);
+    o.orderers = host->orderers;
     return "";
   }
   auto own = deployment::read_own_drones(*config);
@@ -393,8 +393,8 @@ Result<TimeNs> parse_duration(const std::string& text) {
   return static_cast<TimeNs>(ns);
 }
 
-Asked parse_command_line(const std::vector<std::string>& arguments) {
-  Asked asked;
+ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
+  ParsedOptions asked;
   Options& o = asked.options;
   Words words;
   CommandLine line("fly", help_about, help_notes);

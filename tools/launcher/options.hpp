@@ -131,13 +131,13 @@ inline std::uint64_t min_ledger_bytes(const Options& options) {
 }
 
 /// What the command line asks for: a flight, or a text to print and an exit code.
-struct Asked {
+struct ParsedOptions {
   Options options;
   bool fly = false;
   int exit_code = 0;
   std::string text;  ///< help or version (exit code 0), or what is wrong (2)
 };
-Asked parse_command_line(const std::vector<std::string>& arguments);
+ParsedOptions parse_command_line(const std::vector<std::string>& arguments);
 
 /// "10ms", "2s", "0.5s", or a plain number of milliseconds; more than nothing, at most a minute.
 Result<TimeNs> parse_duration(const std::string& text);

@@ -144,7 +144,7 @@ Result<bool> LocalShell::run() {
     print_status(ground::status_line(core_));
   }
   if (poses_implausible_ > 0)
-    spdlog::warn("{} mocap poses had stamps or orientations that are not believed", poses_implausible_);
+    spdlog::warn("{} mocap poses had stamps or orientations that are not trusted", poses_implausible_);
   if (plans_lost_ > 0) spdlog::warn("{} plans found no room in shared memory", plans_lost_);
   const Status written = recorder_.end(output_.summary, [this] {
     ground::ShellCounters counters;

@@ -32,7 +32,7 @@ class TraceKind(enum.IntEnum):
     SETPOINT_SENT = 19
     LOOP_TURNS = 20
     RC_SENT = 21
-    POSE_TOLD = 22
+    POSE_REPORTED = 22
     SETPOINT_LEFT = 23
 
 

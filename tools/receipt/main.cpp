@@ -163,7 +163,7 @@ Status verify(const Options& options) {
 int main(int argc, char** argv) {
   CommandLine line("receipt", about, notes);
   Options options;
-  line.option("TX", options.transaction, "id of the transaction, as commands and events tell it");
+  line.option("TX", options.transaction, "id of the transaction, as commands and events report it");
   line.option("--config", options.config, "TOML file with [ledger] and [[endorser]]").existing_file();
   line.option("--out", options.out, "the receipt's file; else TX.receipt here");
   line.option("--verify", options.verify, "receipts to check").existing_file();

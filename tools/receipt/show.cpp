@@ -16,7 +16,7 @@ namespace {
 using Names = std::vector<crypto::IdentityName>;
 
 std::string name_of(const crypto::IdentityName& who) {
-  if (who.msp_id.empty()) return "somebody who cannot be told";
+  if (who.msp_id.empty()) return "somebody who cannot be identified";
   return printable(who.msp_id + " " + who.subject);
 }
 
@@ -26,7 +26,7 @@ std::string list_of(const Names& names) {
   return fmt::format("{}", fmt::join(texts, "; "));
 }
 
-/// Unix time; whoever asked the peers could claim any.
+/// Unix time; the client that called the peers could claim any.
 std::string time_of(std::int64_t real_s) {
   constexpr std::int64_t year_1 = -62'135'596'800, year_9999_end = 253'402'300'799;
   if (real_s < year_1 || real_s > year_9999_end) return "a time that is none";

@@ -7,7 +7,7 @@
 namespace ledgerline::receipt {
 
 /// What is proven and by whose word, a line each, for a person, with what was looked at of the certificates; `now_s`:
-/// Unix time, of which it depends which have expired. What strangers chose is made printable.
+/// Unix time, of which it depends which have expired. What others chose is made printable.
 std::string words(const fabric::Proven& proven, std::int64_t now_s);
 
 /// The same as one JSON object in one line.

@@ -15,13 +15,13 @@ json named(const std::array<std::uint64_t, N>& values, const std::array<const ch
 
 json or_null(const std::optional<double>& value) { return value ? json(rounded(*value)) : json(); }
 
-json to_json(const std::optional<ToldFigures>& told) {
-  if (!told) return nullptr;
-  return {{"count", told->count},
-          {"max_three_sigma_m", rounded(told->max_three_sigma_m)},
-          {"rms_error_m", or_null(told->rms_error_m)},
-          {"max_error_m", or_null(told->max_error_m)},
-          {"inside", or_null(told->inside)}};
+json to_json(const std::optional<ReportedMetrics>& reported) {
+  if (!reported) return nullptr;
+  return {{"count", reported->count},
+          {"max_three_sigma_m", rounded(reported->max_three_sigma_m)},
+          {"rms_error_m", or_null(reported->rms_error_m)},
+          {"max_error_m", or_null(reported->max_error_m)},
+          {"inside", or_null(reported->inside)}};
 }
 
 json to_json(const DroneResult& drone) {
@@ -47,7 +47,7 @@ json to_json(const DroneResult& drone) {
           {"turns", turns},
           {"limit_mps", or_null(drone.limit_mps)},
           {"slowed_to_mps", or_null(drone.slowed_to_mps)},
-          {"told_position", to_json(figures_of(drone.told))},
+          {"reported_position", to_json(figures_of(drone.reported))},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
           {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};

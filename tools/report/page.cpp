@@ -43,7 +43,7 @@ json page_data(const Results& results) {
     out["two_way"] = thinned(drone.two_way, each, sample);
     out["age"] = thinned(drone.age, each, sample);
     out["flown"] = thinned(drone.flown, 2 * each, point);
-    out["told"] = thinned(drone.told, each, [](const ToldPosition& one) {
+    out["reported"] = thinned(drone.reported, each, [](const ReportedPosition& one) {
       return json{rounded(one.t_s), rounded(one.three_sigma_m), one.error_m ? json(rounded(*one.error_m)) : json()};
     });
     out["wanted"] = thinned(drone.wanted, drone.wanted.size() + 1, point);

@@ -216,7 +216,7 @@ DroneResult read_drone(const Left& left, const fly::Options& asked, std::uint16_
   if (at(g, "limit_mps").is_number()) drone.limit_mps = number_of(at(g, "limit_mps"));
   if (at(g, "slowed_to_mps").is_number()) drone.slowed_to_mps = number_of(at(g, "slowed_to_mps"));
   read_path(g, left.truth, number, asked, drone);
-  drone.told = told_positions(left.link_trace, left.truth, number, begin_ns);
+  drone.reported = reported_positions(left.link_trace, left.truth, number, begin_ns);
   return drone;
 }
 

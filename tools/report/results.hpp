@@ -21,17 +21,17 @@ struct Sample {
   double ms = 0;
 };
 
-/// Where a drone that flies by its own senses said that it is, against where it was; horizontally.
-struct ToldPosition {
+/// Where a drone that flies by onboard odometry reported itself, against where it was; horizontally.
+struct ReportedPosition {
   double t_s = 0;                   ///< since the flight began
-  double three_sigma_m = 0;         ///< three standard deviations along the worse axis, as it told
+  double three_sigma_m = 0;         ///< three standard deviations along the worse axis, as it reported
   std::optional<double> error_m{};  ///< none: no truth, a real drone
 };
-struct ToldFigures {
+struct ReportedMetrics {
   std::size_t count = 0;
   double max_three_sigma_m = 0;
   std::optional<double> rms_error_m{}, max_error_m{};
-  std::optional<double> inside{};  ///< share of errors within what was told, 0..1
+  std::optional<double> inside{};  ///< share of errors within what was reported, 0..1
 };
 
 struct DroneResult {
@@ -51,7 +51,7 @@ struct DroneResult {
   std::array<std::uint64_t, 6> commands{};         ///< sent, on_ledger, refused, applied, late, dropped
   std::map<std::string, std::uint64_t> reasons;    ///< of those refused by agent or dropped by link
   std::vector<std::array<double, 2>> wanted, flown;
-  std::vector<ToldPosition> told;  ///< empty: nobody told a variance, as with motion capture
+  std::vector<ReportedPosition> reported;  ///< empty: no variance was reported, as with motion capture
 };
 
 struct Results {
@@ -97,10 +97,11 @@ CrossTrack cross_track(const std::vector<TraceRecord>& truth, std::uint16_t dron
                        TimeNs begin_ns, TimeNs end_ns);
 
 /// What link sampled with a variance since begin_ns; where there is a truth, while the drone flew.
-std::vector<ToldPosition> told_positions(const std::vector<TraceRecord>& link, const std::vector<TraceRecord>& truth,
-                                         std::uint16_t drone, TimeNs begin_ns);
-/// Nothing where nobody told.
-std::optional<ToldFigures> figures_of(const std::vector<ToldPosition>& told);
+std::vector<ReportedPosition> reported_positions(const std::vector<TraceRecord>& link,
+                                                 const std::vector<TraceRecord>& truth, std::uint16_t drone,
+                                                 TimeNs begin_ns);
+/// Nothing where no variance was reported.
+std::optional<ReportedMetrics> figures_of(const std::vector<ReportedPosition>& reported);
 
 /// The object of `fly --json`.
 nlohmann::json to_json(const Results& results);

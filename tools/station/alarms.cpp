@@ -26,8 +26,8 @@ Status show(Station& station, const VerbOptions& verb_options) {
   do {
     const auto body = station.ask(events_since(number));
     if (!body) return body.error();
-    // One that has begun anew counts from 1: what is behind `number` would be none for long.
-    if (station.connections() > 1) return Error{"the station closed the connection: it may have begun anew"};
+    // A station that restarted counts from 1: for long there would be nothing after `number`.
+    if (station.connections() > 1) return Error{"the station closed the connection: it may have restarted"};
     const auto events = events_from(*body);
     if (!events) return events.error();
     if (verb_options.options.json && (number == 0 || !events->empty())) print_line(*body);

@@ -44,7 +44,7 @@ Status show(Station& station, const VerbOptions& verb_options) {
       if (verb_options.options.json)
         print_line(*body);
       else if (verb_options.watch)
-        print_anew(aligned(*rows));
+        print_refreshed(aligned(*rows));
       else
         fmt::print("{}", aligned(*rows));
     }
@@ -143,7 +143,7 @@ std::string nonsense(const VerbOptions& verb_options, const std::string& verb) {
 }
 
 constexpr const char* about =
-    "Shows the station's drones, or tells one what to do: a client of its API (docs/station.md).\n"
+    "Shows the station's drones, or commands one of them: a client of its API (docs/station.md).\n"
     "Where the station has operators, one signs in first: `ledgerline drones login --operator alice`.";
 const std::string notes = R"(Examples:
   ledgerline drones --url http://127.0.0.1:8800 --token-file page.token
@@ -223,7 +223,7 @@ int main(int argc, char** argv) {
   CommandLine line("drones", about, notes);
   VerbOptions verb_options;
   add_options(line, verb_options.options);
-  line.flag("--watch", verb_options.watch, "print anew at each change, until SIGINT");
+  line.flag("--watch", verb_options.watch, "print again at each change, until SIGINT");
   const Verbs verbs(line, verb_options);
   if (const auto end = line.parse(argc, argv)) return *end;
   const std::string verb = verbs.given();

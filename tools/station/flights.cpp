@@ -26,14 +26,14 @@ Status show(Station& station, bool as_json) {
   if (as_json) {
     print_line(flown_json(*flown));
   } else if (flown->empty()) {
-    print_line("Nothing is in the air, and no mission is under way.");
+    print_line("Nothing is in the air, and no mission is in progress.");
   } else {
     fmt::print("{}", aligned(flown_rows(*flown)));
   }
   return done;
 }
 
-constexpr const char* about = "What a station flies now: missions under way, and drones along a path or by hand.";
+constexpr const char* about = "What a station flies now: missions in progress, and drones along a path or by hand.";
 const std::string notes = R"(Examples:
   ledgerline flights
   ledgerline flights --json | jq .

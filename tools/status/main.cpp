@@ -33,13 +33,13 @@ int main(int argc, char** argv) {
   CommandLine line("status", about, notes);
   std::string dir = "/etc/ledgerline";
   bool json = false;
-  double patience_s = 3;
+  double timeout_s = 3;
   line.option("--config-dir", dir, "where further configs are").shows_default();
-  line.option("--patience", patience_s, "s, for each answer of a peer").within(0.1, 60.0).shows_default();
+  line.option("--timeout", timeout_s, "s, for each answer of a peer").within(0.1, 60.0).shows_default();
   line.flag("--json", json, "one object instead of tables");
   if (const auto end = line.parse(argc, argv)) return *end;
   spdlog::set_level(spdlog::level::off);  // what the parts log while they are asked is in the answers
-  const auto patience = std::chrono::milliseconds(static_cast<int>(1e3 * patience_s));
+  const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * timeout_s));
 
   status::Status status{.programs = status::running_programs(), .ledgers = {}};
   std::vector<doctor::ProgramConfig> configs;
@@ -56,7 +56,7 @@ int main(int argc, char** argv) {
     if (!asked.insert(config.path).second) continue;
     for (const doctor::ProgramConfig& each : doctor::of_each_channel(config)) {
       if (each.ledger && !each.ledger->peer.endpoint.empty())
-        status.ledgers.push_back(status::ask_ledger(each, patience));
+        status.ledgers.push_back(status::ask_ledger(each, timeout));
     }
   }
   if (json)

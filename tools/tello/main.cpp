@@ -84,9 +84,10 @@ int join_wifi(const Options& options) {
   const tello::Question& asked = asking.questions().back();
   if (asked.refused)
     return fail(Error{fmt::format("it refuses ({}): only a Tello EDU or TT can join a Wi-Fi", asked.answer)});
-  if (asked.answer.empty()) spdlog::warn("it was told, and did not answer: it may have left its own Wi-Fi already");
+  if (asked.answer.empty())
+    spdlog::warn("it was sent the command, and did not answer: it may have left its own Wi-Fi already");
   print_line(
-      fmt::format("It starts anew and joins {}. Its own Wi-Fi is gone then; join {} with this computer as well, "
+      fmt::format("It restarts and joins {}. Its own Wi-Fi is gone then; join {} with this computer as well, "
                   "and look for it: ledgerline tello find --subnet ADDRESS/24. It joins so until its button was "
                   "held for 5 s, after which it has its own Wi-Fi again.",
                   options.ssid, options.ssid));
@@ -131,7 +132,7 @@ int calibrate(const Options& options) {
 Result<fly::Options> flight_of(const Options& options) {
   std::vector<std::string> words{"--deployment", options.deployment};
   if (!options.cyclonedds.empty()) words.insert(words.end(), {"--dds", options.cyclonedds});
-  fly::Asked asked = fly::parse_command_line(words);
+  fly::ParsedOptions asked = fly::parse_command_line(words);
   if (!asked.fly) return Error{asked.text.substr(0, asked.text.find_last_not_of('\n') + 1)};
   if (!asked.options.own)
     return Error{options.deployment + ": names simulated drones; preflight is of drones that are there: docs/fly.md"};
@@ -153,7 +154,8 @@ int preflight(const Options& options) {
 constexpr const char* about =
     "Speaks to Tellos themselves, by the Tello SDK: who is there, what it is, how it joins a Wi-Fi; lands one,\n"
     "measures by a flight how one answers, and looks before a flight what is wrong.\n"
-    "Not while ledgerline-link flies it (but for land): a Tello sends its state text to whoever spoke to it last.";
+    "Not while ledgerline-link flies it (but for land): a Tello sends its state text to the client that spoke to it "
+    "last.";
 constexpr const char* notes = R"(Examples:
   ledgerline tello find                                   the Tello whose Wi-Fi this computer is in
   ledgerline tello find --interface wlan1                 the one behind another adapter
@@ -162,7 +164,7 @@ constexpr const char* notes = R"(Examples:
   ledgerline tello land 192.168.10.1
   ledgerline tello calibrate 192.168.10.1 --mocap /vrpn_mocap/tello1/pose
   ledgerline tello preflight --deployment real.toml       what would keep the flight of this file on the ground
-Exit codes: 0 as asked (found, told, down, written, nothing wrong), 1 not, 2 bad usage.)";
+Exit codes: 0 as asked (found, sent, down, written, nothing wrong), 1 not, 2 bad usage.)";
 
 }  // namespace
 
@@ -186,7 +188,8 @@ int main(int argc, char** argv) {
   join.option("--password-file", options.password_file, "file with the password in its first line").existing_file();
   join.option("--address", options.address, "the Tello's address").shows_default();
   interface(join);
-  Verb landing = line.verb("land", "stop a Tello and land it, whoever flew it: again each second until it is down");
+  Verb landing =
+      line.verb("land", "stop a Tello and land it, no matter who flew it: again each second until it is down");
   landing.option("address", options.address, "its address").required();
   landing.option("--seconds", options.seconds, "how long it is tried").within(1.0, 600.0).shows_default();
   interface(landing);

@@ -92,7 +92,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
   return document["ok"].get<bool>() ? EXIT_SUCCESS : exit_limit;
 }
 
-/// Shows the last ten seconds again and again: until the flight ends, the time is over, or Ctrl-C.
+/// Shows the last ten seconds repeatedly: until the flight ends, the time is over, or Ctrl-C.
 int follow(const Options& options, const std::vector<Limit>& limits) {
   Recording recording(options.directory);
   std::deque<Walk> window;
@@ -188,7 +188,7 @@ Exit codes: 0 done, all limits kept; 1 a limit is not kept, or the self-test is 
 
 void add_options(CommandLine& line, Options& o) {
   line.option("DIR", o.directory, "Directory of a run of ledgerline-fly (its --out)");
-  line.flag("--live", o.live, "Follow a flight that is under way: the last ten seconds, then all of it");
+  line.flag("--live", o.live, "Follow a flight in progress: the last ten seconds, then all of it");
   line.option("--every", o.every_s, "Seconds between two tables of --live").within(0.2, 60.0).shows_default();
   line.flag("--self-test", o.self_test, "No flight: link's loop alone on this machine, beside cyclictest");
   line.flag("--transports", o.transports,

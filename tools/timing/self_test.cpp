@@ -22,7 +22,7 @@ constexpr TimeNs period_ns = ns_per_ms;
 constexpr int histogram_us = 2000;
 constexpr TimeNs overrun_ns = ns_per_ms;
 constexpr double max_p999_ms = 0.2, max_of_cyclictest = 1.5, beyond_cyclictest_ms = 0.05;
-constexpr TimeNs patience_ns = 10 * ns_per_s;
+constexpr TimeNs timeout_ns = 10 * ns_per_s;
 
 std::vector<std::string> cyclictest_command(const std::string& file, const SelfTestOptions& asked,
                                             const RealTime& real) {
@@ -110,7 +110,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
              !s) {
     test.why_no_cyclictest = s.error().what;
   }
-  const TimeNs until_ns = begin_ns + from_seconds(asked.seconds) + patience_ns;
+  const TimeNs until_ns = begin_ns + from_seconds(asked.seconds) + timeout_ns;
   while (!ended || (children.running("cyclictest") && monotonic_ns() < until_ns)) children.poll(50 * ns_per_ms);
   loop.join();
   test.seconds = to_seconds(monotonic_ns() - begin_ns);

@@ -30,7 +30,7 @@ namespace {
 constexpr TimeNs turn_ns = ns_per_ms, setpoint_ns = 50 * ns_per_ms, state_ns = 100 * ns_per_ms;
 // Over UDP: where link hears state texts; the drones' addresses are behind it.
 constexpr sim::Endpoint listener{(127U << 24) + (77U << 16) + (1U << 8) + 1, sim::state_port};
-constexpr std::size_t remembered = 1 << 16;  // newest times by number, so that a late one is told from another
+constexpr std::size_t remembered = 1 << 16;  // newest times by number, so that a late one is distinguished from another
 
 /// When number i was said; the other thread reads it once it has number i.
 using Times = std::array<std::atomic<TimeNs>, remembered>;

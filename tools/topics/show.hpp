@@ -8,7 +8,7 @@
 
 namespace ledgerline::topics {
 
-/// One topic in one direction, as a bridge tells it.
+/// One topic in one direction, as a bridge reports it.
 struct Row {
   std::string channel, topic, id, direction;
   double messages = 0, bytes = 0, batches = 0, median_ms = 0, p99_ms = 0;

@@ -22,7 +22,7 @@ Status make_pilot(Stub& stub, const std::string& keeper, const crypto::IdentityN
 }
 
 /// Keeps the leases true to a control record that has changed. Holders who let the same one command may share a lease's
-/// record; what it says is said of each drone alone. `new_pilots`: whom it lets command anew, by keeper.
+/// record; what it says is said of each drone alone. `new_pilots`: who may command because of this change, by keeper.
 Status follow(Records<Lease>& leases, const Control& before, const Control& after,
               std::set<std::pair<std::string, crypto::IdentityName>>& new_pilots) {
   const auto key = [](const Control& control) {
@@ -99,7 +99,7 @@ bool is_among(const std::vector<Identity>& all, const crypto::IdentityName& who)
 }
 
 /// Why a call has to wait for those who have claimed the drone.
-Status check_claims(const KnownControl& known, const std::string& function, const crypto::IdentityName& caller) {
+Status check_claims(const ControlState& known, const std::string& function, const crypto::IdentityName& caller) {
   constexpr std::array<std::string_view, 4> waits{contract::acquire, contract::request, contract::hand_over,
                                                   contract::deny};
   if (known.claims.empty()) return done;
@@ -112,7 +112,7 @@ Status check_claims(const KnownControl& known, const std::string& function, cons
 }
 
 /// Ends the caller's own claim, by one of the calls that claims are for. False: it has none.
-Result<bool> end_claim(Stub& stub, const KnownControl& known, const std::string& function) {
+Result<bool> end_claim(Stub& stub, const ControlState& known, const std::string& function) {
   constexpr std::array<std::string_view, 3> ends{contract::evict, contract::grant, contract::resume};
   if (!is_among(known.claims, stub.caller()) || std::ranges::find(ends, function) == ends.end()) return false;
   const Status status = write_claim(stub, known.message.drone(), to_message(stub.caller()), false);
@@ -130,7 +130,7 @@ bool has_nothing_to_do(const Control& control, const std::string& function) {
 std::string not_enrolled_text() { return "not enrolled; an administrator of its organisation may enroll it"; }
 
 std::string revoked_text(const crypto::IdentityName& who) {
-  return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it anew";
+  return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it again";
 }
 
 std::string holder_text(const Control& control) {
@@ -181,7 +181,7 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
 
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change) {
-  std::vector<KnownControl> known;
+  std::vector<ControlState> known;
   std::uint64_t new_epoch = 1;
   for (const std::string& drone : sorted_names(drones)) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
@@ -196,7 +196,7 @@ Response change_controls(Stub& stub, const Arguments& call, const std::string& e
   Controls all;
   Records<Lease> leases(stub);
   std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
-  for (const KnownControl& before : known) {
+  for (const ControlState& before : known) {
     Control control = before.message;
     const auto ends_own = end_claim(stub, before, event);
     if (!ends_own) return refuse(ends_own.error().what);

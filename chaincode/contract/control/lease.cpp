@@ -52,7 +52,7 @@ Status check_delegate(Stub& stub, const std::string& function, const Identity& d
 
 bool is_held(const Control& control) { return control.has_holder() && !is_lease_revoked(control); }
 
-/// Why somebody who is an operator may not fly the drone at this priority, whoever flies it now.
+/// Why an operator may not fly the drone at this priority, no matter who flies it now.
 Status check_rights(const Control& control, const Identity& who, std::uint32_t priority) {
   const std::string& owner = control.owner().msp_id();
   const Rights rights = rights_of(control, who);
@@ -107,7 +107,7 @@ Status check_requested_delegate(Stub& stub, const Control& control, const Identi
   if (!role) return role.error();
   if (!takes_back(*role)) return done;
   return Error{to_text(to_name(to)) + " has requested it for " + to_text(delegate) +
-               ", whose organisation lets it command no more; it may request it anew"};
+               ", whose organisation lets it command no more; it may request it again"};
 }
 
 Result<AnswerCall> read_answer(const Arguments& call, const std::string& function) {

@@ -4,8 +4,8 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
-/// Who has which role: the tables of an organisation. None of another organisation's can fill them, and whoever reads a
-/// role reads one key.
+/// Who has which role: the tables of an organisation. No member of another organisation can fill them. Reading a role
+/// reads one key.
 namespace ledgerline::chaincode {
 namespace {
 
@@ -69,7 +69,7 @@ Result<Tables> tables_before(Stub& stub, const std::string& msp_id) {
     for (const KeyValue& entry : *some) {
       if (!is_key_before(entry.key)) continue;  // a table of an organisation whose name begins with such a digit
       auto record = parse_record<EnrollCall>(entry);
-      if (!record) continue;  // whoever wrote that holds nobody up
+      if (!record) continue;  // a record that does not parse holds nobody up
       const bool fits =
           record->identity().msp_id() == msp_id && entry.key == role_key_before(to_name(record->identity()));
       if (fits) records.push_back(std::move(*record));

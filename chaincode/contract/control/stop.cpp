@@ -11,8 +11,8 @@
 namespace ledgerline::chaincode {
 namespace {
 
-/// Why the caller may not stop this drone. Role, organisation and grants are what administrators alone write: whoever
-/// flies, acquires or releases cannot make a stop invalid.
+/// Why the caller may not stop this drone. Only administrators write role, organisation and grants, so nobody can make
+/// a stop invalid by flying, acquiring or releasing.
 Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
   const auto organisation = read_record<Organisation>(stub, owner_key(drone));
   if (!organisation) return organisation.error();

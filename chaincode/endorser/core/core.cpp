@@ -105,8 +105,8 @@ Status Core::restore(Snapshot known) {
   return done;
 }
 
-/// Whoever tells the block: of an id that was used in another one no transaction is valid. Without the ids of all
-/// blocks that is not seen.
+/// A transaction whose id another block has used is not valid, whichever source delivered the block. Without the ids of
+/// all blocks this cannot be detected.
 bool Core::counts(const fabric::Transaction& transaction, std::uint64_t block) const {
   if (transaction.code != protos::VALID) return false;
   const auto known = ledger_.state().find_tx(transaction.tx_id);
@@ -142,7 +142,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
       config_block_ = raw;
       continue;
     }
-    // In Fabric an id is used up by whoever claims it; on the embedded node it is its owner's.
+    // In Fabric any client that claims an id uses it up; on the embedded node it belongs to its owner.
     const bool claimed = transaction.code == protos::BAD_PROPOSAL_TXID;
     if (transaction.tx_id.size() == fabric::id_digits && !(claimed && embedded_node_))
       ledger_.state().add_tx(transaction.tx_id, {block.number, transaction.code});

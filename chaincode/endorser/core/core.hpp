@@ -43,7 +43,7 @@ class Core {
   /// All that it knows, for restore() at another start.
   std::string snapshot() const;
   /// Before the first block: what a core of the same channel and contract knew. An error, and nothing has changed: the
-  /// bytes are not whole. Whoever may write them decides what is endorsed, so they are kept as the key is.
+  /// bytes are not whole. A writer of these bytes decides what is endorsed, so they are protected like the key.
   Status restore(std::string_view bytes);
   Status restore(Snapshot known);
   /// Where the definition that counts was committed; none on the embedded node, which has no definitions.

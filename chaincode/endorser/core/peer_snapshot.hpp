@@ -39,7 +39,7 @@ struct PeerSnapshot {
 };
 
 /// An error names the file: it is not the one that the description names by its SHA-256, not whole, of another format,
-/// or the snapshot is of another channel. `hash`: SHA-256 of the description, in hex, from somebody who is believed;
+/// or the snapshot is of another channel. `hash`: SHA-256 of the description, in hex, from somebody who is trusted;
 /// empty: nobody has said it. Takes no more memory than the files.
 Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fabric::ChannelAndContract& where,
                                         std::string_view hash);

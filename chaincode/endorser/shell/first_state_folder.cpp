@@ -18,7 +18,7 @@ constexpr std::int64_t max_file_bytes = std::int64_t{4} << 30;
 
 std::string refused_first_state(const std::string& why) {
   return "first_state: " + why +
-         ". Ask the peer for a snapshot anew (peer snapshot submitrequest) and copy its whole folder; or leave "
+         ". Ask the peer for a new snapshot (peer snapshot submitrequest) and copy its whole folder; or leave "
          "first_state out: then the chain is read from its first block";
 }
 

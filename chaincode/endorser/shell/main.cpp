@@ -79,7 +79,7 @@ endorser.toml:
   [start]  first_state, first_state_hash: a peer's snapshot to begin with, in place of all blocks
 [ledger] names a peer of the organisation, an identity of its own with OU=peer, and config_block, which it needs. Prints
 {"ready":true,"endpoint":...} when it has all blocks. Agent and ground name it as an [[endorser]] before the peer.
-Exit codes: 0 ended by a signal; 1 it differs from its peer, or its blocks cannot be believed; 2 bad usage or config)";
+Exit codes: 0 ended by a signal; 1 it differs from its peer, or its blocks cannot be trusted; 2 bad usage or config)";
 
 }  // namespace
 

@@ -20,7 +20,7 @@ namespace {
 
 constexpr int max_tries = 5;
 constexpr std::chrono::milliseconds again_after{20};
-// Below a client's patience with an endorser (ClientConfig::endorse_patience).
+// Below a client's timeout with an endorser (ClientConfig::endorse_timeout).
 constexpr std::chrono::milliseconds max_wait_for_check{200};
 constexpr std::uint64_t any_absence = 1'000'000'000'000;  // blocks: none may be left out
 constexpr TimeNs first_retry_ns = 50 * ns_per_ms, max_retry_ns = 1 * ns_per_s;
@@ -59,7 +59,7 @@ void Service::begin_stream() {
   handlers.on_connection = [this](bool connected, const std::string& why) {
     on_connection(Feed::Source::own, connected, why);
   };
-  handlers.on_unbelievable = [this](const std::string& what) { fail("the peer's blocks: " + what); };
+  handlers.on_invalid = [this](const std::string& what) { fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [this](const std::string& what) { fail("the peer's blocks: " + what); };
   stream_ = begun_behind_ ? client_->blocks_behind({*begun_behind_, any_absence}, std::move(handlers))
                           : client_->blocks(0, std::move(handlers));
@@ -178,7 +178,7 @@ void Service::write(std::optional<fabric::Checkpoint> due) {
 
 void Service::confirm_shared(std::uint64_t number, const std::string& hash) {
   const auto lock = lanes_.first();
-  if (!readiness_.failed()) write(keeping_.told(number, hash));
+  if (!readiness_.failed()) write(keeping_.reported(number, hash));
 }
 
 void Service::fail(const std::string& why) {
@@ -209,7 +209,8 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
     if (taken && keeper_ && block.confirmed)
-      write(keeping_.told(block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
+      write(keeping_.reported(block.number,
+                              fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();
     if (feed_.joins(core_.height())) {
       counts_.joined = true;

@@ -28,7 +28,7 @@ namespace ledgerline::endorser {
 /// asks the peer now and then whether it answers the same: always before it signs anything under a definition of the
 /// contract that is new to it, since the peer alone knows whether its organisation has approved that. While it is not
 /// sure it answers `unavailable`, so that clients ask the peer: before it has all blocks that the peer had when the
-/// stream began, and while the stream is gone. A block that cannot be believed, an answer that differs from the peer's,
+/// stream began, and while the stream is gone. A block that cannot be trusted, an answer that differs from the peer's,
 /// or a state that stays another one ends it for good. Any thread.
 class Service {
  public:
@@ -44,9 +44,9 @@ class Service {
 
   enum class Asker { own, other };  ///< of this process, or whom it serves: who waits behind blocks and own proposals
   node::Reply process_proposal(const std::string& signed_proposal, Asker asker);
-  /// What a stream tells that this process reads anyway: once it has met the own one, that one is ended.
+  /// Blocks of a stream that this process reads anyway: once it has met the own stream, the own one is ended.
   void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
-  /// The peer has told a block, too, that the shared stream told as an orderer did (Block::confirmed).
+  /// The peer has delivered the same block that the shared stream took from an orderer (Block::confirmed).
   void confirm_shared(std::uint64_t number, const std::string& hash);
   void shared_connected(bool connected, const std::string& why) { on_connection(Feed::Source::shared, connected, why); }
   /// It must not go on.

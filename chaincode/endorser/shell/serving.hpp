@@ -14,8 +14,8 @@ class Served {
   virtual ~Served() = default;
   virtual const std::string& endpoint() const = 0;
 };
-/// `service` must outlive it. `tls`: where a renewed pair of its certificate's file appears; it then listens anew with
-/// that, and gives open calls 0.2 s. An error names the key of `table` ("serve.", "own_endorser.") that is wrong.
+/// `service` must outlive it. `tls`: where a renewed pair of its certificate's file appears; it then listens again with
+/// that pair, and gives open calls 0.2 s. An error names the key of `table` ("serve.", "own_endorser.") that is wrong.
 Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& settings, const std::string& table,
                                       std::shared_ptr<const fabric::TlsPairsInUse> tls);
 

@@ -21,7 +21,7 @@ std::string client_ca(Config& config, const std::string& table) {
 std::string checkpoint(Config& config, const std::string& table) {
   return config.text({table + "checkpoint",
                       "file of what it knows of the chain, written every ten minutes and at the end: the next start "
-                      "reads the blocks behind it alone. Whoever may write it decides what is endorsed: 0600",
+                      "reads the blocks behind it alone. Anyone who may write it decides what is endorsed: 0600",
                       "none: each start reads all blocks"},
                      "");
 }
@@ -39,7 +39,7 @@ FirstStateSettings first_state(Config& config, const std::string& table) {
       {table + "first_state_hash",
        "the snapshot's `snapshot_hash` as another organisation's peer has it of the same block: a snapshot with "
        "another one is refused",
-       "none: the folder is believed"},
+       "none: the folder is trusted"},
       "");
   return out;
 }
@@ -65,7 +65,7 @@ WithinSettings read_within_settings(Config& config) {
   out.msp_dir = config.text(
       {"own_endorser.msp_dir",
        "folder with an identity of OU=peer, with which this process endorses for its organisation by itself, and asks "
-       "others only where it cannot: whoever breaks into it has that key ([what it costs](endorser.md#in-process)); "
+       "others only where it cannot: an intruder there has that key ([what it costs](endorser.md#in-process)); "
        "needs config_block and [[orderer]]",
        "none: others endorse"},
       "");

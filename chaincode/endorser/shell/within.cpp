@@ -70,7 +70,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   void take(const fabric::Block& block, std::string_view raw) {
     for (const fabric::Transaction& transaction : block.transactions) {
       if (transaction.problem.empty()) continue;
-      service_->fail("a transaction's flag is not believed: " + transaction.problem);
+      service_->fail("a transaction's flag is not trusted: " + transaction.problem);
       return;
     }
     service_->take_shared(block, raw);

@@ -223,7 +223,7 @@ Result<std::string> revoke_at_authority(const Authorities& authorities, int orga
   const auto revoking = one ? revoking_certificate(revoked.certificate_pem) : revoking_user(organisation, revoked.user);
   if (!revoking) return revoking.error();
   const auto ran = run_command(client_command(authorities, organisation, revoking->what, own, revoking->words), log);
-  // Of a certificate that is revoked already the server says so by an error: the list tells.
+  // Of a certificate that is revoked already the server says so by an error: the list shows it.
   if (!ran && !one) return ran.error();
   const auto made =
       run_command(client_command(authorities, organisation, "listing what is revoked", own, {"gencrl"}), log);

@@ -26,8 +26,8 @@ bool has_authorities(const std::string& dir);
 /// "ca1" to "ca3", and "ca0" of the orderers: the names of processes.
 std::string authority_name(int organisation);
 
-/// Writes the servers' configurations and the registrars' secrets, where they are missing. An issuing that a crash cut
-/// off begins anew. An error: a program is missing.
+/// Writes the servers' configurations and the registrars' secrets, where they are missing. An issuing that a crash
+/// interrupted starts again. An error: a program is missing.
 Status prepare_authorities(const Authorities& authorities);
 /// A server's command and environment.
 std::vector<std::string> authority_command(const Authorities& authorities);

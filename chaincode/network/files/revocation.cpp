@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr TimeNs patience_ns = 20 * ns_per_s;
+constexpr TimeNs timeout_ns = 20 * ns_per_s;
 constexpr const char *application = "Application", *msp_value = "MSP";
 
 /// An organisation's MSP in a channel's configuration, with what an update must repeat of it.
@@ -92,8 +92,8 @@ Result<bool> takes_the_place_of(const crypto::ListOrigin& made, const std::strin
   if (!origin || !crypto::is_of_same_authority(made, *origin)) return false;
   if (crypto::is_older(made, *origin))
     return Error{
-        "the revocation list is older than the authority's list that is in force: whoever was revoked since would be a "
-        "member again. Ask the authority for its newest list"};
+        "the revocation list is older than the authority's list that is in force: an identity that was revoked since "
+        "would be a member again. Ask the authority for its newest list"};
   return true;
 }
 
@@ -157,7 +157,7 @@ template <typename Try>
 Status try_for_a_while(const Try& attempt) {
   BackOff waits(50 * ns_per_ms, 1 * ns_per_s);
   Random random(std::random_device{}());
-  for (const TimeNs until = monotonic_ns() + patience_ns;;) {
+  for (const TimeNs until = monotonic_ns() + timeout_ns;;) {
     const Status status = attempt();
     if (status || monotonic_ns() > until) return status;
     std::this_thread::sleep_for(std::chrono::nanoseconds(waits.next(random)));

@@ -30,7 +30,7 @@ std::string organisation_yaml(const std::string& name, const std::string& msp_di
 std::string implicit(const std::string& rule) { return fmt::format("{{Type: ImplicitMeta, Rule: \"{}\"}}", rule); }
 
 /// Of organisations as one Signature policy, which costs one verification of the creator's signature. "ANY Writers"
-/// tries the organisations' own policies one after the other, in an order that each start of a process draws anew, and
+/// tries the organisations' own policies one after the other, in an order that each process draws at its start, and
 /// each of them verifies again.
 std::string any_member(const std::vector<std::string>& msp_ids) {
   std::string members;

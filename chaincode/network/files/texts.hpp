@@ -23,7 +23,7 @@ std::vector<std::string> chaincode_environment(const Options& options, const Lis
                                                const std::string& package_id);
 
 /// connection.json of an organisation's chaincode package: mutual TLS, without the peer's pair, which builder_script's
-/// release adds. Whoever administers the organisation can fetch a package, and archives travel.
+/// release adds. An administrator of the organisation can fetch a package, and archives get copied around.
 std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem);
 
 /// The peers' external builder for chaincode as a service: the programs detect, build and release. They read the peer's

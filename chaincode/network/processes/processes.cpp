@@ -12,7 +12,7 @@
 namespace ledgerline::fabric_network {
 namespace {
 
-constexpr TimeNs command_limit_ns = 60 * ns_per_s, stop_patience_ns = 5 * ns_per_s;
+constexpr TimeNs command_limit_ns = 60 * ns_per_s, stop_timeout_ns = 5 * ns_per_s;
 constexpr int log_lines = 10;
 constexpr std::size_t output_kept = 1 << 16;  // of a service; commands print a few lines
 
@@ -76,7 +76,7 @@ bool Processes::stop() {
   bool in_time = true;
   for (auto s = services_.rbegin(); s != services_.rend(); ++s) children_.signal(s->name, SIGTERM);
   for (auto s = services_.rbegin(); s != services_.rend(); ++s) {
-    in_time = children_.stop(s->name, stop_patience_ns) && in_time;
+    in_time = children_.stop(s->name, stop_timeout_ns) && in_time;
   }
   services_.clear();
   return in_time;

@@ -10,8 +10,8 @@
 namespace ledgerline::fabric_network {
 
 /// The processes of a network, and the commands that set it up. While it is being set up a process that ends is an
-/// error; from supervise() on it is started again, as Restarts decides. One thread, which must be the one that lives
-/// longest (Children).
+/// error; from supervise() on it is started again, as Restarts decides. One thread, which must outlive all
+/// others (Children).
 class Processes {
  public:
   /// `logs`: folder with a file for each.

@@ -45,9 +45,9 @@ Result<std::string> fetch_metrics(const std::string& address) {
   if (!place) return place.error();
   const sockaddr_in to = place->address();
   const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  constexpr timeval patience{0, 200'000};
-  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
-  ::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+  constexpr timeval timeout{0, 200'000};
+  ::setsockopt(fd, SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
+  ::setsockopt(fd, SOL_SOCKET, SO_SNDTIMEO, &timeout, sizeof timeout);
   constexpr std::string_view question = "GET /metrics HTTP/1.0\r\n\r\n";
   std::string answer;
   bool good = ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) == 0 &&

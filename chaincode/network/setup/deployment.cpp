@@ -129,7 +129,7 @@ Result<Deployment::Definition> Deployment::definition_on(const std::string& chan
                                  admin_environment(site_.options(), site_.places(), organisation));
   };
   auto printed = ask();
-  for (const TimeNs until = monotonic_ns() + site_.patience(); !printed && monotonic_ns() < until; printed = ask()) {
+  for (const TimeNs until = monotonic_ns() + site_.timeout(); !printed && monotonic_ns() < until; printed = ask()) {
     if (Status s = site_.tend(ns_per_s / 10); !s) return s.error();
   }
   if (!printed) return printed.error();
@@ -173,7 +173,7 @@ Status Deployment::define_on(const std::string& channel) {
 }
 
 Status Deployment::wait_for_definition() {
-  const TimeNs until = monotonic_ns() + site_.patience();
+  const TimeNs until = monotonic_ns() + site_.timeout();
   for (const std::string& channel : site_.options().channels) {
     for (;;) {
       const auto now = definition_on(channel);
@@ -229,7 +229,7 @@ Status Deployment::enroll_first() {
 }
 
 Status Deployment::enroll_first_on(const std::string& channel) {
-  const TimeNs until = monotonic_ns() + site_.patience();
+  const TimeNs until = monotonic_ns() + site_.timeout();
   for (int k = 1; k <= identities::organisations; ++k) {
     if (!site_.options().runs_organisation(k)) continue;
     const auto pem = read_file(first_file(identities::user_dir(site_.options().dir, k, "User1") / "msp" / "signcerts"));

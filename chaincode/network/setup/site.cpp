@@ -90,7 +90,7 @@ std::map<std::string, RaftSign> Site::signs_of(int orderer) const {
 
 Status Site::run_until_good(const std::string& what, const std::vector<std::string>& command,
                             const std::vector<std::string>& environment, const std::string& good_too) {
-  return processes_->run_until_good(what, command, environment, patience(), good_too);
+  return processes_->run_until_good(what, command, environment, timeout(), good_too);
 }
 
 Status Site::ask_peer(const std::string& what, int organisation, std::vector<std::string> words,

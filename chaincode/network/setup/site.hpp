@@ -17,7 +17,7 @@ namespace ledgerline::fabric_network {
 inline constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
 
 /// This host's part of a network, as the steps of its set-up share it: its directory with what is done already, its
-/// places and its processes. One thread, which must be the one that lives longest (Children).
+/// places and its processes. One thread, which must outlive all others (Children).
 class Site {
  public:
   explicit Site(Options options);
@@ -51,7 +51,7 @@ class Site {
   std::map<std::string, RaftSign> signs_of(int orderer) const;
 
   /// How long a part on any host is waited for.
-  TimeNs patience() const { return options_.several_hosts() ? options_.patience_ns : starting_limit_ns; }
+  TimeNs timeout() const { return options_.several_hosts() ? options_.timeout_ns : starting_limit_ns; }
   Status run_until_good(const std::string& what, const std::vector<std::string>& command,
                         const std::vector<std::string>& environment, const std::string& good_too = {});
   /// The peer's command with these words, as the administrator of its organisation, until it succeeds.

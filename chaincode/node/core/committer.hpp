@@ -40,9 +40,9 @@ struct Applied {
 };
 
 /// The peer's committing half: says of each transaction of an ordered block whether it is valid, puts the block into
-/// the ledger once it is on disk, and tells those who wait. Blocks from disk are replayed without judging again. From
-/// validate() to apply() one block is under way, and none besides it. `config` and `ledger` must outlive it. One thread
-/// at a time.
+/// the ledger once it is on disk, and notifies those who wait. Blocks from disk are replayed without judging again.
+/// From validate() to apply() exactly one block is in progress. `config` and `ledger` must outlive it. One thread at a
+/// time.
 class Committer {
  public:
   Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger);

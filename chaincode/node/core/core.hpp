@@ -23,7 +23,7 @@ namespace ledgerline::node {
 ///     order(envelope)   -> waits
 ///     cut(now)          -> block  -> [caller writes and syncs it] -> apply(block) -> statuses, answers to waiters
 ///
-/// From cut to apply at most one block is under way: endorsements see the state before it, envelopes go on waiting.
+/// From cut to apply at most one block is in progress: endorsements see the state before it, envelopes keep waiting.
 class NodeCore {
  public:
   using ReadBlock = Ledger::ReadBlock;
@@ -58,7 +58,7 @@ class NodeCore {
   /// gateway.Submit and orderer.Broadcast. In: common.Envelope. Out: nothing; ok = accepted for ordering. `detail` of a
   /// refusal is in the words of Fabric's gateway; invalid_argument stands for the orderer's BAD_REQUEST,
   /// permission_denied for FORBIDDEN, unavailable for SERVICE_UNAVAILABLE, not_found for BAD_REQUEST as well, but the
-  /// gateway tells it apart: an unknown channel.
+  /// gateway distinguishes it: an unknown channel.
   Reply order(std::string_view envelope, Now now) { return orderer_.order(envelope, now); }
   /// Whether the disk is nearly full: then order() takes nothing but endorsed commands, stops and who may do what.
   void keep_room(bool nearly_full) { orderer_.keep_room(nearly_full); }
@@ -66,8 +66,8 @@ class NodeCore {
   Result<crypto::IdentityName> check_signer(std::string_view serialized, std::string_view message,
                                             std::string_view signature, Now now) const;
 
-  /// When cut() has to be called: now or in the past when a block is full; nullopt when nothing waits or a block is
-  /// under way.
+  /// When cut() has to be called: now or in the past when a block is full; nullopt when nothing waits or a block is in
+  /// progress.
   std::optional<TimeNs> next_cut() const;
   /// Makes the next block if one is due: full, or the oldest envelope's time is up.
   std::optional<CutBlock> cut(Now now);

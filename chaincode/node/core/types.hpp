@@ -30,7 +30,7 @@ struct Reply {
   std::string bytes;
 };
 
-/// Names that strangers chose are shown up to here (printable).
+/// Names that others chose are shown up to here (printable).
 inline constexpr std::size_t max_name = 200;
 
 struct Now {

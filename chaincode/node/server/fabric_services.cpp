@@ -12,7 +12,7 @@ namespace {
 
 /// Fabric's peer.limits.concurrency.endorserService and deliverService; its orderer has no limit, ours has the same.
 constexpr int max_peer_calls = 2500;
-constexpr std::size_t max_strangers = 256;  // streams of a service of which no member is known yet
+constexpr std::size_t max_unauthenticated = 256;  // streams of a service of which no member is known yet
 
 class EndorserService final
     : public protos::Endorser::WithRawCallbackMethod_ProcessProposal<protos::Endorser::Service> {
@@ -81,13 +81,13 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
 
  private:
   DeliverStream* start(const grpc::CallbackServerContext& context, DeliverStream::View& view) {
-    return DeliverStream::start(node_, limit_, strangers_, view, shown_hash(context, mutual_tls_));
+    return DeliverStream::start(node_, limit_, unauthenticated_, view, shown_hash(context, mutual_tls_));
   }
 
   Node& node_;
   const bool mutual_tls_;
   Limit limit_{"/protos.Deliver", max_peer_calls};
-  Strangers strangers_{max_strangers};
+  UnauthenticatedStreams unauthenticated_{max_unauthenticated};
   DeliverStream::View whole_, filtered_, with_private_data_;
 };
 
@@ -95,12 +95,13 @@ class DeliverService final : public Blocks::WithRawCallbackMethod_Deliver<Blocks
 class BroadcastStream final
     : public ServedStream<BroadcastStream, grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>> {
  public:
-  static BroadcastStream* start(Node& node, Limit& limit, Strangers& strangers) {
-    auto stream = std::make_shared<BroadcastStream>(node, limit, strangers);
+  static BroadcastStream* start(Node& node, Limit& limit, UnauthenticatedStreams& unauthenticated) {
+    auto stream = std::make_shared<BroadcastStream>(node, limit, unauthenticated);
     if (admit(stream)) stream->StartRead(&stream->request_);
     return stream.get();
   }
-  BroadcastStream(Node& node, Limit& limit, Strangers& strangers) : ServedStream(limit, strangers), node_(node) {}
+  BroadcastStream(Node& node, Limit& limit, UnauthenticatedStreams& unauthenticated)
+      : ServedStream(limit, unauthenticated), node_(node) {}
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
@@ -159,17 +160,17 @@ class OrdererService final
   OrdererService(Node& node, bool mutual_tls)
       : node_(node), mutual_tls_(mutual_tls), ordered_(view_of(node.feed(), fill_orderer)) {}
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Broadcast(grpc::CallbackServerContext*) override {
-    return BroadcastStream::start(node_, limit_, strangers_);
+    return BroadcastStream::start(node_, limit_, unauthenticated_);
   }
   grpc::ServerBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer>* Deliver(grpc::CallbackServerContext* context) override {
-    return DeliverStream::start(node_, limit_, strangers_, ordered_, shown_hash(*context, mutual_tls_));
+    return DeliverStream::start(node_, limit_, unauthenticated_, ordered_, shown_hash(*context, mutual_tls_));
   }
 
  private:
   Node& node_;
   const bool mutual_tls_;
   Limit limit_{"/orderer.AtomicBroadcast", max_peer_calls};
-  Strangers strangers_{max_strangers};
+  UnauthenticatedStreams unauthenticated_{max_unauthenticated};
   DeliverStream::View ordered_;
 };
 

@@ -35,10 +35,10 @@ class Limit {
   const std::shared_ptr<std::atomic<int>> open_ = std::make_shared<std::atomic<int>>(0);
 };
 
-/// Streams of which no member is known yet, and from which nothing has come that somebody looks at: whoever opened them
-/// may be anybody. One too many ends the oldest, so that they take no place of members', and a member, who says at once
-/// who it is, always finds one. Any thread.
-class Strangers {
+/// Streams of which no member is known yet, and from which nothing has come that somebody looks at: anybody may have
+/// opened them. One too many ends the oldest, so that they take no slot from members. A member, who identifies itself
+/// at once, always finds a slot. Any thread.
+class UnauthenticatedStreams {
  public:
   class Stream {
    public:
@@ -47,7 +47,7 @@ class Strangers {
     virtual void displace() = 0;
   };
 
-  explicit Strangers(std::size_t max_streams) : max_streams_(max_streams) {}
+  explicit UnauthenticatedStreams(std::size_t max_streams) : max_streams_(max_streams) {}
 
   void add(const std::shared_ptr<Stream>& stream) {
     std::shared_ptr<Stream> oldest;

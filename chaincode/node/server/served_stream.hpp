@@ -11,11 +11,11 @@ namespace ledgerline::node {
 /// What the node's streams share: a place under their service's limit, a life that ends when gRPC is done with them,
 /// and one end. `Self` is the stream, `Reactor` gRPC's class for its kind.
 template <typename Self, typename Reactor>
-class ServedStream : public Reactor, public Strangers::Stream, public std::enable_shared_from_this<Self> {
+class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, public std::enable_shared_from_this<Self> {
  public:
   void OnCancel() override { finish(grpc::Status::CANCELLED); }
   void OnDone() override {
-    if (strangers_ != nullptr) strangers_->remove(this);
+    if (unauthenticated_ != nullptr) unauthenticated_->remove(this);
     self_.reset();
   }
   void displace() override {
@@ -26,13 +26,14 @@ class ServedStream : public Reactor, public Strangers::Stream, public std::enabl
   /// It has its place at once. The limit outlives the stream.
   explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.take()) {}
   /// It has a place once its member is known. Both outlive the stream.
-  ServedStream(Limit& limit, Strangers& strangers) : limit_(limit), strangers_(&strangers) {}
+  ServedStream(Limit& limit, UnauthenticatedStreams& unauthenticated)
+      : limit_(limit), unauthenticated_(&unauthenticated) {}
 
   /// Gives a new stream to gRPC. False: the limit is reached, and the stream has ended with that.
   static bool admit(const std::shared_ptr<Self>& stream) {
     stream->self_ = stream;
-    if (stream->strangers_ != nullptr) {
-      stream->strangers_->add(stream);
+    if (stream->unauthenticated_ != nullptr) {
+      stream->unauthenticated_->add(stream);
       return true;
     }
     if (!stream->place_) stream->finish(too_many(stream->limit_));
@@ -41,7 +42,7 @@ class ServedStream : public Reactor, public Strangers::Stream, public std::enabl
 
   /// Something came, which the core looks at next: nobody displaces it meanwhile.
   void is_looked_at() {
-    if (!place_) strangers_->remove(this);
+    if (!place_) unauthenticated_->remove(this);
   }
   /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
   bool is_of_member() {
@@ -51,7 +52,7 @@ class ServedStream : public Reactor, public Strangers::Stream, public std::enabl
   }
   /// It was not, or nobody looks at it: what comes next may be.
   void is_of_nobody() {
-    if (!place_) strangers_->add(this->shared_from_this());
+    if (!place_) unauthenticated_->add(this->shared_from_this());
   }
 
   void finish(const grpc::Status& status) {
@@ -70,7 +71,7 @@ class ServedStream : public Reactor, public Strangers::Stream, public std::enabl
 
  private:
   Limit& limit_;
-  Strangers* strangers_ = nullptr;
+  UnauthenticatedStreams* unauthenticated_ = nullptr;
   Limit::Slot place_;
   std::shared_ptr<Self> self_;
 };

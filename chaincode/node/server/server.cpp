@@ -14,7 +14,7 @@
 namespace ledgerline::node {
 namespace {
 
-/// Strangers cause most of gRPC's lines (each handshake that fails is one): at most one a second.
+/// Unauthenticated clients cause most of gRPC's lines (each handshake that fails is one): at most one a second.
 void log_seldom(gpr_log_func_args* line) {
   static std::atomic<TimeNs> next{0};
   static std::atomic<std::uint64_t> left_out{0};
@@ -33,7 +33,7 @@ Result<std::unique_ptr<Server>> Server::start(Node& node, const std::string& lis
   const auto colon = listen.rfind(':');
   if (colon == std::string::npos) return Error{"--listen " + listen + ": give ADDRESS:PORT"};
   gpr_set_log_function(log_seldom);
-  // protobuf would write a line for each text of a stranger that is no UTF-8.
+  // protobuf would write a line for each text of an unauthenticated client that is no UTF-8.
   google::protobuf::SetLogHandler(nullptr);
   std::unique_ptr<Server> server(new Server(std::move(client_authorities)));
   for (std::size_t peer = 0; peer < node.identities().peers.size(); ++peer) {

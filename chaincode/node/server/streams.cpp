@@ -85,9 +85,9 @@ std::optional<std::string> shown_hash(const grpc::CallbackServerContext& context
   return hash ? std::string(hash->begin(), hash->end()) : std::string();
 }
 
-DeliverStream* DeliverStream::start(Node& node, Limit& limit, Strangers& strangers, View& view,
+DeliverStream* DeliverStream::start(Node& node, Limit& limit, UnauthenticatedStreams& unauthenticated, View& view,
                                     std::optional<std::string> shown) {
-  auto stream = std::make_shared<DeliverStream>(node, limit, strangers, view, std::move(shown));
+  auto stream = std::make_shared<DeliverStream>(node, limit, unauthenticated, view, std::move(shown));
   if (admit(stream)) stream->StartRead(&stream->request_);
   return stream.get();
 }

@@ -37,7 +37,7 @@ struct SeekRequest {
   orderer::SeekInfo seek;
 };
 Result<SeekRequest> read_seek(const common::Envelope& envelope);
-/// One that somebody has kept, or that tells no time, is refused (Fabric's authentication.timewindow).
+/// One that somebody has kept, or that states no time, is refused (Fabric's authentication.timewindow).
 bool is_fresh(const SeekRequest& request, TimeNs real_ns);
 /// Under mutual TLS a request names the certificate of its own connection, as in Fabric: who has another one's request
 /// reads nothing by it over a connection of his own. `shown`: shown_hash() of the call.
@@ -57,10 +57,11 @@ class DeliverStream final
     std::function<grpc::ByteBuffer(common::Status)> status;
   };
   /// `shown`: shown_hash() of its call.
-  static DeliverStream* start(Node& node, Limit& limit, Strangers& strangers, View& view,
+  static DeliverStream* start(Node& node, Limit& limit, UnauthenticatedStreams& unauthenticated, View& view,
                               std::optional<std::string> shown);
-  DeliverStream(Node& node, Limit& limit, Strangers& strangers, View& view, std::optional<std::string> shown)
-      : ServedStream(limit, strangers), node_(node), view_(view), shown_hash_(std::move(shown)) {}
+  DeliverStream(Node& node, Limit& limit, UnauthenticatedStreams& unauthenticated, View& view,
+                std::optional<std::string> shown)
+      : ServedStream(limit, unauthenticated), node_(node), view_(view), shown_hash_(std::move(shown)) {}
 
   void OnReadDone(bool ok) override;
   void OnWriteDone(bool ok) override;
@@ -82,7 +83,7 @@ class DeliverStream final
   // Guarded by the mutex:
   grpc::ByteBuffer response_;
   SeekRange range_;
-  common::Status written_ = common::UNKNOWN;  // the status under way; UNKNOWN: a block
+  common::Status written_ = common::UNKNOWN;  // the status being written; UNKNOWN: a block
   bool streaming_ = false, busy_ = false;
 };
 

@@ -196,7 +196,7 @@ void Node::run_core() {
       if (auto block = core_->cut(read_now())) hand_to_writer(std::move(*block));
     }
     lock.lock();
-    // While stopping, a block that is under way is finished; nothing more can come after it but queued tasks.
+    // While stopping, a block in progress is finished; after it only queued tasks can come.
     if (stopping_ && idle() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
   }
   core_ended_ = true;
@@ -206,7 +206,7 @@ void Node::run_core() {
 /// What commands and stops need is kept for them before the disk is full for all.
 void Node::look_at_disk() {
   const auto room = room_at(dir_);
-  // A disk that cannot be asked is one that cannot be written either: that is told where a block is.
+  // A disk that cannot be queried cannot be written either: the error is reported where a block is written.
   if (!room) return;
   const bool nearly_full = room->free_bytes < std::min(kept_bytes_, room->all_bytes / 32);
   if (nearly_full == nearly_full_) return;
@@ -234,8 +234,8 @@ void Node::hand_to_writer(CutBlock block) {
 Status Node::store(const CutBlock& block) {
   constexpr std::chrono::milliseconds again_after{100};
   Status stored = store_->append(block.bytes);
-  for (bool told = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
-    if (!std::exchange(told, true))
+  for (bool reported = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
+    if (!std::exchange(reported, true))
       spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
                     stored.error().what);
     std::unique_lock lock(mutex_);
@@ -261,7 +261,7 @@ void Node::run_writer() {
     if (stored) {
       written_ = std::move(block);
     } else {
-      // The block stays under way for ever: nothing is announced that is not on disk.
+      // The block stays in progress for ever: nothing is announced that is not on disk.
       failed_ = true;
       spdlog::error("the ledger stops: {}", stored.error().what);
       if (on_failure_) on_failure_(stored.error().what);

@@ -64,7 +64,7 @@ class Node {
   /// Called when the ledger cannot go on (the disk failed). Set before serving.
   void on_failure(std::function<void(const std::string&)> handler);
 
-  /// Stops the threads after the tasks that are queued and the block under way.
+  /// Stops the threads after the queued tasks and the block in progress.
   void stop();
   NodeCore::Counts counts() const { return counts_; }  ///< after stop()
   /// How long blocks took to be on disk; after stop().

@@ -91,7 +91,7 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
     end_ += header_size + (*content)->size();
   }
   if (end_ > *size) return done;  // just begun
-  // What was written before a kill may be in the page cache alone; readers are about to be told of it.
+  // What was written before a kill may be in the page cache alone; readers are about to be notified of it.
   if (end_ == *size) return file_->sync();
 
   const auto behind = record_behind(end_ + 1, *size);

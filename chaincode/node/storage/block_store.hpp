@@ -17,7 +17,7 @@ namespace ledgerline::node {
 /// where a check is the first 8 bytes of a SHA-256 (header check: over salt, magic, length and content check). A record
 /// counts once it is synced, and the next one is begun only then; so a crash can leave at most the last record
 /// unfinished. That one is cut off at the next open, with a message. Damage with whole records behind it is no crash:
-/// opening fails and says where. The salt is told to nobody: what looks like a record inside a member's transaction is
+/// opening fails and says where. The salt is never disclosed: what looks like a record inside a member's transaction is
 /// none.
 ///
 /// append from one thread; read and height from any.

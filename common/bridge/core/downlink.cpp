@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <functional>
 
-#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline::bridge {
 namespace {
@@ -34,17 +34,17 @@ bool fits(const Downlink::Topic& topic, std::string_view type) {
 
 }  // namespace
 
-Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& believed)
-    : config_(std::move(config)), believed_(believed) {}
+Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& trusted)
+    : config_(std::move(config)), trusted_(trusted) {}
 
 void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out) {
   held_.clear();
   for (const fabric::Transaction& tx : block.transactions) {
-    if (!tx.problem.empty()) ++unbelievable_transactions_;
+    if (!tx.problem.empty()) ++invalid_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
     // A peer could have put other messages into the event than its writer signed.
-    if (!belief::tells_set({tx.function, tx.args}, tx.event_payload)) {
-      ++unbelievable_transactions_;
+    if (!verification::tells_set({tx.function, tx.args}, tx.event_payload)) {
+      ++invalid_transactions_;
       continue;
     }
     if (is_json(tx.event_payload)) {
@@ -107,10 +107,10 @@ bool Downlink::has_type(std::size_t topic, std::string_view type) const {
 void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
   signer.known = true;
   signer.hash = std::hash<std::string>{}(tx.creator);
-  const auto member = believed_.member(tx.creator, real_now / ns_per_s);
+  const auto member = trusted_.member(tx.creator, real_now / ns_per_s);
   if (!member) return;
   signer.name = (*member)->name;
-  signer.believed = fabric::creator_signed(tx, *(*member)->verifier);
+  signer.trusted = fabric::creator_signed(tx, *(*member)->verifier);
 }
 
 bool Downlink::may_write(const Signer& signer, std::string_view id) {
@@ -126,13 +126,13 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     if (known != by_id_.end()) {
       index = known->second;
     } else if (!is_ledger_id(asset.id)) {
-      ++unbelievable_transactions_;
+      ++invalid_transactions_;
       return;
     } else {
       const Match found = match(asset.id);
       if (!found.rule) continue;
       if (!signer.known) identify(real_now, tx, signer);
-      index = topic_of(asset.id, found, !signer.believed || !may_write(signer, asset.id));
+      index = topic_of(asset.id, found, !signer.trusted || !may_write(signer, asset.id));
     }
     Topic& topic = topics_[index];
     Slot& slot = slots_[index];
@@ -146,8 +146,8 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     if (!signer.known) identify(real_now, tx, signer);
     if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
       refuse(topic, Refusal::echo);
-    } else if (!signer.believed) {
-      refuse(topic, Refusal::unbelieved);
+    } else if (!signer.trusted) {
+      refuse(topic, Refusal::unverified);
     } else if (!may_write(signer, asset.id)) {
       refuse(topic, Refusal::wrong_writer);
     } else if (index == further_) {
@@ -185,7 +185,7 @@ bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::u
   if (had(newest, asset.origin) || had(slot.got, asset.origin)) {
     const Origin& same = newest.life == asset.origin.life ? newest : slot.got;
     const bool again = same.life == asset.origin.life && same.sequence == asset.origin.sequence;
-    refuse(topic, again ? Refusal::repeated : Refusal::doublet);
+    refuse(topic, again ? Refusal::repeated : Refusal::duplicate);
     return false;
   }
   if (asset.origin.life == writer->life) topic.counters.missing += asset.origin.sequence - writer->sequence - 1;
@@ -200,7 +200,7 @@ void Downlink::deliver(TimeNs real_now, std::size_t topic, const AssetView& asse
   if (shown.type != asset.type) shown.type = asset.type;
   ++shown.counters.published;
   shown.counters.bytes += asset.cdr.size();
-  const TimeNs source_ns = std::max<TimeNs>(asset.origin.stamp_ns, 0);  // a stranger may claim any
+  const TimeNs source_ns = std::max<TimeNs>(asset.origin.stamp_ns, 0);  // an outsider may claim any
   if (source_ns != 0) shown.counters.age.add(real_now - source_ns);
   out.push_back({.topic = topic,
                  .type = asset.type,
@@ -228,7 +228,8 @@ std::vector<std::string> Downlink::latched() const {
   return ids;
 }
 
-// The contract let only an owner write them, and an answer of `get` has no signature: the peer is believed here.
+// The contract let only an owner write them, and an answer of `get` has no signature: it is accepted from the peer
+// unverified.
 void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out) {
   for (const Asset& value : values.assets()) {
     const AssetView asset = view_of(value);

@@ -25,9 +25,9 @@ namespace ledgerline::bridge {
 enum class Refusal : std::uint8_t {
   echo,          ///< our own
   repeated,      ///< the newest one again, which a frame carries along
-  doublet,       ///< older than the newest of its writer
+  duplicate,     ///< older than the newest of its writer
   wrong_writer,  ///< an id of an organisation, by a member of another
-  unbelieved,    ///< the writer's certificate or signature is not good
+  unverified,    ///< the writer's certificate or signature is not good
   wrong_type,    ///< not that of its [[topic]], or of another id with the same topic; or no type of ROS 2
   malformed,     ///< no CDR of ROS 2
   too_many,      ///< max_ids, max_ids_of_one or max_writers are known already
@@ -36,8 +36,8 @@ enum class Refusal : std::uint8_t {
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
 constexpr std::string_view name(Refusal refusal) {
-  constexpr std::array names{"echo",       "repeated",  "doublet",  "wrong_writer", "unbelieved",
-                             "wrong_type", "malformed", "too_many", "dds",          "unnamed"};
+  constexpr std::array names{"echo",       "repeated",  "duplicate", "wrong_writer", "unverified",
+                             "wrong_type", "malformed", "too_many",  "dds",          "unnamed"};
   static_assert(names.size() == refusal_count);
   return names.at(static_cast<std::size_t>(refusal));
 }
@@ -59,15 +59,15 @@ struct DownlinkConfig {
 };
 
 /// From the ledger to DDS: of each block the messages that a rule wants, each writer's in order, none twice, none of
-/// our own. What is not wanted is told by its id alone and not looked at further. Messages of others than bridges (no
-/// Origin) come in the ledger's order. One thread; deterministic.
+/// our own. What is not wanted is recognised by its id alone and not looked at further. Messages of others than bridges
+/// (no Origin) come in the ledger's order. One thread; deterministic.
 class Downlink {
  public:
   static constexpr std::size_t max_ids = 1'024;
   /// Of one first segment, so that no organisation fills the ids of all. A host has some ten topics a drone, and 16
   /// drones.
   static constexpr std::size_t max_ids_of_one = 256;
-  /// Of those that somebody told first who may not write them: they show what is refused, and leave an organisation
+  /// Of ids that first came from somebody who may not write them: they show what is refused, and leave an organisation
   /// room for its own.
   static constexpr std::size_t max_strange_ids = 64;
   static constexpr std::size_t max_writers = 16;  ///< of one id
@@ -87,8 +87,8 @@ class Downlink {
     TimeNs source_ns = 0;  ///< real time, the origin's clock; 0: not known
   };
 
-  /// `believed`: whose signatures count; must outlive this.
-  Downlink(DownlinkConfig config, crypto::MspRegistry& believed);
+  /// `trusted`: whose signatures count; must outlive this.
+  Downlink(DownlinkConfig config, crypto::MspRegistry& trusted);
 
   void on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out);
   /// Ids or prefixes ("Org2MSP/map/*") to ask `get` for after the block stream has begun: the values of latched topics.
@@ -102,7 +102,7 @@ class Downlink {
   std::uint64_t malformed_frames() const { return malformed_frames_; }
   /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of
   /// an id that no honest peer endorses (is_ledger_id).
-  std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }
+  std::uint64_t invalid_transactions() const { return invalid_transactions_; }
 
  private:
   struct Writer {
@@ -121,7 +121,7 @@ class Downlink {
   };
   /// Who signed a transaction; found out once one of its messages is wanted.
   struct Signer {
-    bool known = false, believed = false;
+    bool known = false, trusted = false;
     std::uint64_t hash = 0;
     crypto::IdentityName name;
   };
@@ -132,7 +132,7 @@ class Downlink {
     bool withheld = false;
   };
   Match match(std::string_view id);
-  /// `strange`: who tells it may not write it.
+  /// `strange`: its sender may not write it.
   std::size_t topic_of(std::string_view id, const Match& match, bool strange);
   bool has_type(std::size_t topic, std::string_view type) const;
   void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
@@ -142,7 +142,7 @@ class Downlink {
   void refuse(Topic& topic, Refusal why) { ++topic.counters.refusals[static_cast<std::size_t>(why)]; }
 
   DownlinkConfig config_;
-  crypto::MspRegistry& believed_;
+  crypto::MspRegistry& trusted_;
   std::deque<Topic> topics_;
   std::vector<Slot> slots_;  ///< as topics_
   std::unordered_map<std::string, std::size_t, Hash, std::equal_to<>> by_id_;
@@ -151,7 +151,7 @@ class Downlink {
   std::size_t strange_ids_ = 0;
   std::optional<std::size_t> further_;  ///< the topic of all ids beyond the bounds
   std::uint64_t malformed_frames_ = 0;
-  std::uint64_t unbelievable_transactions_ = 0;
+  std::uint64_t invalid_transactions_ = 0;
   std::string name_buffer_;
   SetView set_;
   std::vector<std::unique_ptr<SetCall>> held_;  ///< what came as JSON, while its deliveries are out

@@ -40,10 +40,9 @@ Rule read_rule(Config& config, const std::string& at) {
       {at + "name",
        "ROS 2 topic; * stands for any characters, / too. The first [[topic]] that matches, in a direction, decides"});
   if (!rule.name.empty() && !is_pattern(rule.name)) {
-    config.wrong(at + "name",
-                 fmt::format("is \"{}\", must be a ROS 2 topic as in /a/b: letters, digits, _ and /, and * "
-                             "for any characters",
-                             rule.name));
+    config.wrong(at + "name", fmt::format("is \"{}\", must be a ROS 2 topic as in /a/b: a-z, A-Z, 0-9, _ and /, and * "
+                                          "for any characters",
+                                          rule.name));
   }
   rule.type = config.text({at + "type", "as in std_msgs/msg/String: another type is not carried", "any"}, "");
   if (!rule.type.empty() && !is_ros_type(rule.type)) {
@@ -74,7 +73,7 @@ Rule read_rule(Config& config, const std::string& at) {
   rule.config_block =
       config.text({at + "config_block",
                    "trust anchor of a channel of its own, as config_block of [ledger]: one topic of the "
-                   "channel names it; none: the peer is believed about the channel's blocks"},
+                   "channel names it; none: the peer is trusted about the channel's blocks"},
                   "");
   if (rule.channel.empty() && !rule.config_block.empty())
     config.wrong(at + "config_block", "is of a channel of its own; that of [ledger] has its own key there");
@@ -144,7 +143,7 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
                     10, 0, 10'000) *
       1e-3);
   out.bulk_share = config.number({"bridge.bulk_share",
-                                  "share of the time that messages above 8 kB are under way while small ones of higher "
+                                  "share of the time that messages above 8 kB are in flight while small ones of higher "
                                   "priority are: a p99 does not see 0.005"},
                                  out.bulk_share, 0.001, 1);
   out.status_file = config.text({"output.status", "file for `ledgerline topics`"}, "");
@@ -158,9 +157,9 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
   if (!host)
     out.checkpoint = config.text(
         {"output.checkpoint",
-         "file, of this bridge alone, with the newest block that was believed; a channel that is not [ledger]'s has "
+         "file, of this bridge alone, with the newest block that was trusted; a channel that is not [ledger]'s has "
          "FILE.CHANNEL. A peer that serves an older chain, or another one, is refused at the next start; none: each "
-         "start begins anew. Beside agent's and ground's work: their own file's name and .bridge"},
+         "start begins from nothing. Beside agent's and ground's work: their own file's name and .bridge"},
         "");
   for (std::size_t i = 0; i < config.table_count({"enrolled",
                                                   "a name that is enrolled to this identity: topics below /NAME/ have "

@@ -12,7 +12,7 @@
 /// Which topics a bridge carries, and how ROS 2's names stand on the ledger.
 namespace ledgerline::bridge {
 
-inline constexpr std::string_view anybody = "*";  ///< Rule::from of a topic that is taken whoever writes it
+inline constexpr std::string_view anybody = "*";  ///< Rule::from of a topic that is taken from any writer
 
 /// One [[topic]] of the config. The first one that matches a topic, in a direction, decides.
 struct Rule {
@@ -37,14 +37,14 @@ struct Rule {
 };
 
 struct BridgeConfig {
-  std::string name;                   ///< tells bridges of one identity apart
+  std::string name;                   ///< distinguishes bridges of one identity
   std::vector<std::string> enrolled;  ///< names that are enrolled to this identity: topics below them are theirs
   TimeNs min_gap_ns = 0;              ///< between two transactions of a kind
   double bulk_share = 0.005;          ///< see Uplink
   bool beside = false;                ///< beside a program whose own traffic comes first
   std::string status_file;            ///< for `ledgerline topics`; empty: none
   TimeNs status_period_ns = 0;
-  std::string checkpoint;  ///< file of the newest block believed on the channel of [ledger]; empty: none is kept
+  std::string checkpoint;  ///< file of the newest block trusted on the channel of [ledger]; empty: none is kept
   std::vector<Rule> rules;
 
   bool carries_something() const;

@@ -1,5 +1,5 @@
 #include "common/bridge/core/uplink.hpp"
-#include "common/belief/calls.hpp"
+#include "common/verification/calls.hpp"
 
 #include <fmt/format.h>
 
@@ -198,10 +198,11 @@ std::optional<Uplink::Submit> Uplink::make_call(Kind kind, TimeNs now) {
     repeat_others(argument, number);
     append_stream(argument);
   }
-  Submit submit{
-      .number = number, .call = {.function = contract::set, .args = {}, .told_by_block = true}, .bulk = kind == bulk};
+  Submit submit{.number = number,
+                .call = {.function = contract::set, .args = {}, .reported_by_block = true},
+                .bulk = kind == bulk};
   submit.call.args.push_back(std::move(argument));
-  if (kind == stream) submit.call.need = belief::frame_need();
+  if (kind == stream) submit.call.need = verification::frame_need();
   lane.in_flight.add(number, now, std::move(messages));
   return submit;
 }

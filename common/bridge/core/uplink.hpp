@@ -43,7 +43,7 @@ struct UplinkCounters {
   std::uint64_t batches = 0;  ///< transactions on the ledger that it rode in
   std::array<std::uint64_t, drop_count> drops{};
   Histogram age;                                ///< from the take off DDS until it was committed
-  std::uint64_t dds_lost = 0, dds_refused = 0;  ///< never taken: told by DDS of the topic's reader
+  std::uint64_t dds_lost = 0, dds_refused = 0;  ///< never taken: reported by DDS for the topic's reader
 };
 
 struct UplinkConfig {

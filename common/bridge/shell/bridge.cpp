@@ -7,10 +7,10 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/belief/client.hpp"
-#include "common/belief/control_records.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/retry/keep_trying.hpp"
+#include "common/verification/client.hpp"
+#include "common/verification/control_records.hpp"
 
 namespace ledgerline::bridge {
 namespace {
@@ -47,18 +47,18 @@ dds::Qos qos_of(const Rule& rule) {
 }  // namespace
 
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
-                                               crypto::MspRegistry& believed, dds::ParticipantPtr participant,
+                                               crypto::MspRegistry& trusted, dds::ParticipantPtr participant,
                                                fabric::KeptCheckpoint kept) {
-  const fabric::ClientConfig careful = belief::for_contract(ledger);
+  const fabric::ClientConfig careful = verification::for_contract(ledger);
   auto client = fabric::Client::create(careful);
   if (!client) return client.error();
   auto bulk = fabric::Client::create(careful);
   if (!bulk) return bulk.error();
-  return std::unique_ptr<Bridge>(new Bridge(config, ledger, believed, std::move(participant), std::move(client).value(),
+  return std::unique_ptr<Bridge>(new Bridge(config, ledger, trusted, std::move(participant), std::move(client).value(),
                                             std::move(bulk).value(), std::move(kept)));
 }
 
-Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& believed,
+Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
                dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client,
                std::unique_ptr<fabric::Client> bulk, fabric::KeptCheckpoint kept)
     : rules_(config.rules),
@@ -70,7 +70,7 @@ Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, c
                  .self = ledger.identity.name,
                  .writer = writer_of(ledger.identity.name, config.name),
                  .contract = ledger.where.contract},
-                believed),
+                trusted),
       client_(std::move(client)),
       bulk_(std::move(bulk)) {}
 
@@ -102,7 +102,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connected_ = connected;
     connection_problem_ = why;
   };
-  handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
+  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
   handlers.on_orderers = fabric::tell_connections(channel_ + ": orderer's block stream");
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what)
@@ -112,7 +112,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
   if (auto status = wait_for_stream(quit); !status) return status;
   if (auto status = read_latched(quit); !status) return status;
   if (auto status = open_named_topics(); !status) return status;
-  auto discovery = dds::Discovery::create(participant_, [this](const dds::TopicSeen& seen) { on_seen(seen); });
+  auto discovery = dds::Discovery::create(participant_, [this](const dds::DiscoveredTopic& seen) { on_seen(seen); });
   if (!discovery) return discovery.error();
   discovery_ = std::move(discovery).value();
   carrier_ = std::jthread([this](const std::stop_token& stop) { carry(stop); });
@@ -131,11 +131,11 @@ Status Bridge::wait_for_stream(const std::atomic<bool>& quit) {
 
 // Behind the start of the block stream, so that no newer value can be missed between the two.
 Status Bridge::read_latched(const std::atomic<bool>& quit) {
-  const belief::Evaluate evaluate = [&](const fabric::Call& call) {
+  const verification::Evaluate evaluate = [&](const fabric::Call& call) {
     return quit ? Result<std::string>(Error{"asked to end"}) : client_->evaluate(call);
   };
   for (const std::string& id : downlink_.latched()) {
-    const Status read = belief::read_pages(id, evaluate, [this](const Assets& values) {
+    const Status read = verification::read_pages(id, evaluate, [this](const Assets& values) {
       const std::lock_guard lock(down_mutex_);
       deliveries_.clear();
       downlink_.on_values(realtime_ns(), values, deliveries_);
@@ -157,7 +157,7 @@ Status Bridge::open_named_topics() {
 }
 
 // On a thread of DDS.
-void Bridge::on_seen(const dds::TopicSeen& seen) {
+void Bridge::on_seen(const dds::DiscoveredTopic& seen) {
   const std::lock_guard lock(up_mutex_);
   const auto same = std::find_if(seen_.begin(), seen_.end(),
                                  [&](const auto& s) { return s.topic == seen.topic && s.type == seen.type; });
@@ -172,12 +172,12 @@ void Bridge::on_seen(const dds::TopicSeen& seen) {
 }
 
 void Bridge::take_seen() {
-  std::vector<dds::TopicSeen> seen;
+  std::vector<dds::DiscoveredTopic> seen;
   {
     const std::lock_guard lock(up_mutex_);
     seen.swap(seen_);
   }
-  for (const dds::TopicSeen& one : seen) {
+  for (const dds::DiscoveredTopic& one : seen) {
     const Rule* rule = rule_up(rules_, one.topic);
     if (!rule) continue;
     if (!rule->type.empty() && rule->type != one.type) {
@@ -341,7 +341,7 @@ nlohmann::json Bridge::status() {
   for (auto& topic : report(downlink_)) topics.push_back(std::move(topic));
   out["topics"] = std::move(topics);
   out["malformed_frames"] = downlink_.malformed_frames();
-  out["unbelievable_transactions"] = downlink_.unbelievable_transactions();
+  out["invalid_transactions"] = downlink_.invalid_transactions();
   return out;
 }
 

@@ -21,10 +21,10 @@ namespace ledgerline::bridge {
 /// none of DDS's threads takes Downlink's, under which readers and writers of DDS are used.
 class Bridge {
  public:
-  /// `believed` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it. `kept`: of
+  /// `trusted` must outlive it. `ledger`: for this channel; the rules of `config` are all carried on it. `kept`: of
   /// this channel, read already.
   static Result<std::unique_ptr<Bridge>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
-                                                crypto::MspRegistry& believed, dds::ParticipantPtr participant,
+                                                crypto::MspRegistry& trusted, dds::ParticipantPtr participant,
                                                 fabric::KeptCheckpoint kept);
   ~Bridge() { end(); }
 
@@ -33,7 +33,7 @@ class Bridge {
   Status start(const std::atomic<bool>& quit);
   /// Takes nothing more off DDS, waits a moment for what is on its way, and ends; status() can still be asked.
   void end();
-  /// {channel, connected, topics, malformed_frames, unbelievable_transactions, topics_left_out}. Any thread.
+  /// {channel, connected, topics, malformed_frames, invalid_transactions, topics_left_out}. Any thread.
   nlohmann::json status();
 
  private:
@@ -49,13 +49,13 @@ class Bridge {
     TimeNs try_again_ns = 0;
   };
 
-  Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& believed,
+  Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
          dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
          fabric::KeptCheckpoint kept);
   Status wait_for_stream(const std::atomic<bool>& quit);
   Status read_latched(const std::atomic<bool>& quit);
   Status open_named_topics();
-  void on_seen(const dds::TopicSeen& seen);
+  void on_seen(const dds::DiscoveredTopic& seen);
   void take_seen();
   void choose_type(const std::string& topic);
   void note_losses();
@@ -75,7 +75,7 @@ class Bridge {
   std::mutex up_mutex_;
   std::condition_variable up_wake_;
   Uplink uplink_;
-  std::vector<dds::TopicSeen> seen_;  ///< not yet looked at
+  std::vector<dds::DiscoveredTopic> seen_;  ///< not yet looked at
   std::uint64_t seen_left_out_ = 0;
   TimeNs next_warning_ns_ = 0;
   bool connected_ = false;

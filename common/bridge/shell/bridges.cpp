@@ -50,14 +50,13 @@ void wait(const std::atomic<bool>& quit, TimeNs until_ns) {
 void warn_of_open_topics(const BridgeConfig& config) {
   for (const Rule& rule : config.rules) {
     if (!rule.from_ledger || rule.left_out || rule.from != anybody) continue;
-    spdlog::warn("{} is taken from the ledger whoever writes it: its [[topic]] says from = \"*\"", rule.name);
+    spdlog::warn("{} is taken from the ledger from any writer: its [[topic]] says from = \"*\"", rule.name);
   }
 }
 
 Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
                                                  const std::vector<fabric::ClientConfig>& ledgers,
-                                                 crypto::MspRegistry& believed,
-                                                 const dds::ParticipantPtr& participant) {
+                                                 crypto::MspRegistry& trusted, const dds::ParticipantPtr& participant) {
   const fabric::ClientConfig& ledger = ledgers.front();
   std::set<std::string> channels;
   for (const Rule& rule : config.rules) {
@@ -79,7 +78,7 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
     if (on_channel.config_block.empty()) spdlog::warn("channel {}: {}", channel, fabric::blocks_not_judged);
     auto kept = fabric::KeptCheckpoint::read(checkpoint_of(config, channel, ledger.where.channel), channel);
     if (!kept) return kept.error();
-    auto bridge = Bridge::create(of_channel, on_channel, believed, participant, std::move(*kept));
+    auto bridge = Bridge::create(of_channel, on_channel, trusted, participant, std::move(*kept));
     if (!bridge) return bridge.error();
     made->bridges_.push_back(std::move(bridge).value());
   }
@@ -128,17 +127,17 @@ Result<std::unique_ptr<BesideBridges>> BesideBridges::create(Config& config, con
   ledger->tls_in_use = program.tls_in_use;
   auto ledgers = fabric::each_channel(*ledger, fabric::read_channels(config));
   if (!ledgers) return ledgers.error();
-  auto believed = fabric::msp_registry(config);
-  if (!believed) return believed.error();
+  auto trusted = fabric::msp_registry(config);
+  if (!trusted) return trusted.error();
   return std::unique_ptr<BesideBridges>(new BesideBridges(std::move(bridge), std::move(ledgers).value(),
-                                                          std::move(believed).value(), std::move(participant)));
+                                                          std::move(trusted).value(), std::move(participant)));
 }
 
 BesideBridges::BesideBridges(BridgeConfig config, std::vector<fabric::ClientConfig> ledgers,
-                             std::unique_ptr<crypto::MspRegistry> believed, dds::ParticipantPtr participant)
+                             std::unique_ptr<crypto::MspRegistry> trusted, dds::ParticipantPtr participant)
     : config_(std::move(config)),
       ledgers_(std::move(ledgers)),
-      believed_(std::move(believed)),
+      trusted_(std::move(trusted)),
       participant_(std::move(participant)),
       thread_([this] { carry(); }) {
   warn_of_open_topics(config_);
@@ -154,10 +153,10 @@ void BesideBridges::carry() {
   Random random(std::random_device{}());
   while (!quit_) {
     const TimeNs begin_ns = monotonic_ns();
-    auto bridges = Bridges::create(config_, ledgers_, *believed_, participant_);
+    auto bridges = Bridges::create(config_, ledgers_, *trusted_, participant_);
     const Status status = bridges ? (*bridges)->run(quit_, [](const std::string&) {}) : Status(bridges.error());
     if (status || quit_) continue;
-    spdlog::error("the bridge begins anew: {}", status.error().what);
+    spdlog::error("the bridge starts again: {}", status.error().what);
     if (monotonic_ns() - begin_ns > max_pause_ns) pause.succeeded();  // a start gives up before
     wait(quit_, monotonic_ns() + pause.next(random));
   }

@@ -10,20 +10,21 @@
 
 namespace ledgerline::bridge {
 
-/// Says in the log which topics are taken from the ledger whoever writes them (from = "*"). Once, at a program's start.
+/// Logs which topics are taken from the ledger from any writer (from = "*"). Once, at a program's start.
 void warn_of_open_topics(const BridgeConfig& config);
 
 /// All that a program bridges: a Bridge for each channel that a topic names. One thread.
 class Bridges {
  public:
   /// `ledgers`: that of [ledger], then those of the program's own further channels; any other channel is asked for
-  /// where that of [ledger] is. `believed` must outlive it.
+  /// where that of [ledger] is. `trusted` must outlive it.
   static Result<std::unique_ptr<Bridges>> create(const BridgeConfig& config,
                                                  const std::vector<fabric::ClientConfig>& ledgers,
-                                                 crypto::MspRegistry& believed, const dds::ParticipantPtr& participant);
+                                                 crypto::MspRegistry& trusted, const dds::ParticipantPtr& participant);
 
   /// Begins, and carries until `quit`. Each `status_period_ns`, and at the end, the status is written to the file that
-  /// the config names, whole at any moment, and then told: {bridge, pid, time_ns, period_ms, channels}, a line of JSON.
+  /// the config names, whole at any moment, and then passed to `tell`: {bridge, pid, time_ns, period_ms, channels}, a
+  /// line of JSON.
   Status run(const std::atomic<bool>& quit, const std::function<void(const std::string& status)>& tell);
 
  private:
@@ -47,12 +48,12 @@ class BesideBridges {
 
  private:
   BesideBridges(BridgeConfig config, std::vector<fabric::ClientConfig> ledgers,
-                std::unique_ptr<crypto::MspRegistry> believed, dds::ParticipantPtr participant);
+                std::unique_ptr<crypto::MspRegistry> trusted, dds::ParticipantPtr participant);
   void carry();
 
   const BridgeConfig config_;
   const std::vector<fabric::ClientConfig> ledgers_;
-  const std::unique_ptr<crypto::MspRegistry> believed_;
+  const std::unique_ptr<crypto::MspRegistry> trusted_;
   const dds::ParticipantPtr participant_;
   std::atomic<bool> quit_{false};
   std::thread thread_;

@@ -7,8 +7,8 @@
 
 namespace ledgerline::crypto {
 
-/// The identity that a program signs with now. Whoever signs takes the whole of it once a transaction and keeps it
-/// until that has ended, so that certificate and signature are always of one pair. Any thread.
+/// The identity that a program signs with now. A signer takes the whole of it once a transaction and keeps it until
+/// that has ended, so certificate and signature are always of one pair. Any thread.
 class IdentityInUse {
  public:
   explicit IdentityInUse(SigningIdentity first) { replace(std::move(first)); }

@@ -27,7 +27,7 @@ Status Renewal::judge(const Result<Pair>& found, std::int64_t now_s) {
   }
   if (now_s > next.not_after_s) return Error{"it has ended already"};
   not_after_s_ = next.not_after_s;
-  told_days_.reset();
+  reported_days_.reset();
   return done;
 }
 
@@ -41,8 +41,8 @@ std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {
   const Ends end = ends(not_after_s_, now_s);
   if (end == Ends::later) return std::nullopt;
   const std::int64_t left = days_left(now_s);
-  if (told_days_ == left) return std::nullopt;
-  told_days_ = left;
+  if (reported_days_ == left) return std::nullopt;
+  reported_days_ = left;
   return Word{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
 }
 

@@ -8,9 +8,9 @@
 namespace ledgerline::crypto {
 
 /// What becomes of the files of a program's certificate when they change: whether what lies there now is taken in place
-/// of what is in use, and when its end is to be told. The ledger knows grants, leases and commands by MSP and subject,
-/// so a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure; one
-/// thread.
+/// of what is in use, and when its end is to be reported. The ledger knows grants, leases and commands by MSP and
+/// subject, so a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure;
+/// one thread.
 ///
 ///                 a pair that fits, of the same subject, in date, of the MSP's authority
 ///     in use ─────────────────────────────────────────────────────────────────────────▶ the new one is in use
@@ -27,9 +27,9 @@ class Renewal {
   /// A pair as it was read from the files.
   struct Pair {
     Certificate certificate;
-    std::string key_pem, certificate_pem;  ///< empty key: whoever read it has proved already that the two fit
+    std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
   };
-  /// done: to be taken, and what is told from here on is of the new one. An error: why not.
+  /// done: to be taken, and what is reported from here on is of the new one. An error: why not.
   Status judge(const Result<Pair>& found, std::int64_t now_s);
 
   enum class Weight { warning, alarm };
@@ -37,7 +37,7 @@ class Renewal {
     Weight weight{};
     std::string words;
   };
-  /// What is to be told of the end now: once a day from a month before, as an alarm from three days before.
+  /// What is to be reported of the end now: once a day from a month before, as an alarm from three days before.
   std::optional<Word> look(std::int64_t now_s);
 
   /// True, once: what was refused as not valid yet is valid now, and is to be judged again though no file has changed.
@@ -50,7 +50,7 @@ class Renewal {
  private:
   std::string whose_, subject_;
   std::int64_t not_after_s_;
-  std::optional<std::int64_t> told_days_;
+  std::optional<std::int64_t> reported_days_;
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
 };
 

@@ -16,7 +16,7 @@ inline void wipe(std::string& text) noexcept {
 }
 
 /// A secret, as a pass phrase or a key: its bytes are overwritten when it ends. It is moved and never copied, and has
-/// no capacity to grow, so no second buffer is left behind. Whoever has it may give view() away for the time of a call.
+/// no capacity to grow, so no second buffer is left behind. Its owner may lend view() for the time of a call.
 class WipingString {
  public:
   WipingString() = default;

@@ -22,8 +22,8 @@ class PeerQuestions {
   Result<std::uint64_t> height();
   /// A serialized common.Block of the channel.
   Result<std::string> block(std::uint64_t number);
-  /// The channel's newest config block, as the peer tells it: a common.Block for read_channel_config. Nobody has judged
-  /// it.
+  /// The channel's newest config block, as the peer reports it: a common.Block for read_channel_config. Nobody has
+  /// judged it.
   Result<std::string> config_block();
   /// That, read.
   Result<ChannelConfig> channel_config();

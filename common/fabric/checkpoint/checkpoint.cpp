@@ -71,7 +71,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
   const auto unusable = [&](const std::string& why) {
     return Error{fmt::format(
         "output.checkpoint: {}: {}. Compare the peer's newest block with another organisation's; then remove the file: "
-        "the next start believes what the peer of [ledger] serves",
+        "the next start trusts what the peer of [ledger] serves",
         path, why)};
   };
   const auto text = read_file(path);

@@ -13,24 +13,24 @@ class Block;
 namespace ledgerline::fabric {
 
 /// What a program that starts again knows of the chain.
-struct Believed {
+struct LastVerified {
   Checkpoint last;
   /// So many blocks behind it are read one by one, so that nothing on them is missed; more are left out.
   std::uint64_t max_absence_blocks = 0;
 };
 
-/// How a peer's chain goes on behind what was believed.
+/// How a peer's chain goes on behind what was trusted.
 struct Continuation {
   ChainCheck chain;  ///< its height() is the first block to read
-  std::uint64_t believed = 0, newest = 0;
+  std::uint64_t trusted = 0, newest = 0;
   /// The blocks between them are not read: only the newest one's own signatures say that it is of this chain.
   bool gap = false;
 };
 
-/// Whether the peer's chain, whose newest block has that header, can be the one that was believed. Refused, in words:
+/// Whether the peer's chain, whose newest block has that header, can be the one that was trusted. Refused, in words:
 /// it ends before the checkpoint, or has another block in its place (a fork). Fetches at most the checkpoint's block.
 /// Pure.
-Result<Continuation> continue_behind(const Believed& believed, const common::Block& newest,
+Result<Continuation> continue_behind(const LastVerified& trusted, const common::Block& newest,
                                      const std::function<Result<common::Block>(std::uint64_t number)>& fetch);
 
 }  // namespace ledgerline::fabric

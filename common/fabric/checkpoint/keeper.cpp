@@ -42,8 +42,8 @@ void CheckpointKeeper::run() {
 
 void CheckpointKeeper::write(const Checkpoint& checkpoint) {
   const Status status = write_checkpoint(path_, checkpoint);
-  if (!status && !problem_told_ && on_problem_) on_problem_(status.error().what);
-  problem_told_ = !status;
+  if (!status && !problem_reported_ && on_problem_) on_problem_(status.error().what);
+  problem_reported_ = !status;
 }
 
 }  // namespace ledgerline::fabric

@@ -35,7 +35,7 @@ class CheckpointKeeper {
   const std::string path_;
   const std::function<void(const std::string&)> on_problem_;
   const TimeNs period_ns_;
-  bool problem_told_ = false;
+  bool problem_reported_ = false;
   std::mutex mutex_;
   std::condition_variable wake_, end_;  ///< the second cuts a period short; keep() wakes nobody within one
   std::optional<Checkpoint> newest_;

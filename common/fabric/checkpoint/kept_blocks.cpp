@@ -26,7 +26,7 @@ class KeptBlocks final : public Client::Stream {
       keeper_.keep({channel_, confirmed.number, confirmed.hash, {}});
     };
     if (!last) {
-      spdlog::warn("channel {}: there is no checkpoint yet: this start believes the chain that the peer serves",
+      spdlog::warn("channel {}: there is no checkpoint yet: this start trusts the chain that the peer serves",
                    channel_);
       stream_ = client.blocks(std::nullopt, std::move(handlers));
       return;
@@ -35,7 +35,7 @@ class KeptBlocks final : public Client::Stream {
       if (tell) tell(how);
       go_on(how);
     };
-    // Any block that came meanwhile makes a gap: what it changed is in what the program reads anew.
+    // Any block that came meanwhile makes a gap: the program reads again what it changed.
     stream_ = client.blocks_behind({std::move(*last), 0}, std::move(handlers));
   }
 
@@ -43,7 +43,7 @@ class KeptBlocks final : public Client::Stream {
   void go_on(const Continuation& how) {
     if (!how.gap) return;
     spdlog::warn("channel {}: blocks {} to {} came while this program was away, and are not read", channel_,
-                 how.believed + 1, how.newest);
+                 how.trusted + 1, how.newest);
     // Judged already; a program that ends before the next block must not forget it.
     keeper_.keep({channel_, how.newest, how.chain.hash(), {}});
   }

@@ -19,10 +19,10 @@ struct KeptCheckpoint {
   static Result<KeptCheckpoint> read(const std::string& path, const std::string& channel);
 };
 
-/// Client::blocks() from the next new one on, for a program that reads anew at each start whatever else it needs, so
-/// that of its checkpoint number and hash alone count: a chain that ends before it, or has another block in its place,
-/// is refused (blocks_behind()); blocks that came while the program was away are not read, which the log says. The
-/// newest block handed over that the peer has told is kept in the file, beside the stream's thread (CheckpointKeeper),
+/// Client::blocks() from the next new one on, for a program that at each start reads everything else that it needs. So
+/// only number and hash of its checkpoint count: a chain that ends before it, or has another block in its place, is
+/// refused (blocks_behind()); blocks that came while the program was away are not read, which the log says. The newest
+/// block handed over that the peer has delivered is kept in the file, beside the stream's thread (CheckpointKeeper),
 /// and once more when the stream ends.
 std::unique_ptr<Client::Stream> kept_blocks(Client& client, KeptCheckpoint kept, Client::StreamHandlers handlers);
 

@@ -30,7 +30,7 @@ struct ClientConfig {
     std::string certificate_file{}, key_file{};
   };
   TlsPair tls_pair;
-  /// Pairs that are renewed while clients run: behind each renewal connections are made anew. None: they never are, and
+  /// Pairs that are renewed while clients run: after each renewal connections are recreated. None: they never are, and
   /// the files count as they are when a client is created.
   std::shared_ptr<TlsPairsInUse> tls_in_use{};
   struct Server {
@@ -55,7 +55,7 @@ struct ClientConfig {
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
   /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers
-  /// that it names, or that a later configuration names (BlockJudge). Empty: the peer is believed about blocks.
+  /// that it names, or that a later configuration names (BlockJudge). Empty: the peer's blocks are accepted unverified.
   std::string config_block;
   crypto::Library verifier = crypto::Library::libcrypto;  ///< of those signatures
   /// Whose blocks blocks() hands over. Beside the peer's alone it needs `orderers`; `ordered` needs config_block, too.
@@ -70,15 +70,15 @@ struct ClientConfig {
   /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only
   /// who knows the contract can say; none: it has none, or that is not known. On a stream's thread.
   std::function<std::optional<std::string>(const std::string& key)> likely_policy;
-  /// Keys whose readers go by a count or stamp in the value, so that a write that is told twice tells them nothing,
-  /// since only who knows the contract can say. On a stream's thread.
+  /// Keys whose readers go by a count or stamp in the value, so that a write that is delivered twice tells them
+  /// nothing, since only who knows the contract can say. On a stream's thread.
   std::function<bool(const std::string& key)> is_of_hot_path;
   crypto::SigningIdentity identity;
   crypto::IdentityPlace identity_place{};    ///< that it was loaded from, for who renews it
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
-  bool patience_of_channel = false;          ///< limits of time grow by what the channel's blocks take (patience.hpp)
+  bool timeouts_of_channel = false;          ///< limits of time grow by what the channel's blocks take (timeouts.hpp)
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
-  std::chrono::milliseconds endorse_patience{300};  ///< with peers that others do not need to wait for
+  std::chrono::milliseconds endorse_timeout{300};  ///< with peers that others do not need to wait for
 };
 
 /// All methods may be called from any thread. Callbacks come on a thread of the client: they hand over and return.
@@ -113,50 +113,50 @@ class Client {
   };
   struct StreamHandlers {
     std::function<void(const Block&, std::string_view raw)>
-        on_block;  ///< in order, no gap, no doublet, across reconnects
+        on_block;  ///< in order, no gap, no duplicate, across reconnects
     std::function<void(bool connected, const std::string& why)> on_connection;
     /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and
     /// how many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that
     /// the peer does not say whose endorsement the contract needs.
-    std::function<void(const std::string& what)> on_unbelievable = {};
+    std::function<void(const std::string& what)> on_invalid = {};
     /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that
-    /// tell two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that was
-    /// taken as it was ordered was before.
+    /// deliver two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that
+    /// was taken as it was ordered was before.
     std::function<void(const std::string& what)> on_contradiction = {};
     /// A block that was refused, or that either stream brings behind a contradiction, with none of its flags: for who
     /// acts on a signature alone, as on a stop. It may come again, out of order, or be of no chain at all.
     std::function<void(const Block&)> on_refused = {};
-    /// A block that was handed over as an orderer told it (Block::confirmed) is the peer's, too.
+    /// A block that was handed over as an orderer delivered it (Block::confirmed) has now come from the peer, too.
     struct Confirmed {
       std::uint64_t number = 0;
       std::string hash;                         ///< block_header_hash
       TimeNs ordered_ns = 0, confirmed_ns = 0;  ///< when either was taken, in this order, CLOCK_MONOTONIC
     };
     std::function<void(const Confirmed&)> on_confirmed = {};
-    /// Whether an orderer's stream is there, where one is read, or withholds what the peer has told; the peer's stream
-    /// goes on without it.
+    /// Whether an orderer's stream is there, where one is read, or withholds what the peer has delivered; the peer's
+    /// stream goes on without it.
     std::function<void(bool connected, const std::string& why)> on_orderers = {};
     /// Of blocks_behind(): how the peer's chain goes on; once, before the first block.
     std::function<void(const Continuation&)> on_continued = {};
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
   /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
-  /// peers, as far as the blocks of this stream tell what it rests on (BlockIntake). One that cannot be believed is
+  /// peers, as far as the blocks of this stream show what it rests on (BlockIntake). One that cannot be trusted is
   /// left out alone, see decode_block. A block that breaks the chain is reported through on_connection and the stream
   /// starts again at the last good one. With ClientConfig::blocks `ordered` a second stream brings an orderer's blocks;
   /// once the two differ, nothing more is handed over, and on_connection says so. A block is then handed over as soon
-  /// as an orderer tells it, where our own judgement needs no flag of the peer (its flags are our verdicts then), and
-  /// on_confirmed says when the peer told the same; at most BlockIntake::max_unconfirmed blocks ahead of the peer.
-  /// Calls that are told_by_block end with the block, too.
+  /// as an orderer delivers it, where our own judgement needs no flag of the peer (its flags are our verdicts then),
+  /// and on_confirmed says when the peer delivered the same; at most BlockIntake::max_unconfirmed blocks ahead of the
+  /// peer. Calls that are reported_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
   /// The same for who starts again: blocks from behind a checkpoint on, or, after a longer absence than it allows, from
   /// the next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the
   /// peer's word). A chain that ends before the checkpoint, or has another block in its place, is refused:
   /// on_connection says so, and the peer is asked again.
-  virtual std::unique_ptr<Stream> blocks_behind(Believed believed, StreamHandlers handlers) = 0;
+  virtual std::unique_ptr<Stream> blocks_behind(LastVerified trusted, StreamHandlers handlers) = 0;
   /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
   /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
-  /// Reconnects like blocks(), without loss or doublet.
+  /// Reconnects like blocks(), without loss or duplicate.
   struct Event {
     std::uint64_t block = 0;
     std::string tx_id, name, payload;

@@ -21,7 +21,7 @@ void Commits::forget(const std::string& tx_id) {
   awaited_.erase(tx_id);
 }
 
-Commits::News Commits::take() {
+Commits::Update Commits::take() {
   const std::lock_guard lock(mutex_);
   return std::exchange(news_, {});
 }

@@ -13,7 +13,7 @@ namespace ledgerline::fabric {
 /// Any thread; the streams may outlive the pipeline.
 class Commits {
  public:
-  struct Seen {
+  struct Observation {
     std::string tx_id;
     std::uint64_t block = 0;
     int code = 0;
@@ -27,11 +27,11 @@ class Commits {
   bool await(const std::string& tx_id);
   void forget(const std::string& tx_id);
   /// What was seen of the awaited; each once. `lost`: no stream is left, so what is still awaited has to be asked for.
-  struct News {
-    std::vector<Seen> seen;
+  struct Update {
+    std::vector<Observation> seen;
     bool lost = false;
   };
-  News take();
+  Update take();
 
   // A stream's side.
 
@@ -42,7 +42,7 @@ class Commits {
   std::mutex mutex_;  ///< held while `wake` is called
   std::function<void()> wake_;
   std::unordered_set<std::string> awaited_;
-  News news_;
+  Update news_;
   int streams_ = 0;
 };
 

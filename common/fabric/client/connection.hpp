@@ -37,8 +37,8 @@ class Connection {
   const ClientConfig config;  ///< its identity has `in_use`
   std::shared_ptr<Commits> commits = std::make_shared<Commits>();
 
-  /// As they are now: whoever needs two things of them takes them once. After ClientConfig::tls_in_use has a renewed
-  /// pair they are made anew, and who still holds the old ones goes on over them. Any thread.
+  /// As they are now: a caller that needs two things of them takes them once. After ClientConfig::tls_in_use has a
+  /// renewed pair they are recreated; a caller that still holds the old ones continues to use them. Any thread.
   std::shared_ptr<const GrpcChannels> channels() const;
   /// Whom to sign as now; what has begun as one goes on as that one. Any thread.
   std::shared_ptr<const crypto::SigningIdentity> signing() const { return config.identity.in_use->now(); }
@@ -53,7 +53,7 @@ class Connection {
   mutable std::shared_ptr<const GrpcChannels> channels_;
   mutable std::uint64_t renewals_ = 0;  ///< of the config's, when channels_ was made
   mutable TimeNs renew_from_ns_ = 0;    ///< after an attempt that failed
-  mutable std::string problem_;         ///< why it did, as told last
+  mutable std::string problem_;         ///< why it did, as reported last
 };
 Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config);
 

@@ -10,7 +10,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::chrono::milliseconds silent_rest{5'000};  // each try costs the call the patience with it
+constexpr std::chrono::milliseconds silent_rest{5'000};  // each try costs the call the timeout with it
 
 bool not_reached(const grpc::Status& status) {
   return may_pass(status) || status.error_code() == grpc::StatusCode::DEADLINE_EXCEEDED ||
@@ -42,7 +42,7 @@ void Pipeline::propose_to(const PendingPtr& p, protos::Endorser::Stub& endorser)
   // Where another one of its organisation can be asked it is not waited for to the call's end.
   if (p->endorser && has_another(*p->endorser))
     p->propose->context.set_deadline(
-        std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_patience));
+        std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_timeout));
   p->propose->reader = endorser.AsyncProcessProposal(&p->propose->context, proposal, &queue_);
   await(p, p->propose, &Pipeline::on_proposed);
 }
@@ -117,7 +117,7 @@ bool Pipeline::gather(const PendingPtr& p) {
     }));
   }
   p->alarm = std::make_shared<grpc::Alarm>();
-  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_patience),
+  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + connection_->config.endorse_timeout),
                 new Tag([this, p](bool ok) {
                   if (ok && p->stage == Stage::endorsing && p->gathering) on_gathered(p, true);
                 }));

@@ -43,7 +43,7 @@ class Ordering {
   void seen(std::size_t orderer, TimeNs took_ns) { choice_.seen(orderer, took_ns, monotonic_ns()); }
   /// The same orderers over new connections, from the next envelope on.
   void renew(std::vector<std::shared_ptr<grpc::Channel>> orderers);
-  /// Cancels the stream; what is under way is not heard of any more. Before the queue's shutdown.
+  /// Cancels the stream; what is in flight reports no outcome any more. Before the queue's shutdown.
   void end();
 
  private:
@@ -62,7 +62,7 @@ class Ordering {
   void cancel_streams();
   void pass_on();
   void finish(Ended ended, const std::string& why);
-  /// A tag that counts only while the same send is under way on the same stream.
+  /// A tag that counts only while the same send is in flight on the same stream.
   Tag* tag(std::function<void(bool ok)> then);
 
   std::vector<std::shared_ptr<grpc::Channel>> orderers_, renewed_;  ///< the second: for the next envelope; empty: none
@@ -75,7 +75,7 @@ class Ordering {
   BackOff back_off_;
   Random random_{random_seed()};
 
-  // Of the send that is under way.
+  // Of the send that is in flight.
   std::uint64_t number_ = 0;
   common::Envelope envelope_;
   std::chrono::system_clock::time_point deadline_;

@@ -25,15 +25,15 @@ bool leaves_open(const grpc::Status& status) {
 }
 
 // A block stream that has not brought a transaction after this may be far behind; the peer is asked then.
-constexpr std::chrono::milliseconds stream_patience{500};
+constexpr std::chrono::milliseconds stream_timeout{500};
 
 Outcome in_block(std::uint64_t block, int code) {
   Outcome outcome;
   outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
   outcome.block = block;
   outcome.code = code;
-  if (code == code_unbelievable) {
-    outcome.message = "flagged valid, but its result cannot be believed";
+  if (code == code_unverified) {
+    outcome.message = "flagged valid, but its result cannot be trusted";
   } else if (code != protos::VALID) {
     outcome.message = protos::TxValidationCode_Name(static_cast<protos::TxValidationCode>(code));
   }
@@ -126,8 +126,8 @@ void Pipeline::take_inbox() {
 }
 
 void Pipeline::take_commits() {
-  const Commits::News news = connection_->commits->take();
-  for (const Commits::Seen& seen : news.seen) {
+  const Commits::Update news = connection_->commits->take();
+  for (const Commits::Observation& seen : news.seen) {
     const auto found = std::find_if(live_.begin(), live_.end(),
                                     [&](const auto& one) { return one.second->proposal.tx_id == seen.tx_id; });
     if (found == live_.end()) continue;
@@ -218,11 +218,11 @@ void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
   p->attempts = 0;
   p->back_off.succeeded();
-  p->awaited = p->call.told_by_block && connection_->commits->await(p->proposal.tx_id);
+  p->awaited = p->call.reported_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
     // Who goes by counts or stamps does not mind a late one.
     const bool may_probe =
-        p->call.told_by_block && std::none_of(live_.begin(), live_.end(), [&](const auto& one) {
+        p->call.reported_by_block && std::none_of(live_.begin(), live_.end(), [&](const auto& one) {
           return one.second != p && (one.second->stage == Stage::sent || one.second->stage == Stage::acknowledged);
         });
     p->sent_ns = monotonic_ns();
@@ -287,7 +287,7 @@ void Pipeline::on_submitted(const PendingPtr& p) {
 
 void Pipeline::await_commit(const PendingPtr& p) {
   p->alarm = std::make_shared<grpc::Alarm>();
-  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + stream_patience),
+  p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + stream_timeout),
                 new Tag([this, p](bool ok) {
                   if (ok && p->awaited) ask_status(p);
                 }));
@@ -347,7 +347,7 @@ void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   p->stage = Stage::finished;
   // It may have read what the peers had replaced already, or may not endorse any more.
   if (outcome.kind == Outcome::Kind::invalidated && p->endorser) let_rest(*p->endorser);
-  // What is still under way comes back as cancelled, finds the call finished, and is dropped.
+  // What is still in flight comes back as cancelled, finds the call finished, and is dropped.
   if (p->endorse) p->endorse->context.TryCancel();
   if (p->propose) p->propose->context.TryCancel();
   for (const auto& unary : p->asked) unary->context.TryCancel();

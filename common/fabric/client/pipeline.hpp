@@ -26,9 +26,9 @@ namespace ledgerline::fabric {
 /// Order: proposals are endorsed side by side, but only one Submit is on its way at a time, in the order of submit();
 /// the next one leaves when the orderer has acknowledged the one before or it has failed. So the ledger orders one
 /// client's transactions as they were submitted (those with EndorsementNeed::in_order). The gateway's Submit is never
-/// repeated: where its answer is lost, CommitStatus tells (an envelope for an orderer may be sent twice: ordering.hpp).
-/// That one is asked together with Submit, which saves a round trip; not at all, where a block stream of the same
-/// client tells in time and the call allows it (Call::told_by_block).
+/// repeated: where its answer is lost, CommitStatus reports it (an envelope for an orderer may be sent twice:
+/// ordering.hpp). That one is asked together with Submit, which saves a round trip; not at all, where a block stream of
+/// the same client reports in time and the call allows it (Call::reported_by_block).
 ///
 /// With orderers in the config the call goes the direct path: ProcessProposal at the peer in place of Endorse,
 /// Broadcast in place of Submit; where no orderer is reached, the gateway's Submit after all. A call that needs two
@@ -64,7 +64,7 @@ class Pipeline {
     std::string answer;
     std::string submit_problem;  ///< why it is not known whether Submit arrived
     TimeNs begun_ns = 0, endorsed_ns = 0, ordered_ns = 0;
-    bool awaited = false;  ///< a block stream is to tell its end
+    bool awaited = false;  ///< a block stream is to report its end
     int attempts = 0;      ///< of the call that may be repeated now
     BackOff back_off{first_retry_ns, max_retry_ns};
     std::shared_ptr<Unary<gateway::EndorseResponse>> endorse;
@@ -93,7 +93,7 @@ class Pipeline {
   void wake();
   void take_inbox();
   void take_commits();
-  /// Speaks over the connections that there are now; calls under way end over the old ones.
+  /// Uses the connections that exist now; calls in flight end over the old ones.
   void take_channels();
   void begin(Job job);
   void endorse(const PendingPtr& p);

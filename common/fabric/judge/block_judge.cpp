@@ -112,8 +112,8 @@ Status BlockJudge::judge(const common::Block& block) {
   if (Status status = check_signatures(block, *said, config_, *orderers_); !status) return wrong(status.error().what);
   if (is_config(block)) return follow(block);
   if (said->last_config == config_.block) return done;
-  return wrong(fmt::format("the channel was configured anew in block {}, and block {} is known", said->last_config,
-                           config_.block));
+  return wrong(
+      fmt::format("the channel was reconfigured in block {}, and block {} is known", said->last_config, config_.block));
 }
 
 bool BlockJudge::is_signed(const common::Block& block) const {

@@ -39,7 +39,7 @@ bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::KVRead& r
 }
 
 bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range) const {
-  if (range.has_reads_merkle_hashes()) return true;  // of many reads a peer tells hashes alone: nobody can say
+  if (range.has_reads_merkle_hashes()) return true;  // of many reads a peer reports hashes alone: nobody can say
   // A query that stopped early has seen the keys up to its last one, and says nothing about those behind it.
   const std::string& end = range.end_key();
   const bool with_end = !range.itr_exhausted();
@@ -107,6 +107,6 @@ void BlockOverlay::add(const ReadWriteSet& sets) {
 
 void BlockOverlay::add_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, new_policies_); }
 
-void BlockOverlay::add_doubtful_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, doubtful_policies_); }
+void BlockOverlay::add_possible_policies(const ReadWriteSet& sets) { add_keys_with_policies(sets, possible_policies_); }
 
 }  // namespace ledgerline::fabric

@@ -24,8 +24,8 @@ class BlockOverlay {
   /// Whether an endorsed transaction of this block has set the key's policy: then nobody knows yet what it is.
   bool has_new_policy(const KeyName& key) const { return new_policies_.contains(key); }
   /// Whether a transaction has set it that may have been there before, and then has no effect.
-  bool may_have_new_policy(const KeyName& key) const { return doubtful_policies_.contains(key); }
-  void add_doubtful_policies(const ReadWriteSet& sets);
+  bool may_have_new_policy(const KeyName& key) const { return possible_policies_.contains(key); }
+  void add_possible_policies(const ReadWriteSet& sets);
   /// Also of one that turns out to have read what has changed: Fabric judges endorsements first.
   void add_policies(const ReadWriteSet& sets);
 
@@ -40,7 +40,7 @@ class BlockOverlay {
   const ChannelState& state_;
   std::map<KeyName, bool> written_;    ///< true: it is there afterwards
   std::set<KeyName> perhaps_written_;  ///< whether they are there is not known, so neither is whether that counts
-  std::set<KeyName> new_policies_, doubtful_policies_;
+  std::set<KeyName> new_policies_, possible_policies_;
 };
 
 }  // namespace ledgerline::fabric

@@ -10,7 +10,7 @@
 #include "common/fabric/tx/policy.hpp"
 #include "common/rt/clock.hpp"
 
-/// What a channel's configuration says of who is to be believed, and of when blocks are cut. Pure.
+/// What a channel's configuration says of who is to be trusted, and of when blocks are cut. Pure.
 namespace common {
 class Block;
 }

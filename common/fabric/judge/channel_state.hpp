@@ -44,10 +44,10 @@ class ChannelState {
   /// Whether a channel was followed from its first block on: what is not found is then not there.
   virtual bool whole() const { return true; }
   /// What is known of a key, found or not.
-  struct Known {
+  struct Completeness {
     bool version = true, policy = true;
   };
-  virtual Known known(const KeyName&) const { return {}; }
+  virtual Completeness known(const KeyName&) const { return {}; }
   /// The policy of its own that a key has, if it has one, by those who know the contract;
   /// common.SignaturePolicyEnvelope. Asked where its policy is not known.
   virtual std::optional<std::string> likely_policy(const KeyName&) const { return std::nullopt; }
@@ -75,7 +75,7 @@ class ChannelState {
   /// state is not whole, nobody knows.
   virtual std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const = 0;
   /// Whether somebody has only said so, of now: it may have been another one at the block that is judged.
-  virtual bool policy_is_hearsay(const std::string& /*name*/) const { return false; }
+  virtual bool policy_is_unverified(const std::string& /*name*/) const { return false; }
 };
 
 }  // namespace ledgerline::fabric

@@ -9,7 +9,7 @@ namespace {
 
 constexpr std::uint8_t upsert = 1, new_metadata = 2, no_metadata = 4, deletion = 8;
 
-struct Said {
+struct KeyChange {
   std::uint8_t flags = 0;  // a sum, as in Fabric
   KeyEffect effect;
 };
@@ -23,15 +23,15 @@ KeyEffect::Kind kind_of(std::uint8_t flags) {
 }  // namespace
 
 std::map<std::string, KeyEffect> effects_of(const kvrwset::KVRWSet& set) {
-  std::map<std::string, Said> said;
+  std::map<std::string, KeyChange> said;
   for (const kvrwset::KVWrite& write : set.writes()) {
-    Said& one = said[write.key()];
+    KeyChange& one = said[write.key()];
     const bool deletes = write.is_delete() || write.value().empty();
     one.flags = static_cast<std::uint8_t>(one.flags + (deletes ? deletion : upsert));
     if (!deletes) one.effect.value = write.value();
   }
   for (const kvrwset::KVMetadataWrite& write : set.metadata_writes()) {
-    Said& one = said[write.key()];
+    KeyChange& one = said[write.key()];
     one.flags = static_cast<std::uint8_t>(one.flags + (write.entries().empty() ? no_metadata : new_metadata));
     if (write.entries().empty()) continue;
     one.effect.policy.clear();

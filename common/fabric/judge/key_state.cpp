@@ -20,7 +20,7 @@ std::optional<ChannelState::Key> KeyState::find(const KeyName& name) const {
   return found == keys_.end() || !found->second.there ? std::nullopt : std::optional(found->second.key);
 }
 
-ChannelState::Known KeyState::known(const KeyName& name) const {
+ChannelState::Completeness KeyState::known(const KeyName& name) const {
   const auto found = keys_.find(name);
   if (found != keys_.end()) return found->second.known;
   // In a range that is known, what was not found is not there.
@@ -85,9 +85,9 @@ std::optional<Policy> KeyState::policy_of(const std::string& name, const std::st
   return application_policy(config_, own->second.empty() ? policy : own->second);
 }
 
-bool KeyState::policy_is_hearsay(const std::string& name) const {
+bool KeyState::policy_is_unverified(const std::string& name) const {
   const auto found = definitions_.find(name);
-  return found != definitions_.end() && found->second.hearsay;
+  return found != definitions_.end() && found->second.unverified;
 }
 
 void KeyState::take_collections(const std::string& contract, const std::string& bytes) {
@@ -119,7 +119,7 @@ void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
     return;
   } else if (field == validation && info.ParseFromString(data.bytes())) {
     definitions_[contract].policy = info.validation_parameter();
-    definitions_[contract].hearsay = false;
+    definitions_[contract].unverified = false;
   } else if (field == collections_field) {
     take_collections(contract, data.bytes());
   }
@@ -136,7 +136,7 @@ KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer)
     return found->second;
   }
   if (part_ && keys_.size() >= part_->max_keys) erase(keys_.find(use_.oldest_of_largest()));
-  const Known at_first = known(name);
+  const Completeness at_first = known(name);
   Entry& made = keys_[name];
   made.there = false;
   made.known = at_first;
@@ -252,7 +252,7 @@ void KeyState::write(const NamespaceSet& part, Version version, const std::strin
 
 void KeyState::remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now) {
   const bool claim = verdict.code == protos::BAD_PROPOSAL_TXID;
-  // In Fabric an id is used up by whoever claims it, so that its owner is refused from then on.
+  // In Fabric any client that claims an id uses it up, so its owner is refused from then on.
   if (claim && config_.embedded_node) return;
   const std::string& tx_id = verdict.tx_id;
   if (tx_id.size() != id_digits) return;

@@ -28,8 +28,7 @@ class KeyState final : public ChannelState {
   KeyState() = default;
   struct Part {
     std::string contract;  ///< whose keys are followed, beside the definitions
-    /// Beyond them the writer with most keys loses the one of its most numerous kind that was longest not used
-    /// (KeyUse).
+    /// Beyond them the writer with most keys loses the least recently used one of its most numerous kind (KeyUse).
     std::size_t max_keys = 20'000;
     std::size_t max_ids = 50'000;  ///< of the newest transactions
     std::size_t max_ranges = 1'000;
@@ -51,9 +50,9 @@ class KeyState final : public ChannelState {
   /// What somebody says of a contract whose definition was not followed: protos.ApplicationPolicy; until it is.
   void hear(const std::string& contract, const std::string& policy) {
     Definition& definition = definitions_[contract];
-    if (definition.policy && !definition.hearsay) return;  // a block has told it
+    if (definition.policy && !definition.unverified) return;  // a block has defined it
     definition.policy = policy;
-    definition.hearsay = true;
+    definition.unverified = true;
   }
   /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time, where it is known.
   void apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now = std::nullopt);
@@ -62,7 +61,7 @@ class KeyState final : public ChannelState {
 
   std::optional<Key> find(const KeyName& name) const override;
   bool whole() const override { return !part_; }
-  Known known(const KeyName& name) const override;
+  Completeness known(const KeyName& name) const override;
   std::optional<std::string> likely_policy(const KeyName& name) const override;
   bool have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const override;
   bool is_of_hot_path(const KeyName& name) const override;
@@ -74,7 +73,7 @@ class KeyState final : public ChannelState {
   std::uint64_t ids_since() const override { return ids_since_; }
   std::optional<TimeNs> ids_since_ns() const override { return ids_since_ns_; }
   std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const override;
-  bool policy_is_hearsay(const std::string& name) const override;
+  bool policy_is_unverified(const std::string& name) const override;
 
   std::size_t keys() const { return keys_.size(); }
   std::size_t transactions() const { return transactions_.size(); }
@@ -83,7 +82,7 @@ class KeyState final : public ChannelState {
   struct Entry {
     Key key;
     bool there = true;  ///< else it is known that it is not; of a part alone
-    Known known{};
+    Completeness known{};
     std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
     std::uint64_t policies = 0;        ///< policies_ before that write's block
     KeyUse::Place place{};             ///< of a part alone
@@ -132,7 +131,7 @@ class KeyState final : public ChannelState {
   struct Definition {
     /// protos.ApplicationPolicy; empty: the channel's own; none: a part has not seen it.
     std::optional<std::string> policy{};
-    bool hearsay = false;
+    bool unverified = false;
     std::map<std::string, std::string> collections{};  ///< the same for those of private data; empty: the contract's
   };
   std::map<std::string, Definition> definitions_;  ///< by contract

@@ -8,10 +8,10 @@
 
 namespace ledgerline::fabric {
 
-/// Which of the keys that a bounded memory holds has to go. Whoever writes many pushes out his own: the organisation
-/// whose transactions brought most keys loses one, of the kind (a key's first segment) of which it has most, and of
-/// these the one that was longest not used. So keys that are in use stay, and nobody's flood reaches those of others,
-/// nor his organisation's keys of other kinds. Pure; one thread.
+/// Which of the keys that a bounded memory holds has to go. A client that writes many pushes out its own: the
+/// organisation whose transactions brought most keys loses one, of the kind (a key's first segment) of which it has
+/// most, and of these the least recently used one. So keys in use stay. Nobody's flood evicts keys of other
+/// organisations, nor keys of other kinds of the own one. Pure; one thread.
 class KeyUse {
  public:
   KeyUse() = default;
@@ -37,7 +37,7 @@ class KeyUse {
   };
 
  private:
-  /// Of one organisation apart; the contract has thirteen. Whoever invents more has them in one.
+  /// Of one organisation apart; the contract has thirteen. Kinds beyond that share one.
   static constexpr std::size_t max_kinds = 16;
   std::map<std::string, std::map<std::string, Group>> groups_;  ///< by organisation and kind; none is empty
   std::uint64_t now_ = 0;

@@ -28,8 +28,8 @@ class Judging {
   Judging(const ChannelState& state, crypto::MspRegistry& members, const JudgeRules& rules)
       : state_(state), members_(members), rules_(rules), overlay_(state) {}
 
-  /// `told`: the peer's flag, which counts where the state does not know enough.
-  Verdict judge(std::string_view envelope, std::optional<int> told) {
+  /// `reported`: the peer's flag, which counts where the state does not know enough.
+  Verdict judge(std::string_view envelope, std::optional<int> reported) {
     Verdict verdict;
     const TransactionForm form =
         read_form(envelope, [&](const std::string& creator, const std::string& payload, const std::string& signature) {
@@ -41,7 +41,7 @@ class Judging {
     verdict.tx_id = form.channel_header.tx_id();
     verdict.config = form.config;
     verdict.code = form.code;
-    // A malformed result is told behind a used id and a malformed header extension.
+    // A malformed result is reported only after a used id and a malformed header extension.
     const bool formed = form.code == protos::VALID || form.code == protos::BAD_RESPONSE_PAYLOAD;
     if (!formed) return refuse(std::move(verdict), form.code, "its form or its creator's signature is wrong");
     if (form.channel_header.channel_id() != rules_.channel)
@@ -53,13 +53,13 @@ class Judging {
     }
     ReadWriteSet sets;
     unknown_ = false;
-    flagged_ = told.has_value();
+    flagged_ = reported.has_value();
     const Wrong wrong = endorsed(form, sets, verdict.endorsement_fits, verdict.endorsers);
-    if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, told);
-    if (unknown_ && is_of_endorsement(told)) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
-    if (told == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
-      overlay_.add_doubtful_policies(sets);
-      return refuse_by_flag(std::move(verdict), *told, std::move(sets));
+    if (wrong.code != protos::VALID) return refuse(std::move(verdict), wrong.code, wrong.why, reported);
+    if (unknown_ && is_of_endorsement(reported)) return refuse_by_flag(std::move(verdict), *reported, std::move(sets));
+    if (reported == protos::DUPLICATE_TXID && !ids_.contains(verdict.tx_id) && may_be_older(sets)) {
+      overlay_.add_possible_policies(sets);
+      return refuse_by_flag(std::move(verdict), *reported, std::move(sets));
     }
     if (!flagged_ && !state_.whole()) {
       verdict.repeatable = is_repeatable(sets);
@@ -72,8 +72,9 @@ class Judging {
     const BlockOverlay::Checked checked = overlay_.check(sets);
     unknown_ = unknown_ || checked.unknown;
     if (checked.code != protos::VALID)
-      return refuse(std::move(verdict), checked.code, "what it read has changed since", told);
-    if (unknown_ && told && *told != protos::VALID) return refuse_by_flag(std::move(verdict), *told, std::move(sets));
+      return refuse(std::move(verdict), checked.code, "what it read has changed since", reported);
+    if (unknown_ && reported && *reported != protos::VALID)
+      return refuse_by_flag(std::move(verdict), *reported, std::move(sets));
     verdict.by_flag = unknown_;
     overlay_.add(sets);
     verdict.sets = std::move(sets);
@@ -92,20 +93,20 @@ class Judging {
     return verdict;
   }
   /// It is invalid in any case; where something before that is not known, the flag may name the first reason.
-  Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> told) const {
-    if (unknown_ && !told) verdict.by_flag = true;
-    if (unknown_ && told && *told != protos::VALID) {
-      verdict.by_flag = verdict.by_flag || code != *told;
-      code = *told;
+  Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> reported) const {
+    if (unknown_ && !reported) verdict.by_flag = true;
+    if (unknown_ && reported && *reported != protos::VALID) {
+      verdict.by_flag = verdict.by_flag || code != *reported;
+      code = *reported;
     }
     return refuse(std::move(verdict), code, why);
   }
 
   /// `sets`: what it has written nevertheless, if that is not so.
-  static Verdict refuse_by_flag(Verdict verdict, int told, ReadWriteSet sets) {
+  static Verdict refuse_by_flag(Verdict verdict, int reported, ReadWriteSet sets) {
     verdict.by_flag = true;
     verdict.sets = std::move(sets);
-    return refuse(std::move(verdict), told, "the peer says so");
+    return refuse(std::move(verdict), reported, "the peer says so");
   }
 
   /// Whether the same transaction may have been ordered before what the state knows: what has read a version of a later
@@ -120,8 +121,8 @@ class Judging {
     return true;
   }
 
-  /// Whether it writes the hot path's keys alone, and has read none of them: whether one that was told before is the
-  /// newest of its key, another transaction's verdict must not depend on.
+  /// Whether it writes the hot path's keys alone, and has read none of them. Another transaction's verdict must not
+  /// depend on whether one that was delivered before is the newest of its key.
   bool is_repeatable(const ReadWriteSet& sets) const {
     return std::all_of(sets.parts.begin(), sets.parts.end(), [&](const NamespaceSet& part) {
       const auto of_hot_path = [&](const auto& one) {
@@ -220,13 +221,13 @@ class Judging {
   }
 
   /// What somebody says of a policy confirms a flag, and nothing without one.
-  bool may_confirm(const std::string& name) const { return flagged_ || !state_.policy_is_hearsay(name); }
+  bool may_confirm(const std::string& name) const { return flagged_ || !state_.policy_is_unverified(name); }
 
   bool satisfies_policy_of(const std::string& name, const std::string& collection,
                            const std::vector<Endorser>& endorsers) {
     const auto policy = state_.policy_of(name, collection);
     if (policy && satisfies(*policy, endorsers) && (state_.whole() || may_confirm(name))) return true;
-    if (state_.whole() || (policy && !state_.policy_is_hearsay(name))) return false;
+    if (state_.whole() || (policy && !state_.policy_is_unverified(name))) return false;
     unknown_ = true;
     return true;
   }
@@ -250,7 +251,7 @@ class Judging {
           const auto own = state_.likely_policy(whole);
           const auto common = state_.policy_of(name, part.collection);
           const bool by_own = own && satisfies(*own, endorsers), by_common = common && satisfies(*common, endorsers);
-          if (own && common && !by_own && !by_common && !state_.policy_is_hearsay(name)) return false;
+          if (own && common && !by_own && !by_common && !state_.policy_is_unverified(name)) return false;
           const bool both = by_own && by_common && may_confirm(name);
           unknown_ = unknown_ || (!both && !state_.have_sufficed(whole, endorsers));
           continue;
@@ -286,8 +287,9 @@ std::vector<Verdict> judge_transactions(const common::Block& block, const Channe
   std::vector<Verdict> verdicts;
   verdicts.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
-    const auto told = flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
-    verdicts.push_back(judging.judge(block.data().data(static_cast<int>(i)), told));
+    const auto reported =
+        flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
+    verdicts.push_back(judging.judge(block.data().data(static_cast<int>(i)), reported));
   }
   return verdicts;
 }

@@ -36,7 +36,7 @@ Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chron
 
 }  // namespace
 
-Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id) {
+Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id) {
   config.where.contract = chain_contract;
   const std::string channel = config.where.channel;
   auto client = Client::create(config);
@@ -51,7 +51,7 @@ Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id) 
                                       realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   std::vector<PeerAnswer> answers;
-  AskedReceipt out;
+  ReceiptRequest out;
   for (const Peer& peer : peers_to_ask(**connection)) {
     auto answer = ask(peer, proposal->signed_proposal, settings.deadline);
     if (answer) {

@@ -9,7 +9,7 @@
 namespace ledgerline::fabric {
 
 /// What was heard for a receipt.
-struct AskedReceipt {
+struct ReceiptRequest {
   Receipt receipt;
   std::vector<std::string> unheard;  ///< peers that were not reached or refused, and why
 };
@@ -18,6 +18,6 @@ struct AskedReceipt {
 /// verdict a peer of each organisation of `config.endorsers`, and the own one where none of those is of the own
 /// organisation. Waits for each at most `config.deadline`. An error: there is no such transaction, no peer answers, or
 /// the peers differ. One thread.
-Result<AskedReceipt> ask_receipt(ClientConfig config, const std::string& tx_id);
+Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id);
 
 }  // namespace ledgerline::fabric

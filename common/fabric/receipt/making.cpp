@@ -30,12 +30,12 @@ Result<Receipt::Block> what_is_signed(std::string_view bytes) {
   return out;
 }
 
-struct Said {
+struct ParsedAnswer {
   std::string peer, organisation;
   int code = 0;
   Receipt::Answer answer;
 };
-Result<Said> read_response(const PeerAnswer& from, const std::string& hash) {
+Result<ParsedAnswer> read_response(const PeerAnswer& from, const std::string& hash) {
   const auto wrong = [&](const std::string& why) { return Error{fmt::format("{}: its answer {}", from.peer, why)}; };
   protos::ProposalResponse response;
   msp::SerializedIdentity identity;
@@ -44,10 +44,10 @@ Result<Said> read_response(const PeerAnswer& from, const std::string& hash) {
   if (!response.has_endorsement() || !parse(identity, response.endorsement().endorser())) return wrong("is not signed");
   const auto said = read_answer(response.payload(), hash);
   if (!said) return wrong(said.error().what);
-  return Said{from.peer,
-              identity.mspid(),
-              said->validationcode(),
-              {response.payload(), {response.endorsement().endorser(), response.endorsement().signature()}}};
+  return ParsedAnswer{from.peer,
+                      identity.mspid(),
+                      said->validationcode(),
+                      {response.payload(), {response.endorsement().endorser(), response.endorsement().signature()}}};
 }
 
 }  // namespace
@@ -65,12 +65,12 @@ Result<Receipt> make_receipt(const std::string& channel, const std::string& tx_i
   receipt.question = question.proposal_bytes();
   const auto asked = read_question(receipt.question, channel, tx_id);
   if (!asked) return asked.error();
-  std::map<std::string, Said> by_organisation;
+  std::map<std::string, ParsedAnswer> by_organisation;
   for (const PeerAnswer& answer : answers) {
     auto said = read_response(answer, asked->hash);
     if (!said) return said.error();
     if (!by_organisation.empty() && by_organisation.begin()->second.code != said->code) {
-      const Said& first = by_organisation.begin()->second;
+      const ParsedAnswer& first = by_organisation.begin()->second;
       return Error{fmt::format("the peers differ: {} says {}, {} says {}", first.peer, name_of_code(first.code),
                                said->peer, name_of_code(said->code))};
     }

@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 
-/// A receipt: one file that shows what became of one transaction, to somebody who has no network and believes nobody
+/// A receipt: one file that shows what became of one transaction, to somebody who has no network and trusts nobody
 /// but the authorities of the channel's organisations and orderers (receipt_judge.hpp). Pure.
 namespace ledgerline::fabric {
 
@@ -57,7 +57,7 @@ inline constexpr const char* verdict_function = "GetTransactionByID";
 
 /// Puts a receipt together: `block`, a common.Block that holds the transaction, and `answers` to `signed_question`, a
 /// protos.SignedProposal that asks chain_contract for the transaction's verdict. An error names the peer whose answer
-/// is none, and the peers that say different things. Nothing is verified: that needs to know whom to believe.
+/// is none, and the peers that say different things. Nothing is verified: that needs to know whom to trust.
 Result<Receipt> make_receipt(const std::string& channel, const std::string& tx_id, std::string_view block,
                              std::string_view signed_question, const std::vector<PeerAnswer>& answers);
 

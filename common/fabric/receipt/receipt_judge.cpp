@@ -17,7 +17,7 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr std::size_t max_name = 200;  // of what strangers chose, in a message
+constexpr std::size_t max_name = 200;  // of what others chose, in a message
 
 using Names = std::vector<crypto::IdentityName>;
 using Role = Proven::Certificate::Role;

@@ -11,7 +11,7 @@
 
 namespace ledgerline::fabric {
 
-/// Whom to believe. All of it comes from who checks, nothing from the receipt.
+/// Whom to trust. All of it comes from who checks, nothing from the receipt.
 struct ReceiptTrust {
   std::string channel;
   std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of these has to say the verdict
@@ -61,12 +61,12 @@ struct Proven {
 ///   default policy wants one. Where the channel's policy wants more, one orderer's word is proven and not more);
 /// - the transaction is in it, is of this channel, has its creator's signature, and its id is of that creator;
 /// - peers (OU=peer) of more than half of the named organisations signed one and the same verdict on this very
-///   transaction. Validity is signed nowhere else: a lying majority would be believed, as by the channel itself.
+///   transaction. Validity is signed nowhere else: a lying majority would be trusted, as by the channel itself.
 /// Certificates must be of the named authorities, and count whenever they were valid, as in a block of Fabric's: a
 /// receipt outlives them. Who is on a revocation list has no word any more as orderer or as answering peer, since the
 /// receipt has no time that its key's thief could not claim. Creator and endorsers stay what they were: the channel's
-/// peers judged them when the transaction came, and their verdict is what is proven. All of it is told beside
-/// (Proven::Certificate). Any thread; checked certificates are kept between receipts.
+/// peers judged them when the transaction came, and their verdict is what is proven. All of it is reported beside
+/// that (Proven::Certificate). Any thread; checked certificates are kept between receipts.
 class ReceiptJudge {
  public:
   /// An error names the certificate that cannot be read, or what is missing.

@@ -42,11 +42,11 @@ std::int64_t end_of(const crypto::SigningIdentity& identity) {
 }  // namespace
 
 Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig& ledger,
-                                                                   std::unique_ptr<crypto::MspRegistry> believed,
+                                                                   std::unique_ptr<crypto::MspRegistry> trusted,
                                                                    const std::vector<ClientConfig::TlsPair>& further) {
   ledger.identity.in_use = std::make_shared<crypto::IdentityInUse>(ledger.identity);
-  if (believed && !believed->member(ledger.identity.serialized, std::nullopt)) believed.reset();
-  std::unique_ptr<CertificateWatch> watch(new CertificateWatch(ledger, std::move(believed)));
+  if (trusted && !trusted->member(ledger.identity.serialized, std::nullopt)) trusted.reset();
+  std::unique_ptr<CertificateWatch> watch(new CertificateWatch(ledger, std::move(trusted)));
   for (ClientConfig::TlsPair& files : pairs_of(ledger, further)) {
     auto pair = crypto::read_pair({files.certificate_file, files.key_file});
     if (!pair) return pair.error();
@@ -62,9 +62,9 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
 
 Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger,
                                                              const std::vector<ClientConfig::TlsPair>& further) {
-  auto believed = msp_registry(config);
-  if (!believed) return believed.error();
-  return CertificateWatch::create(ledger, std::move(*believed), further);
+  auto trusted = msp_registry(config);
+  if (!trusted) return trusted.error();
+  return CertificateWatch::create(ledger, std::move(*trusted), further);
 }
 
 void CertificateWatch::log(Weight weight, const std::string& words) {
@@ -74,10 +74,10 @@ void CertificateWatch::log(Weight weight, const std::string& words) {
               "{}", words);
 }
 
-CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> believed)
+CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> trusted)
     : place_(ledger.identity_place),
       identity_(ledger.identity.in_use),
-      believed_(std::move(believed)),
+      trusted_(std::move(trusted)),
       in_use_(std::make_shared<TlsPairsInUse>()),
       identity_renewal_(fmt::format("{} {}", ledger.identity.name.msp_id, ledger.identity.name.subject),
                         ledger.identity.name.subject, end_of(ledger.identity)) {}
@@ -109,11 +109,11 @@ void CertificateWatch::look() {
   for (Pair& pair : pairs_) look_at(pair, now_s);
 }
 
-/// Proved to be a pair by who loaded it, and of a believed authority.
+/// Proved to be a pair by who loaded it, and of a trusted authority.
 Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const {
   if (!found) return found.error();
-  if (believed_) {
-    if (const auto member = believed_->member(found->serialized, now_s); !member)
+  if (trusted_) {
+    if (const auto member = trusted_->member(found->serialized, now_s); !member)
       return Error{fmt::format("it is no member of {}: {}", found->name.msp_id, member.error().what)};
   }
   auto read = crypto::read_serialized(found->serialized);

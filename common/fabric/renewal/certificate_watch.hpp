@@ -27,8 +27,8 @@ Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, Cli
 /// TLS pair of its tables. What it refuses stays as it was (crypto::Renewal). One thread of its own, which sleeps but
 /// for a few calls of stat each `period`.
 ///
-/// Calls that begin behind a change are signed with the new certificate, and connections are made anew with the new TLS
-/// pair; calls and streams that are under way end over the old ones.
+/// Calls that begin after a change are signed with the new certificate, and connections are recreated with the new TLS
+/// pair. Calls and streams in flight end over the old ones.
 class CertificateWatch {
  public:
   /// So long after the second file of a pair is in place two looks at most pass until it counts.
@@ -38,15 +38,15 @@ class CertificateWatch {
   /// On the watch's own thread.
   using Tell = std::function<void(Weight weight, const std::string& words)>;
 
-  /// Makes `ledger` one whose clients are renewed: before they are created. `believed`: a registry of the watch's own,
+  /// Makes `ledger` one whose clients are renewed: before they are created. `trusted`: a registry of the watch's own,
   /// so that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the
   /// identity that is there now: who signed a new one is the ledger's matter. An error: a TLS pair cannot be read.
   static Result<std::unique_ptr<CertificateWatch>> create(ClientConfig& ledger,
-                                                          std::unique_ptr<crypto::MspRegistry> believed,
+                                                          std::unique_ptr<crypto::MspRegistry> trusted,
                                                           const std::vector<ClientConfig::TlsPair>& further = {});
   ~CertificateWatch();
 
-  /// For who has no other place to tell.
+  /// For callers that have no other place to report it.
   static void log(Weight weight, const std::string& words);
   /// Begins to look. `tell` must outlive the watch.
   void start(Tell tell, std::chrono::milliseconds period = usual_period);
@@ -61,7 +61,7 @@ class CertificateWatch {
     crypto::Renewal renewal;
   };
 
-  CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> believed);
+  CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> trusted);
   void look();
   void look_at_identity(std::int64_t now_s);
   void keep_first_end();
@@ -72,7 +72,7 @@ class CertificateWatch {
 
   const crypto::IdentityPlace place_;
   const std::shared_ptr<crypto::IdentityInUse> identity_;
-  std::unique_ptr<crypto::MspRegistry> believed_;
+  std::unique_ptr<crypto::MspRegistry> trusted_;
   const std::shared_ptr<TlsPairsInUse> in_use_;
   ChangedFiles identity_changes_;
   std::vector<Pair> pairs_;

@@ -10,10 +10,10 @@
 
 namespace ledgerline::fabric {
 
-/// The calls of one stream that have not ended, oldest first, and whether another may go: at once while none is under
-/// way, else behind a gap (Pacing), up to `max`. `T` is what the sender needs when the call ends. One thread.
+/// The calls of one stream that have not ended, oldest first, and whether another may go: at once while none is in
+/// flight, else after a gap (Pacing), up to `max`. `T` is what the sender needs when the call ends. One thread.
 ///
-///     add() -> under way -> end(): its outcome came
+///     add() -> in flight -> end(): its outcome came
 ///                  |          ^
 ///                  +- landed(): in a block, its outcome still to come; no other call waits for it
 template <typename T>
@@ -43,7 +43,7 @@ class InFlight {
     return entry;
   }
 
-  /// The oldest call under way of which `is` holds is in a block; when it was submitted.
+  /// The oldest call in flight of which `is` holds is in a block; when it was submitted.
   template <typename Is>
   std::optional<TimeNs> landed(const Is& is) {
     const auto found = std::find_if(entries_.begin(), entries_.end(),
@@ -61,7 +61,7 @@ class InFlight {
     const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
     return oldest == entries_.end() ? INT64_MIN : pacing_.next_ns(oldest->submitted_ns, last_ns_);
   }
-  /// The same behind the newest call that is under way: one that landed counts no more, be it newer.
+  /// The same after the newest call in flight: one that landed does not count any more, even if it is newer.
   bool may_go_behind_open(TimeNs now) const {
     const auto newest = std::find_if(entries_.rbegin(), entries_.rend(), open);
     return newest == entries_.rend() || may_go_behind(now, newest->submitted_ns);

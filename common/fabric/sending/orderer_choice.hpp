@@ -17,7 +17,7 @@ namespace ledgerline::fabric {
 /// probe is compared with the envelope before it alone, and what counts is how often it was sooner.
 ///
 ///     best ──▶ one envelope in probe_every goes to another one ──▶ in two of three sooner there: that is the best now
-///     best fails ──▶ the next one, and all is measured anew, more often at first
+///     best fails ──▶ the next one, and all is measured again, more often at first
 ///
 /// Only an envelope with none of ours before it still on its way may go to another one than the best, or change the
 /// best: two orderers do not keep the order of one client's envelopes. With one orderer it is always that. Pure, one

@@ -5,8 +5,9 @@
 
 namespace ledgerline::fabric {
 
-/// The contract's own no: asking again is in vain. Whatever else refuses a call (a peer, a relay, an orderer) gives
-/// none, and may let the next one pass. Made once, with the outcome; nobody else reads an outcome's message.
+/// The contract's own refusal: a retry would be refused again. Whatever else refuses a call (a peer, a relay, an
+/// orderer) gives none, and may let the next one pass. Made once, with the outcome; nobody else reads an outcome's
+/// message.
 struct Refusal {
   std::string about;  ///< the id or drone that the words begin with ("tello3: ..."); empty: the whole call
   std::string words;  ///< the contract's, without what the peer puts before them

@@ -16,7 +16,7 @@ class TlsPairsInUse {
     std::string certificate_pem, key_pem;
   };
 
-  /// Of the pair whose certificate is in that file. Connections are made anew behind it.
+  /// Of the pair whose certificate is in that file. Connections are recreated after it.
   void renew(const std::string& certificate_file, Pair pair) {
     const std::lock_guard lock(mutex_);
     pairs_[certificate_file] = std::move(pair);

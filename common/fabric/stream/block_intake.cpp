@@ -64,9 +64,9 @@ void BlockIntake::define(const std::string& policy) {
   defined_ = true;
 }
 
-Result<Continuation> BlockIntake::continue_chain(const Believed& believed, const common::Block& newest,
+Result<Continuation> BlockIntake::continue_chain(const LastVerified& trusted, const common::Block& newest,
                                                  const Fetch& fetch) {
-  auto on = continue_behind(believed, newest, fetch);
+  auto on = continue_behind(trusted, newest, fetch);
   if (!on) return on;
   caught_up_ = false;
   if (on->gap) {
@@ -112,12 +112,12 @@ Error BlockIntake::contradict(std::string what) {
 
 bool BlockIntake::is_signed(const common::Block& message) { return !judge_ || judge_->is_signed(message); }
 
-/// Of a block that the peer tells.
+/// Of a block that the peer delivers.
 Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string& hash) {
   if (setup_.source == BlockSource::peer) return done;
-  const auto ordered = told_.take_ordered(number);
+  const auto ordered = reported_.take_ordered(number);
   if (!ordered) {
-    told_.of_peer(number, hash);
+    reported_.of_peer(number, hash);
   } else if (ordered->hash != hash && is_signed(ordered->message)) {
     return contradict(not_as_ordered(number));
   } else if (ordered->hash != hash) {
@@ -126,10 +126,10 @@ Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string
   return done;
 }
 
-/// Of a block that an orderer tells behind the peer.
+/// Of a block that an orderer delivers after the peer.
 Status BlockIntake::compare_with_taken(const common::Block& message, const std::string& hash) {
   const std::uint64_t number = message.header().number();
-  const auto taken = told_.take_of_peer(number);
+  const auto taken = reported_.take_of_peer(number);
   if (!taken || *taken == hash) return done;
   if (is_signed(message)) return contradict(not_as_ordered(number));
   return Error{fmt::format("block {} of an orderer is not the peer's, and not signed", number)};
@@ -146,7 +146,7 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
     return contradict(not_as_ordered(number));
   }
   const std::string_view flags = flags_of(message);
-  std::size_t told_again = 0;
+  std::size_t reported_again = 0;
   for (std::size_t i = 0; i < ours.sets.size(); ++i) {
     const int flag = i < flags.size() ? static_cast<unsigned char>(flags[i]) : -1;
     if (flag == protos::VALID) continue;
@@ -154,17 +154,17 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
       return contradict(fmt::format("block {}: the peer does not flag transaction {} valid, as we have found it ({})",
                                     number, i, flag));
     state_->forget(ours.sets[i]);
-    ++told_again;
+    ++reported_again;
   }
   ++counts_.confirmed;
   unconfirmed_.erase(unconfirmed_.begin());
-  return told_again;
+  return reported_again;
 }
 
 std::optional<std::uint64_t> BlockIntake::begin_ordered() {
   next_ordered_.reset();
   orderer_problem_.clear();
-  told_.forget_ordered();
+  reported_.forget_ordered();
   waiting_.clear();
   waiting_bytes_ = 0;
   if (setup_.source != BlockSource::peer) next_ordered_ = next_;
@@ -181,7 +181,7 @@ Status BlockIntake::add_ordered(common::Block message) {
   if (!flags_of(message).empty()) message.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, "");
   std::string hash = header_hash(message.header());
   if (next_ && number < *next_) return compare_with_taken(message, hash);
-  told_.ordered(message, std::move(hash));
+  reported_.ordered(message, std::move(hash));
   keep_waiting(std::move(message));
   return done;
 }
@@ -219,7 +219,7 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
   if (next_is_uncertain_) return none;
   ChainCheck chain = chain_;
   if (Status follows = judge_ordered(out.message, chain); !follows) {
-    (void)told_.take_ordered(number);
+    (void)reported_.take_ordered(number);
     return follows.error();
   }
   const std::vector<Verdict> verdicts = fabric::judge_transactions(out.message, *state_, *members_, rules_);
@@ -230,7 +230,7 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
     ++counts_.uncertain;
     return none;
   }
-  (void)told_.take_ordered(number);
+  (void)reported_.take_ordered(number);
   set_flags(out.message, verdicts);
   auto block = decode_block(out.message);
   if (!block) return block.error();
@@ -283,19 +283,19 @@ void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& blo
     } else {
       ++counts_.judged;
     }
-    const bool told_again = transaction.code == protos::DUPLICATE_TXID && verdict.code != protos::DUPLICATE_TXID;
-    transaction.by_flag = verdict.by_flag || told_again;
+    const bool reported_again = transaction.code == protos::DUPLICATE_TXID && verdict.code != protos::DUPLICATE_TXID;
+    transaction.by_flag = verdict.by_flag || reported_again;
     transaction.creator_fits = verdict.creator_signed;
     for (std::size_t e = 0; e < verdict.endorsement_fits.size() && e < transaction.endorsements.size(); ++e)
       transaction.endorsements[e].fits = verdict.endorsement_fits[e];
-    if (transaction.code == code_unbelievable) continue;
+    if (transaction.code == code_unverified) continue;
     // Of what is invalid in any case the reason makes no difference.
     const bool valid = verdict.code == protos::VALID;
     if (transaction.code >= 0 && valid == (transaction.code == protos::VALID)) continue;
     ++counts_.differ;
     if (transaction.code == protos::VALID) {
       const bool again = verdict.code == protos::DUPLICATE_TXID;
-      transaction.code = again ? protos::DUPLICATE_TXID : code_unbelievable;
+      transaction.code = again ? protos::DUPLICATE_TXID : code_unverified;
       transaction.problem = verdict.why;
     } else if (transaction.code < 0) {
       transaction.problem = "the peer does not say whether it is";

@@ -12,17 +12,17 @@
 #include "common/fabric/judge/key_state.hpp"
 #include "common/fabric/judge/transaction_judge.hpp"
 #include "common/fabric/stream/block_source.hpp"
-#include "common/fabric/stream/told_headers.hpp"
+#include "common/fabric/stream/reported_headers.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 namespace ledgerline::fabric {
 
-/// What is believed of the blocks that a peer serves, without its I/O: the core of every stream of blocks. Each must be
+/// Verifies the blocks that a peer serves, without its I/O: the core of every stream of blocks. Each must be
 /// the next of the chain and signed by the channel's orderers; each of its transactions is judged by the rule of
-/// judge_transactions, as far as what came through here tells, and its flag believed beyond that.
+/// judge_transactions, as far as the blocks that came through here allow. Beyond that its flag is accepted.
 ///
 /// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
-/// from whoever tells it first:
+/// from the stream that brings it first:
 ///
 ///      orderer's N ──▶ only states and commands, all valid? ──yes──▶ taken ──▶ peer's N: the same? ──yes──▶ confirmed
 ///                                  │ no                                              │ no
@@ -34,7 +34,7 @@ class BlockIntake {
  public:
   struct Setup {
     ChannelAndContract where;
-    /// As ClientConfig::config_block. Empty: neither blocks nor transactions are judged, the peer is believed.
+    /// As ClientConfig::config_block. Empty: neither blocks nor transactions are judged, the peer is trusted.
     std::string config_block;
     BlockJudge::MakeRegistry make_registry;
     /// As ClientConfig::likely_policy.
@@ -52,18 +52,17 @@ class BlockIntake {
   void begin() { caught_up_ = false; }
   /// The first block; without it the first that comes.
   void start_at(std::uint64_t number) { next_ = number; }
-  /// Goes on behind a checkpoint: an error where the peer's chain, whose newest block that is, cannot be the believed
-  /// one.
+  /// Goes on behind a checkpoint: an error where the peer's chain, whose newest block that is, cannot continue it.
   using Fetch = BlockJudge::Fetch;
-  Result<Continuation> continue_chain(const Believed& believed, const common::Block& newest, const Fetch& fetch);
+  Result<Continuation> continue_chain(const LastVerified& trusted, const common::Block& newest, const Fetch& fetch);
 
-  /// The next block, with what is to be believed of its transactions: one that is flagged valid and is not is left out
-  /// (code_unbelievable), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the
+  /// The next block, with the verified transactions: one that is flagged valid and is not is left out
+  /// (code_unverified), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the
   /// next block, which may still come. Where confirms_next(), the peer's next block is for confirm().
   Result<Block> take(const common::Block& message, const Fetch& fetch);
 
-  /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has told it: it lies behind
-  /// the first one, and somebody has said what it is.
+  /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has defined it: it lies
+  /// behind the first one, and somebody has said what it is.
   void define(const std::string& policy);
   /// Whether that is worth asking.
   bool misses_definition() const { return state_ && !defined_; }
@@ -92,10 +91,11 @@ class BlockIntake {
   std::optional<std::uint64_t> begin_ordered();
   /// What the peer's block has shown of the orderer's stream since the last call; empty: nothing.
   std::string take_orderer_problem() { return std::exchange(orderer_problem_, {}); }
-  /// What an orderer tells. An error: this orderer is not to be believed, or contradiction() says that nobody is.
+  /// A block from an orderer. An error: this orderer's block is invalid, or contradiction() says that no source is to
+  /// be trusted.
   Status add_ordered(common::Block message);
-  /// The next block as an orderer has told it; to be asked behind each add_ordered() and take(), until there is none:
-  /// then the peer's stream brings the next one. An error as of add_ordered().
+  /// The next block as an orderer has delivered it; to be called after each add_ordered() and take(), until there is
+  /// none: then the peer's stream brings the next one. An error as of add_ordered().
   struct Ordered {
     Block block;
     common::Block message;  ///< with our own verdicts as its flags
@@ -103,16 +103,17 @@ class BlockIntake {
   Result<std::optional<Ordered>> take_ordered();
   /// What that orderer's stream brings next; none: there is no such stream.
   std::optional<std::uint64_t> next_ordered() const { return next_ordered_; }
-  /// Once peer and orderers have told two chains, or the peer other verdicts: in words. Nothing is taken from then on.
+  /// Once peer and orderers have delivered two chains, or the peer other verdicts: in words. Nothing is taken from then
+  /// on.
   const std::string& contradiction() const { return contradiction_; }
 
   struct Counts {
     std::uint64_t judged = 0;         ///< transactions whose flag rests on our own judgement as well
     std::uint64_t by_flag = 0;        ///< on the peer's word
     std::uint64_t differ = 0;         ///< of those that are judged
-    std::uint64_t ordered_first = 0;  ///< blocks taken before the peer told them
+    std::uint64_t ordered_first = 0;  ///< blocks taken before the peer delivered them
     std::uint64_t confirmed = 0;      ///< of these
-    std::uint64_t uncertain = 0;      ///< blocks that an orderer told first, and that had to wait for the peer
+    std::uint64_t uncertain = 0;      ///< blocks that an orderer delivered first, and that had to wait for the peer
   };
   const Counts& counts() const { return counts_; }
 
@@ -127,7 +128,7 @@ class BlockIntake {
   void keep_waiting(common::Block message);
   void forget_waiting(std::uint64_t up_to);
   Error contradict(std::string what);
-  /// Whether the channel's orderers have signed that header; true where nobody can tell.
+  /// Whether the channel's orderers have signed that header; true where it cannot be verified.
   bool is_signed(const common::Block& message);
   Status compare_with_ordered(std::uint64_t number, const std::string& hash);
   Status compare_with_taken(const common::Block& message, const std::string& hash);
@@ -150,20 +151,20 @@ class BlockIntake {
 
   // Of the orderers' stream.
   std::optional<std::uint64_t> next_ordered_;
-  ToldHeaders told_;
+  ReportedHeaders reported_;
   struct Waiting {
     common::Block message;
     std::size_t bytes = 0;
   };
   std::map<std::uint64_t, Waiting> waiting_;
   std::size_t waiting_bytes_ = 0;
-  bool next_is_uncertain_ = false;  ///< the peer has to tell it
+  bool next_is_uncertain_ = false;  ///< the peer has to deliver it
   struct Unconfirmed {
     std::string hash;
     std::vector<ReadWriteSet> sets;  ///< of its transactions, all valid
   };
   std::map<std::uint64_t, Unconfirmed> unconfirmed_;
-  std::string orderer_problem_;  ///< what an orderer told turned out to be forged
+  std::string orderer_problem_;  ///< what an orderer delivered turned out to be forged
   std::string contradiction_;
 };
 

@@ -5,8 +5,8 @@ namespace ledgerline::fabric {
 /// Whose blocks a stream hands over.
 enum class BlockSource {
   peer,     ///< the own peer's
-  ordered,  ///< whoever is first: an orderer's, where our own judgement needs no flag of the peer, which confirms it
-            ///< later
+  ordered,  ///< the first that comes: an orderer's, where our own judgement needs no flag of the peer, which confirms
+            ///< it later
 };
 
 }  // namespace ledgerline::fabric

@@ -5,8 +5,8 @@
 
 namespace ledgerline::fabric {
 
-/// How long behind the orderers the own peer told the same blocks, of those that were taken as they were ordered. Any
-/// thread.
+/// How long after the orderers the own peer delivered the same blocks, of those that were taken as they were ordered.
+/// Any thread.
 class Confirmations {
  public:
   /// As Client::StreamHandlers::on_confirmed has them.

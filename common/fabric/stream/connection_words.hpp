@@ -29,28 +29,28 @@ class ConnectionWords {
 
  private:
   std::optional<std::string> on_connected() {
-    if (!std::exchange(lost_is_told_, false)) return std::nullopt;
+    if (!std::exchange(lost_is_reported_, false)) return std::nullopt;
     return "connected";
   }
   std::optional<std::string> on_lost(const std::string& why, TimeNs now) {
     const bool again = why == why_ && now - lost_ns_ < max_rest_ns;
     lost_ns_ = now;
     if (again && now < rests_until_ns_) {
-      ++untold_;
+      ++unreported_;
       return std::nullopt;
     }
     rest_ns_ = again ? std::min(2 * rest_ns_, max_rest_ns) : first_rest_ns;
     rests_until_ns_ = now + rest_ns_;
     why_ = why;
-    lost_is_told_ = true;
-    const std::uint64_t untold = std::exchange(untold_, 0);
-    return again && untold > 0 ? fmt::format("{} ({} times more since it was told)", why, untold) : why;
+    lost_is_reported_ = true;
+    const std::uint64_t unreported = std::exchange(unreported_, 0);
+    return again && unreported > 0 ? fmt::format("{} ({} times more since it was reported)", why, unreported) : why;
   }
 
-  std::string why_;  ///< that was told
+  std::string why_;  ///< that was reported
   TimeNs lost_ns_ = 0, rest_ns_ = first_rest_ns, rests_until_ns_ = INT64_MIN;
-  std::uint64_t untold_ = 0;
-  bool lost_is_told_ = true;  ///< the first connection is news
+  std::uint64_t unreported_ = 0;
+  bool lost_is_reported_ = true;  ///< the first connection is news
 };
 
 }  // namespace ledgerline::fabric

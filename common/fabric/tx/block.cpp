@@ -69,12 +69,12 @@ const char* read_call(const common::ChannelHeader& channel, const common::Payloa
 }
 
 /// Leaves what may still be said of a transaction that is not what its flag says: who it is, and why.
-void disbelieve(Transaction& transaction, const char* why) {
+void distrust(Transaction& transaction, const char* why) {
   Transaction bare;
   bare.tx_id = std::move(transaction.tx_id);
   bare.channel = std::move(transaction.channel);
   bare.contract = std::move(transaction.contract);
-  bare.code = code_unbelievable;
+  bare.code = code_unverified;
   bare.problem = why;
   transaction = std::move(bare);
 }
@@ -141,7 +141,7 @@ Result<Block> decode_block(const common::Block& block) {
     const char* wrong = read_transaction(block.data().data(static_cast<int>(i)), transaction);
     transaction.code = flags.empty() ? -1 : static_cast<unsigned char>(flags[i]);
     if (wrong == nullptr) continue;
-    if (transaction.code == protos::VALID) disbelieve(transaction, wrong);
+    if (transaction.code == protos::VALID) distrust(transaction, wrong);
     if (transaction.code == -1) transaction.code = protos::BAD_PAYLOAD;
   }
   return out;

@@ -11,7 +11,7 @@
 namespace ledgerline::fabric {
 
 /// A call as protos.Proposal, in the one form that it has here. `who`: creator and nonce, of which the transaction's id
-/// is made. A receipt's question is told by these bytes: another form would end the receipts that there are.
+/// is made. A receipt's question is identified by these bytes: another form would end the receipts that there are.
 std::string proposal_bytes(const common::SignatureHeader& who, const ChannelAndContract& where, const Call& call,
                            const google::protobuf::Timestamp& time);
 

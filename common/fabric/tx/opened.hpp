@@ -23,7 +23,7 @@ struct OpenedTransaction {
 
   /// The result into the response, and that into the action: to be endorsed then.
   void seal_result();
-  /// A common.Envelope of all layers as they are now. Nothing is signed anew.
+  /// A common.Envelope of all layers as they are now. Nothing is signed again.
   std::string bytes();
 };
 /// `envelope`: common.Envelope, signed or not.

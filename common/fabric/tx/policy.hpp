@@ -26,8 +26,8 @@ std::string member_policy(const std::string& msp_id);
 /// satisfied by nobody.
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers);
 
-/// A policy of a channel: so many of these signature policies must be satisfied, each by whoever has signed. One
-/// signature policy by itself, or what an ImplicitMetaPolicy makes of those of its organisations.
+/// A policy of a channel: so many of these signature policies must be satisfied, each by the identities that have
+/// signed. One signature policy by itself, or what an ImplicitMetaPolicy makes of those of its organisations.
 struct Policy {
   std::vector<std::string> parts;  ///< each a serialized common.SignaturePolicyEnvelope
   std::size_t needed = 1;

@@ -30,9 +30,9 @@ struct EndorsementNeed {
 struct Call {
   std::string function;
   std::vector<std::string> args;
-  /// Its end may be told as soon as a block stream of the same client brings it, which is sooner and cheaper than
+  /// Its end may be reported as soon as a block stream of the same client brings it, which is sooner and cheaper than
   /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
-  bool told_by_block = false;
+  bool reported_by_block = false;
   /// Where its maker knows better than its function's name tells (ClientConfig::endorsement_need).
   std::optional<EndorsementNeed> need{};
 };
@@ -60,7 +60,7 @@ Result<std::string> assemble(const Proposal& proposal, const std::vector<std::st
 
 /// What an endorsed proposal came back as: the contract's answer, and proof that the envelope to sign is our own call.
 /// A gateway that put another call, channel or transaction id into the envelope is found out here; nothing is signed
-/// blindly.
+/// without a check.
 struct Prepared {
   std::string answer;
 };
@@ -94,32 +94,32 @@ struct Endorsement {
 
 /// A verdict of our own beside protos.TxValidationCode, which is a byte: flagged valid by the peers, but it cannot be.
 /// One peer's key is enough to get such a transaction into a block, so it must not stop those who follow.
-inline constexpr int code_unbelievable = 256;
+inline constexpr int code_unverified = 256;
 
 /// An endorser transaction, taken apart.
 struct Transaction {
   std::string tx_id;
   std::string channel;
   std::string contract;  ///< that was called; an event with this name of another contract means something else
-  int code = -1;  ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's); code_unbelievable
-  bool by_flag = false;     ///< whoever judged it for itself knows too little, and `code` is the peer's word alone
+  int code = -1;  ///< protos.TxValidationCode; 0 = VALID; -1: the block has no flags (orderer's); code_unverified
+  bool by_flag = false;     ///< our own validation knows too little, and `code` is the peer's claim alone
   TimeNs timestamp_ns = 0;  ///< as the client claimed it
   std::string creator;      ///< msp.SerializedIdentity
   std::string function;     ///< what the creator asked for, read out of `payload`; empty: no call of a contract
   std::vector<std::string> args;
-  std::string event_name;  ///< empty: none. Endorsed alone: whoever trusts the creator, not peers, looks at `args`
+  std::string event_name;  ///< empty: none. Only endorsed: a reader that trusts the creator, not peers, uses `args`
   std::string event_payload;
   std::string payload;  ///< common.Payload, signed by creator as `signature`
   std::string signature;
-  /// Whoever handed over the block has verified this signature with the key in the identity, and need not be asked
-  /// whose identity that is. False: nobody has, or it does not fit.
+  /// The source of the block has verified this signature with the key in the identity, so a reader need not verify it
+  /// again. False: nobody has, or it does not fit.
   bool creator_fits = false;
   std::string response_payload;  ///< ProposalResponsePayload: each endorsement signs it followed by the endorser
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
-  /// Why its flag is not believed. Of one that was flagged valid and cannot be read as one (decode_block) only tx_id,
+  /// Why its flag is not accepted. Of one that was flagged valid and cannot be read as one (decode_block) only tx_id,
   /// channel, contract and code are set then; else it is as it came, and our own judgement contradicts its flag: with
-  /// code_unbelievable (or that of a duplicate, 9) where it was flagged valid.
+  /// code_unverified (or that of a duplicate, 9) where it was flagged valid.
   std::string problem;
 };
 
@@ -137,14 +137,14 @@ struct Block {
   std::string previous_hash;
   std::string data_hash;
   std::vector<Transaction> transactions;
-  /// False: it was taken as an orderer told it, and the own peer has still to tell the same.
+  /// False: it was taken as an orderer delivered it, and the own peer has still to deliver the same.
   bool confirmed = true;
   TimeNs received_ns = 0;  ///< CLOCK_MONOTONIC, when the client's stream had its bytes; 0: not known
 };
 /// Takes a common.Block apart. Malformed bytes, data that does not match its hash, a wrong number of flags: an error
 /// that names the block; never a crash. A single transaction is never an error, since any member can have a malformed
 /// one ordered, and any peer one whose event names another transaction flagged valid: the first is kept with what could
-/// be read (code 2 = BAD_PAYLOAD where the block has no flags), the second is left out (code_unbelievable, no event),
+/// be read (code 2 = BAD_PAYLOAD where the block has no flags), the second is left out (code_unverified, no event),
 /// so that neither can stop those who follow the chain.
 Result<Block> decode_block(std::string_view block);
 

@@ -31,13 +31,13 @@ Result<std::int64_t> whole_number(const char* name, std::int64_t otherwise) {
 }  // namespace
 
 Result<ServiceManager> ServiceManager::from_environment() {
-  constexpr std::int64_t max_patience_us = 86'400'000'000;
-  const auto patience_us = whole_number("WATCHDOG_USEC", 0);
-  if (!patience_us) return patience_us.error();
-  if (*patience_us > max_patience_us) return Error{"WATCHDOG_USEC is longer than a day"};
+  constexpr std::int64_t max_timeout_us = 86'400'000'000;
+  const auto timeout_us = whole_number("WATCHDOG_USEC", 0);
+  if (!timeout_us) return timeout_us.error();
+  if (*timeout_us > max_timeout_us) return Error{"WATCHDOG_USEC is longer than a day"};
   const auto watched = whole_number("WATCHDOG_PID", ::getpid());
   if (!watched) return watched.error();
-  ServiceManager manager(*watched == ::getpid() ? *patience_us * ns_per_us : 0);
+  ServiceManager manager(*watched == ::getpid() ? *timeout_us * ns_per_us : 0);
 
   const std::string socket = variable("NOTIFY_SOCKET");
   if (socket.empty()) return Result<ServiceManager>(std::move(manager));
@@ -74,7 +74,7 @@ Status ServiceManager::send(const char* message) const {
   if (fd_ < 0) return done;
   const auto* to = reinterpret_cast<const sockaddr*>(&address_);
   if (::sendto(fd_, message, std::strlen(message), MSG_NOSIGNAL, to, address_size_) >= 0) return done;
-  return Error{std::string("the service manager was not told ") + message + ": " + std::strerror(errno)};
+  return Error{std::string("the service manager was not sent ") + message + ": " + std::strerror(errno)};
 }
 
 }  // namespace ledgerline

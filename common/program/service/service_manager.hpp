@@ -9,32 +9,32 @@
 
 namespace ledgerline {
 
-/// When to tell the service manager that this process lives: each half of the manager's patience, and only if its work
+/// When to notify the service manager that this process lives: each half of the manager's timeout, and only if its work
 /// has gone on since the last time. A process that stands still falls silent, and the manager acts.
 class WatchdogPace {
  public:
-  /// `patience_ns` 0: nobody watches, never due.
-  explicit WatchdogPace(TimeNs patience_ns) : patience_ns_(patience_ns), period_ns_(patience_ns / 2) {}
-  TimeNs patience_ns() const noexcept { return patience_ns_; }
+  /// `timeout_ns` 0: nobody watches, never due.
+  explicit WatchdogPace(TimeNs timeout_ns) : timeout_ns_(timeout_ns), period_ns_(timeout_ns / 2) {}
+  TimeNs timeout_ns() const noexcept { return timeout_ns_; }
 
   /// `progress`: any count that moves on with the work that is watched over.
   bool due(TimeNs now, std::uint64_t progress) noexcept {
-    if (period_ns_ == 0 || now < next_ns_ || progress == told_) return false;
+    if (period_ns_ == 0 || now < next_ns_ || progress == reported_) return false;
     next_ns_ = now + period_ns_;
-    told_ = progress;
+    reported_ = progress;
     return true;
   }
 
  private:
-  TimeNs patience_ns_;
+  TimeNs timeout_ns_;
   TimeNs period_ns_;
   TimeNs next_ns_ = 0;
-  std::uint64_t told_ = 0;
+  std::uint64_t reported_ = 0;
 };
 
-/// What systemd is told by a service of Type=notify: one datagram each to the socket in NOTIFY_SOCKET (sd_notify(3)).
-/// Without one, so on a desk, nothing is sent. Its calls do not block but are system calls: never in a real-time loop.
-/// One thread, but for alive(), which may be another's.
+/// What a service of Type=notify sends to systemd: one datagram each to the socket in NOTIFY_SOCKET (sd_notify(3)).
+/// Without one, so when started by hand, nothing is sent. Its calls do not block but are system calls: never in a
+/// real-time loop. One thread, but for alive(), which may be another's.
 class ServiceManager {
  public:
   /// From NOTIFY_SOCKET, WATCHDOG_USEC and WATCHDOG_PID; an error where they cannot be meant so.
@@ -44,7 +44,7 @@ class ServiceManager {
   ~ServiceManager();
 
   /// How long the manager waits for alive(); 0: it does not watch.
-  TimeNs patience_ns() const noexcept { return pace_.patience_ns(); }
+  TimeNs timeout_ns() const noexcept { return pace_.timeout_ns(); }
 
   /// The errors of these two say why a datagram could not be sent.
   Status ready();
@@ -52,7 +52,7 @@ class ServiceManager {
   Status alive(TimeNs now, std::uint64_t progress);
 
  private:
-  explicit ServiceManager(TimeNs patience_ns) : pace_(patience_ns) {}
+  explicit ServiceManager(TimeNs timeout_ns) : pace_(timeout_ns) {}
   Status send(const char* message) const;
 
   WatchdogPace pace_;

@@ -11,15 +11,15 @@
 namespace ledgerline {
 namespace {
 
-// A datagram goes out each half of the manager's patience. Halved this wakes the thread oftener for nothing, doubled a
-// datagram may be late by a tenth of the patience.
-constexpr int looks_per_patience = 20;
+// A datagram goes out each half of the manager's timeout. Halved this wakes the thread oftener for nothing, doubled a
+// datagram may be late by a tenth of the timeout.
+constexpr int looks_per_timeout = 20;
 
 }  // namespace
 
 WatchdogThread::WatchdogThread(ServiceManager& manager, std::function<std::uint64_t()> progress, int priority)
     : manager_(manager), progress_(std::move(progress)) {
-  if (manager.patience_ns() == 0) return;
+  if (manager.timeout_ns() == 0) return;
   // The program's signals are for its own threads.
   sigset_t all, before;
   sigfillset(&all);
@@ -27,7 +27,7 @@ WatchdogThread::WatchdogThread(ServiceManager& manager, std::function<std::uint6
   thread_ = std::thread([this, priority] {
     ::pthread_setname_np(::pthread_self(), "watchdog");
     if (priority > 0) (void)schedule_fifo(priority);
-    run(manager_.patience_ns() / looks_per_patience);
+    run(manager_.timeout_ns() / looks_per_timeout);
   });
   ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }

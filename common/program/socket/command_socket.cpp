@@ -17,7 +17,7 @@ namespace ledgerline {
 namespace {
 
 constexpr std::size_t max_askers = 8, max_line = 1'000, max_answer = 1'000'000;
-constexpr TimeNs patience = 5 * ns_per_s, accept_pause = 100 * ns_per_ms;
+constexpr TimeNs timeout = 5 * ns_per_s, accept_pause = 100 * ns_per_ms;
 
 Result<sockaddr_un> place(const std::string& path) {
   sockaddr_un address{};
@@ -46,8 +46,8 @@ bool send_all(int fd, std::string_view bytes) {
 }
 
 /// Nothing would mean for ever.
-bool set_patience(int fd, int option, TimeNs patience_ns) {
-  const TimeNs us = std::max<TimeNs>(1, patience_ns / ns_per_us);
+bool set_timeout(int fd, int option, TimeNs timeout_ns) {
+  const TimeNs us = std::max<TimeNs>(1, timeout_ns / ns_per_us);
   const timeval wait{us / 1'000'000, us % 1'000'000};
   return ::setsockopt(fd, SOL_SOCKET, option, &wait, sizeof wait) == 0;
 }
@@ -97,7 +97,7 @@ void CommandSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& 
     Asker& asker = askers_[i];
     const bool spoke = polled[i + 1].revents != 0;
     if (spoke ? serve(asker, act) : now < asker.until) {
-      if (spoke) asker.until = now + patience;
+      if (spoke) asker.until = now + timeout;
       continue;
     }
     ::close(std::exchange(asker.fd, -1));
@@ -106,7 +106,7 @@ void CommandSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& 
   if (polled[0].revents == 0) return;
   const int fd = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (fd >= 0)
-    askers_.push_back({fd, {}, now + patience});
+    askers_.push_back({fd, {}, now + timeout});
   else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED)
     accept_from_ = now + accept_pause;
 }
@@ -126,15 +126,15 @@ bool CommandSocket::serve(Asker& asker, const Do& act) {
   return asker.line.size() <= max_line;
 }
 
-Result<std::string> tell_command(const std::string& socket_path, const std::string& command, TimeNs patience_ns) {
+Result<std::string> tell_command(const std::string& socket_path, const std::string& command, TimeNs timeout_ns) {
   const auto address = place(socket_path);
   if (!address) return address.error();
   if (command.find('\n') != std::string::npos || command.size() >= max_line)
     return Error{fmt::format("a command is one line of less than {} bytes", max_line)};
   const int fd = ::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-  const TimeNs until = monotonic_ns() + patience_ns;
+  const TimeNs until = monotonic_ns() + timeout_ns;
   // A connection, too, waits as long as sending may: where nobody accepts.
-  bool good = fd >= 0 && set_patience(fd, SO_SNDTIMEO, patience_ns) &&
+  bool good = fd >= 0 && set_timeout(fd, SO_SNDTIMEO, timeout_ns) &&
               ::connect(fd, reinterpret_cast<const sockaddr*>(&*address), sizeof *address) == 0 &&
               send_all(fd, command + "\n");
   std::string answer;
@@ -144,7 +144,7 @@ Result<std::string> tell_command(const std::string& socket_path, const std::stri
     const TimeNs left = until - monotonic_ns();
     errno = ETIMEDOUT;
     const ssize_t got =
-        left > 0 && set_patience(fd, SO_RCVTIMEO, left) ? ::recv(fd, buffer.data(), buffer.size(), 0) : -1;
+        left > 0 && set_timeout(fd, SO_RCVTIMEO, left) ? ::recv(fd, buffer.data(), buffer.size(), 0) : -1;
     good = got > 0;
     why = got == 0 ? ECONNRESET : errno;
     if (good) answer.append(buffer.data(), static_cast<std::size_t>(got));

@@ -11,7 +11,7 @@
 
 namespace ledgerline {
 
-/// A Unix socket (stream, mode 0600: its user's alone) on which a running program is told commands: one line each, and
+/// A Unix socket (stream, mode 0600: its user's alone) on which a running program gets commands: one line each, and
 /// an answer of lines that ends with one empty line. The first word of an answer is `ok` or `error:`. Bounded: a few
 /// askers at a time, each with a line of at most 1,000 bytes, and gone after some seconds of silence. One thread.
 class CommandSocket {
@@ -44,8 +44,8 @@ class CommandSocket {
   TimeNs accept_from_ = 0;  // when this process may open no more files it waits a while
 };
 
-/// Tells one command to the program behind the socket: its answer, or what went wrong. `patience_ns`: of all of it.
+/// Tells one command to the program behind the socket: its answer, or what went wrong. `timeout_ns`: of all of it.
 Result<std::string> tell_command(const std::string& socket_path, const std::string& command,
-                                 TimeNs patience_ns = 5 * ns_per_s);
+                                 TimeNs timeout_ns = 5 * ns_per_s);
 
 }  // namespace ledgerline

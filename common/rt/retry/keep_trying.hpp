@@ -12,10 +12,10 @@ struct TryLimits {
   /// From the first attempt; an attempt that began before ends in its own time. RouDi and the embedded ledger are there
   /// within a second; somebody who starts programs by hand needs a few.
   TimeNs within_ns = 15 * ns_per_s;
-  /// Twice as long after each attempt, with jitter (BackOff). The first is short beside a start, the last beside a
-  /// person's patience, and neither is work for who is asked.
+  /// Twice as long after each attempt, with jitter (BackOff). The first is short beside a start, the last for a
+  /// person who waits, and neither is work for the server.
   TimeNs first_pause_ns = 10 * ns_per_ms, max_pause_ns = 200 * ns_per_ms;
-  /// The wait is told in the log from then on, and so often. Most are over before.
+  /// The wait is in the log from then on, and so often. Most are over before.
   TimeNs say_first_after_ns = 500 * ns_per_ms, say_again_after_ns = 3 * ns_per_s;
 };
 
@@ -29,8 +29,8 @@ struct TryWorld {
   static TryWorld real();
 };
 
-/// Waits for what may not be there yet, in the calling thread: again and again until an attempt succeeds. An error once
-/// `stop` says so ("asked to end before WHAT") or the time is over (its last error). `what`: "RouDi answers".
+/// Waits for what may not be there yet, in the calling thread: repeats until an attempt succeeds. An error once `stop`
+/// says so ("asked to end before WHAT") or the time is over (its last error). `what`: "RouDi answers".
 Status keep_trying(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
                    const std::function<Status()>& attempt, const TryWorld& world = TryWorld::real());
 

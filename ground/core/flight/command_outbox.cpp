@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <set>
 
-#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {
 
@@ -98,14 +98,14 @@ void CommandOutbox::submit_to(const std::string& organisation, TimeNs now, std::
   const std::uint64_t id = next_id++;
   ++counters_.submitted;
   out.submissions.push_back(
-      {id, {contract::command, {call.SerializeAsString()}, true, belief::command_need(call.organisation())}});
+      {id, {contract::command, {call.SerializeAsString()}, true, verification::command_need(call.organisation())}});
   in_flight.add(id, now, std::move(commands));
 }
 
 void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
   CommandCall call;
-  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
-  if (match != belief::Match::same || call.plans().empty()) return;
+  const verification::Match match = verification::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match != verification::Match::same || call.plans().empty()) return;
   const DronePlan& first = call.plans(0);
   const auto in_flight = in_flight_.find(call.organisation());
   if (in_flight == in_flight_.end()) return;

@@ -39,9 +39,9 @@ class CommandOutbox {
   void take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   /// A `command` of a block: where it is one of ours, nothing waits for its outcome any more.
   void take_block(TimeNs now, const fabric::Transaction& tx);
-  /// What waits was planned under the lease before; numbers begin anew.
+  /// What waits was planned under the previous lease; numbers restart.
   void begin_lease(std::size_t drone, const std::string& organisation, std::uint64_t epoch);
-  /// A ground that was started again under the same lease goes on behind what was flown, and what may be under way.
+  /// A ground that restarted under the same lease continues after what was flown and what may be in flight.
   void go_on_behind(std::size_t drone, std::uint64_t sequence);
 
  private:

@@ -5,16 +5,16 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 #include "ground/core/flight/near.hpp"
 
 namespace ledgerline::ground {
 namespace {
 
-constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be under way
+constexpr TimeNs grounded_for_ns = 2 * ns_per_s;  // a take-off command may still be in flight
 constexpr TimeNs refused_for_ns = 2 * ns_per_s;   // link takes no older plan, so what came by then was this take-off
 constexpr TimeNs end_wait_ns = 3 * ns_per_s;      // for the drone to come up to the path's end
 
@@ -81,7 +81,7 @@ void Phases::lease_changed(TimeNs now) {
     status_.why = lease_.commander != config_.self
                       ? "lost its lease" + (lease_.holder ? " to " + holder_words(lease_) : "")
                       : revoked_words(lease_);
-    const bool ourselves = lease_.revoked && is_revoked(*lease_.record, belief::to_message(config_.self));
+    const bool ourselves = lease_.revoked && is_revoked(*lease_.record, verification::to_message(config_.self));
     // Handed back, or held by another one who lets us command, its pilot flies it on.
     enter(now, config_.manual && !ourselves ? DronePhase::waiting : DronePhase::failed);
   }

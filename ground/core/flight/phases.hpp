@@ -20,8 +20,8 @@ bool may_take_off(const StateSample& state, bool manual);
 /// Deterministic; one thread. What it is given must outlive it; it writes the status's phase, progress and reasons.
 class Phases {
  public:
-  Phases(const FlightConfig& config, const Lease& lease, const Seen& seen, const PlanTiming& timing, Planner& planner,
-         FlightStatus& status)
+  Phases(const FlightConfig& config, const Lease& lease, const IntakeState& seen, const PlanTiming& timing,
+         Planner& planner, FlightStatus& status)
       : config_(config), lease_(lease), seen_(seen), timing_(timing), planner_(planner), status_(status) {}
 
   void begin(TimeNs now) { entered_ns_ = now; }
@@ -66,7 +66,7 @@ class Phases {
 
   const FlightConfig& config_;
   const Lease& lease_;
-  const Seen& seen_;
+  const IntakeState& seen_;
   const PlanTiming& timing_;
   Planner& planner_;
   FlightStatus& status_;

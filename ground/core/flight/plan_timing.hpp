@@ -36,9 +36,9 @@ class PlanTiming {
   const Timing& of(std::size_t drone) const;
   /// How much later than they say link flies the drone's setpoints.
   TimeNs margin_ns(std::size_t drone) const { return drones_[drone].margin.value_ns(); }
-  /// Why no plan could be flown in time, as far as our own calls tell; empty: one could, or nothing was measured yet.
+  /// Why no plan could be flown in time, as far as our own calls show; empty: one could, or nothing was measured yet.
   std::string too_slow() const;
-  /// The longest of all drones'.
+  /// The maximum over all drones.
   TimeNs max_delay_ns() const;
 
  private:

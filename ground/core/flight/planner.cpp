@@ -12,7 +12,7 @@ constexpr TimeNs beside_ns = 5 * ns_per_ms;  // without a ledger: until link has
 
 }  // namespace
 
-Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const Seen& seen,
+Planner::Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const IntakeState& seen,
                  FlightStatus& status)
     : config_(config),
       drone_(drone),
@@ -33,7 +33,7 @@ Status Planner::make_follower(const std::vector<Waypoint>& waypoints, const Eige
     return done;
   }
   auto own = std::make_unique<PathController>(waypoints, origin_m, config, yaw_rad);
-  // What was learned of a drone holds until its host starts anew: then its clock may, too.
+  // What was learned of a drone holds until its host restarts: then its clock may restart, too.
   if (controller_ && follower_boot_id_ == seen_.state.boot_id) own->go_on_from(*controller_);
   follower_boot_id_ = seen_.state.boot_id;
   controller_ = own.get();

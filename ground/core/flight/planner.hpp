@@ -24,7 +24,8 @@ struct PlannedCommand {
 /// outlive it.
 class Planner {
  public:
-  Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const Seen& seen, FlightStatus& status);
+  Planner(const FlightConfig& config, std::size_t drone, const Lease& lease, const IntakeState& seen,
+          FlightStatus& status);
 
   /// The path begins where the drone stands. The error says why nobody can steer along it.
   Status begin_path(const std::array<double, 2>& origin_m, double yaw_rad);
@@ -63,7 +64,7 @@ class Planner {
   const FlightConfig& config_;
   const std::size_t drone_;
   const Lease& lease_;
-  const Seen& seen_;
+  const IntakeState& seen_;
   FlightStatus& status_;
   const Task task_;
   std::unique_ptr<Follower> follower_;

@@ -1,7 +1,7 @@
 #include "ground/core/flight/state_intake.hpp"
 
-#include "common/belief/calls.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -16,9 +16,9 @@ StateIntake::StateIntake(const FlightConfig& config, const LeaseBook& leases, Fl
     : config_(config), leases_(leases), counters_(counters), seen_(config.drones.size()) {}
 
 // The contract let only the drone's owner write; this is the check that does not lean on the peer.
-bool StateIntake::believed(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const {
-  if (!config_.believed) return true;
-  const auto member = config_.believed->member(tx.creator, realtime_s);
+bool StateIntake::trusted(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const {
+  if (!config_.trusted) return true;
+  const auto member = config_.trusted->member(tx.creator, realtime_s);
   const auto& owner = leases_.of(drone).owner;
   if (!member || (owner && (*member)->name != *owner)) return false;
   return fabric::creator_signed(tx, *(*member)->verifier);
@@ -33,7 +33,7 @@ bool StateIntake::is_new(std::size_t drone, const StateSample& state) const {
 }
 
 void StateIntake::accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns) {
-  Seen& seen = seen_[drone];
+  IntakeState& seen = seen_[drone];
   seen.state = state;
   seen.state.drone = config_.drones[drone].number;
   seen.has_state = true;
@@ -41,16 +41,16 @@ void StateIntake::accept(std::size_t drone, const StateSample& state, std::optio
 }
 
 std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, std::int64_t realtime_s,
-                                                std::vector<DroneNews>& news) {
+                                                std::vector<DroneUpdate>& news) {
   SetCall call;  // as it was signed; whatever else the event says is the peer's alone
-  const belief::Match match = belief::match_set({tx.function, tx.args}, tx.event_payload, call);
-  if (match != belief::Match::same) {
-    ++(match == belief::Match::malformed ? counters_.malformed : counters_.altered);
+  const verification::Match match = verification::match_set({tx.function, tx.args}, tx.event_payload, call);
+  if (match != verification::Match::same) {
+    ++(match == verification::Match::malformed ? counters_.malformed : counters_.altered);
     return {};
   }
   std::vector<New> states;
   std::optional<std::size_t> checked;  // the signature is checked once per drone in a row, not per asset
-  std::vector<DroneNews> all(seen_.size());
+  std::vector<DroneUpdate> all(seen_.size());
   for (const Asset& asset : call.assets()) {
     const auto slash = asset.id().find('/');
     const auto drone = index_of(config_.drones, std::string_view(asset.id()).substr(0, slash));
@@ -63,13 +63,13 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     const bool alarm = what == "alarm" && asset.msg_type() == alarms_type;
     if (!status && !odometry && !battery && !transitions && !alarm) continue;
     if (drone != checked) {
-      if (!believed(tx, realtime_s, *drone)) {
-        ++counters_.unbelieved;
+      if (!trusted(tx, realtime_s, *drone)) {
+        ++counters_.unverified;
         continue;
       }
       checked = drone;
     }
-    DroneNews& one = all[*drone];
+    DroneUpdate& one = all[*drone];
     if (odometry) one.odometry = asset.msg_data();
     if (battery) one.battery = asset.msg_data();
     if (transitions) one.transitions = asset.msg_data();
@@ -84,7 +84,7 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     }
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
-    DroneNews& one = all[i];
+    DroneUpdate& one = all[i];
     one.drone = i;
     if (!one.state) one.odometry = one.battery = "";  // sent again for the frame's sake
     if (one.state || !one.transitions.empty() || !one.alarm.empty()) news.push_back(std::move(one));

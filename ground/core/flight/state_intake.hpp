@@ -6,14 +6,14 @@
 namespace ledgerline::ground {
 
 /// What is known of a drone.
-struct Seen {
+struct IntakeState {
   StateSample state;
   bool has_state = false;
   TimeNs received_ns = 0;  ///< when a state came that counts as a sign of life; the ground's clock
 };
 
 /// States out of frames: only what the drone's host signed, only of drones that fly here, only what is newer than the
-/// newest, or of another boot. A frame repeats the others' last values; those are no news. What is not believed is
+/// newest, or of another boot. A frame repeats the others' last values; those are no news. What is refused is
 /// counted. Deterministic; one thread.
 class StateIntake {
  public:
@@ -25,21 +25,21 @@ class StateIntake {
   StateIntake(const FlightConfig& config, const LeaseBook& leases, FlightTransactions& counters);
 
   /// The states of a `set` in their order, not accepted yet; `news`: what to publish.
-  std::vector<New> take(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneNews>& news);
+  std::vector<New> take(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneUpdate>& news);
   bool is_new(std::size_t drone, const StateSample& state) const;
   bool same_boot(std::size_t drone, const StateSample& state) const;
   /// From now on the drone's newest. `alive_ns`: it is a sign of life.
   void accept(std::size_t drone, const StateSample& state, std::optional<TimeNs> alive_ns);
   /// Where it is does not change.
-  const Seen& of(std::size_t drone) const { return seen_[drone]; }
+  const IntakeState& of(std::size_t drone) const { return seen_[drone]; }
 
  private:
-  bool believed(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const;
+  bool trusted(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const;
 
   const FlightConfig& config_;
   const LeaseBook& leases_;
   FlightTransactions& counters_;
-  std::vector<Seen> seen_;
+  std::vector<IntakeState> seen_;
 };
 
 }  // namespace ledgerline::ground

@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground {
 
@@ -43,24 +43,25 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.commander.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
   *lease.stoppers.mutable_resumed() = control.resumed();
-  if (control.has_owner()) lease.owner = belief::to_name(control.owner());
+  if (control.has_owner()) lease.owner = verification::to_name(control.owner());
   if (control.has_holder()) {
-    lease.holder = belief::to_name(control.holder());
-    lease.commander = belief::to_name(commander_of(control));
+    lease.holder = verification::to_name(control.holder());
+    lease.commander = verification::to_name(commander_of(control));
   }
   update(lease);
   return change;
 }
 
-// Who signed it; nobody who is believed: none.
-std::optional<belief::Creator> LeaseBook::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
-  const auto member = config_.believed->member(tx.creator, realtime_s);
+// Who signed it; nobody who is trusted: none.
+std::optional<verification::Creator> LeaseBook::creator_of(const fabric::Transaction& tx,
+                                                           std::int64_t realtime_s) const {
+  const auto member = config_.trusted->member(tx.creator, realtime_s);
   if (!member || !fabric::creator_signed(tx, *(*member)->verifier)) return std::nullopt;
-  return belief::Creator{(*member)->name, (*member)->admin};
+  return verification::Creator{(*member)->name, (*member)->admin};
 }
 
 std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, std::int64_t realtime_s) {
-  const auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+  const auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
   if (!event) {
     ++counters_.altered;
     return {};
@@ -68,18 +69,18 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
   const auto ours = [&](const auto& all) {
     return std::any_of(all.begin(), all.end(), [&](const auto& one) { return index_of(config_.drones, one.drone()); });
   };
-  const auto role = belief::role_change(*event);
+  const auto role = verification::role_change(*event);
   const bool role_of_ours = role && std::any_of(leases_.begin(), leases_.end(), [&](const Lease& lease) {
                               return lease.record && names_identity(*lease.record, role->identity);
                             });
   if (!ours(event->controls.controls()) && !ours(event->stops.stops()) && !role_of_ours) return {};
-  std::optional<belief::Creator> creator;
-  if (config_.believed && !(creator = creator_of(tx, realtime_s))) {
-    ++counters_.unbelieved;
+  std::optional<verification::Creator> creator;
+  if (config_.trusted && !(creator = creator_of(tx, realtime_s))) {
+    ++counters_.unverified;
     return {};
   }
   std::vector<Change> changes;
-  if (role && creator && !belief::role_follows(*role, *creator)) {
+  if (role && creator && !verification::role_follows(*role, *creator)) {
     ++counters_.altered;
     return {};
   }
@@ -87,7 +88,7 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
     const auto drone = index_of(config_.drones, control.drone());
     if (!drone) continue;
     const auto& record = leases_[*drone].record;
-    if (creator && !(record && belief::control_follows(*event, *record, control, *creator))) {
+    if (creator && !(record && verification::control_follows(*event, *record, control, *creator))) {
       ++counters_.altered;
     } else if (const auto change = take_record(*drone, control)) {
       changes.push_back(*change);
@@ -104,7 +105,7 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
     const auto drone = index_of(config_.drones, stop.drone());
     if (!drone) continue;
     Lease& lease = leases_[*drone];
-    if (creator && !belief::stop_follows(*event, lease.record.value_or(Control()), stop, *creator)) {
+    if (creator && !verification::stop_follows(*event, lease.record.value_or(Control()), stop, *creator)) {
       ++counters_.altered;
       continue;
     }

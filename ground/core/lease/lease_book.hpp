@@ -3,8 +3,8 @@
 #include <string>
 #include <vector>
 
-#include "common/belief/control_events.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/verification/control_events.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ledgerline.pb.h"
 
@@ -25,7 +25,7 @@ struct Lease {
 std::string holder_words(const Lease& lease);
 
 /// The leases of all drones: first as read from the ledger, then by the control events in the blocks, each of which
-/// must be signed by somebody who is believed, be what its signer asked for, and follow from the record before. Without
+/// must be signed by somebody who is trusted, be what its signer asked for, and follow from the record before. Without
 /// a ledger we command all. Deterministic; one thread.
 class LeaseBook {
  public:
@@ -38,12 +38,12 @@ class LeaseBook {
 
   /// A record as it was read; nothing where an older one than ours. An error: of a drone that does not fly here.
   Result<std::optional<Change>> set(const Control& record);
-  /// A control event of a block. What is not believed is counted.
+  /// A control event of a block. One that is refused is counted.
   std::vector<Change> take(const fabric::Transaction& tx, std::int64_t realtime_s);
   const Lease& of(std::size_t drone) const { return leases_[drone]; }
 
  private:
-  std::optional<belief::Creator> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
+  std::optional<verification::Creator> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
   std::optional<Change> take_record(std::size_t drone, const Control& control);
   void update(Lease& lease) const;
 

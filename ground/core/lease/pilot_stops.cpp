@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <functional>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -36,7 +36,7 @@ void PilotStops::want(TimeNs now, std::size_t drone, bool cut, const std::option
   slot.stop->set_cut(cut);
   slot.counted = true;
   slot.repeat.emplace(fabric::RepeatLimits{.within_ns = stop_within_ns}, slot.seed, now);
-  slot.id = 0;  // what may be under way asks for less
+  slot.id = 0;  // what may be in flight asks for less
   slot.next_ns = now;
 }
 
@@ -47,7 +47,7 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
     slot.stop->clear_resumes();
     const std::optional<Control>& record = leases.of(slot.drone).record;
     if (slot.counted && record)
-      slot.stop->add_resumes(resumes_of(*record, belief::to_message(slot.by ? *slot.by : self_)));
+      slot.stop->add_resumes(resumes_of(*record, verification::to_message(slot.by ? *slot.by : self_)));
     slot.id = next_id++;
     submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true, slot.by});
   }

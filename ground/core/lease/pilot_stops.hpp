@@ -38,10 +38,10 @@ class PilotStops {
     std::size_t drone = 0;
     std::optional<crypto::IdentityName> by{};
     std::uint64_t seed = 0;                  ///< of the pauses' jitter
-    std::optional<DronesCall> stop{};        ///< to be submitted, or under way
+    std::optional<DronesCall> stop{};        ///< to be submitted, or in flight
     bool counted = true;                     ///< it says how often our stops were lifted
     std::optional<fabric::Repeat> repeat{};  ///< of that one
-    std::uint64_t id = 0;                    ///< 0: not under way
+    std::uint64_t id = 0;                    ///< 0: not in flight
     TimeNs next_ns = 0;
   };
   const std::vector<FlightDrone>& drones_;

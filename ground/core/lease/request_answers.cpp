@@ -46,7 +46,7 @@ void RequestAnswers::step(TimeNs now, const LeaseBook& leases, std::uint64_t& ne
 /// `record`: null where the drone is not ours.
 void RequestAnswers::follow(TimeNs now, std::size_t drone, const Control* record, std::vector<std::string>& notes) {
   Slot& slot = slots_[drone];
-  std::erase_if(slot.known, [&](const Known& known) {
+  std::erase_if(slot.known, [&](const OpenRequest& known) {
     const Request* request = record == nullptr ? nullptr : request_of(*record, known.request.who());
     return request == nullptr || !same(*request, known.request);
   });
@@ -54,7 +54,7 @@ void RequestAnswers::follow(TimeNs now, std::size_t drone, const Control* record
     slot.answer.reset();
   if (record == nullptr) return;
   for (const Request& request : record->requests()) {
-    const auto is_it = [&](const Known& known) { return same(known.request, request); };
+    const auto is_it = [&](const OpenRequest& known) { return same(known.request, request); };
     if (std::any_of(slot.known.begin(), slot.known.end(), is_it)) continue;
     slot.known.push_back({request, now});
     std::string what = "hand_over or deny answers it";
@@ -72,8 +72,8 @@ void RequestAnswers::follow(TimeNs now, std::size_t drone, const Control* record
 void RequestAnswers::choose(TimeNs now, std::size_t drone) {
   if (config_.request_rule == RequestRule::none) return;
   Slot& slot = slots_[drone];
-  const Known* best = nullptr;
-  for (const Known& known : slot.known) {
+  const OpenRequest* best = nullptr;
+  for (const OpenRequest& known : slot.known) {
     if (known.left || now - known.since_ns < config_.request_after_ns) continue;
     if (best == nullptr || known.request.priority() > best->request.priority()) best = &known;
   }
@@ -98,7 +98,7 @@ std::optional<RequestAnswers::Ended> RequestAnswers::take_outcome(TimeNs now, co
   slot->answer.reset();
   // The block that ends the request may come behind its outcome; whatever the end, it is not answered again by the
   // rule.
-  for (Known& known : slot->known) known.left = known.left || same_identity(known.request.who(), to);
+  for (OpenRequest& known : slot->known) known.left = known.left || same_identity(known.request.who(), to);
   if (next != fabric::Repeat::Next::on_ledger) {
     ended.problem = fmt::format("no answer to {}'s request: {}; it is left to you", text_of(to),
                                 outcome.refusal ? outcome.refusal->words : outcome.message);

@@ -10,15 +10,15 @@
 
 namespace ledgerline::ground {
 
-/// Those who ask for a drone that we hold: each is told to our operator once, and is answered by the config's rule when
-/// the operator has not done so in time. Of a drone that we only command for somebody its holder hears and answers. The
-/// rule hands over to the highest priority of those that are due. One answer of a drone at a time, again over conflicts
-/// alone; a request whose answer fails is left to the operator. Deterministic; one thread.
+/// Those who ask for a drone that we hold: each is reported to our operator once, and is answered by the config's rule
+/// when the operator has not done so in time. Of a drone that we only command for somebody its holder hears and
+/// answers. The rule hands over to the highest priority of those that are due. One answer of a drone at a time, again
+/// over conflicts alone; a request whose answer fails is left to the operator. Deterministic; one thread.
 class RequestAnswers {
  public:
   explicit RequestAnswers(const FlightConfig& config);
 
-  /// `notes`: what our operator is told.
+  /// `notes`: messages to our operator.
   void step(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions,
             std::vector<std::string>& notes);
   struct Ended {
@@ -29,16 +29,16 @@ class RequestAnswers {
   std::optional<Ended> take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
 
  private:
-  struct Known {
+  struct OpenRequest {
     Request request;
     TimeNs since_ns = 0;
     bool left = false;  ///< to the operator: an answer by the rule has failed
   };
   struct Slot {
-    std::vector<Known> known{};
-    std::optional<AnswerCall> answer{};      ///< to be submitted, or under way
+    std::vector<OpenRequest> known{};
+    std::optional<AnswerCall> answer{};      ///< to be submitted, or in flight
     std::optional<fabric::Repeat> repeat{};  ///< of that one
-    std::uint64_t id = 0;                    ///< 0: not under way
+    std::uint64_t id = 0;                    ///< 0: not in flight
     TimeNs next_ns = 0;
   };
   void follow(TimeNs now, std::size_t drone, const Control* record, std::vector<std::string>& notes);

@@ -18,7 +18,7 @@ export class BatteryTime {
     while (now - this.#points[0].t > WINDOW_MS) this.#points.shift();
   }
 
-  /// Seconds from the newest value until it is empty; null: nobody can tell yet.
+  /// Seconds from the newest value until it is empty; null: not known yet.
   left_s() {
     const [first, last] = [this.#points[0], this.#points.at(-1)];
     if (!first || last.t - first.t < MIN_MS || first.percent - last.percent < MIN_DROP) return null;

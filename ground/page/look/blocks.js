@@ -17,7 +17,7 @@ export class Blocks {
     this.#offset_ms ??= offset_ms;
   }
 
-  /// A station that was started anew may follow another ledger.
+  /// A station that restarted may follow another ledger.
   restart() {
     this.#last = -1;
     this.#came = [];

@@ -114,7 +114,7 @@ export class SpaceView {
     return this.previews.filter(({ path }) => path.length > 1 && path.every((corner) => corner.every(Number.isFinite)));
   }
 
-  /// How far the ground reaches to each side of the origin, m; it only grows, until it is fitted anew.
+  /// How far the ground reaches to each side of the origin, m; it only grows, until it is fitted again.
   #extent() {
     const farthest = Math.max(0, ...this.#points().flatMap(([x, y]) => [Math.abs(x), Math.abs(y)]));
     this.#reach = Math.max(this.#reach, [4, 6, 10, 20, 50, 100, 200].find((each) => each >= farthest + 0.9) ?? 500);

@@ -13,7 +13,7 @@ function material(Kind, options) {
 
 const points = (list) => new THREE.BufferGeometry().setFromPoints(list.map((each) => new THREE.Vector3(...each)));
 
-/// Lets go of what a group holds, in the graphics card, too; but not of what is used again and again.
+/// Lets go of what a group holds, in the graphics card, too; but not of what is used repeatedly.
 export function forget(group) {
   group.traverse((each) => !each.isSprite && !kept.has(each.geometry) && each.geometry?.dispose());
   group.clear();
@@ -104,7 +104,7 @@ export function disc(at, radius, colour, { ring = false } = {}) {
 }
 
 const MAX_LABELS = 200;
-const labels = new Map(); // words and look -> {look, width, height}; the one used longest ago goes first
+const labels = new Map(); // words and look -> {look, width, height}; the least recently used one goes first
 
 function painted(words, ink, ground, px) {
   const key = [words, ink, ground, px, devicePixelRatio].join('\n');
@@ -147,7 +147,7 @@ function paint(words, ink, ground, px) {
   return { look: new THREE.SpriteMaterial({ map: texture, transparent: true, depthTest: false, sizeAttenuation: false }), width, height };
 }
 
-/// Words that face whoever looks, as large from far away as from near. `px`: of the letters.
+/// Words that face the viewer, as large from far away as from near. `px`: font size.
 export function label(words, at, ink, ground = '', px = 11) {
   const { look, width, height } = painted(words, ink, ground, px);
   const sprite = new THREE.Sprite(look);

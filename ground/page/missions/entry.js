@@ -109,7 +109,7 @@ export class Entry {
     const label = this.#buttons[what].textContent;
     const why = whyNot(what, this.mission, this.#who);
     if (why) return this.reply(`${label}: ${why}`);
-    const flies = `${drones.join(', ')} take off, and fly their paths together.${isForbidden(this.mission) ? ' A finding forbade that when it was checked last: it is checked anew.' : ''}`;
+    const flies = `${drones.join(', ')} take off, and fly their paths together.${isForbidden(this.mission) ? ' A finding forbade that when it was checked last: it is checked again.' : ''}`;
     if (what === 'start' && !(await confirmed(`Start ${name}?`, flies, 'Start'))) return undefined;
     this.reply(`${label}: sent`);
     const path = `missions/${encodeURIComponent(id)}`;

@@ -25,7 +25,7 @@ export class Missions {
     at('mission-load').addEventListener('click', () => at('mission-file').click());
     at('mission-file').addEventListener('change', () => {
       this.#load(at('mission-file').files[0]);
-      at('mission-file').value = ''; // the same file may be chosen anew, mended
+      at('mission-file').value = ''; // the same file may be chosen again, repaired
     });
     // Anywhere on the page: a file that misses would else take the page's place.
     const panel = at('missions');

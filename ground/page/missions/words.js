@@ -19,7 +19,7 @@ export const droneWords = ({ drones, reached }) => drones.map((drone) => (reache
 /// [sign and word, so not by colour alone; where and what]
 export const findingWords = ({ words, forbids }) => [forbids ? '■ Forbids the start' : '▲ Warning', words];
 
-/// They are of when it was checked last, and a start is checked anew.
+/// They come from the last check; a start checks again.
 export const isForbidden = ({ findings }) => findings.some((each) => each.forbids);
 
 const enough = ({ approvals, approvals_needed }) => approvals.length >= approvals_needed;

@@ -1,4 +1,5 @@
-// Who may do what with a drone, in words. With operators a drone obeys its lease's holder alone; without, whoever knows the page's token.
+// Who may do what with a drone, in words. With operators a drone obeys its lease's holder alone; without, anyone who
+// knows the page's token.
 
 /// "Org2MSP CN=User1@org2.ledgerline,OU=client": "User1@org2.ledgerline (Org2MSP)".
 export function shortName(identity) {

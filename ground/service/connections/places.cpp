@@ -43,12 +43,12 @@ std::string address_of(std::string_view text) {
   return written.data();
 }
 
-std::size_t displaced_by_next(std::span<const StrangerNow> all, std::uint64_t random) {
+std::size_t displaced_by_next(std::span<const UnauthenticatedClient> all, std::uint64_t random) {
   const bool all_ended = std::all_of(all.begin(), all.end(), [](const auto& one) { return one.has_ended_handshake; });
-  const auto may_go = [&](const StrangerNow& one) { return all_ended || !one.has_ended_handshake; };
+  const auto may_go = [&](const UnauthenticatedClient& one) { return all_ended || !one.has_ended_handshake; };
   std::map<std::string_view, std::size_t> counts;
   std::size_t most = 0;
-  for (const StrangerNow& one : all) {
+  for (const UnauthenticatedClient& one : all) {
     if (may_go(one)) most = std::max(most, ++counts[one.address]);
   }
   std::vector<std::size_t> candidates;

@@ -52,19 +52,19 @@ class Places {
 std::string address_of(std::string_view text);
 
 /// A connection that has not shown the token yet.
-struct StrangerNow {
+struct UnauthenticatedClient {
   std::string_view address;
   bool has_ended_handshake = false;  ///< TLS's; of one without TLS: false until its head is read
 };
 
-/// At so many strangers the next one displaces one of them. At 1,000 new connections a second each then has a fifth of
-/// a second at least: a round trip of who is 50 ms away, which TLS takes before a request, and what comes in a burst.
-/// With 256 one such request in a hundred was displaced. Each costs a descriptor and some kB.
-inline constexpr std::size_t max_strangers = 384;
+/// At so many unauthenticated clients the next one displaces one of them. At 1,000 new connections a second each then
+/// has a fifth of a second at least: a round trip of who is 50 ms away, which TLS takes before a request, and what
+/// comes in a burst. With 256 one such request in a hundred was displaced. Each costs a descriptor and some kB.
+inline constexpr std::size_t max_unauthenticated = 384;
 
-/// Index of whom a new stranger displaces; `all`: oldest first, not empty. Of those whose handshake has not ended, if
-/// there are any, and of the addresses that have most of them, the one drawn by `random` from the older half: an
-/// address that connects without end displaces its own, and no order of events makes a victim certain.
-std::size_t displaced_by_next(std::span<const StrangerNow> all, std::uint64_t random);
+/// Index of whom a new unauthenticated client displaces; `all`: oldest first, not empty. Of those whose handshake has
+/// not ended, if there are any, and of the addresses that have most of them, the one drawn by `random` from the older
+/// half: an address that connects without end displaces its own, and no order of events makes a victim certain.
+std::size_t displaced_by_next(std::span<const UnauthenticatedClient> all, std::uint64_t random);
 
 }  // namespace ledgerline::ground::service

@@ -57,7 +57,7 @@ Result<PilotCommand> velocity_from(const json& said, const std::vector<std::stri
 
 /// Who may say it is decided where requests are answered, for both ways.
 Result<StreamCommand> command_from(const json& said, const std::string& op, const StreamClient& client,
-                                   const Known& known) {
+                                   const ApiContext& known) {
   if (const Status keys = only(said, {"op", "drone", "id", "confirmed"}); !keys) return keys.error();
   StreamCommand command;
   const json id = said.value("id", json());
@@ -87,7 +87,7 @@ Result<PilotCommand> command_from(std::string_view message, const std::vector<st
   return velocity_from(*said, names, now);
 }
 
-Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const Known& known,
+Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const ApiContext& known,
                                           TimeNs now) {
   const auto said = message_from(message);
   if (!said) return said.error();

@@ -32,7 +32,7 @@ struct StreamMessage {
 };
 /// {"op":"stop"} of all drones, {"op":"stop","drone":"tello1"}; the same of "cut", which may say "confirmed":true;
 /// "land" of a drone; each may have an "id"; or a velocity. The error: it is none of these.
-Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const Known& known,
+Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const ApiContext& known,
                                           TimeNs now);
 
 /// {"op":"answer","id":7,"status":202}, with the "error" where it is refused.

@@ -24,7 +24,7 @@ using strict::only;
 
 constexpr std::string_view root = "/api/v1/";
 constexpr std::size_t max_pass_phrase = 256;
-// Of any request but a new mission: a path is the longest, five values a waypoint.
+// Of any request but a new mission: a path is the largest, five values a waypoint.
 constexpr strict::Bounds bounds{max_body_bytes, 4, 5 * motion::max_waypoints + 100};
 
 constexpr const char* word_of(Level level) {
@@ -124,7 +124,7 @@ std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
 }
 
 /// What an operator signs for a drone.
-ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known& known) {
+ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiContext& known) {
   using Kind = OperatorCall::Kind;
   if (request.method != "POST") return refusal(405, "POST it");
   if (known.operators.empty())
@@ -157,7 +157,7 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const Known&
   return {.status = 202, .body = taken, .call = std::move(call)};
 }
 
-ApiAnswer answer_session(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_session(const ApiRequest& request, const ApiContext& known) {
   if (request.method == "DELETE") {
     if (!request.who) return refusal(403, "nobody is signed in with this token");
     return {.status = 202, .body = taken, .sign_out = true};
@@ -180,7 +180,7 @@ ApiAnswer answer_session(const ApiRequest& request, const Known& known) {
           .sign_in = SignIn{static_cast<std::size_t>(who - known.operators.begin()), std::move(pass_phrase)}};
 }
 
-ApiAnswer answer_operators(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_operators(const ApiRequest& request, const ApiContext& known) {
   if (request.method != "GET") return refusal(405, "GET it");
   json all = json::array();
   for (const Operator& one : known.operators) all.push_back({{"name", one.name}, {"identity", text_of(one.identity)}});
@@ -200,7 +200,7 @@ std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
   return kind_in(verbs, verb);
 }
 
-ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const Known& known) {
+ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const ApiContext& known) {
   asked.who = request.who;
   if (request.who) asked.by = known.operators[*request.who].identity;
   const bool looks = asked.kind == MissionAsk::Kind::list || asked.kind == MissionAsk::Kind::show;
@@ -211,7 +211,7 @@ ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const Known& 
 
 /// `path`: behind "missions".
 ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std::string_view query,
-                          const Known& known) {
+                          const ApiContext& known) {
   using Kind = MissionAsk::Kind;
   MissionAsk asked;
   if (path.empty()) {
@@ -242,7 +242,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
   return ask_mission(request, std::move(asked), known);
 }
 
-ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const Known& known) {
+ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const ApiContext& known) {
   const auto slash = path.find('/');
   const std::string_view name = path.substr(0, slash);
   const std::string_view verb = slash == std::string_view::npos ? "" : path.substr(slash + 1);
@@ -287,7 +287,7 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const K
   return accepted({std::move(command)});
 }
 
-ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_stop(const ApiRequest& request, const ApiContext& known) {
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body, {"cut", "confirmed"});
   if (!body) return refusal(400, body.error().what);
@@ -299,7 +299,7 @@ ApiAnswer answer_stop(const ApiRequest& request, const Known& known) {
   return accepted(std::move(commands), *confirmed);
 }
 
-ApiAnswer answer_events(std::string_view query, const Known& known) {
+ApiAnswer answer_events(std::string_view query, const ApiContext& known) {
   std::uint64_t since = 0;
   if (!query.empty()) {
     constexpr std::string_view key = "since=";
@@ -314,7 +314,7 @@ ApiAnswer answer_events(std::string_view query, const Known& known) {
   return {200, dump({{"events", events_json(known.events, at)}})};
 }
 
-ApiAnswer answer_any(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_any(const ApiRequest& request, const ApiContext& known) {
   const std::string_view target = request.target;
   if (target.substr(0, root.size()) != root) return refusal(404, "the API is below /api/v1/");
   const auto question = target.find('?');
@@ -357,7 +357,7 @@ std::string text_of(const crypto::IdentityName& who) { return who.msp_id + " " +
 
 ApiAnswer refusal(unsigned status, const std::string& words) { return {status, dump({{"error", words}})}; }
 
-ApiAnswer answer(const ApiRequest& request, const Known& known) {
+ApiAnswer answer(const ApiRequest& request, const ApiContext& known) {
   ApiAnswer made = answer_any(request, known);
   if (request.over && !lands_and_nothing_else(made)) return refusal(401, session_over);
   if (made.commands.empty()) return made;

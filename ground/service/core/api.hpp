@@ -26,7 +26,7 @@ inline constexpr std::size_t max_mission_body_bytes = mission::max_mission_bytes
 std::size_t body_limit(std::string_view target);
 
 using ground::Level;
-/// Something that happened: told to every client, in order, once.
+/// Something that happened: sent to every client, in order, once.
 struct Event {
   std::uint64_t number = 0;  ///< from 1, without gaps
   TimeNs at_ns = 0;          ///< the ground's clock
@@ -62,7 +62,7 @@ struct ApiAnswer {
 std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
 
-/// What Board tells of a moment: texts of JSON.
+/// What Board reports of a moment: texts of JSON.
 struct Telling {
   std::string drones{};                ///< [DRONE...]
   std::string state{};                 ///< the stream's message around it
@@ -72,8 +72,8 @@ struct Telling {
   std::vector<std::size_t> stopped_by_ground{};  ///< indexes of the drones that ground alone has stopped
 };
 
-/// What there is to know, as Board last told it.
-struct Known {
+/// What there is to know, as Board last reported it.
+struct ApiContext {
   const std::vector<std::string>& names;   ///< of the drones, as FlightConfig has them
   std::string_view drones, paths;          ///< as in Telling
   const std::deque<Event>& events;         ///< oldest first
@@ -82,7 +82,7 @@ struct Known {
   std::span<const std::size_t> aloft{}, stopped_by_ground{};  ///< as in Telling
 };
 /// A request below /api/v1/ that has passed the guard.
-ApiAnswer answer(const ApiRequest& request, const Known& known);
+ApiAnswer answer(const ApiRequest& request, const ApiContext& known);
 
 /// What one command adds to those that wait for the same drone.
 void merge(const PilotCommand& command, PilotCommand& waiting);

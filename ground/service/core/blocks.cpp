@@ -38,10 +38,10 @@ BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view
   return summary;
 }
 
-std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t told) {
+std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t reported) {
   json list = json::array();
   for (const BlockSummary& block : blocks) {
-    if (block.number > told) list.push_back(block_json(block));
+    if (block.number > reported) list.push_back(block_json(block));
   }
   return json{{"op", "blocks"}, {"blocks", std::move(list)}}.dump();
 }

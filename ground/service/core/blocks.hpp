@@ -8,10 +8,10 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 
-/// What the page is told of the ledger's blocks: counts alone. Pure; any thread.
+/// What the page gets of the ledger's blocks: counts alone. Pure; any thread.
 namespace ledgerline::ground::service {
 
-inline constexpr std::size_t max_told_blocks = 50;  ///< the newest; what is older is nobody's news
+inline constexpr std::size_t max_reported_blocks = 50;  ///< the newest; what is older is nobody's news
 
 /// What a transaction was for: a function of the contract that writes, the channel's own configuration, or anything
 /// else.
@@ -39,14 +39,14 @@ struct BlockSummary {
   TimeNs at_ns = 0;  ///< when it came; the ground's clock
   std::uint32_t transactions = 0;
   std::uint32_t ours = 0;     ///< created by the identity that ground signs with
-  std::uint32_t invalid = 0;  ///< flagged so, or not believed
+  std::uint32_t invalid = 0;  ///< flagged so, or refused by our own check
   std::array<std::uint32_t, block_kinds.size()> kinds{};
 };
 
 /// `self`: msp.SerializedIdentity. `contract`: any other's calls are "other".
 BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view self, std::string_view contract);
 
-/// {"op":"blocks","blocks":[...]} of docs/station.md: those behind block `told`, oldest first.
-std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t told);
+/// {"op":"blocks","blocks":[...]} of docs/station.md: those behind block `reported`, oldest first.
+std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t reported);
 
 }  // namespace ledgerline::ground::service

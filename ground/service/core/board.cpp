@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
@@ -22,7 +22,7 @@ std::string text_or_none(const std::optional<crypto::IdentityName>& who) {
 
 json stoppers_of(const Lease& lease) {
   json all = json::array();
-  for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(belief::to_name(stop.stopper())));
+  for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(verification::to_name(stop.stopper())));
   return all;
 }
 
@@ -37,7 +37,7 @@ json requests_of(const Lease& lease) {
 
 json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const FlightStatus& status = core.status(i);
-  const Seen& seen = core.seen(i);
+  const IntakeState& seen = core.seen(i);
   const Lease& lease = core.lease(i);
   const StateSample& state = seen.state;
   const bool placed = seen.has_state && state.pose_stamp_ns != 0;
@@ -65,14 +65,14 @@ json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
       {"paused", status.paused},
       {"stopped_by", stoppers_of(lease)},
       {"requests", requests_of(lease)},
-      {"ledger_doubted", status.ledger_doubted},
+      {"ledger_untrusted", status.ledger_untrusted},
       {"limit_mps", std::isfinite(status.limit_mps) && status.limit_mps > 0 ? json(status.limit_mps) : json()},
       {"lease",
        {{"holder", text_or_none(lease.holder)},
         {"commander", text_or_none(lease.commander)},
         {"ours", lease.commander == core.config().self},
         {"epoch", lease.epoch}}}};
-  // Motion capture tells no variance.
+  // Motion capture reports no variance.
   const float variance = state.pose_variance[0] + state.pose_variance[1];
   drone["sigma_m"] = placed && variance > 0 ? json(std::sqrt(variance)) : json();
   drone["predicted"] = nullptr;
@@ -183,7 +183,8 @@ std::vector<Event> Board::look(TimeNs now, const FlightView& core, const std::ve
 
 std::vector<Event> Board::refusals(TimeNs now, Refusals& refusals) {
   std::vector<Event> events;
-  for (Refusals::Said& said : refusals.due(now)) add(now, Level::warning, said.drone, std::move(said.text), events);
+  for (Refusals::RefusalNotice& said : refusals.due(now))
+    add(now, Level::warning, said.drone, std::move(said.text), events);
   return events;
 }
 

@@ -10,7 +10,7 @@
 
 namespace ledgerline::ground::service {
 
-/// Makes of the flight what the station's clients are told: its drones as JSON, and events of what changed between two
+/// Makes of the flight what the station's clients are sent: its drones as JSON, and events of what changed between two
 /// looks. Deterministic; one thread.
 class Board {
  public:
@@ -40,7 +40,7 @@ class Board {
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;
-  std::vector<std::vector<std::array<double, 3>>> paths_;  ///< as last told
+  std::vector<std::vector<std::array<double, 3>>> paths_;  ///< as last sent
   std::uint64_t next_number_ = 1;
 };
 

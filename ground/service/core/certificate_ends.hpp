@@ -15,7 +15,7 @@ class CertificateEnds {
   static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at
 
   void note(const fabric::Block& block);
-  /// What is to be told now (crypto::Renewal::look).
+  /// What is to be reported now (crypto::Renewal::look).
   std::vector<crypto::Renewal::Word> look(std::int64_t now_s);
 
  private:

@@ -18,9 +18,9 @@ struct Head {
   bool websocket = false;
 };
 
-/// Who may ask: whoever knows the token, or that of an operator's session, from a page that this server served, or from
-/// no page. Host and Origin must name the server itself, exactly and with its port, so that neither another site's
-/// script nor a name that was bound anew to this address is heard. Immutable; any thread.
+/// Who may send requests: a client that knows the token, or that of an operator's session, from a page that this server
+/// served, or from no page. Host and Origin must name the server itself, exactly and with its port, so that neither
+/// another site's script nor a name that was rebound to this address is accepted. Immutable; any thread.
 class Guard {
  public:
   /// `token`: 64 hex digits. `hosts`: what Host may be, as hosts_of() has them. `tls`: pages are of https alone.

@@ -26,7 +26,7 @@ std::string text_of(std::string_view function, const fabric::Outcome& outcome) {
     case Kind::unavailable:
       return fmt::format("{}: no answer of the ledger: {}", function, words);
     case Kind::overloaded:
-      return fmt::format("{} not sent, too many are under way: {}", function, words);
+      return fmt::format("{} not sent, too many are in flight: {}", function, words);
   }
   return fmt::format("{} did not get through", function);
 }
@@ -43,8 +43,8 @@ void Refusals::take(std::string_view function, const fabric::Outcome& outcome) {
   ++slot.count;
 }
 
-std::vector<Refusals::Said> Refusals::due(TimeNs now) {
-  std::vector<Said> said;
+std::vector<Refusals::RefusalNotice> Refusals::due(TimeNs now) {
+  std::vector<RefusalNotice> said;
   for (auto& [key, slot] : slots_) {
     if (slot.count == 0 || now < slot.next_ns) continue;
     said.push_back({key.first, slot.count == 1 ? slot.text : fmt::format("{} ({} times)", slot.text, slot.count)});

@@ -17,14 +17,14 @@ class Refusals {
   /// `names`: of the drones; a refusal of any other name is of none of them.
   explicit Refusals(std::vector<std::string> names) : names_(std::move(names)) {}
 
-  struct Said {
+  struct RefusalNotice {
     std::string drone;  ///< empty: of none
     std::string text;
   };
   /// How a call of `function` ended; a committed one is nothing to say.
   void take(std::string_view function, const fabric::Outcome& outcome);
   /// What is due.
-  std::vector<Said> due(TimeNs now);
+  std::vector<RefusalNotice> due(TimeNs now);
 
  private:
   struct Slot {

@@ -14,7 +14,7 @@ using nlohmann::json;
 
 }  // namespace
 
-ApiAnswer answer_faults(const ApiRequest& request, const Known& known) {
+ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
   if (request.method != "GET" && request.method != "POST") return refusal(405, "GET it, or POST one that is switched");
   if (!known.faults) return refusal(404, "there are no faults to switch here: [service] faults is not set");
   if (!known.faults->why.empty()) return refusal(503, known.faults->why);

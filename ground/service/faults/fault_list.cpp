@@ -46,7 +46,7 @@ Result<FaultSwitch> switch_from(const json& given) {
   const json on = given.value("on", json());
   if (!on.is_boolean()) return Error{"on is neither true nor false"};
   made.on = on.get<bool>();
-  if (!is_fault_name(made.name)) return Error{"name is no word of letters, digits, - and _"};
+  if (!is_fault_name(made.name)) return Error{"name is no word of a-z, A-Z, 0-9, - and _"};
   return made;
 }
 

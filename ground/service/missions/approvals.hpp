@@ -3,9 +3,9 @@
 #include <string>
 #include <vector>
 
-#include "common/belief/roles.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/clock.hpp"
+#include "common/verification/roles.hpp"
 #include "ground/service/missions/approval_terms.hpp"
 #include "ground/service/missions/book.hpp"
 #include "ledgerline.pb.h"
@@ -13,24 +13,24 @@
 namespace ledgerline::ground::service {
 
 /// Who of those that anchored a digest is an operator or a supervisor now.
-std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const belief::Roles& roles);
+std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::Roles& roles);
 
-/// Calls of verify that ask for those who may approve a digest by their own keys, so that no stranger's anchors of it
-/// stand in the way: operators and supervisors of these roles, as many a call as it answers.
-std::vector<AnchorCall> approval_questions(const std::string& digest, const belief::Roles& roles);
+/// Calls of verify that ask for those who may approve a digest by their own keys, so that no other identity's
+/// anchors of it stand in the way: operators and supervisors of these roles, as many a call as it answers.
+std::vector<AnchorCall> approval_questions(const std::string& digest, const verification::Roles& roles);
 
 /// Ids of the missions that a block approves, or of which it withdraws an approval, valid: their approvals are to be
 /// read again. An event is anybody's word, so what counts is read from the ledger.
 std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBook& book, const ApprovalTerms& terms,
                                      std::int64_t unix_s);
 
-/// Whether a block, valid, changes somebody's role: whose approval counts is to be read anew, and who may sign.
+/// Whether a block, valid, changes somebody's role: then it must be read again whose approval counts and who may sign.
 bool changes_roles(const fabric::Block& block);
 
 /// What speaks against a mission that could not be checked now.
 mission::Finding not_checked();
 
-/// Something that is done at once when it is wanted, and again at most every `gap_ns`: whoever can make it wanted often
+/// Something that is done at once when it is wanted, and again at most every `gap_ns`: a client that requests it often
 /// does not have it done as often. Deterministic; one thread.
 class Spaced {
  public:

@@ -17,7 +17,7 @@ using mission::RunPhase;
 using nlohmann::json;
 
 constexpr std::size_t id_digits = 12;
-constexpr std::size_t max_told_findings = 20;
+constexpr std::size_t max_reported_findings = 20;
 // What MissionRun keeps, one deeper, and whose it is.
 constexpr ground::json::Bounds kept_bounds{mission::MissionRun::max_saved_bytes + 4096, 8,
                                            (5 * motion::max_waypoints + 20) * mission::max_drones + 40};
@@ -277,7 +277,7 @@ json MissionBook::json_of(const std::string& id, const Entry& entry) const {
     reached[run.mission().drones[i].drone] = run.reached(i);
   }
   for (const mission::Finding& finding : entry.findings) {
-    if (findings.size() >= max_told_findings) break;
+    if (findings.size() >= max_reported_findings) break;
     findings.push_back({{"drone", finding.drone},
                         {"waypoint", finding.waypoint ? json(*finding.waypoint) : json()},
                         {"words", finding.words},
@@ -318,12 +318,12 @@ std::string MissionBook::keep(const std::string& id) const {
 
 std::string MissionBook::record(const std::string& id, std::int64_t realtime_s) const {
   const Entry& entry = missions_.at(id);
-  json told = json_of(id, entry);
-  told.erase("id");
-  told.erase("findings");
-  told["by"] = text_of(whose(entry.by));
-  told["unix_time_s"] = realtime_s;
-  std::string record = dump(told);
+  json reported = json_of(id, entry);
+  reported.erase("id");
+  reported.erase("findings");
+  reported["by"] = text_of(whose(entry.by));
+  reported["unix_time_s"] = realtime_s;
+  std::string record = dump(reported);
   record.back() = ',';
   return record + R"("mission":)" + entry.run->canonical() + "}";
 }

@@ -51,8 +51,8 @@ class MissionBook {
     std::vector<mission::Finding> findings{};
     std::vector<mission::DroneNow> then{};
   };
-  /// Whoever starts it has to hold all of its drones, no other mission may fly one of them, and each must still be
-  /// where it was checked.
+  /// The operator who starts it must hold all of its drones. No other mission may fly one of them, and each must still
+  /// be where it was checked.
   Status start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                const FlightView& core);
   Status pause(const std::string& id, const std::optional<crypto::IdentityName>& by);
@@ -100,12 +100,12 @@ class MissionBook {
     std::vector<crypto::IdentityName> signers{};
     std::vector<mission::Finding> findings{};
     bool check_requested = false;
-    bool stirred = false;  ///< step() has something to tell of it
+    bool stirred = false;  ///< step() has something to report of it
     mission::RunPhase phase = mission::RunPhase::checked;
   };
   Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
   Entry* find(const std::string& id);
-  /// What somebody says of one; where that does not fail, step() and list() have something to tell.
+  /// What somebody says of one; where that does not fail, step() and list() have something to report.
   template <typename Say>
   Status stir(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }

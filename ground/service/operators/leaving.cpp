@@ -2,14 +2,14 @@
 
 #include <algorithm>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground::service {
 
 bool is_aloft(const FlightView& flights, std::size_t drone) {
   const DronePhase phase = flights.status(drone).phase;
-  const Seen& seen = flights.seen(drone);
+  const IntakeState& seen = flights.seen(drone);
   return is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase));
 }
 
@@ -22,7 +22,7 @@ std::vector<std::size_t> aloft_of(const FlightView& flights) {
 }
 
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
-  const Identity ground = belief::to_message(flights.config().self);
+  const Identity ground = verification::to_message(flights.config().self);
   std::vector<std::size_t> stopped;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
     const Control& stoppers = flights.lease(drone).stoppers;

@@ -20,8 +20,8 @@ struct Held {
 };
 Held held_by(const FlightView& flights, const crypto::IdentityName& who);
 
-/// Operators whose session is over. What one holds is asked to land, again and again, and once it is down given back;
-/// after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
+/// Operators whose session is over. Each drone that one holds is asked to land, repeatedly, and once it is down it is
+/// given back; after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
 /// Deterministic, no I/O; one thread.
 class Leaving {
  public:

@@ -8,9 +8,9 @@
 #include <string_view>
 #include <vector>
 
-#include "common/belief/roles.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
+#include "common/verification/roles.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -45,10 +45,10 @@ class Attempts {
 
 /// Indexes of those whose role was taken or is another one by now: they sign nothing any more. One whose role the
 /// ledger does not know is not among them; the contract refuses what he signs.
-std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const belief::Roles& roles);
+std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const verification::Roles& roles);
 
 /// Who is signed in. A session is known by its token, of which a hash is kept; it ends when it is signed out, when
-/// nothing came of it for `idle_ns`, or when its operator signs in anew; the newest max_ended of those are remembered.
+/// nothing came of it for `idle_ns`, or when its operator signs in again; the newest max_ended of those are remembered.
 /// Wrong pass phrases make guessing slow, and lock nobody out: Attempts. Deterministic, no I/O; one thread.
 class SignIns {
  public:

@@ -12,11 +12,11 @@ bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& dron
   return resume.refusal && resume.refusal->about == drone;
 }
 
-CallNews news_of(const std::string& name, const OperatorCall& call, const std::string& why) {
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why) {
   return {Level::warning, fmt::format("{}: {}: not signed: {}", name, words_of(call), why)};
 }
 
-CallNews news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome) {
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome) {
   const std::string what = fmt::format("{}: {}", name, words_of(call));
   if (outcome.kind == fabric::Outcome::Kind::committed) return {Level::info, what};
   return {Level::warning,

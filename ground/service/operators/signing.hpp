@@ -21,14 +21,14 @@ std::string not_signed(const KeyState& key, OperatorCall::Kind kind);
 /// of his to lift there. One whose role is revoked is refused as a whole, and lifts nothing.
 bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone);
 
-/// What people are told of a call, as an event.
-struct CallNews {
+/// What people get to know of a call, as an event.
+struct CallUpdate {
   ground::Level level = ground::Level::info;
   std::string words;
 };
 /// `why` it was not signed.
-CallNews news_of(const std::string& name, const OperatorCall& call, const std::string& why);
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why);
 /// What the ledger made of it.
-CallNews news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome);
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome);
 
 }  // namespace ledgerline::ground::service

@@ -14,7 +14,7 @@ namespace ledgerline::ground::service {
 /// dropped.
 class Answers {
  public:
-  explicit Answers(boost::asio::io_context& io) : door_(std::make_shared<Door>(io)) {}
+  explicit Answers(boost::asio::io_context& io) : door_(std::make_shared<AnswerGate>(io)) {}
   ~Answers() { close(); }
   Answers(const Answers&) = delete;
   Answers& operator=(const Answers&) = delete;
@@ -40,9 +40,9 @@ class Answers {
   }
 
  private:
-  class Door {
+  class AnswerGate {
    public:
-    explicit Door(boost::asio::io_context& io) : io_(&io) {}
+    explicit AnswerGate(boost::asio::io_context& io) : io_(&io) {}
     template <typename Work>
     void post(Work work) {
       const std::lock_guard lock(mutex_);
@@ -58,7 +58,7 @@ class Answers {
     boost::asio::io_context* io_;
   };
 
-  const std::shared_ptr<Door> door_;
+  const std::shared_ptr<AnswerGate> door_;
   std::set<std::shared_ptr<void>> waiting_;
 };
 

@@ -34,7 +34,7 @@ void Hub::publish(Telling telling) {
 
 void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
   blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
-  while (blocks_.size() > max_told_blocks) blocks_.pop_front();
+  while (blocks_.size() > max_reported_blocks) blocks_.pop_front();
   tell();
 }
 
@@ -69,21 +69,21 @@ std::optional<Hub::KeptPlace> Hub::keep(const Places::Owner& owner, Places::Use 
 }
 
 void Hub::make_room() {
-  if (strangers_.size() < max_strangers) return;
-  std::vector<std::shared_ptr<Stranger>> here;
-  std::vector<StrangerNow> now;
-  for (const auto& one : strangers_) {
-    auto stranger = one.lock();
-    if (!stranger || !stranger->is_stranger()) continue;
-    now.push_back(stranger->now());
-    here.push_back(std::move(stranger));
+  if (unauthenticated_.size() < max_unauthenticated) return;
+  std::vector<std::shared_ptr<Unauthenticated>> here;
+  std::vector<UnauthenticatedClient> now;
+  for (const auto& one : unauthenticated_) {
+    auto client = one.lock();
+    if (!client || !client->is_unauthenticated()) continue;
+    now.push_back(client->now());
+    here.push_back(std::move(client));
   }
-  if (here.size() >= max_strangers) {
+  if (here.size() >= max_unauthenticated) {
     const auto displaced = here.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(now, random_()));
     (*displaced)->leave();
     here.erase(displaced);
   }
-  strangers_.assign(here.begin(), here.end());
+  unauthenticated_.assign(here.begin(), here.end());
 }
 
 std::string Hub::greeting() const {

@@ -25,7 +25,7 @@ class Hub {
   const std::deque<BlockSummary>& blocks() const { return blocks_; }
   std::uint64_t newest_block() const { return blocks_.empty() ? 0 : blocks_.back().number; }
 
-  /// Somebody who is told that there is news.
+  /// Somebody who is notified of news.
   class Listener {
    public:
     virtual ~Listener() = default;
@@ -44,13 +44,13 @@ class Hub {
   }
 
   const std::vector<std::string>& names() const { return names_; }
-  Known known() const {
+  ApiContext known() const {
     return {names_, drones_,           paths_, events_, operators_, behind_.ask_faults ? &faults_ : nullptr,
             aloft_, stopped_by_ground_};
   }
   const std::deque<Event>& events() const { return events_; }
   std::uint64_t newest_event() const { return events_.empty() ? 0 : events_.back().number; }
-  /// The newest event that can not be told any more; 0: all can.
+  /// The newest event that cannot be sent any more; 0: all can.
   std::uint64_t forgotten_event() const { return events_.empty() ? 0 : events_.front().number - 1; }
   const std::shared_ptr<const std::string>& state() const { return state_; }
   const std::shared_ptr<const std::string>& paths() const { return paths_message_; }
@@ -107,15 +107,15 @@ class Hub {
   std::optional<KeptPlace> keep(const Places::Owner& owner, Places::Use use);
 
   /// A connection that keeps no place: it has not shown the token, or there was none left.
-  class Stranger {
+  class Unauthenticated {
    public:
-    virtual ~Stranger() = default;
-    virtual bool is_stranger() const = 0;
-    virtual StrangerNow now() const = 0;
+    virtual ~Unauthenticated() = default;
+    virtual bool is_unauthenticated() const = 0;
+    virtual UnauthenticatedClient now() const = 0;
     virtual void leave() = 0;
   };
-  void join(const std::shared_ptr<Stranger>& stranger) { strangers_.push_back(stranger); }
-  /// For one more stranger: closes one where there are max_strangers.
+  void join(const std::shared_ptr<Unauthenticated>& client) { unauthenticated_.push_back(client); }
+  /// For one more unauthenticated client: closes one where there are max_unauthenticated.
   void make_room();
 
  private:
@@ -134,7 +134,7 @@ class Hub {
   std::deque<Event> events_;
   std::deque<BlockSummary> blocks_;
   std::vector<std::weak_ptr<Listener>> listeners_;
-  std::deque<std::weak_ptr<Stranger>> strangers_;  ///< oldest first
+  std::deque<std::weak_ptr<Unauthenticated>> unauthenticated_;  ///< oldest first
   Places places_;
   std::mt19937_64 random_{std::random_device{}()};  ///< of who is displaced
   bool ended_ = false;

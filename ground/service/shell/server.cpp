@@ -119,7 +119,7 @@ class BeastServer final : public Server {
       else
         say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().what);
     }
-    // Whoever cannot open the page cannot press its stop.
+    // A user who cannot open the page cannot press its stop.
     if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
     near_end_said_ = true;
     say(Level::warning,

@@ -36,7 +36,7 @@ class OperatorKeys {
                       std::function<void(Status)> answer) = 0;
   /// His session is over: what he holds is landed and given back, and his key is forgotten.
   virtual void leave(std::size_t who) = 0;
-  /// Signs and submits; what comes of it is told as an event. The error says why it cannot now.
+  /// Signs and submits; what comes of it is reported as an event. The error says why it cannot now.
   virtual Status submit(std::size_t who, const OperatorCall& call) = 0;
 };
 
@@ -78,7 +78,7 @@ class Server {
   virtual void end() = 0;
   /// A stream is open: it pays to publish often.
   virtual bool watched() const = 0;
-  /// Any thread; does not wait for clients. A client is told what it lacks of the newest max_told_blocks.
+  /// Any thread; does not wait for clients. A client is sent what it lacks of the newest max_reported_blocks.
   virtual void publish_blocks(std::vector<BlockSummary> blocks) = 0;
   /// "http://127.0.0.1:8800", "https://ground.example.org:8800"
   virtual std::string url() const = 0;

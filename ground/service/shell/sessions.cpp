@@ -28,9 +28,9 @@ using boost::asio::ip::tcp;
 using Request = http::request<http::string_body>;
 using Response = http::response<http::string_body>;
 
-constexpr std::chrono::seconds patience{10};     // of a handshake, a head, a body, an answer: each as a whole
-constexpr std::chrono::seconds keep_alive{60};   // who keeps a place is waited for: his next request may be a stop
-constexpr std::chrono::seconds end_patience{1};  // of the other side's last word in TLS
+constexpr std::chrono::seconds timeout{10};     // of a handshake, a head, a body, an answer: each as a whole
+constexpr std::chrono::seconds keep_alive{60};  // who keeps a place is waited for: his next request may be a stop
+constexpr std::chrono::seconds end_timeout{1};  // of the other side's last word in TLS
 // A month, and only for names: it holds for every port of the host, and localhost has other services.
 constexpr const char* https_only = "max-age=2592000";
 constexpr double requests_per_s = 100;  // of one connection
@@ -103,7 +103,7 @@ Response page(const Request& request) {
   return respond(request, refusal(404, "there is / and what it loads, and the API below /api/v1/"));
 }
 
-class HttpSession final : public Hub::Stranger, public std::enable_shared_from_this<HttpSession> {
+class HttpSession final : public Hub::Unauthenticated, public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(web::Wire&& wire, Hub& hub, Answers& answers, const Guard& guard)
       : wire_(std::move(wire)), hub_(hub), answers_(answers), guard_(guard), place_(hub), budget_(requests_per_s) {
@@ -114,7 +114,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   void start() {
     if (!wire_.tls()) return read();
-    wire_.tcp().expires_after(patience);
+    wire_.tcp().expires_after(timeout);
     wire_.async_handshake(boost::asio::ssl::stream_base::server, [self = shared_from_this()](beast::error_code error) {
       self->has_ended_handshake_ = !error;
       if (!error) return self->read();
@@ -122,8 +122,8 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     });
   }
 
-  bool is_stranger() const override { return !kept_; }
-  StrangerNow now() const override { return {address_, has_ended_handshake_}; }
+  bool is_unauthenticated() const override { return !kept_; }
+  UnauthenticatedClient now() const override { return {address_, has_ended_handshake_}; }
   void leave() override { wire_.tcp().close(); }
 
  private:
@@ -133,7 +133,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     static const std::string answer = fmt::format(
         "HTTP/1.1 400 Bad Request\r\nContent-Type: text/plain\r\nConnection: close\r\nContent-Length: {}\r\n\r\n{}",
         words.size(), words);
-    wire_.tcp().expires_after(end_patience);
+    wire_.tcp().expires_after(end_timeout);
     boost::asio::async_write(wire_.tcp(), boost::asio::buffer(answer),
                              [self = shared_from_this()](beast::error_code, std::size_t) {});
   }
@@ -142,7 +142,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     parser_.emplace();
     parser_->body_limit(max_mission_body_bytes);  // until the head says what it is
     parser_->header_limit(max_head_bytes);
-    wire_.tcp().expires_after(kept_ ? keep_alive : patience);
+    wire_.tcp().expires_after(kept_ ? keep_alive : timeout);
     http::async_read_header(wire_, buffer_, *parser_,
                             [self = shared_from_this()](beast::error_code error, std::size_t) {
                               error ? self->on_read(error) : self->read_body();
@@ -156,7 +156,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     const std::size_t limit = known ? body_limit(view(request.target())) : max_body_bytes;
     if (parser_->content_length().value_or(0) > limit) return on_read(http::error::body_limit);
     parser_->body_limit(limit);
-    wire_.tcp().expires_after(patience);
+    wire_.tcp().expires_after(timeout);
     http::async_read(wire_, buffer_, *parser_,
                      [self = shared_from_this()](beast::error_code error, std::size_t) { self->on_read(error); });
   }
@@ -311,7 +311,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
     if (wire_.tls() && host.substr(0, host.find(':')) != "localhost")
       response.set("Strict-Transport-Security", https_only);
     auto kept = std::make_shared<Response>(std::move(response));
-    wire_.tcp().expires_after(patience);
+    wire_.tcp().expires_after(timeout);
     http::async_write(wire_, *kept, [self = shared_from_this(), kept](beast::error_code error, std::size_t) {
       if (error || !kept->keep_alive()) return self->end();
       self->read();
@@ -320,7 +320,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
   void end() {
     if (wire_.tls()) {
-      wire_.tcp().expires_after(end_patience);
+      wire_.tcp().expires_after(end_timeout);
       return wire_.async_shutdown([self = shared_from_this()](beast::error_code) {});
     }
     beast::error_code ignored;  // the other side may be gone already
@@ -344,7 +344,7 @@ class HttpSession final : public Hub::Stranger, public std::enable_shared_from_t
 
 void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard) {
   const auto session = std::make_shared<HttpSession>(std::move(wire), hub, answers, guard);
-  hub.join(std::shared_ptr<Hub::Stranger>(session));
+  hub.join(std::shared_ptr<Hub::Unauthenticated>(session));
   session->start();
 }
 

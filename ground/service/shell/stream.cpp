@@ -36,7 +36,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     socket_.read_message_max(max_message_bytes);
     socket_.async_accept(request, [self = shared_from_this()](beast::error_code error) {
       if (error) return;
-      self->told_ = self->hub_.forgotten_event();
+      self->reported_ = self->hub_.forgotten_event();
       self->hub_.join(std::shared_ptr<Hub::Listener>(self));
       self->send(std::make_shared<const std::string>(self->hub_.greeting()));
       self->read();
@@ -49,7 +49,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     if (writing_ || closing_) {
       // Who has not taken a write for so many events will not catch up, and may come again.
       const auto& events = hub_.events();
-      if (!closing_ && !events.empty() && events.front().number > told_ + 1) close("a thousand events behind");
+      if (!closing_ && !events.empty() && events.front().number > reported_ + 1) close("a thousand events behind");
       return;
     }
     if (!answers_.empty()) {
@@ -57,16 +57,16 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
       answers_.pop_front();
       return send(std::move(text));
     }
-    if (hub_.newest_block() > told_block_ && !blocks_were_last_) {  // by turns, so that neither waits for the other
-      const std::uint64_t told = std::exchange(told_block_, hub_.newest_block());
-      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), told)));
+    if (hub_.newest_block() > reported_block_ && !blocks_were_last_) {  // by turns, so that neither waits for the other
+      const std::uint64_t reported = std::exchange(reported_block_, hub_.newest_block());
+      send(std::make_shared<const std::string>(blocks_message(hub_.blocks(), reported)));
       blocks_were_last_ = true;
       return;
     }
     const auto& events = hub_.events();
-    if (hub_.newest_event() > told_) {
-      const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - told_, events.size());
-      told_ = hub_.newest_event();
+    if (hub_.newest_event() > reported_) {
+      const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - reported_, events.size());
+      reported_ = hub_.newest_event();
       send(std::make_shared<const std::string>(events_message(events, events.size() - missing)));
     } else if (hub_.paths() && hub_.paths() != paths_) {
       paths_ = hub_.paths();
@@ -172,8 +172,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   beast::flat_buffer buffer_;
   std::deque<std::string> answers_;  ///< not sent yet, oldest first
   std::shared_ptr<const std::string> shown_, paths_, missions_, faults_;
-  std::uint64_t told_ = 0;  ///< the newest event that it has
-  std::uint64_t told_block_ = 0;
+  std::uint64_t reported_ = 0;  ///< the newest event that it has
+  std::uint64_t reported_block_ = 0;
   bool blocks_were_last_ = false;
   bool writing_ = false, closing_ = false;
 };

@@ -7,7 +7,7 @@
 namespace ledgerline::ground::service {
 
 Result<std::string> read_token(const std::string& file) {
-  if (file.empty()) return Error{"must name a file: whoever knows what is in it may fly"};
+  if (file.empty()) return Error{"must name a file: anyone who knows what is in it may fly"};
   struct stat status {};
   if (::stat(file.c_str(), &status) != 0) {
     const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));

@@ -15,7 +15,7 @@ void RoleWatch::look(const fabric::Block& block) {
 }
 
 const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
-  for (const Result<belief::Roles>& roles : read_.take_all()) {
+  for (const Result<verification::Roles>& roles : read_.take_all()) {
     is_reading_ = false;
     if (roles) {
       dismissed_ = service::dismissed(parts_.operators, *roles);
@@ -30,9 +30,9 @@ const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
       if (closed_) return Error{"the ground ends"};
       return parts_.evaluate(call);
     };
-    belief::Organisations organisations;
+    verification::Organisations organisations;
     for (const service::Operator& one : parts_.operators) organisations.insert(one.identity.msp_id);
-    read_.put(belief::read_roles(evaluate, organisations));
+    read_.put(verification::read_roles(evaluate, organisations));
     parts_.wake();
   });
   if (!is_reading_) wanted_.want();

@@ -4,10 +4,10 @@
 #include <string>
 #include <vector>
 
-#include "common/belief/roles.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/rt/workers.hpp"
+#include "common/verification/roles.hpp"
 #include "ground/service/missions/approvals.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 
@@ -21,8 +21,8 @@ class RoleWatch {
   static constexpr TimeNs gap_ns = 2 * ns_per_s;  ///< between two readings, also where one has failed
   struct Parts {
     std::vector<service::Operator> operators;
-    belief::Evaluate evaluate;   ///< on the thread
-    std::function<void()> wake;  ///< the flight's thread shall step()
+    verification::Evaluate evaluate;  ///< on the thread
+    std::function<void()> wake;       ///< the flight's thread shall step()
   };
 
   explicit RoleWatch(Parts parts) : parts_(std::move(parts)) { wanted_.want(); }
@@ -40,7 +40,7 @@ class RoleWatch {
   bool is_reading_ = false;
   std::vector<std::size_t> dismissed_;
   std::atomic<bool> closed_{false};
-  Mailbox<Result<belief::Roles>> read_;
+  Mailbox<Result<verification::Roles>> read_;
   Workers worker_{1, 1};
 };
 

@@ -13,8 +13,8 @@
 
 namespace ledgerline::ground {
 
-/// The readers of pilots' topics, of those that the settings let in. DDS knows no users: whoever can write one of these
-/// topics is a pilot, without token or session. create() and the end: ground's thread.
+/// The readers of pilots' topics, of those that the settings let in. DDS knows no users: any process that can write one
+/// of these topics is a pilot, without token or session. create() and the end: ground's thread.
 class PilotReaders {
  public:
   /// A message of that drone's topic; on a thread of DDS.

@@ -12,7 +12,7 @@
 namespace ledgerline::hil {
 namespace {
 
-/// What stands for a word in capitals, behind that word in small letters; behind any where `behind` is empty.
+/// What stands for a word in capitals, behind that word in lower case; behind any where `behind` is empty.
 struct Stand {
   std::string_view behind, word, example;
 };

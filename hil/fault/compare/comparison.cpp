@@ -175,20 +175,20 @@ class Comparer {
         .script = both.script, .rule = rule, .old_runs = both.old_runs.size(), .new_runs = both.new_runs.size()};
     for (const FlownRun* run : both.old_runs) change.old_broken += broke(*run, rule) ? 1 : 0;
     for (const FlownRun* run : both.new_runs) change.new_broken += broke(*run, rule) ? 1 : 0;
-    std::size_t mended = 0;
+    std::size_t repaired = 0;
     for (std::size_t i = 0; both.paired && i < both.old_runs.size(); ++i) {
       const bool before = broke(*both.old_runs[i], rule), now = broke(*both.new_runs[i], rule);
       if (now && !before) change.newly.push_back(both.new_runs[i]->seed);
-      if (before && !now) ++mended;
+      if (before && !now) ++repaired;
     }
-    const bool differs = !both.paired || change.newly.size() + mended > 0;
+    const bool differs = !both.paired || change.newly.size() + repaired > 0;
     change.fact = both.paired && both.bytes && differs &&
                   (change.old_broken == 0 || change.new_broken == 0 || both.same_bytes == both.old_runs.size());
     if (change.fact) {
       change.verdict = one_way(!change.newly.empty());
     } else if (differs) {
       const TestResult result = both.paired
-                                    ? mcnemar(change.newly.size(), mended)
+                                    ? mcnemar(change.newly.size(), repaired)
                                     : fisher(change.old_broken, change.old_runs, change.new_broken, change.new_runs);
       tests_.push_back({.result = result, .of_rule = true, .which = out_.rules.size()});
     }
@@ -238,7 +238,7 @@ class Comparer {
     out_.figures.push_back(std::move(change));
   }
 
-  // What a few seeds of each script cannot tell, all scripts together can: each pair's difference as a share of its
+  // What a few seeds of each script cannot show, all scripts together can: each pair's difference as a share of its
   // mean size, where it is large enough to count at all.
   void compare_all_scripts(const FigureKind& kind) {
     std::vector<double> differences;
@@ -266,7 +266,7 @@ class Comparer {
   }
 
   void judge() {
-    // Tests that could not tell anything even alone, of too few runs that differ, cost the others nothing (Tarone
+    // Tests that could not show anything even alone, of too few runs that differ, cost the others nothing (Tarone
     // 1990).
     std::vector<Test> able;
     for (const Test& test : tests_) {
@@ -313,13 +313,14 @@ class Comparer {
       cannot_tell("{} lacks figures that {} has: {}", new_.file, old_.file, fmt::join(missing_figures_, ", "));
   }
 
-  // A rule that broke newly and was mended nowhere, in so few runs that no test is certain.
+  // A rule that broke newly and was repaired nowhere, in so few runs that no test is certain.
   void say_what_may_be_worse() {
     for (const RuleChange& rule : out_.rules) {
-      const bool none_mended = rule.old_broken + rule.newly.size() == rule.new_broken;
-      if (rule.verdict == Change::none && !rule.newly.empty() && none_mended)
+      const bool none_repaired = rule.old_broken + rule.newly.size() == rule.new_broken;
+      if (rule.verdict == Change::none && !rule.newly.empty() && none_repaired)
         cannot_tell(
-            "{}: {}: newly broken with {} of {} seeds, mended with none: fly more seeds to tell that from chance",
+            "{}: {}: newly broken with {} of {} seeds, repaired with none: fly more seeds to distinguish that from "
+            "chance",
             rule.script, rule.rule, rule.newly.size(), rule.new_runs);
     }
   }
@@ -329,8 +330,8 @@ class Comparer {
       return both.paired && both.same_bytes < both.old_runs.size() && both.old_runs.size() < out_.pairs_needed;
     });
     if (few > 0)
-      leave_out("{} scripts have fewer seeds than the {} that tell anything of one script's figures{}", few,
-                out_.pairs_needed, scripts_.size() > 1 ? ": they are told of all scripts together" : "");
+      leave_out("{} scripts have fewer seeds than the {} that show anything of one script's figures{}", few,
+                out_.pairs_needed, scripts_.size() > 1 ? ": they are reported for all scripts together" : "");
   }
 
   template <typename... Words>

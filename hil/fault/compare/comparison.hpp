@@ -28,7 +28,7 @@ struct Runs {
 
 struct Options {
   /// Chance, at most, that any test calls equal builds different. It bounds the tests alone: a fact (RuleChange) is no
-  /// test, and is told as it is.
+  /// test, and is reported as it is.
   double error_rate = 0.01;
   double least_share = 0.02;  ///< of a figure's old mean: a smaller change does not count, be it ever so certain
 };
@@ -71,10 +71,10 @@ struct Comparison {
   std::vector<RuleChange> rules;
   std::vector<FigureChange> figures;
   std::size_t tests = 0;              ///< that Holm's correction corrects for
-  std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be told of it alone
+  std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be said of it alone
   std::vector<std::string> left_out;  ///< what was not compared, and why, in words
-  /// Why builds that no test tells apart are not called equal, in words: no test can get below error_rate; runs or
-  /// figures of the old build are missing in the new one; a rule broke newly, was mended nowhere, and in too few runs
+  /// Why builds that no test distinguishes are not called equal, in words: no test can get below error_rate; runs or
+  /// figures of the old build are missing in the new one; a rule broke newly, was repaired nowhere, and in too few runs
   /// to be certain.
   std::vector<std::string> cannot_tell;
 

@@ -79,14 +79,16 @@ std::string verdict_of(const Comparison& comparison) {
 
 std::string table_text(const Comparison& comparison, const Options& options, bool all) {
   std::string text;
-  const auto is_told = [all](Change verdict) { return all || verdict == Change::worse || verdict == Change::better; };
+  const auto is_reported = [all](Change verdict) {
+    return all || verdict == Change::worse || verdict == Change::better;
+  };
   for (const RuleChange& rule : comparison.rules) {
-    if (is_told(rule.verdict) || !rule.newly.empty()) text += line_of(rule);
+    if (is_reported(rule.verdict) || !rule.newly.empty()) text += line_of(rule);
   }
   std::string rows;
   for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
     for (const FigureChange& figure : comparison.figures) {
-      if (figure.verdict == verdict && is_told(verdict)) rows += line_of(figure);
+      if (figure.verdict == verdict && is_reported(verdict)) rows += line_of(figure);
     }
   }
   if (!rows.empty())

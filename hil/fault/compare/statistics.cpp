@@ -126,15 +126,15 @@ TestResult rank_sum(std::span<const double> first, std::span<const double> secon
   return result;
 }
 
-TestResult mcnemar(std::size_t newly, std::size_t mended) {
-  const std::size_t changed = newly + mended;
+TestResult mcnemar(std::size_t newly, std::size_t repaired) {
+  const std::size_t changed = newly + repaired;
   if (changed == 0) return {};
   std::vector<double> chances(changed + 1);
   for (std::size_t k = 0; k <= changed; ++k)
     chances[k] = std::exp(log_choose(changed, k) - static_cast<double>(changed) * std::log(2.0));
   return {.p = two_sided(chances, static_cast<double>(changed) / 2, newly),
           .least_p = std::min(1.0, std::pow(2.0, 1 - static_cast<double>(changed))),
-          .direction = sign(static_cast<double>(newly) - static_cast<double>(mended))};
+          .direction = sign(static_cast<double>(newly) - static_cast<double>(repaired))};
 }
 
 TestResult fisher(std::size_t first, std::size_t of_first, std::size_t second, std::size_t of_second) {

@@ -3,8 +3,8 @@
 #include <span>
 #include <vector>
 
-// Tests that tell a change from noise. They look at ranks alone: a flight's figures follow no known distribution, and
-// one flight that went astray must not decide. Pure functions; all are two-sided.
+// Tests that distinguish a change from noise. They look at ranks alone: a flight's figures follow no known
+// distribution, and one flight that went astray must not decide. Pure functions; all are two-sided.
 namespace ledgerline::hil::comparing {
 
 struct TestResult {
@@ -24,8 +24,8 @@ inline constexpr std::size_t max_exact_pairs = 60;
 TestResult rank_sum(std::span<const double> first, std::span<const double> second);
 inline constexpr std::size_t max_exact_sum = 30;
 
-/// McNemar's exact test of pairs that changed: so many broke newly, and so many were mended.
-TestResult mcnemar(std::size_t newly, std::size_t mended);
+/// McNemar's exact test of pairs that changed: so many broke newly, and so many were repaired.
+TestResult mcnemar(std::size_t newly, std::size_t repaired);
 
 /// Fisher's exact test: so many of so many in each of two samples.
 TestResult fisher(std::size_t first, std::size_t of_first, std::size_t second, std::size_t of_second);

@@ -14,7 +14,7 @@ enum Which : std::uint8_t {
   too_high,
   too_far,
   crash,
-  unseen,
+  lost_link,
   silent,
   hovers,
   rc_range,
@@ -39,7 +39,7 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
     "always: a hold or a landing after silence",
     "always: a hold ends in a landing",
     "always: rc in the SDK's range",
-    "always: told speed ramps",
+    "always: commanded speed ramps",
     "always: commands in order, each once",
     "always: a brake takes its plans with it",
     "always: on the ground in the end",
@@ -120,16 +120,16 @@ void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested
   const DroneFacts& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const double changed =
-      std::hypot(facts.told[0] - drone.told[0], facts.told[1] - drone.told[1], facts.told[2] - drone.told[2]);
-  const double limit = limits_.told_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
+      std::hypot(facts.sent[0] - drone.sent[0], facts.sent[1] - drone.sent[1], facts.sent[2] - drone.sent[2]);
+  const double limit = limits_.sent_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
   drone.may_change_mps =
-      std::min(told_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
+      std::min(sent_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
   drone.looked_ns = moment.now;
-  drone.told = facts.told;
+  drone.sent = facts.sent;
   if (!rested) return;
   drone.may_change_mps -= changed;
   if (drone.may_change_mps < 0)
-    broke(which::ramps, moment.now, fmt::format("{}: told {:.2f} m/s more or less at once", facts.name, changed));
+    broke(which::ramps, moment.now, fmt::format("{}: sent {:.2f} m/s more or less at once", facts.name, changed));
 }
 
 void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
@@ -140,9 +140,9 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
     drone.plans_at_brake = facts.plans_given;
   }
   if (drone.braked && facts.plans_given == drone.plans_at_brake && facts.mode == FailsafeMode::none &&
-      facts.told_mps > 0)
+      facts.sent_mps > 0)
     broke(which::old_plans, moment.now,
-          fmt::format("{}: told {:.2f} m/s after its brake, and no plan came", facts.name, facts.told_mps));
+          fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", facts.name, facts.sent_mps));
 }
 
 bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone) {
@@ -190,23 +190,23 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
           fmt::format("{}: at {:.2f}, {:.2f} m{}", facts.name, at[0], at[1], estimated(facts)));
 }
 
-void Invariants::check_unseen(const Moment& moment, std::size_t index) {
+void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
   const DroneFacts& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
-  const bool unseen = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
-  if (!unseen || excuse.deaf || excuse.physical) {
-    drone.unseen_since_ns = 0;
+  const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
+  if (!is_lost || excuse.deaf || excuse.physical) {
+    drone.lost_since_ns = 0;
     return;
   }
-  if (drone.unseen_since_ns == 0) drone.unseen_since_ns = moment.now;
-  const TimeNs since = moment.now - drone.unseen_since_ns;
+  if (drone.lost_since_ns == 0) drone.lost_since_ns = moment.now;
+  const TimeNs since = moment.now - drone.lost_since_ns;
   const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
-  if (since > unseen_stops_ns && speed > unseen_mps && !excuse.blind)
-    broke(which::unseen, moment.now, fmt::format("{}: {:.2f} m/s, unseen", facts.name, speed));
-  if (since > unseen_down_ns)
-    broke(which::unseen, moment.now,
-          fmt::format("{}: unseen and in the air for {:.0f} s", facts.name, to_seconds(since)));
+  if (since > lost_stops_ns && speed > lost_mps && !excuse.blind)
+    broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", facts.name, speed));
+  if (since > lost_down_ns)
+    broke(which::lost_link, moment.now,
+          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(since)));
 }
 
 void Invariants::check_drone(const Moment& moment, std::size_t index) {
@@ -215,7 +215,7 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
   const TimeNs now = moment.now;
   if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
   check_limits(moment, index);
-  check_unseen(moment, index);
+  check_lost_link(moment, index);
 
   const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
   if (!flies) {
@@ -234,9 +234,9 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
       broke(which::silent, now,
             fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
     }
-    if (rested && silent_for > hold_within_ns + ramp_ns && facts.told_mps > 0) {
+    if (rested && silent_for > hold_within_ns + ramp_ns && facts.sent_mps > 0) {
       broke(which::silent, now,
-            fmt::format("{}: told {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.told_mps,
+            fmt::format("{}: sent {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.sent_mps,
                         to_ms(silent_for)));
     }
   }

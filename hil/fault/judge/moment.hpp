@@ -25,7 +25,7 @@ struct Moment {
     bool misled = false;    ///< what it says of its own motion may be wrong
     bool steered = false;   ///< blind, and motion capture steers it all the same
     bool spins = false;     ///< broken: its pose is older than the heading that rc is said by
-    bool deaf = false;      ///< nobody tells it anything, or it may not get there: it goes by what it heard last
+    bool deaf = false;      ///< it is sent nothing, or it may not get there: it goes by what it heard last
   };
   std::span<const Excuse> excuses{};
   std::optional<TimeNs> first_fault_ns, last_fault_end_ns;
@@ -51,7 +51,7 @@ struct Limits {
   double height_m = 3.6;   ///< the fence is at 3 m
   std::array<double, 2> min_m{-100, -100}, max_m{100, 100};
   std::array<double, 3> fence_min_m{-100, -100, 0}, fence_max_m{100, 100, 3};  ///< the fence itself
-  double told_mps2 = 4.4;  ///< link's limit of 4 m/s2, and what rounding adds; a brake has twice as much
+  double sent_mps2 = 4.4;  ///< link's limit of 4 m/s2, and what rounding adds; a brake has twice as much
 };
 
 }  // namespace ledgerline::hil

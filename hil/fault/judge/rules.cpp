@@ -31,7 +31,7 @@ void never(RuleState& state, const Ending& ending) { state.verdict.broke(ending.
 
 void flies_again(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneFacts& facts = of(sight, drone);
-  if (sight.moment.last_fault_end_ns && facts.mode == FailsafeMode::none && facts.told_ns != 0 &&
+  if (sight.moment.last_fault_end_ns && facts.mode == FailsafeMode::none && facts.sent_ns != 0 &&
       facts.plan_end_ns > sight.moment.now)
     state.done[drone] = true;
 }
@@ -118,12 +118,12 @@ void sends_no(RuleState& state, const Moment& moment, const WorldEvent& event) {
   if (is_sent(state, event)) state.verdict.broke(moment.now, moment.drones[event.drone].name + " was sent it");
 }
 
-void doubted(RuleState& state, const Moment&, const WorldEvent& event) {
-  state.seen = state.seen || event.kind == WorldEvent::Kind::doubted;
+void untrusted(RuleState& state, const Moment&, const WorldEvent& event) {
+  state.seen = state.seen || event.kind == WorldEvent::Kind::untrusted;
 }
 
-void never_doubted(RuleState& state, const Moment& moment, const WorldEvent& event) {
-  if (event.kind == WorldEvent::Kind::doubted) state.verdict.broke(moment.now, event.text);
+void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& event) {
+  if (event.kind == WorldEvent::Kind::untrusted) state.verdict.broke(moment.now, event.text);
 }
 
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
@@ -301,7 +301,7 @@ constexpr RuleKind table[] = {
      .finish = visited_all},
     {.form = "pose within {}",
      .takes = Takes::metres,
-     .help = "of what link believes from the truth, in flight",
+     .help = "of what link trusts from the truth, in flight",
      .observe = estimate,
      .needs_link = true},
     {.form = "fence kept within {}",
@@ -322,15 +322,15 @@ constexpr RuleKind table[] = {
      .finish = transactions,
      .needs_link = true,
      .not_real = "the traces do not tell how many there were"},
-    {.form = "the ledger is doubted",
+    {.form = "the ledger is not trusted",
      .help = "by agent, which says so in its log",
-     .hear = doubted,
+     .hear = untrusted,
      .finish = was_seen,
      .needs_link = true,
      .not_real = "the traces do not tell it"},
-    {.form = "the ledger is never doubted",
+    {.form = "the ledger is always trusted",
      .help = "the same",
-     .hear = never_doubted,
+     .hear = always_trusted,
      .needs_link = true,
      .not_real = "the traces do not tell it"},
     {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},

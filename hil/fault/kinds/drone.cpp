@@ -8,11 +8,11 @@
 namespace ledgerline::hil {
 namespace {
 
-using Said = FaultKind::Said;
+using ParsedWords = FaultKind::ParsedWords;
 
 DroneNumber number_of(VirtualWorld& world, std::size_t drone) { return world.facts()[drone].number; }
 
-Result<FaultActs> line_effects(const Said& said) {
+Result<FaultActs> line_effects(const ParsedWords& said) {
   const std::string_view line = said.words[0];
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
@@ -27,7 +27,7 @@ Result<FaultActs> line_effects(const Said& said) {
                    .deafens = lines.front() == LineAt::to};
 }
 
-Result<FaultActs> plan_effects(const Said& said) {
+Result<FaultActs> plan_effects(const ParsedWords& said) {
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
   const std::string_view none = effects->corrupt > 0    ? "corrupt"
@@ -40,7 +40,7 @@ Result<FaultActs> plan_effects(const Said& said) {
                    .not_real = because("plans go from agent to link in shared memory")};
 }
 
-Result<FaultActs> reboot(const Said&) {
+Result<FaultActs> reboot(const ParsedWords&) {
   return FaultActs{
       .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
       .not_real = because(inside_the_simulation),
@@ -48,7 +48,7 @@ Result<FaultActs> reboot(const Said&) {
       .pushes = true};
 }
 
-Result<FaultActs> lose_propeller(const Said&) {
+Result<FaultActs> lose_propeller(const ParsedWords&) {
   return FaultActs{
       .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
       .not_real = because(inside_the_simulation),
@@ -58,7 +58,7 @@ Result<FaultActs> lose_propeller(const Said&) {
       .for_good = true};
 }
 
-Result<FaultActs> set_battery(const Said& said) {
+Result<FaultActs> set_battery(const ParsedWords& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"battery must be followed by a share, 0% to 100%"};
   return FaultActs{
@@ -68,7 +68,7 @@ Result<FaultActs> set_battery(const Said& said) {
       .momentary = true};
 }
 
-Result<FaultActs> heat(const Said& said) {
+Result<FaultActs> heat(const ParsedWords& said) {
   constexpr double max_c = 150;
   const auto celsius = parse_number(said.words[0]);
   if (!celsius || *celsius < 0 || *celsius > max_c) return Error{"heat must be followed by 0 to 150 degrees Celsius"};
@@ -79,14 +79,14 @@ Result<FaultActs> heat(const Said& said) {
                    .momentary = true};
 }
 
-Result<FaultActs> drain(const Said& said) {
+Result<FaultActs> drain(const ParsedWords& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
   return FaultActs{.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; },
                    .not_real = because(inside_the_simulation)};
 }
 
-Result<FaultActs> kick(const Said& said) {
+Result<FaultActs> kick(const ParsedWords& said) {
   const auto velocity = vector_of(said.words);
   if (!velocity) return Error{"kick must be followed by three velocities in m/s"};
   return FaultActs{
@@ -98,7 +98,7 @@ Result<FaultActs> kick(const Said& said) {
 }
 
 // Winds add up.
-Result<FaultActs> wind(const Said& said) {
+Result<FaultActs> wind(const ParsedWords& said) {
   const auto velocity = vector_of(said.words);
   if (!velocity) return Error{"wind must be followed by three velocities in m/s"};
   return FaultActs{.lasts =
@@ -109,7 +109,7 @@ Result<FaultActs> wind(const Said& said) {
                    .pushes = true};
 }
 
-Result<FaultActs> sensor(const Said& said) {
+Result<FaultActs> sensor(const ParsedWords& said) {
   const auto fault = parse_sensor(said.rest);
   if (!fault) return fault.error();
   // A text that says the wrong velocity or heading, up to the other way round: all but the battery's.
@@ -139,11 +139,11 @@ Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&
                    .misleads_m = misleads_m};
 }
 
-Result<FaultActs> mocap_frozen(const Said&) {
+Result<FaultActs> mocap_frozen(const ParsedWords&) {
   return of_mocap([](MocapFault& mocap, const auto&) { mocap.frozen = true; }, {});
 }
 
-Result<FaultActs> mocap_jump(const Said& said) {
+Result<FaultActs> mocap_jump(const ParsedWords& said) {
   const auto offset = vector_of(said.words);
   if (!offset) return Error{"jump must be followed by three distances in m"};
   const auto add = [](MocapFault& mocap, const auto& metres) {
@@ -155,7 +155,7 @@ Result<FaultActs> mocap_jump(const Said& said) {
 constexpr double max_creep_mps = 5;
 constexpr double crept_m = 0.6;  // until link sees that its sources differ, and stops
 
-Result<FaultActs> mocap_creep(const Said& said) {
+Result<FaultActs> mocap_creep(const ParsedWords& said) {
   const auto velocity = vector_of(said.words);
   const double speed = velocity ? std::hypot((*velocity)[0], (*velocity)[1], (*velocity)[2]) : 0;
   if (speed <= 0 || speed > max_creep_mps) return Error{"creep must be followed by three velocities, up to 5 m/s"};
@@ -165,23 +165,23 @@ Result<FaultActs> mocap_creep(const Said& said) {
   return of_mocap(add, *velocity, crept_m);
 }
 
-// What a drone can fly the wrong way until link sees that it does not move as it is told.
+// How far a drone can fly the wrong way until link sees that it does not move as commanded.
 constexpr double turned_m = 2;
 
-Result<FaultActs> mocap_turn(const Said& said) {
+Result<FaultActs> mocap_turn(const ParsedWords& said) {
   const auto degrees = parse_number(said.words[0]);
   if (!degrees || std::abs(*degrees) > 180) return Error{"turn must be followed by -180 to 180 degrees"};
   return of_mocap([](MocapFault& mocap, const auto& turns) { mocap.turn_rad += turns[0]; },
                   {*degrees * std::numbers::pi / 180}, turned_m);
 }
 
-Result<FaultActs> mocap_noise(const Said& said) {
+Result<FaultActs> mocap_noise(const ParsedWords& said) {
   const auto sigma = parse_number(said.words[0]);
   if (!sigma || *sigma < 0 || *sigma > 100) return Error{"noise must be followed by 0 to 100 m"};
   return of_mocap([](MocapFault& mocap, const auto& metres) { mocap.noise_m = metres[0]; }, {*sigma}, 3 * *sigma);
 }
 
-Result<FaultActs> mocap_every(const Said& said) {
+Result<FaultActs> mocap_every(const ParsedWords& said) {
   const auto period = parse_time(said.words[0]);
   if (!period) return period.error();
   if (*period <= 0) return Error{"every must be followed by more than 0 s"};
@@ -191,7 +191,7 @@ Result<FaultActs> mocap_every(const Said& said) {
       .idle_in = without_mocap};
 }
 
-Result<FaultActs> mocap_effects(const Said& said) {
+Result<FaultActs> mocap_effects(const ParsedWords& said) {
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
   return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,

@@ -23,7 +23,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
 }  // namespace
 
 void Effects::apply_to(VirtualWorld& world) const {
-  world.relay().lie(relay ? relay->lie : RelayLie::none);
+  world.relay().lie(relay ? relay->lie : RelayTampering::none);
   if (relay) world.relay().compared(relay->compared);
   world.stall_ledger(ledger_stalled);
   for (const Process process : {Process::agent, Process::link, Process::ground}) {
@@ -36,7 +36,7 @@ void Effects::apply_to(VirtualWorld& world) const {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     for (std::size_t at = 0; at < line_count; ++at) world.lines(i).impair(static_cast<LineAt>(at), drones[i].lines[at]);
     [[maybe_unused]] const Status set = world.sdk().set(i, drones[i].sdk);
-    assert(set.ok());  // whoever needs another drone was refused where there is none
+    assert(set.ok());  // a fault that needs another drone was refused where there is none
     world.lines(i).set_sensor_faults(drones[i].sensors);
     world.lines(i).set_mocap_fault(drones[i].mocap);
     world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);

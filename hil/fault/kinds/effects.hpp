@@ -9,8 +9,8 @@
 
 namespace ledgerline::hil {
 
-/// What all faults that go on now make of a world together: faults may overlap, so the whole is computed anew whenever
-/// one begins or ends. Plain data.
+/// What all faults that go on now make of a world together: faults may overlap, so the whole is recomputed whenever one
+/// begins or ends. Plain data.
 struct Effects {
   struct OfDrone {
     std::array<Impairment, line_count> lines;
@@ -26,12 +26,12 @@ struct Effects {
   struct OfPort {
     bool cut = false, stale = false, stall_to = false, stall_from = false;
     std::optional<Distribution> delay_to, delay_from;
-    Lie lie = Lie::none;
-    PeerLie serves = PeerLie::none, orders = PeerLie::none;
+    Tampering lie = Tampering::none;
+    PeerTampering serves = PeerTampering::none, orders = PeerTampering::none;
     Slip slip = Slip::none;
   };
   struct OfRelay {
-    RelayLie lie = RelayLie::none;
+    RelayTampering lie = RelayTampering::none;
     bool compared = false;  ///< clients compare events before they sign
   };
 

@@ -45,9 +45,9 @@ Fit fit_of(const Words& words, const Words& form) {
   return fit;
 }
 
-FaultKind::Said said_in(const std::string& text, const FaultKind& kind) {
+FaultKind::ParsedWords said_in(const std::string& text, const FaultKind& kind) {
   const Words words = words_of(text), form = words_of(kind.form);
-  FaultKind::Said said{text, {}, {}, {}};
+  FaultKind::ParsedWords said{text, {}, {}, {}};
   for (std::size_t i = 0; i < form.size(); ++i) {
     if (form[i].ends_with("...")) {
       said.rest = fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(i), words.end(), " "));
@@ -87,7 +87,7 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
   if (nearest.empty())
     return wrong(text,
                  "must begin with drone, sdk, sensor, mocap, pads, wind, ledger, agent, link, ground, clock, operator, "
-                 "supervisor or stranger");
+                 "supervisor or outsider");
   if (!real && nearest.front()->real_only)
     return wrong(
         text, fmt::format("{} is not there in virtual time: such a fault needs the real processes (--real)", words[0]));
@@ -105,7 +105,7 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
   if (fault.text.empty()) return Error{"a fault must say where and what, as in \"drone tello1 to delay 200ms\""};
   const auto kind = kind_of(fault.text, real);
   if (!kind) return kind.error();
-  const FaultKind::Said said = said_in(fault.text, **kind);
+  const FaultKind::ParsedWords said = said_in(fault.text, **kind);
   auto acts = (*kind)->make(said);
   if (!acts) return wrong(fault.text, acts.error().what);
   fault.drone = said.drone;

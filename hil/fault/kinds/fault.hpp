@@ -38,16 +38,16 @@ struct FaultActs {
   bool pushes = false;             ///< drones, from outside: how fast and how high they get says nothing
   bool breaks = false;             ///< drones, which may turn over
   bool for_good = false;           ///< what it does to drones outlasts it
-  bool deafens = false;            ///< what a drone is told may not get there
-  bool stops_link = false;         ///< nobody tells drones anything until link runs again
+  bool deafens = false;            ///< what a drone is sent may not get there
+  bool stops_link = false;         ///< drones are sent nothing until link runs again
   bool needs_supervisors = false;  ///< others than the operator speak
   bool cuts = false;               ///< motors, as somebody asks for by name
   bool blinds = false;             ///< a drone's own velocity: it cannot know how far it goes meanwhile
   double misleads_m = 0;           ///< by how much mocap may say another place
-  double misleads_mps = 0;      ///< how fast the place that a drone knows by its own senses may go away from the true
-  std::string_view kills = {};  ///< the program that dies by SIGKILL: "link"
-  bool fills_disk = false;      ///< the ledger's has to be a small one
-  bool of_two_drones = false;   ///< it needs a second one in the flight
+  double misleads_mps = 0;         ///< how fast a position by onboard odometry may drift from the true one
+  std::string_view kills = {};     ///< the program that dies by SIGKILL: "link"
+  bool fills_disk = false;         ///< the ledger's has to be a small one
+  bool of_two_drones = false;      ///< it needs a second one in the flight
 };
 
 /// One fault as it is written: where and what, e.g. "drone tello1 to delay 200ms". docs/faults.md lists all of them.
@@ -65,16 +65,16 @@ struct Fault {
 
 /// A kind of fault: a row of the tables beside this file.
 struct FaultKind {
-  /// Words in small letters stand as they are, one of those with | between. NAME: a drone, or * for all of them; others
+  /// Words in lower case stand as they are, one of those with | between. NAME: a drone, or * for all of them; others
   /// in capitals: one word; with ... behind: all the rest.
   std::string_view form;
-  struct Said {
+  struct ParsedWords {
     std::string text;                     ///< all of it
     std::string drone;                    ///< NAME; empty: every drone
     std::vector<std::string_view> words;  ///< what stands for choices and for other words in capitals
     std::string rest;                     ///< what stands for ...
   };
-  Result<FaultActs> (*make)(const Said& said);
+  Result<FaultActs> (*make)(const ParsedWords& said);
   bool real_only = false;  ///< virtual time has no such thing
 };
 std::span<const FaultKind> drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(),

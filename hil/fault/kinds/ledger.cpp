@@ -10,7 +10,7 @@
 namespace ledgerline::hil {
 namespace {
 
-using Said = FaultKind::Said;
+using ParsedWords = FaultKind::ParsedWords;
 
 void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
   if (!stack.fabric) real.programs.emplace_back("ledgerline-node", signal);
@@ -18,7 +18,7 @@ void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
     real.parts.emplace_back(fmt::format("orderer{}", k), signal);
 }
 
-Result<FaultActs> stall_ledger(const Said&) {
+Result<FaultActs> stall_ledger(const ParsedWords&) {
   return FaultActs{.lasts = [](Effects& effects) { effects.ledger_stalled = true; },
                    .really_begin = [](RealActs& real, const RealStack& stack) { signal_ledger(real, stack, SIGSTOP); },
                    .really_end =
@@ -27,7 +27,7 @@ Result<FaultActs> stall_ledger(const Said&) {
                        }};
 }
 
-Result<FaultActs> restart_ledger(const Said&) {
+Result<FaultActs> restart_ledger(const ParsedWords&) {
   return FaultActs{.begin = [](VirtualWorld& world) { world.restart_ledger(); },
                    .not_real = [](const Fault&, const RealStack& stack) -> std::string {
                      return stack.fabric
@@ -45,7 +45,7 @@ auto on_ports(std::string_view whose, Set set) {
   };
 }
 
-Result<FaultActs> cut(const Said& said) {
+Result<FaultActs> cut(const ParsedWords& said) {
   return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.cut = true; }),
                    .really_begin = [processes = processes_of(said.words[0])](RealActs& real, const RealStack& stack) {
                      for (const Process process : processes) {
@@ -55,26 +55,26 @@ Result<FaultActs> cut(const Said& said) {
                    }};
 }
 
-Result<FaultActs> stale(const Said& said) {
+Result<FaultActs> stale(const ParsedWords& said) {
   return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
                    .not_real = because("a peer that is behind its channel is not built: virtual time alone has it")};
 }
 
-Result<FaultActs> lie(const Said& said) {
+Result<FaultActs> lie(const ParsedWords& said) {
   const auto lie = lie_from(said.rest);
   if (!lie) return Error{"lies must be followed by one of " + lies()};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
                    .not_real = because(nobody_real)};
 }
 
-Result<FaultActs> serve(const Said& said) {
+Result<FaultActs> serve(const ParsedWords& said) {
   const auto lie = peer_lie_from(said.rest);
   if (!lie) return Error{"serves must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
                    .not_real = because(nobody_real)};
 }
 
-Result<FaultActs> order(const Said& said) {
+Result<FaultActs> order(const ParsedWords& said) {
   const auto lie = peer_lie_from(said.rest);
   if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
@@ -87,7 +87,7 @@ Result<FaultActs> order(const Said& said) {
 }
 
 // Of several relays the later one in the script counts.
-Result<FaultActs> relay(const Said& said) {
+Result<FaultActs> relay(const ParsedWords& said) {
   const auto words = words_of(said.rest);
   const auto lie = words.empty() ? std::nullopt : relay_lie_from(words[0]);
   if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
@@ -98,7 +98,7 @@ Result<FaultActs> relay(const Said& said) {
 }
 
 // Without a way: both.
-Result<FaultActs> stall_port(const Said& said) {
+Result<FaultActs> stall_port(const ParsedWords& said) {
   const bool one_way = said.words.size() > 1;
   const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
   return FaultActs{.lasts = on_ports(said.words[0], [to, from](Effects::OfPort& port) {
@@ -108,7 +108,7 @@ Result<FaultActs> stall_port(const Said& said) {
 }
 
 // Of several delays the later one in the script counts.
-Result<FaultActs> delay_port(const Said& said) {
+Result<FaultActs> delay_port(const ParsedWords& said) {
   const bool one_way = said.words.size() > 1;
   const bool to = !one_way || said.words[1] == "to", from = !one_way || said.words[1] == "from";
   const auto delay = parse_distribution(said.rest);
@@ -119,7 +119,7 @@ Result<FaultActs> delay_port(const Said& said) {
                    })};
 }
 
-Result<FaultActs> refuse_effect(const Said& said) {
+Result<FaultActs> refuse_effect(const ParsedWords& said) {
   const std::string effect(said.rest.substr(0, said.rest.find(' ')));
   for (const std::string_view no : {"loss", "duplicate", "reorder", "corrupt", "truncate", "jitter", "partition"}) {
     if (effect == no)
@@ -131,18 +131,18 @@ Result<FaultActs> refuse_effect(const Said& said) {
       "DISTRIBUTION"};
 }
 
-Result<FaultActs> slip(const Said& said) {
+Result<FaultActs> slip(const ParsedWords& said) {
   const auto slip = slip_from(said.rest);
   if (!slip) return Error{"operator errs must be followed by one of " + slips()};
   return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
                    .not_real = because(nobody_real)};
 }
 
-Result<FaultActs> say_control(const Said& said) {
+Result<FaultActs> say_control(const ParsedWords& said) {
   const std::string_view who = said.words[0], name = said.words[1];
   const Stopper stopper = who == "operator"     ? Stopper::operating
                           : who == "supervisor" ? Stopper::supervisor
-                                                : Stopper::stranger;
+                                                : Stopper::outsider;
   const auto word = static_cast<ControlWord>(std::ranges::find(control_words, name) - control_words.begin());
   return FaultActs{
       .strike = [stopper, word](VirtualWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
@@ -163,7 +163,7 @@ Result<FaultActs> say_control(const Said& said) {
       .cuts = word == ControlWord::cut};
 }
 
-Result<FaultActs> revoke(const Said&) {
+Result<FaultActs> revoke(const ParsedWords&) {
   return FaultActs{
       .strike = [](VirtualWorld& world,
                    std::size_t drone) { world.say_control(Stopper::administrator, drone, ControlWord::revoke); },
@@ -187,7 +187,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both orders WHAT...", order},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|stranger stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},
+    {"operator|supervisor|outsider stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},
     {"administrator revoke NAME", revoke},
 };
 

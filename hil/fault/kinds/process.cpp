@@ -9,7 +9,7 @@
 namespace ledgerline::hil {
 namespace {
 
-using Said = FaultKind::Said;
+using ParsedWords = FaultKind::ParsedWords;
 
 constexpr TimeNs max_death_ns = ns_per_s;  // the launcher starts again what died, within half a second
 
@@ -17,7 +17,7 @@ void signal(RealActs& real, Process process, int signal) {
   real.programs.emplace_back("ledgerline-" + name_of(process), signal);
 }
 
-Result<FaultActs> kill(const Said& said) {
+Result<FaultActs> kill(const ParsedWords& said) {
   const Process process = processes_of(said.words[0])[0];
   return FaultActs{.begin = [process](VirtualWorld& world) { world.kill(process); },
                    .end = [process](VirtualWorld& world) { world.start(process); },
@@ -33,7 +33,7 @@ Result<FaultActs> kill(const Said& said) {
                                                         : "ground"};
 }
 
-Result<FaultActs> stop(const Said& said) {
+Result<FaultActs> stop(const ParsedWords& said) {
   const Process process = processes_of(said.words[0])[0];
   return FaultActs{.lasts = [process](Effects& effects) { effects.stopped[static_cast<std::size_t>(process)] = true; },
                    .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGSTOP); },
@@ -44,7 +44,7 @@ Result<FaultActs> stop(const Said& said) {
                    .stops_link = process == Process::link};
 }
 
-Result<FaultActs> end_link(const Said&) {
+Result<FaultActs> end_link(const ParsedWords&) {
   return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(); },
                    .not_real = because("link's end is the flight's end: virtual time alone has it"),
                    .momentary = true,
@@ -52,7 +52,7 @@ Result<FaultActs> end_link(const Said&) {
                    .stops_link = true};
 }
 
-Result<FaultActs> restart_link(const Said&) {
+Result<FaultActs> restart_link(const ParsedWords&) {
   return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(true); },
                    .not_real = because("the launcher takes link's end for the flight's: virtual time alone has it"),
                    .momentary = true,
@@ -68,7 +68,7 @@ Result<TimeNs> jump_of(std::string_view word) {
   return back ? -*by : *by;
 }
 
-Result<FaultActs> jump_clock(const Said& said) {
+Result<FaultActs> jump_clock(const ParsedWords& said) {
   const auto by = jump_of(said.words[0]);
   if (!by) return by.error();
   return FaultActs{.begin = [by_ns = *by](VirtualWorld& world) { world.jump_clock(by_ns); },
@@ -80,10 +80,10 @@ VirtualWorld::Host host_of(std::string_view word) {
   return word == "mocap" ? VirtualWorld::Host::mocap : VirtualWorld::Host::drones;
 }
 
-// Its stamps are of another time than they say, by a second at most: older ones are not believed.
+// Its stamps are of another time than they say, by a second at most: older ones are refused.
 constexpr double off_clock_m = 1;
 
-Result<FaultActs> jump_clock_of(const Said& said) {
+Result<FaultActs> jump_clock_of(const ParsedWords& said) {
   const auto by = jump_of(said.words[1]);
   if (!by) return by.error();
   return FaultActs{
@@ -94,7 +94,7 @@ Result<FaultActs> jump_clock_of(const Said& said) {
       .misleads_m = off_clock_m};
 }
 
-Result<FaultActs> drift_clock_of(const Said& said) {
+Result<FaultActs> drift_clock_of(const ParsedWords& said) {
   const auto share = parse_number(said.words[1]);
   if (!share || *share == 0 || std::abs(*share) > 0.1)
     return Error{"drift must be followed by seconds a second, up to 0.1 and not 0"};
@@ -105,7 +105,7 @@ Result<FaultActs> drift_clock_of(const Said& said) {
                    .misleads_m = off_clock_m};
 }
 
-Result<FaultActs> suspend_host(const Said&) {
+Result<FaultActs> suspend_host(const ParsedWords&) {
   return FaultActs{.begin = [](VirtualWorld& world) { world.suspend_host(true); },
                    .end = [](VirtualWorld& world) { world.suspend_host(false); },
                    .not_real = because("who looks on would sleep with it: virtual time alone has it"),
@@ -131,23 +131,23 @@ Result<FaultActs> kill_part_named(const std::string& part) {
                    .momentary = true};
 }
 
-Result<FaultActs> kill_leader(const Said&) { return kill_part_named(leader_part); }
+Result<FaultActs> kill_leader(const ParsedWords&) { return kill_part_named(leader_part); }
 
-Result<FaultActs> kill_part(const Said& said) {
+Result<FaultActs> kill_part(const ParsedWords& said) {
   const auto number = parse_number(said.words[1]);
   if (!number || *number < 1 || *number > 3 || *number != std::floor(*number))
     return Error{fmt::format("must be `{} N kill`, N from 1 to 3", said.words[0])};
   return kill_part_named(fmt::format("{}{:.0f}", said.words[0], *number));
 }
 
-Result<FaultActs> kill_roudi(const Said&) {
+Result<FaultActs> kill_roudi(const ParsedWords&) {
   return FaultActs{
       .really_begin = [](RealActs& real, const RealStack&) { real.programs.emplace_back("ledgerline-roudi", SIGKILL); },
       .momentary = true,
       .kills = "roudi"};
 }
 
-Result<FaultActs> burn_core(const Said& said) {
+Result<FaultActs> burn_core(const ParsedWords& said) {
   const auto core = parse_number(said.words[0]);
   if (!core || *core < 0 || *core >= 1024 || *core != std::floor(*core))
     return Error{"must be `cpu N burn`, N being a core from 0 on"};
@@ -159,7 +159,7 @@ Result<FaultActs> burn_core(const Said& said) {
           }};
 }
 
-Result<FaultActs> take_memory(const Said& said) {
+Result<FaultActs> take_memory(const ParsedWords& said) {
   const std::string_view size = said.words[0];
   const auto megabytes = size.ends_with("MB") ? parse_number(size.substr(0, size.size() - 2)) : std::nullopt;
   if (!megabytes || *megabytes < 1 || *megabytes > 1e6) return Error{"must be `memory take 500MB`, with at least 1MB"};
@@ -168,7 +168,7 @@ Result<FaultActs> take_memory(const Said& said) {
                    .really_end = [bytes](RealActs& real, const RealStack&, bool) { real.take_bytes = bytes; }};
 }
 
-Result<FaultActs> fill_disk(const Said&) {
+Result<FaultActs> fill_disk(const ParsedWords&) {
   return FaultActs{.really_begin = [](RealActs& real, const RealStack&) { real.fill_disk = true; },
                    .really_end = [](RealActs& real, const RealStack&, bool goes_on) { real.fill_disk = !goes_on; },
                    .not_real = [](const Fault&, const RealStack& stack) -> std::string {

@@ -6,9 +6,9 @@
 namespace ledgerline::hil {
 namespace {
 
-using Said = FaultKind::Said;
+using ParsedWords = FaultKind::ParsedWords;
 
-Result<FaultActs> sdk(const Said& said) {
+Result<FaultActs> sdk(const ParsedWords& said) {
   const auto fault = parse_sdk_fault(std::string(said.words[0]) + " " + said.rest);
   if (!fault) return fault.error();
   return FaultActs{

@@ -7,14 +7,14 @@
 namespace ledgerline::hil {
 namespace {
 
-using Said = FaultKind::Said;
+using ParsedWords = FaultKind::ParsedWords;
 
 constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 
 /// What `set` does to a drone's Sensing while the fault goes on. `pushes`: its own velocity is wrong, so that it
-/// drifts, and how fast and how far it gets says nothing of whoever flies it. `misleads_mps`: how fast it goes away
-/// from where its own senses say that it is. `blinds`: its own velocity is lost, and physics alone bounds how far it
-/// gets (Invariants::blind_way_m), no speed: who steers it is to notice.
+/// drifts, and how fast and how far it gets says nothing about its controller. `misleads_mps`: how fast it drifts from
+/// the position by its onboard odometry. `blinds`: its own velocity is lost, and physics alone bounds how far it gets
+/// (Invariants::blind_way_m), no speed: who steers it is to notice.
 template <class Set>
 FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = false) {
   return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },
@@ -24,11 +24,11 @@ FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = fa
                    .misleads_mps = misleads_mps};
 }
 
-Result<FaultActs> flow_lost(const Said&) {
+Result<FaultActs> flow_lost(const ParsedWords&) {
   return senses([](sim::Sensing& sensing) { sensing.light = 0; }, false, 0, true);
 }
 
-Result<FaultActs> light_or_floor(const Said& said) {
+Result<FaultActs> light_or_floor(const ParsedWords& said) {
   const auto share = share_of(said.words[1]);
   if (!share || *share >= sim::SensorParameters{}.flow_needs)
     return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
@@ -38,7 +38,7 @@ Result<FaultActs> light_or_floor(const Said& said) {
 }
 
 // Biases add up, and so do drifts.
-Result<FaultActs> flow_bias(const Said& said) {
+Result<FaultActs> flow_bias(const ParsedWords& said) {
   std::array<double, 2> bias{};
   for (std::size_t i = 0; i < 2; ++i) {
     const auto value = parse_number(said.words[i]);
@@ -54,22 +54,22 @@ Result<FaultActs> flow_bias(const Said& said) {
       true, std::hypot(bias[0], bias[1]));
 }
 
-Result<FaultActs> tof_nothing(const Said&) {
+Result<FaultActs> tof_nothing(const ParsedWords&) {
   return senses([](sim::Sensing& sensing) { sensing.tof = false; }, false);
 }
 
-Result<FaultActs> imu_invalid(const Said&) {
+Result<FaultActs> imu_invalid(const ParsedWords&) {
   return senses([](sim::Sensing& sensing) { sensing.imu = false; }, false);
 }
 
-Result<FaultActs> baro_drift(const Said& said) {
+Result<FaultActs> baro_drift(const ParsedWords& said) {
   const auto rate = parse_number(said.words[0]);
   if (!rate || *rate == 0 || std::abs(*rate) > max_baro_drift_mps)
     return Error{"baro drift must be followed by a rate in m/s, up to 10 and not 0"};
   return senses([rate = *rate](sim::Sensing& sensing) { sensing.baro_drift_mps += rate; }, false, std::abs(*rate));
 }
 
-Result<FaultActs> pads_gone(const Said&) {
+Result<FaultActs> pads_gone(const ParsedWords&) {
   return FaultActs{.lasts =
                        [](Effects& effects) {
                          for (Effects::OfDrone& drone : effects.drones) drone.sensing.pads = false;

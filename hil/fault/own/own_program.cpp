@@ -12,7 +12,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs program_patience_ns = 3 * ns_per_s;
+constexpr TimeNs program_timeout_ns = 3 * ns_per_s;
 constexpr const char* loopback =
     R"(<CycloneDDS><Domain id="any"><General><Interfaces><NetworkInterface name="lo" multicast="true"/></Interfaces></General></Domain></CycloneDDS>)";
 
@@ -40,7 +40,7 @@ void OwnProgram::end() {
   if (!started_) return;
   if (running()) {
     ended_here_ = true;
-    children_.stop(name, program_patience_ns);
+    children_.stop(name, program_timeout_ns);
   }
   // What it started would fly the next flight, too.
   children_.signal_group(name, SIGKILL);

@@ -38,8 +38,8 @@ class OwnProgram {
   bool started_ = false, ended_here_ = false;
 };
 
-/// For a program that speaks to the drones' topics: DDS on loopback, where ground listens, unless whoever starts the
-/// run has said it all himself; and who flies.
+/// For a program that speaks to the drones' topics: DDS on loopback, where ground listens, unless the caller's
+/// environment already sets all of it; and who flies.
 std::vector<std::string> topics_environment(int drones);
 
 }  // namespace ledgerline::hil

@@ -22,9 +22,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr TimeNs sdk_watch_ns = 20 * ns_per_ms;
-constexpr TimeNs ready_patience_ns = 30 * ns_per_s;
-constexpr TimeNs landing_patience_ns = 25 * ns_per_s;  // a Tello that hears nothing lands after 15 s
-constexpr TimeNs sdk_end_patience_ns = 10 * ns_per_s;
+constexpr TimeNs ready_timeout_ns = 30 * ns_per_s;
+constexpr TimeNs landing_timeout_ns = 25 * ns_per_s;  // a Tello that hears nothing lands after 15 s
+constexpr TimeNs sdk_end_timeout_ns = 10 * ns_per_s;
 constexpr const char* proxy_source = "10.77.4.1";
 
 std::string drone_address(int number) { return fmt::format("10.77.0.{}", number + 1); }
@@ -87,7 +87,7 @@ Status SdkFlight::start(const std::string& name, const std::vector<std::string>&
   command.insert(command.end(), arguments.begin(), arguments.end());
   const std::string log = fmt::format("{}/{}.log", run_, name);
   if (auto started = children_.start({name, std::move(command), log, SIGTERM}); !started) return started;
-  const TimeNs until = monotonic_ns() + ready_patience_ns;
+  const TimeNs until = monotonic_ns() + ready_timeout_ns;
   while (children_.running(name) && !ready_.contains(name) && monotonic_ns() < until) children_.poll(sdk_watch_ns);
   if (ready_.contains(name)) return done;
   return Error{fmt::format("{} does not serve: {}", name, children_.log_tail(name, 3))};
@@ -135,7 +135,7 @@ Status SdkFlight::start_all() {
 
 Status SdkFlight::watch() {
   TimeNs ended_ns = 0;
-  const TimeNs start_until = monotonic_ns() + ready_patience_ns;
+  const TimeNs start_until = monotonic_ns() + ready_timeout_ns;
   for (;;) {
     children_.poll(sdk_watch_ns);
     live_.read();
@@ -150,8 +150,8 @@ Status SdkFlight::watch() {
     if (!program_.running() && ended_ns == 0) ended_ns = now;
     const bool down = std::all_of(live_.facts().begin(), live_.facts().end(),
                                   [](const DroneFacts& drone) { return on_ground(drone.truth); });
-    // What the traces tell is up to a second old.
-    if (ended_ns != 0 && now - ended_ns > 2 * ns_per_s && (down || now - ended_ns > landing_patience_ns)) return done;
+    // What the traces show is up to a second old.
+    if (ended_ns != 0 && now - ended_ns > 2 * ns_per_s && (down || now - ended_ns > landing_timeout_ns)) return done;
     if (ended_ns == 0 && now - live_.begin_ns() > script_.limit_ns) {
       over_ = false;
       return done;
@@ -188,7 +188,7 @@ Result<RunResult> SdkFlight::fly() {
   if (auto watched = watch(); !watched) return watched.error();
   program_.end();
   faults_.end();
-  for (const char* name : {"hil-proxy", "sim"}) children_.stop(name, sdk_end_patience_ns);
+  for (const char* name : {"hil-proxy", "sim"}) children_.stop(name, sdk_end_timeout_ns);
   const auto recorded = recording();
   if (!recorded) return recorded.error();
   RunResult result = judge_recording(script_, seed_, *recorded);

@@ -11,7 +11,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs network_patience_ns = 10 * ns_per_s, network_look_ns = 5 * ns_per_ms;
+constexpr TimeNs network_timeout_ns = 10 * ns_per_s, network_look_ns = 5 * ns_per_ms;
 constexpr const char* sky_end = "10.77.2.1";  // the cable's ends
 constexpr const char* client_end = "10.77.1.1";
 constexpr const char* clients_network = "192.168.10.0/24";  // of the proxy's fronts: there is no way around it
@@ -52,7 +52,7 @@ Status TwoNetworks::hold(const std::string& name, const std::string& directory) 
       !started)
     return started;
   const std::string mine = network_of("/proc/self/ns/net");
-  for (const TimeNs until = monotonic_ns() + network_patience_ns; monotonic_ns() < until;) {
+  for (const TimeNs until = monotonic_ns() + network_timeout_ns; monotonic_ns() < until;) {
     if (!children_.running(name)) return Error{fmt::format("{}: {}", advice, children_.log_tail(name, 2))};
     const std::string its = network_of(file_of(name));
     if (!its.empty() && its != mine) return done;
@@ -69,7 +69,7 @@ Status TwoNetworks::set_up(const std::string& name, const std::string& lines, co
           children_.start({errand, std::move(command), fmt::format("{}/{}.log", directory, errand), SIGKILL});
       !started)
     return started;
-  const TimeNs until = monotonic_ns() + network_patience_ns;
+  const TimeNs until = monotonic_ns() + network_timeout_ns;
   while (children_.running(errand) && monotonic_ns() < until) children_.poll(network_look_ns);
   if (children_.ended_well(errand)) return done;
   return Error{fmt::format("{}: {}", advice, children_.log_tail(errand, 3))};

@@ -10,7 +10,7 @@
 
 namespace ledgerline::hil {
 
-/// A trace that grows, and is begun anew when its program is.
+/// A trace that grows, and starts again when its program does.
 class GrowingTrace {
  public:
   explicit GrowingTrace(std::string path) : path_(std::move(path)) {}
@@ -23,7 +23,7 @@ class GrowingTrace {
   ino_t inode_ = 0;
 };
 
-/// What triggers look at, as far as the traces in the folder of a flight tell it while they grow. One thread.
+/// What triggers look at, as far as the traces in the folder of a flight show it while they grow. One thread.
 class LiveFacts {
  public:
   LiveFacts(const std::string& run, const Script& script);

@@ -59,7 +59,7 @@ std::uint64_t available_memory() {
   return 0;
 }
 
-Burner::Burner(int core)
+CpuLoad::CpuLoad(int core)
     : thread_([](const std::stop_token& stop) {
         volatile std::uint64_t count = 0;
         while (!stop.stop_requested()) {

@@ -20,9 +20,9 @@ std::uint64_t available_memory();
 Status fill(const std::string& path);
 
 /// Computes on one core until it goes.
-class Burner {
+class CpuLoad {
  public:
-  explicit Burner(int core);
+  explicit CpuLoad(int core);
   bool pinned() const { return pinned_; }
 
  private:

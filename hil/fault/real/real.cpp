@@ -24,8 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr TimeNs watch_ns = 20 * ns_per_ms;
-constexpr TimeNs start_patience_ns = 180 * ns_per_s;  // Fabric's network comes up first
-constexpr TimeNs ending_patience_ns = 60 * ns_per_s;  // landing, and all processes' ends
+constexpr TimeNs start_timeout_ns = 180 * ns_per_s;  // Fabric's network comes up first
+constexpr TimeNs ending_timeout_ns = 60 * ns_per_s;  // landing, and all processes' ends
 
 class RealFlight {
  public:
@@ -121,13 +121,13 @@ void RealFlight::ask_to_end(TimeNs now) {
 }
 
 Status RealFlight::watch() {
-  const TimeNs start_until = monotonic_ns() + start_patience_ns;
+  const TimeNs start_until = monotonic_ns() + start_timeout_ns;
   while (children_.running("fly")) {
     children_.poll(watch_ns);
     live_.read();
     const TimeNs now = monotonic_ns();
     if (live_.begin_ns() == 0 && now > start_until)
-      return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_patience_ns), options_.directory)};
+      return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_timeout_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;
     if (auto stepped = faults_.step(now); !stepped) return stepped;
     if (program_.wanted() && !program_.started()) {
@@ -140,8 +140,8 @@ Status RealFlight::watch() {
       over_ = false;
       ask_to_end(now);
     }
-    if (asked_to_end_ns_ > 0 && now - asked_to_end_ns_ > ending_patience_ns) {
-      children_.stop("fly", ending_patience_ns);
+    if (asked_to_end_ns_ > 0 && now - asked_to_end_ns_ > ending_timeout_ns) {
+      children_.stop("fly", ending_timeout_ns);
       break;
     }
   }
@@ -231,7 +231,7 @@ Result<RunResult> RealFlight::fly() {
   if (auto started = start(); !started) return started.error();
   if (auto watched = watch(); !watched) {
     children_.signal("fly", SIGINT);
-    children_.stop("fly", ending_patience_ns);
+    children_.stop("fly", ending_timeout_ns);
     return watched.error();
   }
   faults_.end();

@@ -14,7 +14,7 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr TimeNs errand_patience_ns = 20 * ns_per_s;
+constexpr TimeNs errand_timeout_ns = 20 * ns_per_s;
 
 }  // namespace
 
@@ -96,7 +96,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
   for (const std::string& command : acts.proxy) {
     const bool of_shim = where_.stack.shim && !command.starts_with("server ");
     const std::string socket = where_.run + (of_shim ? "/shim.sock" : "/faults.sock");
-    if (auto told = tell_command(socket, command); !told) return told.error();
+    if (auto sent = tell_command(socket, command); !sent) return sent.error();
   }
   for (const auto& [program, signal] : acts.programs) {
     const auto pids = descendants(children_.pid(where_.parent), program);
@@ -104,7 +104,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
     for (const pid_t pid : pids) ::kill(pid, signal);
   }
   if (acts.burn_core >= 0 && begin) {
-    auto burner = std::make_unique<Burner>(acts.burn_core);
+    auto burner = std::make_unique<CpuLoad>(acts.burn_core);
     if (!burner->pinned()) return Error{fmt::format("there is no core {} for us", acts.burn_core)};
     burners_[acts.burn_core] = std::move(burner);
   } else if (acts.burn_core >= 0) {
@@ -124,7 +124,7 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
     return Error{fmt::format("cannot remove {}: {}", filler, std::strerror(errno))};
   }
   if (!acts.parts.empty()) {
-    signal_parts(acts.parts, monotonic_ns() + errand_patience_ns, acted);
+    signal_parts(acts.parts, monotonic_ns() + errand_timeout_ns, acted);
   } else if (!acts.control.empty()) {
     std::vector<std::string> command{where_.programs + "/ledgerline-control", "--config",
                                      where_.run + "/operator.toml"};
@@ -142,16 +142,16 @@ Status RealFaults::act(const RealActs& acts, bool begin, const std::function<voi
 /// One after the other; the first one's answer is taken when it is there.
 Status RealFaults::run_errands(TimeNs now) {
   if (errands_.empty()) return done;
-  Errand& errand = errands_.front();
+  Task& errand = errands_.front();
   const std::string& name = errand.name;
   if (errand.until_ns == 0) {
-    errand.until_ns = now + errand_patience_ns;
+    errand.until_ns = now + errand_timeout_ns;
     lines_[name].clear();
     return children_.start({name, errand.command, where_.directory + "/" + name + ".log", SIGKILL});
   }
   if (children_.running(name)) {
     if (now < errand.until_ns) return done;
-    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_patience_ns))};
+    return Error{fmt::format("{} has not ended within {:.0f} s", name, to_seconds(errand_timeout_ns))};
   }
   if (!children_.ended_well(name))
     return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};

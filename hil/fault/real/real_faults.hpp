@@ -17,7 +17,7 @@
 
 namespace ledgerline::hil {
 
-/// Does a script's faults to a flight of real processes when their moments come: tells the proxy, signals processes,
+/// Does a script's faults to a flight of real processes when their moments come: commands the proxy, signals processes,
 /// burns cores. Moments are of CLOCK_MONOTONIC; 0: not yet. One thread.
 class RealFaults {
  public:
@@ -39,7 +39,7 @@ class RealFaults {
   RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children);
 
   void take_line(const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }
-  /// Again and again while the flight goes on. The error says which fault could not be done.
+  /// To be called repeatedly while the flight goes on. The error says which fault could not be done.
   Status step(TimeNs now);
   /// What outlives no flight.
   void end();
@@ -51,7 +51,7 @@ class RealFaults {
 
  private:
   /// Something that another program has to do or to say, while the flight is watched.
-  struct Errand {
+  struct Task {
     std::string name;
     std::vector<std::string> command;
     std::function<Status(const std::string& said)> then;
@@ -71,9 +71,9 @@ class RealFaults {
   Children& children_;
   std::vector<Planned> planned_;
   std::map<std::string, std::string> lines_;  // of errands
-  std::deque<Errand> errands_;                // at most two a fault
+  std::deque<Task> errands_;                  // at most two a fault
   std::set<std::string> killed_parts_;
-  std::map<int, std::unique_ptr<Burner>> burners_;
+  std::map<int, std::unique_ptr<CpuLoad>> burners_;
   std::multimap<std::uint64_t, std::vector<char>> memory_;  // by size
 };
 

@@ -96,7 +96,8 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   if (flight.blocks != usual.blocks)
     refuse("flight.blocks", "./fly's ledger has no orderer that lies; --blocks ordered flies so without");
   if (flight.idle_evict_ns != usual.idle_evict_ns) refuse("flight.idle_evict", "./fly's agent has the usual one");
-  if (flight.doubt != usual.doubt) refuse("flight.doubt", "./fly's link ignores a doubt");
+  if (flight.on_untrusted_ledger != usual.on_untrusted_ledger)
+    refuse("flight.on_untrusted_ledger", "./fly's link ignores an untrusted ledger");
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
     const Fault& fault = script.faults[i];
     if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, stack) : std::string(); !why.empty())

@@ -49,7 +49,7 @@ class Player {
     events_.clear();
     for (; sim_ < recording_.sim.size() && recording_.sim[sim_].t_ns <= t_ns; ++sim_) see(recording_.sim[sim_]);
     for (const TimeNs at_ns : recording_.link_restarts) {
-      if (at_ns > told_ns_ && at_ns <= t_ns)
+      if (at_ns > sent_ns_ && at_ns <= t_ns)
         events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::started, 0, 0, "link"});
     }
     for (; link_ < recording_.link.size() && recording_.link[link_].t_ns <= t_ns; ++link_) hear(recording_.link[link_]);
@@ -57,13 +57,13 @@ class Player {
       command(recording_.ground[ground_]);
     for (const auto& fault : recording_.faults) {
       const auto tell = [&](TimeNs at_ns, const char* what) {
-        if (at_ns > told_ns_ && at_ns <= t_ns)
+        if (at_ns > sent_ns_ && at_ns <= t_ns)
           events_.push_back({at_ns - begin_ns_, WorldEvent::Kind::fault, 0, 0, fault.text + what});
       };
       tell(fault.begun_ns, " begins");
       tell(fault.ended_ns, " ends");
     }
-    told_ns_ = t_ns;
+    sent_ns_ = t_ns;
   }
   const std::vector<DroneFacts>& facts() const { return facts_; }
   const std::vector<WorldEvent>& events() const { return events_; }
@@ -109,8 +109,8 @@ class Player {
       if (std::any_of(std::begin(r.v), std::end(r.v), [](double stick) { return !(std::abs(stick) <= 100); }))
         events_.push_back({r.t_ns - begin_ns_, WorldEvent::Kind::bad_rc, index, 0,
                            fmt::format("rc {} {} {} {}", r.v[0], r.v[1], r.v[2], r.v[3])});
-      drone->told_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
-      drone->told_ns = r.t_ns - begin_ns_;
+      drone->sent_mps = std::hypot(r.v[0], r.v[1], r.v[2]) / 100 * rc_full_mps;
+      drone->sent_ns = r.t_ns - begin_ns_;
     } else if (r.kind == TraceKind::plan_received && !on_path_) {
       // A pilot's is in hand before its first setpoint is flown: playout smooths it, by so many us.
       const TimeNs margin_ns = r.extra * 1'000LL;
@@ -118,7 +118,7 @@ class Player {
     } else if (r.kind == TraceKind::command_applied) {
       ++drone->plans_given;
       drone->plan_end_ns = std::max(drone->plan_end_ns, r.t_ns - begin_ns_ + max_plan_ns);
-      drone->told_ns = r.t_ns - begin_ns_;
+      drone->sent_ns = r.t_ns - begin_ns_;
       events_.push_back(
           {r.t_ns - begin_ns_, WorldEvent::Kind::applied, index, to_seconds(r.t_ns - r.stamp_ns), {}, r.id});
     }
@@ -134,7 +134,7 @@ class Player {
   }
 
   const Recording& recording_;
-  TimeNs begin_ns_, told_ns_ = 0, seen_ns_ = 0;
+  TimeNs begin_ns_, sent_ns_ = 0, seen_ns_ = 0;
   bool on_path_;  ///< else somebody's own program flies
   std::vector<DroneFacts> facts_;
   std::vector<ground::Path> paths_;
@@ -285,11 +285,11 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
                        recording.lost_is_known
                            ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
                            : "whether the ledger has all that was acknowledged: who counts it was killed",
-                       "that what a drone is told ramps: each rc's range is judged",
+                       "that what a drone is sent ramps: each rc's range is judged",
                        "that agent hands each command on once and in order: link's own order is judged",
                        "that what is flown was signed: tests/system/relay compares it with the ledger",
                        "that no plan that waited during a brake is flown behind it: that of the plan in hand alone",
-                       "that no motor of an upright drone is cut: of what it is told traces have rc alone"};
+                       "that no motor of an upright drone is cut: of what it is sent traces have rc alone"};
   return result;
 }
 

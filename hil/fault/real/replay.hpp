@@ -26,7 +26,7 @@ struct Recording {
     std::string text;
     TimeNs begun_ns = 0;
     TimeNs ended_ns = 0;   ///< 0: it lasted to the end
-    bool deafens = false;  ///< what a drone is told may not get there
+    bool deafens = false;  ///< what a drone is sent may not get there
     std::string drone{};   ///< whose fault it is; empty: every drone's
   };
   std::vector<Fault> faults;
@@ -35,7 +35,7 @@ struct Recording {
 };
 
 /// Judges a recording by the script's rules and the invariants, as run_script() judges a virtual run, with what traces
-/// tell: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's beginning.
+/// show: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's beginning.
 /// A plan's end is not in them: link must hold max_plan (the contract's limit, and how long a last setpoint is
 /// flown) after the newest command, not after its own end.
 RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording);

@@ -11,13 +11,13 @@ namespace {
 constexpr FigureKind figure_table[] = {
     {.name = "path_rms_m", .help = "distance of the truth from the path, root mean square", .least = 0.002},
     {.name = "path_max_m", .help = "the same, at most", .least = 0.01},
-    {.name = "pose_rms_m", .help = "distance of what link believes from the truth, in flight", .least = 0.002},
+    {.name = "pose_rms_m", .help = "distance of what link trusts from the truth, in flight", .least = 0.002},
     {.name = "pose_max_m", .help = "the same, at most", .least = 0.01},
     {.name = "beyond_fence_m", .help = "how far the truth got beyond the fence, in flight", .least = 0.01},
     {.name = "pose_beyond_fence_m", .help = "the same, as link takes it to be", .least = 0.01},
     {.name = "speed_max_mps", .help = "of the truth", .least = 0.02},
-    {.name = "told_change_mps2",
-     .help = "how fast the velocity that a drone is told changes, root mean square",
+    {.name = "sent_change_mps2",
+     .help = "how fast the velocity that a drone is sent changes, root mean square",
      .least = 0.02},
     {.name = "nearest_m", .help = "of two drones of which one flies", .least = 0.01, .less_is_worse = true},
     {.name = "command_age_median_ms", .help = "of commands as they are applied, from their state's stamp", .least = 1},
@@ -93,11 +93,11 @@ void FigureMaker::observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs
       off_pose_max_m_ = std::max(off_pose_max_m_, off);
       pose_beyond_fence_m_ = std::max(pose_beyond_fence_m_, beyond_m(limits_, facts.pose->position_m));
     }
-    if (facts.told_ns > before.told_ns && before.told_ns > 0)
-      told_change_.add(distance_m(facts.told, before.told) / to_seconds(facts.told_ns - before.told_ns));
+    if (facts.sent_ns > before.sent_ns && before.sent_ns > 0)
+      sent_change_.add(distance_m(facts.sent, before.sent) / to_seconds(facts.sent_ns - before.sent_ns));
   }
-  before.told = facts.told;
-  before.told_ns = facts.told_ns;
+  before.sent = facts.sent;
+  before.sent_ns = facts.sent_ns;
   const FailsafeMode mode = in_flight(facts.phase) ? facts.mode : FailsafeMode::none;
   if (mode != before.mode) {
     if (mode == FailsafeMode::hold) ++holds_;
@@ -131,7 +131,7 @@ Figures FigureMaker::finish(TimeNs flown_ns) const {
   figures.push_back({"beyond_fence_m", beyond_fence_m_});
   if (off_pose_.count > 0) figures.push_back({"pose_beyond_fence_m", pose_beyond_fence_m_});
   figures.push_back({"speed_max_mps", speed_max_mps_});
-  add_rms("told_change_mps2", told_change_);
+  add_rms("sent_change_mps2", sent_change_);
   if (nearest_m_) figures.push_back({"nearest_m", *nearest_m_});
   if (age_.count() > 0) {
     figures.push_back({"command_age_median_ms", to_ms(age_.quantile(0.5))});

@@ -29,7 +29,7 @@ struct FigureValue {
 using Figures = std::vector<FigureValue>;
 
 /// Makes a run's figures of its moments, of all drones together. A virtual run has a moment each millisecond, a
-/// recording of a real one as many as its traces tell. Of bounded size; one thread.
+/// recording of a real one as many as its traces show. Of bounded size; one thread.
 class FigureMaker {
  public:
   explicit FigureMaker(const Limits& limits) : limits_(limits) {}
@@ -48,15 +48,15 @@ class FigureMaker {
   };
   struct OfDrone {
     FailsafeMode mode = FailsafeMode::none;
-    std::array<double, 3> told{};
-    TimeNs told_ns = 0;
+    std::array<double, 3> sent{};
+    TimeNs sent_ns = 0;
   };
   void observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs passed_ns);
   void observe_distances(const Moment& moment);
 
   Limits limits_;
   std::vector<OfDrone> drones_;
-  Squares off_path_, off_pose_, told_change_;
+  Squares off_path_, off_pose_, sent_change_;
   double off_path_max_m_ = 0, off_pose_max_m_ = 0, speed_max_mps_ = 0;
   double beyond_fence_m_ = 0, pose_beyond_fence_m_ = 0;
   std::optional<double> nearest_m_;  ///< of two drones in the air

@@ -11,7 +11,7 @@
 namespace ledgerline::hil {
 namespace {
 
-// How far the fence may be off, since what link believes is off. Without motion capture nobody sees what a drone's own
+// How far the fence may be off, since link's own estimate is off. Without motion capture nobody sees what a drone's own
 // senses hide, and it stays behind the fault: what it had time to become, and no more. (How wrong they are without a
 // fault needs no room: by so much link draws the fence in.)
 double misled_m(const Script& script) {
@@ -30,9 +30,9 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
   point.t_ns = now;
   for (std::size_t i = 0; i < 3; ++i) {
     point.at_m[i] = static_cast<float>(facts.truth.position_m[i]);
-    if (facts.pose) point.believed_m[i] = static_cast<float>(facts.pose->position_m[i]);
+    if (facts.pose) point.estimated_m[i] = static_cast<float>(facts.pose->position_m[i]);
   }
-  point.told_mps = static_cast<float>(facts.told_mps);
+  point.sent_mps = static_cast<float>(facts.sent_mps);
   point.phase = facts.phase;
   point.mode = facts.mode;
   point.cause = facts.cause;

@@ -13,8 +13,8 @@ namespace ledgerline::hil {
 /// One drone at one moment, for pictures; a point each timeline_period_ns.
 struct TimelinePoint {
   TimeNs t_ns = 0;
-  std::array<float, 3> at_m{}, believed_m{};  ///< the truth; what link was told last
-  float told_mps = 0;
+  std::array<float, 3> at_m{}, estimated_m{};  ///< the truth; link's estimate
+  float sent_mps = 0;
   FlightPhase phase{};
   FailsafeMode mode{};
   FailsafeCause cause{};

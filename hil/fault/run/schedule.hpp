@@ -43,7 +43,7 @@ class FaultSchedule {
     bool cut = false;       ///< for good: its motors, by who asked for it
     bool blinded = false;   ///< its own velocity is lost
     bool misled = false;    ///< what it says of its own motion may be wrong
-    bool deafened = false;  ///< what it is told may not get there: it flies on with the last rc it got, as a Tello does
+    bool deafened = false;  ///< what it is sent may not get there: it flies on with the last rc it got, as a Tello does
   };
   Effect effect_on(std::size_t drone, TimeNs now) const;
   static constexpr TimeNs aftermath_ns = 5 * ns_per_s;

@@ -10,7 +10,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
 #include "hil/fault/own/own_code.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

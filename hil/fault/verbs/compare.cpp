@@ -7,7 +7,7 @@
 #include "hil/fault/compare/comparison.hpp"
 #include "hil/fault/compare/comparison_text.hpp"
 #include "hil/fault/compare/results_file.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -50,7 +50,7 @@ too few runs to tell, or NEW lacks runs or figures that OLD has.)");
   verb.option("--json", asked->json, "everything that was tested, as one object");
   verb.option(
           "--error-rate", asked->options.error_rate,
-          "how often the tests may tell equal builds apart; a rule that breaks for the first time is a fact, no test")
+          "how often the tests may distinguish equal builds; a rule that breaks for the first time is a fact, no test")
       .within(1e-9, 0.5)
       .shows_default();
   verb.option("--least", asked->options.least_share, "share of a figure by which it must change to count")

@@ -11,7 +11,7 @@
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real_script.hpp"
 #include "hil/fault/run/figures.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

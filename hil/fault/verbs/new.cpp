@@ -7,7 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/first_script.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -26,7 +26,7 @@ int write_first(const std::string& asked) {
   if (path.extension() != ".toml") path += ".toml";
   const std::string name = path.stem().string();
   if (!is_plain(name))
-    return usage_error(fmt::format("\"{}\": a script's name is of letters, digits, -, _ and .", asked));
+    return usage_error(fmt::format("\"{}\": a script's name is of a-z, A-Z, 0-9, -, _ and .", asked));
   std::error_code error;
   if (fs::exists(fs::symlink_status(path, error)))
     return usage_error(fmt::format("{} is there already, and is left as it is", path.string()));

@@ -7,7 +7,7 @@
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/draw.hpp"
 #include "hil/fault/shrink.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -52,7 +52,7 @@ int fly_random(const RandomOptions& options) {
           return true;
         }
         if (!result->held()) broken.push_back(flight);
-        teller.told(std::move(*result), source_of(text_of(flight.script)));
+        teller.sent(std::move(*result), source_of(text_of(flight.script)));
         return true;
       });
   teller.end();

@@ -15,7 +15,7 @@
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
-#include "hil/fault/verbs/told.hpp"
+#include "hil/fault/verbs/teller.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -59,7 +59,7 @@ Result<Wanted> read_all(const RunOptions& options) {
     auto script = parse_script(*text, file, options.real);
     if (!script) return script.error();
     if (const auto [same, fresh] = file_of.emplace(script->name, file); !fresh)
-      return Error{fmt::format("{} and {}: two scripts of one name, {}: their results could not be told apart",
+      return Error{fmt::format("{} and {}: two scripts of one name, {}: their results could not be distinguished",
                                same->second, file, script->name)};
     if (auto put = put_into(*script, options.own); !put) return put.error();
     if (const auto flown = check_virtual(*script); !flown && !options.real) {
@@ -110,7 +110,7 @@ void fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller)
       continue;
     }
     const std::string agreed = script.faults.empty() && options.own.program.empty() ? agree(script, seed, *result) : "";
-    teller.told(std::move(*result), wanted.sources.at(script.name), agreed);
+    teller.sent(std::move(*result), wanted.sources.at(script.name), agreed);
   }
 }
 
@@ -119,7 +119,7 @@ void fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& tell
       wanted.flights.size(), options.jobs, [&](std::size_t i) { return wanted.flights[i]; },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (result) {
-          teller.told(std::move(*result), wanted.sources.at(flight.script.name));
+          teller.sent(std::move(*result), wanted.sources.at(flight.script.name));
         } else {
           teller.could_not_fly(flight, result.error().what);
         }

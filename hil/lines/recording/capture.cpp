@@ -71,7 +71,7 @@ class Listener {
       return id != 0 && id == id_before && bytes == bytes_before;
     }
   };
-  struct Heard {
+  struct Datagrams {
     std::vector<TimeNs> states;
     Newest newest;
   };
@@ -84,7 +84,7 @@ class Listener {
 
   Status add_drone(std::uint32_t address) {
     if (drones_.size() == max_captured_drones && drones_.count(address) == 0)
-      return Error{fmt::format("more than {} hosts send to port {} or are told `command`: no Tellos",
+      return Error{fmt::format("more than {} hosts send to port {} or are sent `command`: no Tellos",
                                max_captured_drones, state_port)};
     drones_.insert(address);
     return done;
@@ -92,7 +92,7 @@ class Listener {
 
   Status take_state(TimeNs at, const CapturedDatagram& datagram) {
     if (const Status added = add_drone(datagram.from.s_addr); !added) return added;
-    Heard& heard = heard_[datagram.from.s_addr];
+    Datagrams& heard = heard_[datagram.from.s_addr];
     if (heard.newest.again(datagram)) return done;
     if (states_++ == max_states)
       return Error{fmt::format("more than {} state texts: cut it into shorter ones", max_states)};
@@ -100,8 +100,8 @@ class Listener {
     return done;
   }
 
-  std::vector<AskedAt> asked_of(std::uint32_t drone) const {
-    std::vector<AskedAt> asked;
+  std::vector<RequestTime> asked_of(std::uint32_t drone) const {
+    std::vector<RequestTime> asked;
     OpenCalls open;
     for (const Talk& talk : talk_) {
       if (talk.to == drone && talk.to_port == command_port) {
@@ -116,7 +116,7 @@ class Listener {
     return asked;
   }
 
-  std::map<std::uint32_t, Heard> heard_;
+  std::map<std::uint32_t, Datagrams> heard_;
   std::map<std::pair<std::uint32_t, std::uint32_t>, Newest> said_;  // by who says it to whom: no more than talk_
   std::set<std::uint32_t> drones_;
   std::vector<Talk> talk_;
@@ -165,7 +165,7 @@ Result<std::vector<CapturedLink>> read_capture(const std::string& path) {
   }
   auto links = listener.links();
   if (links.empty())
-    return Error{fmt::format("{}: no Tello in it: nothing goes to UDP port {}, and nobody is told `command` at {}",
+    return Error{fmt::format("{}: no Tello in it: nothing goes to UDP port {}, and nobody is sent `command` at {}",
                              path, state_port, command_port)};
   return links;
 }

@@ -45,7 +45,7 @@ Result<Day> RecordedDay::make(std::vector<DayMoment> moments) {
   return Day(new RecordedDay(std::move(moments)));
 }
 
-RecordedDay::Fate RecordedDay::at(TimeNs since_start) const noexcept {
+RecordedDay::Delivery RecordedDay::at(TimeNs since_start) const noexcept {
   const TimeNs t = std::max<TimeNs>(0, since_start) % length_ns_;
   const auto next = std::upper_bound(moments_.begin(), moments_.end(), t,
                                      [](TimeNs time, const DayMoment& moment) { return time < moment.at_ns; });

@@ -20,7 +20,7 @@ struct DayMoment {
 
 /// Loss and delay of a recorded link over time, played as the day went on: not drawn. Between two moments the delay
 /// goes evenly from the one to the other; whatever is sent from a lost moment until the next one is lost. At its end it
-/// begins anew; the last moment holds as long as the one before. Immutable; any thread.
+/// starts again; the last moment holds as long as the one before. Immutable; any thread.
 class RecordedDay {
  public:
   static constexpr std::size_t max_moments = 1'000'000;
@@ -30,12 +30,12 @@ class RecordedDay {
   /// negative or above max_delay; it says which moment.
   static Result<std::shared_ptr<const RecordedDay>> make(std::vector<DayMoment> moments);
 
-  struct Fate {
+  struct Delivery {
     bool lost = false;
     TimeNs delay_ns = 0;
   };
   /// Of what is sent so long after the start.
-  Fate at(TimeNs since_start) const noexcept;
+  Delivery at(TimeNs since_start) const noexcept;
   TimeNs length_ns() const noexcept { return length_ns_; }
   /// Anything is lost in it.
   bool loses() const noexcept { return loses_; }

@@ -111,13 +111,13 @@ void add(DayMoment moment, std::vector<DayMoment>& moments) {
 
 /// Adds a stretch; the first one sets `day_begins_s`, from which the day's moments count. An error where more texts
 /// come than the stretch's schedule has places for.
-Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& longest) {
+Status add_stretch(Arrivals arrivals, double& day_begins_s, MeasuredDay& day, std::size_t& max_arrivals) {
   const auto made = schedule_of(arrivals);
   if (!made) return made.error();
   const auto& [schedule, places] = *made;
   if (day.moments.empty()) day_begins_s = schedule.at(places.front());
-  if (arrivals.size() > longest) {
-    longest = arrivals.size();
+  if (arrivals.size() > max_arrivals) {
+    max_arrivals = arrivals.size();
     day.period_s = schedule.period_s;
   }
   const auto in_day = [&, begins_s = day_begins_s](double s) { return std::llround((s - begins_s) * 1e9); };
@@ -150,7 +150,7 @@ Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals) {
   for (const TimeNs arrival : arrivals) all.push_back(to_seconds(arrival - arrivals.front()));
   MeasuredDay day;
   double day_begins_s = 0;
-  std::size_t longest = 0;
+  std::size_t max_arrivals = 0;
   for (std::size_t begin = 0; begin < all.size();) {
     std::size_t end = begin + 1;
     while (end < all.size() && all[end] - all[end - 1] <= to_seconds(states_end_after_ns)) ++end;
@@ -158,17 +158,18 @@ Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals) {
       day.missing += static_cast<std::size_t>((all[begin] - all[begin - 1]) / nominal_s);
       add({day.moments.back().at_ns + state_period_ns, 0, true}, day.moments);
     }
-    if (const Status added = add_stretch(Arrivals(all).subspan(begin, end - begin), day_begins_s, day, longest); !added)
+    if (const Status added = add_stretch(Arrivals(all).subspan(begin, end - begin), day_begins_s, day, max_arrivals);
+        !added)
       return added.error();
     begin = end;
   }
   return day;
 }
 
-Result<MeasuredDay> day_of_answers(std::span<const AskedAt> asked) {
+Result<MeasuredDay> day_of_answers(std::span<const RequestTime> asked) {
   MeasuredDay day;
   constexpr TimeNs apart_ns = 1 * ns_per_ms;  // what is nearer says nothing new
-  for (const AskedAt& one : asked) {
+  for (const RequestTime& one : asked) {
     const TimeNs at = one.at_ns - asked.front().at_ns;
     ++(one.answered_ns ? day.came : day.missing);
     if (!day.moments.empty() && at - day.moments.back().at_ns < apart_ns) continue;

@@ -8,7 +8,7 @@
 #include "common/rt/clock.hpp"
 #include "hil/lines/recording/day.hpp"
 
-// What a capture at the client tells of a link's delay and loss. The drone's clock is not in it, so neither is the
+// What a capture at the client shows of a link's delay and loss. The drone's clock is not in it, so neither is the
 // least delay there is: all delays of states are beyond that.
 namespace ledgerline::hil {
 
@@ -20,7 +20,7 @@ inline constexpr TimeNs states_end_after_ns = 5 * ns_per_s;
 struct MeasuredDay {
   std::vector<DayMoment> moments;  ///< its times from 0 on
   std::size_t came = 0, missing = 0;
-  double period_s = 0;  ///< of states: as fitted, of the longest stretch; of answers 0
+  double period_s = 0;  ///< of states: as fitted, of the stretch with the most arrivals; of answers 0
 };
 
 /// Of state texts, by when they arrived (ascending), from the drone to the client.
@@ -39,15 +39,15 @@ struct MeasuredDay {
 Result<MeasuredDay> day_of_states(std::span<const TimeNs> arrivals);
 
 /// A command that the drone answers at once (hil/lines/sdk/calls.hpp), and when its answer came; nothing: never.
-struct AskedAt {
+struct RequestTime {
   TimeNs at_ns = 0;
   std::optional<TimeNs> answered_ns{};
 };
 
 /// Of commands and their answers: half of the time between is the delay of each way. Limits: whether the way there or
-/// the way back was slow, or the drone, is not to be told; of a command without an answer neither which of both was
+/// the way back was slow, or the drone, cannot be determined; of a command without an answer neither which of both was
 /// lost; and a client says few commands but rc, so that much of the day is guessed between. An error where there are
 /// fewer than two.
-Result<MeasuredDay> day_of_answers(std::span<const AskedAt> asked);
+Result<MeasuredDay> day_of_answers(std::span<const RequestTime> asked);
 
 }  // namespace ledgerline::hil

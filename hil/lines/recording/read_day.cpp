@@ -24,7 +24,7 @@ bool is_capture(const std::string& path) {
   return file && std::find(known.begin(), known.end(), magic) != known.end();
 }
 
-Result<MeasuredDay> measured(const std::string& path, const DayAsked& asked, std::string& drone) {
+Result<MeasuredDay> measured(const std::string& path, const RecordingOptions& asked, std::string& drone) {
   const auto links = read_capture(path);
   if (!links) return links.error();
   const auto link = link_of(*links, asked.drone);
@@ -61,7 +61,7 @@ ReadDay reading_days_once(ReadDay read) {
   };
 }
 
-Result<std::string> table_of_capture(const std::string& path, const DayAsked& asked) {
+Result<std::string> table_of_capture(const std::string& path, const RecordingOptions& asked) {
   std::string drone;
   const auto day = measured(path, asked, drone);
   if (!day) return day.error();

@@ -13,11 +13,11 @@ Result<Day> read_day(const std::string& path);
 ReadDay reading_days_once(ReadDay read = read_day);
 
 /// What of a capture a table is made.
-struct DayAsked {
+struct RecordingOptions {
   std::string drone{};   ///< its address; empty: the only one
   bool answers = false;  ///< of commands and their answers; otherwise of states
 };
 /// The table of a capture, with a line about it before: what `ledgerline hil day` prints.
-Result<std::string> table_of_capture(const std::string& path, const DayAsked& asked);
+Result<std::string> table_of_capture(const std::string& path, const RecordingOptions& asked);
 
 }  // namespace ledgerline::hil

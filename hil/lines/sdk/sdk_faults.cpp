@@ -124,9 +124,9 @@ const std::string* SdkFaults::text_of_another(std::size_t drone, Random& random)
 void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   ++counts_.states;
   Drone& d = drones_[drone];
-  const std::string told(bytes);
-  if (told.size() > max_bytes) return keep(now, drone, true, told);
-  std::string said = told;
+  const std::string reported(bytes);
+  if (reported.size() > max_bytes) return keep(now, drone, true, reported);
+  std::string said = reported;
   for (Live& live : d.faults) {  // which text
     if (live.fault.kind == Kind::stale && !d.texts.empty() && strikes(live))
       said = d.texts[live.random.next() % d.texts.size()];
@@ -137,7 +137,7 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
     if (live.fault.kind == Kind::torn && strikes(live))
       said = torn(said, d.texts.empty() ? nullptr : &d.texts.back(), live.random);
   }
-  d.texts.push_back(told);
+  d.texts.push_back(reported);
   if (d.texts.size() > max_texts) d.texts.pop_front();
   keep(now, drone, true, std::move(said));
 }

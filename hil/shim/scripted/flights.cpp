@@ -17,8 +17,8 @@
 namespace ledgerline::hil::shim {
 namespace {
 
-constexpr TimeNs link_patience_ns = 30 * ns_per_s;  // until link is there
-constexpr TimeNs turn_look_ns = 200 * ns_per_ms;    // a link that stands still may be under a debugger
+constexpr TimeNs link_timeout_ns = 30 * ns_per_s;  // until link is there
+constexpr TimeNs turn_look_ns = 200 * ns_per_ms;   // a link that stands still may be under a debugger
 constexpr TimeNs look_ns = 10 * ns_per_ms;
 
 volatile std::sig_atomic_t halted = 0;
@@ -95,17 +95,17 @@ class Lockstep {
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
     for (drone_shim::Datagram datagram; end_.take(datagram);) {
-      record_.told(now_, datagram.drone, datagram.view());
+      record_.sent(now_, datagram.drone, datagram.view());
       ways_.from_client(now_, datagram.drone, link_endpoint, datagram.view());
     }
-    while (const auto told = ways_.to_drone(now_)) drones_.datagram(told->drone, told->from, told->bytes);
+    while (const auto sent = ways_.to_drone(now_)) drones_.datagram(sent->drone, sent->from, sent->bytes);
     for (StateSample state; end_.memory().states.pop(state);) {
     }
     for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
     return done;
   }
 
-  /// What link's courier still carries comes first.
+  /// What link's publisher still carries comes first.
   Status write(const FlightOptions& options) {
     sleep_for(50 * ns_per_ms);
     for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
@@ -142,7 +142,7 @@ class Lockstep {
 };
 
 bool wait_for_link(const drone_shim::DronesEnd& end) {
-  const TimeNs until = monotonic_ns() + link_patience_ns;
+  const TimeNs until = monotonic_ns() + link_timeout_ns;
   while (!end.link_lives() && !stop_requested && monotonic_ns() < until) sleep_for(look_ns);
   return end.link_lives();
 }
@@ -204,7 +204,7 @@ Status fly_in_real_time(const FlightOptions& options) {
   if (!opened) return opened.error();
   ipc::AgentEnd& link = **opened;
   say_ready();
-  const TimeNs give_up_ns = monotonic_ns() + link_patience_ns;
+  const TimeNs give_up_ns = monotonic_ns() + link_timeout_ns;
   StateSample state;
   while (!link.take_state(state) && !stop_requested) {
     if (monotonic_ns() > give_up_ns) return Error{"no link came within 30 s"};
@@ -222,7 +222,7 @@ Status fly_in_real_time(const FlightOptions& options) {
     drones_wire.wait(tick, waiting);
     now = monotonic_ns();
     for (sim::DroneWire::Received received; drones_wire.receive(received);) {
-      record.told(now, received.drone, received.bytes);
+      record.sent(now, received.drone, received.bytes);
       drones.datagram(received.drone, received.from, received.bytes);
     }
     for (const sim::Outgoing& datagram : drones.step(now).datagrams) drones_wire.send(datagram);

@@ -14,12 +14,12 @@ struct FlightOptions {
   sim::Parameters parameters;
   PlanScript script;
   std::string faults_socket;   ///< empty: none
-  std::string datagrams_file;  ///< CSV of all that the drones were told; empty: none
+  std::string datagrams_file;  ///< CSV of all that the drones were sent; empty: none
   std::string summary_file;    ///< JSON; empty: none
   double times = 1;            ///< lockstep: so many times as fast as real time; 0: as fast as it goes
 };
 
-/// In real time: link is told by iceoryx, so RouDi must run. Until the script ends, or SIGINT or SIGTERM.
+/// In real time: link gets its plans by iceoryx, so RouDi must run. Until the script ends, or SIGINT or SIGTERM.
 Status fly_in_real_time(const FlightOptions& options);
 /// In lockstep: waits at most 30 s for link, then moves its clock, a turn a millisecond. SIGUSR1 halts the clock, and
 /// lets it go on. The same script, seed and build give the same bytes, however fast.

@@ -12,8 +12,8 @@ namespace ledgerline::hil::shim {
 /// What an agent says to link, and what goes wrong meanwhile: a TOML file (docs/shim.md). Times are since the script
 /// began.
 struct PlanScript {
-  /// A plan, said again and again until `until_ns`: flown ones 30 times a second, each good for 0.6 s; the others 10
-  /// times a second.
+  /// A plan, repeated until `until_ns`: flown ones 30 times a second, each good for 0.6 s; the others 10 times a
+  /// second.
   struct Say {
     TimeNs at_ns = 0, until_ns = 0;
     DroneNumber drone = 0;  ///< 0: every one

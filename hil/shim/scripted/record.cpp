@@ -11,7 +11,7 @@
 
 namespace ledgerline::hil::shim {
 
-void Record::told(TimeNs now, DroneNumber drone, std::string_view bytes) {
+void Record::sent(TimeNs now, DroneNumber drone, std::string_view bytes) {
   constexpr std::size_t max_text = 200;
   const std::string line =
       fmt::format("{:.6f},tello{},{}\n", to_seconds(now - begin_ns_), drone, printable(bytes, max_text));
@@ -29,8 +29,8 @@ Status Record::write_summary(TimeNs now, const std::vector<Transition>& transiti
                              const SdkFaults::Counts& sdk, const std::string& path) {
   nlohmann::json summary{{"begin_ns", begin_ns_},
                          {"flown_s", to_seconds(now - begin_ns_)},
-                         {"told", count_},
-                         {"told_digest", crypto::hex(digester_.result())},
+                         {"sent", count_},
+                         {"sent_digest", crypto::hex(digester_.result())},
                          {"transitions", nlohmann::json::array()},
                          {"sdk", {{"answers", sdk.answers}, {"states", sdk.states}, {"no_room", sdk.no_room}}},
                          {"drones", nlohmann::json::array()}};

@@ -12,13 +12,13 @@
 
 namespace ledgerline::hil::shim {
 
-/// What came of a flight by script: all that the drones were told, link's transitions, where drones ended. One thread.
+/// What came of a flight by script: all that the drones were sent, link's transitions, where drones ended. One thread.
 class Record {
  public:
   explicit Record(TimeNs begin_ns) : begin_ns_(begin_ns) {}
 
   /// What link said to a drone, as it left link.
-  void told(TimeNs now, DroneNumber drone, std::string_view bytes);
+  void sent(TimeNs now, DroneNumber drone, std::string_view bytes);
 
   /// CSV of at most a million of them: seconds since the beginning, drone, text.
   Status write_datagrams(const std::string& path) const;

@@ -20,7 +20,7 @@ ScriptedAgent::ScriptedAgent(const PlanScript& script, TimeNs begin_ns)
   for (const auto& say : script.says) next_ns_.push_back(begin_ns + say.at_ns);
 }
 
-const ScriptedAgent::Said& ScriptedAgent::step(TimeNs now, const sim::Simulator& drones) {
+const ScriptedAgent::DueMessages& ScriptedAgent::step(TimeNs now, const sim::Simulator& drones) {
   said_.plans.clear();
   said_.poses.clear();
   said_.beats.clear();

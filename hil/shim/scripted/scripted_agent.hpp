@@ -15,13 +15,13 @@ class ScriptedAgent {
  public:
   ScriptedAgent(const PlanScript& script, TimeNs begin_ns);
 
-  struct Said {
+  struct DueMessages {
     std::vector<Plan> plans;
     std::vector<Pose> poses;
     std::vector<AgentBeat> beats;
   };
   /// What is due now: valid until the next call.
-  const Said& step(TimeNs now, const sim::Simulator& drones);
+  const DueMessages& step(TimeNs now, const sim::Simulator& drones);
   /// As link gave it: the next sign of life says that it is on the ledger.
   void take(const Transition& transition);
   /// In the order in which they came, each once.
@@ -36,7 +36,7 @@ class ScriptedAgent {
 
   const PlanScript& script_;
   TimeNs begin_ns_;
-  Said said_;
+  DueMessages said_;
   std::vector<TimeNs> next_ns_;  ///< of each say
   TimeNs next_pose_ns_, next_beat_ns_;
   std::array<std::uint64_t, max_drones + 1> sequences_{};

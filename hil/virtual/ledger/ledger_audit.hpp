@@ -10,7 +10,8 @@ namespace ledgerline::hil {
 /// of its link.
 std::vector<std::string> transition_gaps(const std::vector<std::string>& blocks);
 
-/// Transactions that clients were told are committed, and that the ledger does not know, or not as valid: in words.
+/// Transactions that were reported to clients as committed, and that the ledger does not know, or not as valid: in
+/// words.
 std::vector<std::string> not_on_ledger(const VirtualLedger& ledger, const std::vector<const LedgerPort*>& ports);
 
 }  // namespace ledgerline::hil

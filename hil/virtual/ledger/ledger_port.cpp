@@ -4,9 +4,9 @@
 #include <limits>
 
 #include "common/base/enum_count.hpp"
-#include "common/belief/calls.hpp"
 #include "common/fabric/tx/decode.hpp"
 #include "common/msg/contract.hpp"
+#include "common/verification/calls.hpp"
 #include "hil/virtual/peer/words.hpp"
 #include "ledgerline.pb.h"
 
@@ -16,18 +16,18 @@ namespace {
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
 
-constexpr WordTable<Lie, 11> all_lies{{{"chain", Lie::chain},
-                                       {"hash", Lie::hash},
-                                       {"number", Lie::number},
-                                       {"signature", Lie::signature},
-                                       {"endorsement", Lie::endorsement},
-                                       {"stranger", Lie::stranger},
-                                       {"member", Lie::member},
-                                       {"channel", Lie::channel},
-                                       {"contract", Lie::contract},
-                                       {"flag", Lie::flag},
-                                       {"stops", Lie::stops}}};
-static_assert(all_lies.size() + 1 == enum_count<Lie>);  // none has no word
+constexpr WordTable<Tampering, 11> all_lies{{{"chain", Tampering::chain},
+                                             {"hash", Tampering::hash},
+                                             {"number", Tampering::number},
+                                             {"signature", Tampering::signature},
+                                             {"endorsement", Tampering::endorsement},
+                                             {"outsider", Tampering::outsider},
+                                             {"member", Tampering::member},
+                                             {"channel", Tampering::channel},
+                                             {"contract", Tampering::contract},
+                                             {"flag", Tampering::flag},
+                                             {"stops", Tampering::stops}}};
+static_assert(all_lies.size() + 1 == enum_count<Tampering>);  // none has no word
 constexpr WordTable<Slip, 5> all_slips{{{"boot", Slip::boot},
                                         {"stamp", Slip::stamp},
                                         {"speed", Slip::speed},
@@ -41,37 +41,37 @@ std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, cons
   return {{who.serialized, signature ? *signature : std::string()}};
 }
 
-void lie_about(fabric::Transaction& tx, Lie lie) {
+void lie_about(fabric::Transaction& tx, Tampering lie) {
   switch (lie) {
-    case Lie::signature:
+    case Tampering::signature:
       if (!tx.signature.empty()) tx.signature[0] ^= 1;
       tx.creator_fits = false;  // nobody has looked
       return;
-    case Lie::endorsement:
+    case Tampering::endorsement:
       tx.endorsements.clear();
       return;
-    case Lie::stranger:
+    case Tampering::outsider:
       tx.endorsements = endorsed_by(tx, {"Org2MSP", "CN=peer0"});
       return;
-    case Lie::member:
+    case Tampering::member:
       tx.endorsements = endorsed_by(tx, {"Org1MSP", "CN=User1@org1.ledgerline"});
       return;
-    case Lie::channel:
+    case Tampering::channel:
       tx.channel = "another";
       return;
-    case Lie::contract:
+    case Tampering::contract:
       tx.contract = "another";
       return;
-    case Lie::flag:
+    case Tampering::flag:
       tx.code = 11;  // MVCC_READ_CONFLICT
       return;
-    case Lie::stops:
+    case Tampering::stops:
       if (tx.function == contract::stop) tx.code = 11;
       return;
-    case Lie::none:
-    case Lie::chain:
-    case Lie::hash:
-    case Lie::number:
+    case Tampering::none:
+    case Tampering::chain:
+    case Tampering::hash:
+    case Tampering::number:
       return;
   }
 }
@@ -93,16 +93,16 @@ void let_slip(fabric::Call& call, Slip slip) {
 
 }  // namespace
 
-std::optional<Lie> lie_from(std::string_view word) { return value_of(all_lies, word); }
+std::optional<Tampering> lie_from(std::string_view word) { return value_of(all_lies, word); }
 std::string lies() { return list_of(names_of(all_lies)); }
 std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
 std::string slips() { return list_of(names_of(all_slips)); }
 
 LedgerPort::LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed, WayDelay::Way way,
-                       double share, TimeNs patience_ns)
+                       double share, TimeNs timeout_ns)
     : ledger_(ledger),
       client_(ledger.add_client(name, way, share)),
-      patience_ns_(patience_ns),
+      timeout_ns_(timeout_ns),
       draws_to_(seed),
       draws_from_(~seed),
       peer_(ledger.block(0), seed),
@@ -121,7 +121,7 @@ TimeNs LedgerPort::in_order(TimeNs due_ns, TimeNs& last_ns) {
 void LedgerPort::submit(TimeNs now, std::uint64_t id, fabric::Call call) {
   const std::uint64_t number = next_call_++;
   ++counts_.submitted;
-  open_[number] = {id, now + patience_ns_};
+  open_[number] = {id, now + timeout_ns_};
   if (cut_ || now < connect_at_ns_) {
     fabric::Outcome outcome;
     outcome.message = "not connected";
@@ -139,14 +139,14 @@ void LedgerPort::send(TimeNs now, std::uint64_t number, fabric::Call call) {
 }
 
 void LedgerPort::arrive(fabric::Block block) {
-  if (lie_ == Lie::hash || lie_ == Lie::number) {
+  if (lie_ == Tampering::hash || lie_ == Tampering::number) {
     fabric::Block empty = block;
     empty.transactions.clear();
-    if (lie_ == Lie::number) ++empty.number;
-    if (lie_ == Lie::hash) empty.previous_hash[0] ^= 1;
+    if (lie_ == Tampering::number) ++empty.number;
+    if (lie_ == Tampering::hash) empty.previous_hash[0] ^= 1;
     arrived_blocks_.push_back(std::move(empty));
   }
-  if (lie_ == Lie::chain) block.previous_hash[0] ^= 1;
+  if (lie_ == Tampering::chain) block.previous_hash[0] ^= 1;
   for (fabric::Transaction& tx : block.transactions) lie_about(tx, lie_);
   arrived_blocks_.push_back(std::move(block));
 }
@@ -204,7 +204,7 @@ void LedgerPort::forget() {
   reading_ = false;
 }
 
-void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
+void LedgerPort::begin(std::optional<fabric::Checkpoint> trusted) {
   // What the ledger has by now the peer has, too.
   const auto take = [this](VirtualLedger::BlockPtr block) { peer_.add(0, std::move(block)); };
   for (auto& [due, block] : std::exchange(blocks_, {})) take(std::move(block));
@@ -213,28 +213,28 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> believed) {
     if (source_ != fabric::BlockSource::peer) orderer_.add(0, block);
     take(std::move(block));
   }
-  auto intake =
-      fabric::BlockIntake::make({.where = ledger_.where(),
-                                 .config_block = ledger_.block(0)->SerializeAsString(),
-                                 .make_registry =
-                                     [](const std::vector<crypto::MspRoot>& roots) {
-                                       std::vector<std::string> names;
-                                       for (const auto& one : roots) names.push_back(one.msp_id);
-                                       return crypto::make_test_registry(names);
-                                     },
-                                 .likely_policy = [](const std::string& key) { return belief::likely_policy(key); },
-                                 .is_of_hot_path = [](const std::string& key) { return belief::is_of_hot_path(key); },
-                                 .real_time = [this] { return VirtualLedger::real(now_); },
-                                 .source = source_});
+  auto intake = fabric::BlockIntake::make(
+      {.where = ledger_.where(),
+       .config_block = ledger_.block(0)->SerializeAsString(),
+       .make_registry =
+           [](const std::vector<crypto::MspRoot>& roots) {
+             std::vector<std::string> names;
+             for (const auto& one : roots) names.push_back(one.msp_id);
+             return crypto::make_test_registry(names);
+           },
+       .likely_policy = [](const std::string& key) { return verification::likely_policy(key); },
+       .is_of_hot_path = [](const std::string& key) { return verification::is_of_hot_path(key); },
+       .real_time = [this] { return VirtualLedger::real(now_); },
+       .source = source_});
   orderer_connected_ = false;
   intake_ = std::move(intake).value();
-  believed_ = std::move(believed);
-  newest_believed_ = believed_;
-  if (!believed_) intake_->start_at(peer_.height());
+  trusted_ = std::move(trusted);
+  newest_verified_ = trusted_;
+  if (!trusted_) intake_->start_at(peer_.height());
   reading_ = true;
 }
 
-std::optional<fabric::Checkpoint> LedgerPort::checkpoint() const { return newest_believed_; }
+std::optional<fabric::Checkpoint> LedgerPort::checkpoint() const { return newest_verified_; }
 
 void LedgerPort::refuse(const common::Block& message) {
   if (auto block = fabric::decode_block(message)) refused_blocks_.push_back(std::move(*block));
@@ -245,13 +245,13 @@ void LedgerPort::read_on(TimeNs now) {
   const std::uint64_t first = *intake_->next_of_peer();
   next_refused_ = std::max(next_refused_, first);
   next_ordered_refused_ = std::max(next_ordered_refused_, first);
-  std::size_t told = 0;
+  std::size_t sent = 0;
   const auto read = [&](ServingPeer& from, std::uint64_t& next) {
-    for (; const auto message = from.serve(now, next); ++next, ++told) refuse(*message);
+    for (; const auto message = from.serve(now, next); ++next, ++sent) refuse(*message);
   };
   read(peer_, next_refused_);
   if (source_ != fabric::BlockSource::peer) read(orderer_, next_ordered_refused_);
-  if (told == 0 || now < next_contradiction_ns_) return;
+  if (sent == 0 || now < next_contradiction_ns_) return;
   next_contradiction_ns_ = now + ns_per_s;
   contradictions_.push_back(intake_->contradiction());
 }
@@ -262,18 +262,18 @@ void LedgerPort::leave_peer(TimeNs now, const std::string& why) {
   connect_at_ns_ = now + reconnect_ns;
 }
 
-/// False: the peer's chain is not the one that was believed, or it does not say.
+/// False: the peer's chain does not continue the checkpoint, or it does not say.
 bool LedgerPort::find_place(TimeNs now) {
-  if (!believed_) return true;
+  if (!trusted_) return true;
   const auto newest = peer_.newest(now);
   if (!newest) return false;
-  const auto on = intake_->continue_chain({*believed_, max_absence_blocks}, *newest,
+  const auto on = intake_->continue_chain({*trusted_, max_absence_blocks}, *newest,
                                           [this](std::uint64_t number) { return peer_.fetch(number); });
   if (!on) {
     leave_peer(now, on.error().what);
     return false;
   }
-  believed_.reset();
+  trusted_.reset();
   return true;
 }
 
@@ -320,7 +320,7 @@ void LedgerPort::read_ordered(TimeNs now) {
   }
 }
 
-/// False: what an orderer has told is not to be believed.
+/// False: what an orderer has delivered is refused.
 bool LedgerPort::take_ordered(TimeNs now) {
   while (true) {
     auto ordered = intake_->take_ordered();
@@ -335,7 +335,7 @@ bool LedgerPort::take_ordered(TimeNs now) {
 }
 
 void LedgerPort::hand_over(fabric::Block block) {
-  newest_believed_ = {ledger_.where().channel,
+  newest_verified_ = {ledger_.where().channel,
                       block.number,
                       fabric::block_header_hash(block.number, block.previous_hash, block.data_hash),
                       {}};

@@ -19,21 +19,21 @@ namespace ledgerline::hil {
 
 /// What is wrong with the blocks that a program is given, behind all that its stream of blocks checks: as from one that
 /// checks nothing.
-enum class Lie : std::uint8_t {
+enum class Tampering : std::uint8_t {
   none,
   chain,        ///< blocks that name another previous hash, with all their transactions
   hash,         ///< before each block an empty one of its number, which names another previous hash
   number,       ///< before each block an empty one of the next number
   signature,    ///< transactions whose creator did not sign them
   endorsement,  ///< nobody endorsed them
-  stranger,     ///< a peer of another organisation alone did
+  outsider,     ///< a peer of another organisation alone did
   member,       ///< a member of our organisation did, who is no peer
   channel,      ///< of another channel
   contract,     ///< of another contract
   flag,         ///< flagged invalid
   stops,        ///< stops alone flagged invalid
 };
-std::optional<Lie> lie_from(std::string_view word);
+std::optional<Tampering> lie_from(std::string_view word);
 std::string lies();  ///< all of them, for errors
 
 /// What is wrong with the operator's own commands, signed all the same.
@@ -50,7 +50,7 @@ std::string slips();
 
 /// One process' connection to the virtual ledger, with what may be wrong with it. It keeps its order, as TCP does, and
 /// behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks come
-/// through a BlockIntake, with the channel's first block as the trust anchor, without gap or doublet, also behind a
+/// through a BlockIntake, with the channel's first block as the trust anchor, without gap or duplicate, also behind a
 /// cut; a peer that contradicts itself is left and asked again. Deterministic for a seed; one thread.
 class LedgerPort {
  public:
@@ -60,7 +60,7 @@ class LedgerPort {
 
   /// `way` and `share`: of the ledger's added delay (VirtualLedger::add_client()).
   LedgerPort(VirtualLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
-             WayDelay::Way way = WayDelay::Way::there, double share = 0.5, TimeNs patience_ns = deadline_ns);
+             WayDelay::Way way = WayDelay::Way::there, double share = 0.5, TimeNs timeout_ns = deadline_ns);
 
   void submit(TimeNs now, std::uint64_t id, fabric::Call call);
   /// Moves what is due, both ways. After the ledger's own step.
@@ -74,15 +74,15 @@ class LedgerPort {
   Result<std::string> evaluate(TimeNs now, const fabric::Call& call) { return ledger_.evaluate(now, client_, call); }
   bool reachable() const { return !cut_ && !stalled_to_ && !stalled_from_; }
 
-  /// The process died: nobody waits for what is under way, and nobody hears blocks.
+  /// The process died: nobody waits for what is in flight, and nobody receives blocks.
   void forget();
   /// A process begins: it hears the next new block first, or goes on behind the checkpoint.
-  void begin(std::optional<fabric::Checkpoint> believed = std::nullopt);
+  void begin(std::optional<fabric::Checkpoint> trusted = std::nullopt);
   /// Whose blocks a process takes that begins from now on. With an orderer's stream the peer is behind it by up to
   /// max_peer_lag_ns.
   void take_blocks_of(fabric::BlockSource source) { source_ = source; }
   static constexpr TimeNs max_peer_lag_ns = 6 * ns_per_ms;
-  /// The newest block that was believed; none: none was yet.
+  /// The newest block that was trusted; none: none was yet.
   std::optional<fabric::Checkpoint> checkpoint() const;
   /// Why the peer was left since the last call, in words.
   std::vector<std::string> take_contradictions() { return std::exchange(contradictions_, {}); }
@@ -94,9 +94,9 @@ class LedgerPort {
   const std::optional<Distribution>& delay_from() const { return delay_from_; }
   void stall_to(bool stalled) { stalled_to_ = stalled; }
   void stall_from(bool stalled) { stalled_from_ = stalled; }
-  /// The connection breaks and cannot be made anew: what is under way ends as unavailable, so does what is submitted.
+  /// The connection breaks and cannot be restored: what is in flight ends as unavailable, so does what is submitted.
   void cut(TimeNs now, bool away);
-  /// The peer starts anew: as a cut that is over at once, where none lasts.
+  /// The peer restarts: as a cut that is over at once, where none lasts.
   void restart(TimeNs now) {
     if (cut_) return;
     cut(now, true);
@@ -104,11 +104,11 @@ class LedgerPort {
   }
   /// The peer shows its last blocks over and over, and no new one.
   void stale(bool stale) { stale_ = stale; }
-  void lie(Lie lie) { lie_ = lie; }
+  void lie(Tampering lie) { lie_ = lie; }
   /// What the peer serves in place of the ledger's blocks.
-  void serve(PeerLie lie) { peer_.lie(lie); }
+  void serve(PeerTampering lie) { peer_.lie(lie); }
   /// What an orderer does, which has an orderer's key.
-  void order(PeerLie lie) { orderer_.lie(lie); }
+  void order(PeerTampering lie) { orderer_.lie(lie); }
   void slip(Slip slip) { slip_ = slip; }
 
   struct Counts {
@@ -118,7 +118,7 @@ class LedgerPort {
   };
   const Counts& counts() const { return counts_; }
   std::size_t under_way() const { return open_.size(); }
-  /// The transactions that this process was told are committed.
+  /// The transactions that were reported to this process as committed.
   const std::vector<std::string>& acknowledged() const { return acknowledged_; }
 
  private:
@@ -143,10 +143,10 @@ class LedgerPort {
 
   VirtualLedger& ledger_;
   VirtualLedger::Client client_;
-  TimeNs patience_ns_;
+  TimeNs timeout_ns_;
   Draws draws_to_, draws_from_;
   std::optional<Distribution> delay_to_, delay_from_;
-  Lie lie_ = Lie::none;
+  Tampering lie_ = Tampering::none;
   Slip slip_ = Slip::none;
   bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
   TimeNs last_to_ns_ = 0, last_from_ns_ = 0, last_peer_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
@@ -165,9 +165,9 @@ class LedgerPort {
   Random lags_;               ///< of the peer, behind the orderer
   TimeNs now_ = 0;
   std::optional<fabric::BlockIntake> intake_;
-  bool reading_ = true;                         ///< a process is there
-  std::optional<fabric::Checkpoint> believed_;  ///< until its place is found
-  std::optional<fabric::Checkpoint> newest_believed_;
+  bool reading_ = true;                        ///< a process is there
+  std::optional<fabric::Checkpoint> trusted_;  ///< until its place is found
+  std::optional<fabric::Checkpoint> newest_verified_;
   std::vector<std::string> contradictions_;
   std::deque<fabric::Block> newest_;  ///< that came, for `stale`
   std::vector<fabric::Block> arrived_blocks_, refused_blocks_;

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/belief/identity.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/identity.hpp"
 #include "hil/virtual/peer/bent_transactions.hpp"
 #include "hil/virtual/peer/words.hpp"
 #include "peer/chaincode_event.pb.h"
@@ -16,58 +16,58 @@
 namespace ledgerline::hil {
 namespace {
 
-constexpr WordTable<RelayLie, 40> all_lies{{
-    {"plan-speed", RelayLie::plan_speed},
-    {"plan-climb", RelayLie::plan_climb},
-    {"plan-turn", RelayLie::plan_turn},
-    {"plan-takeoff", RelayLie::plan_takeoff},
-    {"plan-land", RelayLie::plan_land},
-    {"plan-fly", RelayLie::plan_fly},
-    {"plan-times", RelayLie::plan_times},
-    {"plan-longer", RelayLie::plan_longer},
-    {"plan-drone", RelayLie::plan_drone},
-    {"plan-boot", RelayLie::plan_boot},
-    {"plan-stamp", RelayLie::plan_stamp},
-    {"plan-sequence", RelayLie::plan_sequence},
-    {"plan-epoch", RelayLie::plan_epoch},
-    {"plan-added", RelayLie::plan_added},
-    {"plan-left-out", RelayLie::plan_left_out},
-    {"plan-form", RelayLie::plan_form},
-    {"plan-replayed", RelayLie::plan_replayed},
-    {"command-acquire", RelayLie::command_acquire},
-    {"command-release", RelayLie::command_release},
-    {"command-resume", RelayLie::command_resume},
-    {"command-enroll", RelayLie::command_enroll},
-    {"command-fold", RelayLie::command_fold},
-    {"command-cut", RelayLie::command_cut},
-    {"command-silent", RelayLie::command_silent},
-    {"command-other", RelayLie::command_other},
-    {"frame-cut", RelayLie::frame_cut},
-    {"frame-acquire", RelayLie::frame_acquire},
-    {"frame-release", RelayLie::frame_release},
-    {"frame-resume", RelayLie::frame_resume},
-    {"frame-enroll", RelayLie::frame_enroll},
-    {"frame-back", RelayLie::frame_back},
-    {"frame-flies", RelayLie::frame_flies},
-    {"frame-pose", RelayLie::frame_pose},
-    {"frame-replayed", RelayLie::frame_replayed},
-    {"stop-cut", RelayLie::stop_cut},
-    {"stop-other", RelayLie::stop_other},
-    {"fold-lifts", RelayLie::fold_lifts},
-    {"fold-back", RelayLie::fold_back},
-    {"asked-plan", RelayLie::asked_plan},
-    {"asked-function", RelayLie::asked_function},
+constexpr WordTable<RelayTampering, 40> all_lies{{
+    {"plan-speed", RelayTampering::plan_speed},
+    {"plan-climb", RelayTampering::plan_climb},
+    {"plan-turn", RelayTampering::plan_turn},
+    {"plan-takeoff", RelayTampering::plan_takeoff},
+    {"plan-land", RelayTampering::plan_land},
+    {"plan-fly", RelayTampering::plan_fly},
+    {"plan-times", RelayTampering::plan_times},
+    {"plan-longer", RelayTampering::plan_longer},
+    {"plan-drone", RelayTampering::plan_drone},
+    {"plan-boot", RelayTampering::plan_boot},
+    {"plan-stamp", RelayTampering::plan_stamp},
+    {"plan-sequence", RelayTampering::plan_sequence},
+    {"plan-epoch", RelayTampering::plan_epoch},
+    {"plan-added", RelayTampering::plan_added},
+    {"plan-left-out", RelayTampering::plan_left_out},
+    {"plan-form", RelayTampering::plan_form},
+    {"plan-replayed", RelayTampering::plan_replayed},
+    {"command-acquire", RelayTampering::command_acquire},
+    {"command-release", RelayTampering::command_release},
+    {"command-resume", RelayTampering::command_resume},
+    {"command-enroll", RelayTampering::command_enroll},
+    {"command-fold", RelayTampering::command_fold},
+    {"command-cut", RelayTampering::command_cut},
+    {"command-silent", RelayTampering::command_silent},
+    {"command-other", RelayTampering::command_other},
+    {"frame-cut", RelayTampering::frame_cut},
+    {"frame-acquire", RelayTampering::frame_acquire},
+    {"frame-release", RelayTampering::frame_release},
+    {"frame-resume", RelayTampering::frame_resume},
+    {"frame-enroll", RelayTampering::frame_enroll},
+    {"frame-back", RelayTampering::frame_back},
+    {"frame-flies", RelayTampering::frame_flies},
+    {"frame-pose", RelayTampering::frame_pose},
+    {"frame-replayed", RelayTampering::frame_replayed},
+    {"stop-cut", RelayTampering::stop_cut},
+    {"stop-other", RelayTampering::stop_other},
+    {"fold-lifts", RelayTampering::fold_lifts},
+    {"fold-back", RelayTampering::fold_back},
+    {"asked-plan", RelayTampering::asked_plan},
+    {"asked-function", RelayTampering::asked_function},
 }};
 
 const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
 
 /// Whose result it bends.
-std::string_view function_of(RelayLie lie) {
-  if (lie >= RelayLie::asked_plan || lie < RelayLie::frame_cut) return contract::command;
-  if (lie <= RelayLie::frame_replayed) return contract::set;
-  return lie <= RelayLie::stop_other ? contract::stop : contract::fold;
+std::string_view function_of(RelayTampering lie) {
+  if (lie >= RelayTampering::asked_plan || lie < RelayTampering::frame_cut) return contract::command;
+  if (lie <= RelayTampering::frame_replayed) return contract::set;
+  return lie <= RelayTampering::stop_other ? contract::stop : contract::fold;
 }
-bool of_what_was_asked(RelayLie lie) { return lie >= RelayLie::asked_plan; }
+bool of_what_was_asked(RelayTampering lie) { return lie >= RelayTampering::asked_plan; }
 
 std::string bytes_of(const Control& record) {
   Controls controls;
@@ -80,7 +80,7 @@ std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper
   Stops stops;
   Stop& stop = *stops.add_stops();
   stop.set_drone(drone);
-  *stop.mutable_stopper() = belief::to_message(stopper);
+  *stop.mutable_stopper() = verification::to_message(stopper);
   stop.set_cut(true);
   return stops.SerializeAsString();
 }
@@ -103,26 +103,26 @@ void add_setpoints(DronePlan& plan, float vx, float vz) {
 
 std::string other_drone(const std::string& drone) { return drone == "tello1" ? "tello2" : "tello1"; }
 
-void bend_plan(DronePlan& plan, RelayLie lie) {
+void bend_plan(DronePlan& plan, RelayTampering lie) {
   switch (lie) {
-    case RelayLie::plan_speed:
-    case RelayLie::plan_form:
+    case RelayTampering::plan_speed:
+    case RelayTampering::plan_form:
       return set_velocity(plan, 2, 0, 0);
-    case RelayLie::plan_climb:
+    case RelayTampering::plan_climb:
       return set_velocity(plan, 0, 1, 0);
-    case RelayLie::plan_turn:
+    case RelayTampering::plan_turn:
       return set_velocity(plan, 0, 0, 3);
-    case RelayLie::plan_takeoff:
+    case RelayTampering::plan_takeoff:
       return plan.set_action(TAKEOFF);
-    case RelayLie::plan_land:
+    case RelayTampering::plan_land:
       return plan.set_action(LAND);
-    case RelayLie::plan_fly:
+    case RelayTampering::plan_fly:
       if (plan.action() != FLY) add_setpoints(plan, 0, 1);
       return plan.set_action(FLY);
-    case RelayLie::plan_times:
+    case RelayTampering::plan_times:
       for (PlannedSetpoint& setpoint : *plan.mutable_setpoints()) setpoint.set_at_ns(setpoint.at_ns() + ns_per_s);
       return;
-    case RelayLie::plan_longer:
+    case RelayTampering::plan_longer:
       if (!plan.setpoints().empty()) {
         const PlannedSetpoint last = plan.setpoints(plan.setpoints_size() - 1);
         for (int i = 1; i <= 5; ++i) {
@@ -131,15 +131,15 @@ void bend_plan(DronePlan& plan, RelayLie lie) {
         }
       }
       return;
-    case RelayLie::plan_drone:
+    case RelayTampering::plan_drone:
       return plan.set_drone(other_drone(plan.drone()));
-    case RelayLie::plan_boot:
+    case RelayTampering::plan_boot:
       return plan.set_boot_id(plan.boot_id() ^ 1);
-    case RelayLie::plan_stamp:
+    case RelayTampering::plan_stamp:
       return plan.set_state_stamp_ns(plan.state_stamp_ns() - 1);
-    case RelayLie::plan_sequence:
+    case RelayTampering::plan_sequence:
       return plan.set_sequence(plan.sequence() + 1000);
-    case RelayLie::plan_epoch:
+    case RelayTampering::plan_epoch:
       return plan.set_epoch(plan.epoch() + 1);
     default:
       return;
@@ -148,7 +148,7 @@ void bend_plan(DronePlan& plan, RelayLie lie) {
 
 }  // namespace
 
-std::optional<RelayLie> relay_lie_from(std::string_view word) { return value_of(all_lies, word); }
+std::optional<RelayTampering> relay_lie_from(std::string_view word) { return value_of(all_lies, word); }
 
 std::vector<std::string> relay_lie_names() { return names_of(all_lies); }
 
@@ -158,8 +158,8 @@ std::string relay_lies() { return list_of(relay_lie_names()); }
 Control Relay::record_of(const std::string& drone) const {
   Control record;
   record.set_drone(drone);
-  *record.mutable_owner() = belief::to_message(names_.drone_host);
-  *record.mutable_holder() = belief::to_message(names_.holder);
+  *record.mutable_owner() = verification::to_message(names_.drone_host);
+  *record.mutable_holder() = verification::to_message(names_.holder);
   record.set_epoch(1);
   Grant& operators = *record.add_grants();
   operators.mutable_to()->set_msp_id(names_.holder.msp_id);
@@ -176,47 +176,47 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
   const std::string drone = call.plans(0).drone();
   Control record = record_of(drone);
   switch (lie_) {
-    case RelayLie::plan_added: {
+    case RelayTampering::plan_added: {
       DronePlan more = call.plans(0);
       more.set_action(TAKEOFF);
       more.set_sequence(more.sequence() + 1);
       *call.add_plans() = more;
       return Event{contract::command, call.SerializeAsString()};
     }
-    case RelayLie::plan_left_out:
+    case RelayTampering::plan_left_out:
       return Event{contract::command, CommandCall().SerializeAsString()};
-    case RelayLie::plan_replayed: {
+    case RelayTampering::plan_replayed: {
       if (earlier_command_.empty()) earlier_command_ = payload;
       auto earlier = parsed<CommandCall>(earlier_command_);
       earlier.mutable_plans(0)->set_sequence(call.plans(0).sequence());
       earlier.mutable_plans(0)->set_state_stamp_ns(call.plans(0).state_stamp_ns());
       return Event{contract::command, earlier.SerializeAsString()};
     }
-    case RelayLie::command_acquire:
-      *record.mutable_holder() = belief::to_message(rival);
+    case RelayTampering::command_acquire:
+      *record.mutable_holder() = verification::to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
-    case RelayLie::command_release:
+    case RelayTampering::command_release:
       record.clear_holder();
       record.set_epoch(2);
       return Event{contract::release, bytes_of(record)};
-    case RelayLie::command_resume:
+    case RelayTampering::command_resume:
       return Event{contract::resume, bytes_of(record)};
-    case RelayLie::command_enroll:
-      *record.mutable_owner() = belief::to_message(rival);
+    case RelayTampering::command_enroll:
+      *record.mutable_owner() = verification::to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
-    case RelayLie::command_fold:
+    case RelayTampering::command_fold:
       record.set_epoch(9);
       return Event{contract::fold, bytes_of(record)};
-    case RelayLie::command_cut:
+    case RelayTampering::command_cut:
       return Event{contract::stop, cut_of(drone, names_.holder)};
-    case RelayLie::command_silent:
+    case RelayTampering::command_silent:
       return Event{};
-    case RelayLie::command_other:
+    case RelayTampering::command_other:
       return Event{contract::command, payload};
     default:
       for (DronePlan& plan : *call.mutable_plans()) bend_plan(plan, lie_);
-      return Event{contract::command, lie_ == RelayLie::plan_form ? to_json(call) : call.SerializeAsString()};
+      return Event{contract::command, lie_ == RelayTampering::plan_form ? to_json(call) : call.SerializeAsString()};
   }
 }
 
@@ -229,7 +229,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
       Control record = record_of(drone);
-      *record.mutable_holder() = belief::to_message(names_.drone_host);
+      *record.mutable_holder() = verification::to_message(names_.drone_host);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     }
@@ -253,28 +253,28 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
   Control record = record_of(drone);
   switch (lie_) {
-    case RelayLie::frame_cut:
+    case RelayTampering::frame_cut:
       return Event{contract::stop, cut_of(drone, names_.drone_host)};
-    case RelayLie::frame_acquire:
-      *record.mutable_holder() = belief::to_message(rival);
+    case RelayTampering::frame_acquire:
+      *record.mutable_holder() = verification::to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
-    case RelayLie::frame_release:
+    case RelayTampering::frame_release:
       record.clear_holder();
       record.set_epoch(2);
       return Event{contract::release, bytes_of(record)};
-    case RelayLie::frame_resume:
+    case RelayTampering::frame_resume:
       return Event{contract::resume, bytes_of(record)};
-    case RelayLie::frame_enroll:
-      *record.mutable_owner() = belief::to_message(rival);
+    case RelayTampering::frame_enroll:
+      *record.mutable_owner() = verification::to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
-    case RelayLie::frame_back:
-      *record.mutable_holder() = belief::to_message(rival);
+    case RelayTampering::frame_back:
+      *record.mutable_holder() = verification::to_message(rival);
       record.set_epoch(0);
       return Event{contract::acquire, bytes_of(record)};
-    case RelayLie::frame_flies:
+    case RelayTampering::frame_flies:
       return host_flies(frame);
-    case RelayLie::frame_replayed:
+    case RelayTampering::frame_replayed:
       if (earlier_frame_.empty()) earlier_frame_ = payload;
       break;
     default:
@@ -285,8 +285,8 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     Asset& asset = *frame.mutable_assets(i);
     auto state = link_status_from_cdr(asset.msg_data());
     if (asset.msg_type() != link_status_type || !state) continue;
-    if (lie_ == RelayLie::frame_pose) state->position_m[0] += 3;
-    if (lie_ == RelayLie::frame_replayed && i < earlier.assets_size()) {
+    if (lie_ == RelayTampering::frame_pose) state->position_m[0] += 3;
+    if (lie_ == RelayTampering::frame_replayed && i < earlier.assets_size()) {
       const auto old = link_status_from_cdr(earlier.assets(i).msg_data());
       if (old) state->position_m = old->position_m;
     }
@@ -300,22 +300,22 @@ std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
   auto stops = parsed<Stops>(payload);
   auto controls = parsed<Controls>(payload);
   for (Stop& stop : *stops.mutable_stops()) {
-    if (lie_ == RelayLie::stop_cut) stop.set_cut(true);
-    if (lie_ == RelayLie::stop_other) *stop.mutable_stopper() = belief::to_message(rival);
+    if (lie_ == RelayTampering::stop_cut) stop.set_cut(true);
+    if (lie_ == RelayTampering::stop_other) *stop.mutable_stopper() = verification::to_message(rival);
   }
   for (Control& record : *controls.mutable_controls()) {
-    if (lie_ == RelayLie::fold_lifts) record.clear_stoppers();
-    if (lie_ == RelayLie::fold_back) {
-      *record.mutable_holder() = belief::to_message(rival);
+    if (lie_ == RelayTampering::fold_lifts) record.clear_stoppers();
+    if (lie_ == RelayTampering::fold_back) {
+      *record.mutable_holder() = verification::to_message(rival);
       record.set_epoch(0);
     }
   }
-  if (lie_ <= RelayLie::stop_other) return Event{contract::stop, stops.SerializeAsString()};
+  if (lie_ <= RelayTampering::stop_other) return Event{contract::stop, stops.SerializeAsString()};
   return Event{contract::fold, controls.SerializeAsString()};
 }
 
 std::string Relay::bend(const fabric::Call& call, std::string bytes) {
-  if (lie_ == RelayLie::none || call.function != function_of(lie_)) return bytes;
+  if (lie_ == RelayTampering::none || call.function != function_of(lie_)) return bytes;
   auto opened = fabric::open_transaction(bytes);
   if (!opened) return bytes;
   auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
@@ -327,7 +327,7 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
     auto proposal = parsed<protos::ChaincodeProposalPayload>(opened->action.chaincode_proposal_payload());
     auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
     auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
-    if (lie_ == RelayLie::asked_function) {
+    if (lie_ == RelayTampering::asked_function) {
       args.set_args(0, contract::set);
     } else {
       auto plans = parsed<CommandCall>(call.args.at(0));
@@ -343,7 +343,7 @@ std::string Relay::bend(const fabric::Call& call, std::string bytes) {
   } else {
     event.set_event_name(bent->name);
     event.set_payload(bent->payload);
-    if (lie_ == RelayLie::command_other) event.set_tx_id(std::string(64, '0'));
+    if (lie_ == RelayTampering::command_other) event.set_tx_id(std::string(64, '0'));
   }
   opened->result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
   opened->seal_result();

@@ -13,7 +13,7 @@ namespace ledgerline::hil {
 
 /// What a peer says happened, in place of what was asked for. It has its real key: every result is rightly endorsed,
 /// and every transaction rightly signed by its creator.
-enum class RelayLie : std::uint8_t {
+enum class RelayTampering : std::uint8_t {
   none,
   // The event of a command is another plan.
   plan_speed,     ///< 2 m/s ahead
@@ -61,7 +61,7 @@ enum class RelayLie : std::uint8_t {
   asked_plan,      ///< another plan
   asked_function,  ///< another function
 };
-std::optional<RelayLie> relay_lie_from(std::string_view word);
+std::optional<RelayTampering> relay_lie_from(std::string_view word);
 std::vector<std::string> relay_lie_names();
 std::string relay_lies();  ///< all of them, for errors
 
@@ -76,7 +76,7 @@ class Relay {
   };
   explicit Relay(Names names) : names_(std::move(names)) {}
 
-  void lie(RelayLie lie) { lie_ = lie; }
+  void lie(RelayTampering lie) { lie_ = lie; }
   /// Whether clients compare events with what they asked for before they sign, as real ones do; otherwise they sign
   /// whatever is of their call.
   void compared(bool compared) { compared_ = compared; }
@@ -97,7 +97,7 @@ class Relay {
   Control record_of(const std::string& drone) const;
 
   Names names_;
-  RelayLie lie_ = RelayLie::none;
+  RelayTampering lie_ = RelayTampering::none;
   bool compared_ = false;
   std::string earlier_command_, earlier_frame_;
   std::uint64_t host_sequence_ = 0;

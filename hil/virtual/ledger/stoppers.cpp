@@ -16,7 +16,7 @@ LedgerPort& Stoppers::port(Stopper who) {
   auto& port = ports_[who];
   if (!port) {
     const auto& name = who == Stopper::supervisor ? supervisor_name
-                       : who == Stopper::stranger ? stranger_name
+                       : who == Stopper::outsider ? outsider_name
                                                   : administrator_name;
     port = std::make_unique<LedgerPort>(ledger_, name, ++seed_);
   }

@@ -14,8 +14,8 @@
 namespace ledgerline::hil {
 
 /// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, a
-/// stranger, who is a supervisor of another organisation, and an administrator of the operator's organisation.
-enum class Stopper : std::uint8_t { operating, supervisor, stranger, administrator };
+/// outsider, who is a supervisor of another organisation, and an administrator of the operator's organisation.
+enum class Stopper : std::uint8_t { operating, supervisor, outsider, administrator };
 enum class ControlWord : std::uint8_t { stop, cut, resume, acquire, evict, revoke, request, hand_over, deny, claim };
 inline constexpr std::array<std::string_view, 10> control_words{"stop",   "cut",     "resume",    "acquire", "evict",
                                                                 "revoke", "request", "hand_over", "deny",    "claim"};
@@ -35,11 +35,11 @@ class Stoppers {
   void step(TimeNs now);
   /// An outcome that came by the operator's port; false: not of a call made here.
   bool take_outcome(TimeNs now, const VirtualLedger::Ended& ended);
-  /// The operator's port has forgotten what was under way.
+  /// The operator's port has forgotten what was in flight.
   void forgotten(TimeNs now);
   void restart(TimeNs now);
 
-  /// Ports of the others, for what they were told.
+  /// Ports of the others, for what was reported to them.
   const std::map<Stopper, std::unique_ptr<LedgerPort>>& ports() const { return ports_; }
 
  private:
@@ -48,7 +48,7 @@ class Stoppers {
     fabric::Call call;
     fabric::Repeat repeat;
     TimeNs next_ns = 0;
-    std::uint64_t id = 0;  ///< 0: not under way
+    std::uint64_t id = 0;  ///< 0: not in flight
   };
   LedgerPort& port(Stopper who);
   void ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome);

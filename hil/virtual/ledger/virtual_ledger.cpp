@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/belief/calls.hpp"
+#include "common/verification/calls.hpp"
 #include "peer/proposal_response.pb.h"
 
 namespace ledgerline::hil {
@@ -115,7 +115,7 @@ Result<std::string> VirtualLedger::sign(const Pending& pending, const std::strin
   fabric::EventCheck event_check;
   if (relay_.compared()) {
     event_check = [&](std::string_view name, std::string_view payload) {
-      return belief::check_event({pending.call.function, pending.call.args}, name, payload);
+      return verification::check_event({pending.call.function, pending.call.args}, name, payload);
     };
   }
   const auto prepared = fabric::check_prepared({pending.tx_id, pending.bytes}, envelope, event_check);

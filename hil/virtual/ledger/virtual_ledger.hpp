@@ -19,7 +19,8 @@
 
 namespace ledgerline::hil {
 
-/// How long each step of a transaction takes on the virtual clock. Defaults: what the embedded node takes on a desk.
+/// How long each step of a transaction takes on the virtual clock. Defaults: what the embedded node takes on one
+/// machine.
 struct LedgerDelays {
   TimeNs endorse_ns = 1 * ns_per_ms;   ///< submit() until endorsed
   TimeNs submit_ns = 1 * ns_per_ms;    ///< endorsed until ordered
@@ -47,9 +48,9 @@ class VirtualLedger {
 
   /// The peer that all of them ask.
   Relay& relay() { return relay_; }
-  /// Told of every call that a member proposes, as it is signed.
+  /// Called with every call that a member proposes, as it is signed.
   void on_asked(std::function<void(const fabric::Call&)> asked) { asked_ = std::move(asked); }
-  /// Told of every call whose transaction is valid.
+  /// Called with every call whose transaction is valid.
   void on_committed(std::function<void(const fabric::Call&)> committed) { committed_ = std::move(committed); }
 
   /// Starts a transaction; its outcome comes out of take_outcomes() with the same `id`.

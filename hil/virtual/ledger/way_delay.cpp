@@ -15,10 +15,10 @@ constexpr double max_added_s = 3;
 Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& read) {
   auto recording = read(file);
   if (!recording) return recording.error();
-  const TimeNs longest = *std::max_element((*recording)->begin(), (*recording)->end());
-  if (longest > from_seconds(max_added_s))
+  const TimeNs max_delay = *std::max_element((*recording)->begin(), (*recording)->end());
+  if (max_delay > from_seconds(max_added_s))
     return Error{
-        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(longest), max_added_s)};
+        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(max_delay), max_added_s)};
   return AddedDelay{.own = Distribution{Distribution::Kind::recorded, 0, 0, std::move(*recording), file}};
 }
 

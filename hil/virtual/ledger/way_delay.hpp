@@ -38,10 +38,10 @@ struct AddedDelay {
 /// "none", seconds from 0 to 3, a name of published_delays, or a file of such seconds, one a line.
 Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read = read_recording);
 
-/// One of the two ways of an AddedDelay: its share, and the other one has the rest. Drawn anew every 100 ms, so what is
-/// sent meanwhile stays together; a recording is played in its order, from a place that the seed chooses. The way back
-/// has what the newest that came there had: with the same seed, both ways of a state and its command together are one
-/// draw of the whole delay. Deterministic for a seed; one thread.
+/// One of the two ways of an AddedDelay: its share, and the other one has the rest. Drawn again every 100 ms, so what
+/// is sent meanwhile stays together; a recording is played in its order, from a place that the seed chooses. The way
+/// back has what the newest that came there had: with the same seed, both ways of a state and its command together are
+/// one draw of the whole delay. Deterministic for a seed; one thread.
 class WayDelay {
  public:
   enum class Way { there, back };
@@ -53,7 +53,7 @@ class WayDelay {
  private:
   TimeNs draw();
 
-  static constexpr std::uint64_t kept = 32;  ///< draws: more than the longest way takes
+  static constexpr std::uint64_t kept = 32;  ///< draws: more than the maximum delay spans
   AddedDelay delay_;
   Way way_;
   double share_;

@@ -18,7 +18,7 @@ Message parsed(const std::string& bytes) {
 /// Of a common.Envelope: the function that its creator called; empty: it is no call.
 std::string called_function(const std::string& envelope);
 
-/// In a command: faster, whoever signed it.
+/// In a command: faster, no matter who signed it.
 void bend_plan(std::string& envelope);
 void break_creator(std::string& envelope);
 /// By this peer alone; null: by nobody.

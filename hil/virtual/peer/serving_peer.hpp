@@ -15,7 +15,7 @@ namespace ledgerline::hil {
 
 /// What a peer serves its client in place of the ledger's blocks. It has its own key and may sign in its own name what
 /// it likes; it has no orderer's key.
-enum class PeerLie : std::uint8_t {
+enum class PeerTampering : std::uint8_t {
   none,
   // Flags, which nobody signs.
   hides_commands,         ///< commands are flagged to have read what has changed
@@ -23,8 +23,8 @@ enum class PeerLie : std::uint8_t {
   hides_stops_as_double,  ///< stops are flagged to be there twice
   hides_controls,         ///< whatever else is said of who has the drone
   hides_all,
-  hides_some,    ///< every third transaction
-  believes_own,  ///< what the peer itself has ordered, ten times a second, and is not valid, is flagged valid
+  hides_some,  ///< every third transaction
+  trusts_own,  ///< what the peer itself has ordered, ten times a second, and is not valid, is flagged valid
   no_flags,
   // What a block holds, with the orderers' signature as it was.
   bends_plan,        ///< faster, in a command
@@ -37,7 +37,7 @@ enum class PeerLie : std::uint8_t {
   signs_bent_plan,
   signs_broken_creator,
   signs_without_endorsement,
-  signs_strangers_endorsement,
+  signs_outsiders_endorsement,
   signs_other_channel,
   signs_own_stop,     ///< a stop that the peer itself asks for is added
   signs_own_command,  ///< a plan that the peer itself asks for is added
@@ -62,14 +62,14 @@ enum class PeerLie : std::uint8_t {
   garbage,             ///< bytes that are no block's
   mixes,               ///< each time another one of these
 };
-std::optional<PeerLie> peer_lie_from(std::string_view word);
+std::optional<PeerTampering> peer_lie_from(std::string_view word);
 std::vector<std::string> peer_lie_names();
 
 /// Whose keys a serving peer has.
 struct PeerKeys {
   crypto::SigningIdentity peer;
   std::string authority;             ///< certificate of the peer's organisation
-  crypto::SigningIdentity stranger;  ///< a peer of an organisation whose endorsement a command does not need
+  crypto::SigningIdentity outsider;  ///< a peer of an organisation whose endorsement a command does not need
 };
 /// Of the registry for tests: a peer's, and an orderer's for one that lies as orderers may, signatures and all.
 PeerKeys test_peer_keys();
@@ -82,7 +82,7 @@ class ServingPeer {
   /// `first`: the channel's first block.
   ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys = test_peer_keys());
 
-  void lie(PeerLie lie);
+  void lie(PeerTampering lie);
   /// What the peer has ordered now: a common.Envelope; empty: nothing.
   std::string orders(TimeNs now);
   /// The next block of the ledger has come to the peer.
@@ -101,14 +101,14 @@ class ServingPeer {
     TimeNs came_ns = 0;
   };
   BlockPtr at(std::uint64_t number) const;
-  BlockPtr bent(PeerLie lie, std::uint64_t wanted);
-  bool holds_back(PeerLie lie, TimeNs now, const Kept& next) const;
-  void bend_flags(PeerLie lie, common::Block& block) const;
-  bool bend_data(PeerLie lie, common::Block& block);
-  BlockPtr forked(PeerLie lie, std::uint64_t wanted);
+  BlockPtr bent(PeerTampering lie, std::uint64_t wanted);
+  bool holds_back(PeerTampering lie, TimeNs now, const Kept& next) const;
+  void bend_flags(PeerTampering lie, common::Block& block) const;
+  bool bend_data(PeerTampering lie, common::Block& block);
+  BlockPtr forked(PeerTampering lie, std::uint64_t wanted);
 
   const PeerKeys keys_;
-  PeerLie lie_ = PeerLie::none;
+  PeerTampering lie_ = PeerTampering::none;
   std::uint64_t seed_;
   std::vector<Kept> blocks_;     ///< by number
   std::string earlier_command_;  ///< an envelope

@@ -9,7 +9,7 @@ namespace ledgerline::agent {
 namespace {
 
 constexpr TimeNs stop_gap_ns = 100 * ns_per_ms;    // between two times that one stop is said to link
-constexpr TimeNs calm_stop_gap_ns = 1 * ns_per_s;  // the same on the ground, or unseen, perhaps for hours
+constexpr TimeNs calm_stop_gap_ns = 1 * ns_per_s;  // the same on the ground, or without state, perhaps for hours
 constexpr TimeNs state_counts_ns =
     3 * ns_per_s;  // of a state that shows the drone on the ground: link says one a second
 
@@ -33,7 +33,7 @@ void AgentOutputs::clear() {
   traces.clear();
   evictions.clear();
   unconfirmed_stops.clear();
-  doubts.clear();
+  violations.clear();
 }
 
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
@@ -44,7 +44,7 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
       idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
       alarms_(config_.batch, config_.drones, config_.seed + 4),
       check_(config_.check, config_.drones, registry),
-      doubt_(config_.doubt_ns) {
+      integrity_(config_.integrity_hold_ns) {
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
   }
@@ -56,7 +56,7 @@ std::size_t AgentCore::index(DroneNumber drone) const {
   return static_cast<std::size_t>(it - config_.drones.begin());
 }
 
-void AgentCore::set_roles(belief::Roles roles) { check_.set_roles(std::move(roles)); }
+void AgentCore::set_roles(verification::Roles roles) { check_.set_roles(std::move(roles)); }
 
 void AgentCore::set_control(TimeNs now, const Control& control) {
   check_.set_control(control);
@@ -86,7 +86,7 @@ void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs&
   const bool grounded = on_ground(sample.phase), link_has_stop = sample.cause == FailsafeCause::stopped;
   auto word = check_.standing_stop(now, sample.drone);
   if (word) {
-    // A link that does not see the drone may have to land it blindly; a new one knows of no stop.
+    // A link that does not see the drone may have to land it without state; a new one knows of no stop.
     const bool obeyed = grounded ? link_has_stop
                         : word->action == PlanAction::cut
                             ? sample.mode == FailsafeMode::cut
@@ -158,7 +158,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
                                      .id = refused.sequence,
                                      .stamp_ns = refused.state_stamp_ns});
   }
-  doubt_block(now, block, checked);
+  violation_block(now, block, checked);
   judged_share_.add(now, block);
   if (!checked.chain_ok) {
     last_chain_error_ = checked.chain_error;
@@ -171,7 +171,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
 
 void AgentCore::on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
   const auto checked = check_.check_refused(now, block);
-  doubt_block(now, block, checked);
+  violation_block(now, block, checked);
   take_checked(now, block, checked, out);
 }
 
@@ -192,14 +192,14 @@ void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const Comma
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
-void AgentCore::doubt_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked) {
-  if (!checked.chain_ok) doubt_.add(now, DoubtKind::chain, block.number, checked.chain_error);
-  doubt_.add(now, DoubtKind::transaction, block.number, checked.unbelievable_problem, checked.unbelievable);
+void AgentCore::violation_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked) {
+  if (!checked.chain_ok) integrity_.add(now, IntegrityViolation::chain, block.number, checked.chain_error);
+  integrity_.add(now, IntegrityViolation::transaction, block.number, checked.invalid_problem, checked.invalid);
   for (const auto& stop : checked.unconfirmed) {
     if (stop.judged) continue;  // it came to nothing, by our own judgement as well
-    doubt_.add(now, DoubtKind::stop, block.number,
-               "drone " + std::to_string(stop.drone) + ": stopped by " + stop.stopper.msp_id + " " +
-                   stop.stopper.subject + ", which the block flags " + std::to_string(stop.code));
+    integrity_.add(now, IntegrityViolation::stop, block.number,
+                   "drone " + std::to_string(stop.drone) + ": stopped by " + stop.stopper.msp_id + " " +
+                       stop.stopper.subject + ", which the block flags " + std::to_string(stop.code));
   }
 }
 
@@ -261,10 +261,10 @@ void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
 }
 
 void AgentCore::submit_alarm(TimeNs now, AgentOutputs& out) {
-  const auto sending = alarms_.next(now, doubt_);
+  const auto sending = alarms_.next(now, integrity_);
   if (!sending) return;
   if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-  out.submits.push_back({sending->number, encode_alarm(*sending, doubt_, now, real_offset_ns_), true});
+  out.submits.push_back({sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), true});
 }
 
 void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
@@ -310,14 +310,15 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   hand_over_plans(now, out);
   submit_folds(now, out);
   submit_transitions(now, out);
-  tell_doubts(now, out);
+  log_violations(now, out);
   if (submitting_) {
     submit_alarm(now, out);
     submit_evictions(now, out);
     submit_frame(now, out);
   }
   if (now >= next_beat_ns_ && may_beat(now)) {
-    out.beat = AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_doubted = doubt_.stands(now)};
+    out.beat =
+        AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_untrusted = integrity_.stands(now)};
     transitions_.tell(*out.beat);
     // Beats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
@@ -345,8 +346,8 @@ DroneReport AgentCore::report(DroneNumber drone) const {
   return report;
 }
 
-void AgentCore::tell_doubts(TimeNs now, AgentOutputs& out) {
-  for (Doubt::Word& word : doubt_.take_words(now)) out.doubts.push_back(std::move(word));
+void AgentCore::log_violations(TimeNs now, AgentOutputs& out) {
+  for (IntegrityMonitor::Word& word : integrity_.take_words(now)) out.violations.push_back(std::move(word));
 }
 
 }  // namespace ledgerline::agent

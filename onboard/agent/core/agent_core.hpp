@@ -10,8 +10,8 @@
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/agent/core/doubt.hpp"
 #include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/integrity_monitor.hpp"
 #include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/core/outbox/fold_sender.hpp"
@@ -29,10 +29,10 @@ struct AgentConfig {
   TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
-  /// How long a reason to doubt the ledger counts. It outlasts the peer's next try of a stream that it has broken off,
+  /// How long an integrity violation counts. It outlasts the peer's next try of a stream that it has broken off,
   /// and the seconds between two looks at another organisation's records: with half a lie that goes on would begin and
   /// end in turn; double keeps drones on the ground for longer, where link asks for that.
-  TimeNs doubt_ns = 10 * ns_per_s;
+  TimeNs integrity_hold_ns = 10 * ns_per_s;
   std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
 
@@ -56,7 +56,7 @@ struct AgentOutputs {
   };
   std::vector<Eviction> evictions;
   std::vector<CommandCheck::Checked::UnconfirmedStop> unconfirmed_stops;
-  std::vector<Doubt::Word> doubts;  ///< for the log
+  std::vector<IntegrityMonitor::Word> violations;  ///< for the log
   void clear();
 };
 
@@ -85,11 +85,11 @@ class AgentCore {
   void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
   /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
   void set_control(TimeNs now, const Control& control);
-  void set_roles(belief::Roles roles);
+  void set_roles(verification::Roles roles);
   /// As CommandCheck's.
-  belief::Organisations await_roles() { return check_.await_roles(); }
-  void add_roles(const belief::Roles& read) { check_.add_roles(read); }
-  const belief::Organisations& roles_left_out() const { return check_.roles_left_out(); }
+  verification::Organisations await_roles() { return check_.await_roles(); }
+  void add_roles(const verification::Roles& read) { check_.add_roles(read); }
+  const verification::Organisations& roles_left_out() const { return check_.roles_left_out(); }
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
@@ -99,15 +99,17 @@ class AgentCore {
   /// One that the stream refused: stops are taken from it, and nothing else.
   void on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   void on_connection(TimeNs now, bool connected);  ///< of the block stream
-  /// A reason to doubt the ledger that was found outside, in words: by the stream, by another organisation's records.
-  void on_doubt(TimeNs now, DoubtKind kind, const std::string& words) { doubt_.add(now, kind, newest_block(), words); }
+  /// An integrity violation that was found outside, in words: by the stream, by another organisation's records.
+  void on_violation(TimeNs now, IntegrityViolation kind, const std::string& words) {
+    integrity_.add(now, kind, newest_block(), words);
+  }
   /// Whether another organisation's peer tells other records now.
-  void set_records_differ(bool differ) { doubt_.records_differ(differ); }
+  void set_records_differ(bool differ) { integrity_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
   /// After step(): when the next frame or beat is due, if nothing comes before; INT64_MAX: none is.
   TimeNs due_ns() const;
-  /// What the log is to say of doubts now: step() does it, too, but not before there is a stream.
-  void tell_doubts(TimeNs now, AgentOutputs& out);
+  /// Writes integrity violations to the log now: step() does it, too, but not before there is a stream.
+  void log_violations(TimeNs now, AgentOutputs& out);
 
   /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
   /// folds still go. For an orderly end.
@@ -125,14 +127,14 @@ class AgentCore {
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const FoldSender& folds() const { return folds_; }
-  const Doubt& doubt() const { return doubt_; }
+  const IntegrityMonitor& integrity() const { return integrity_; }
   fabric::JudgedShare& judged_share() { return judged_share_; }
   const fabric::JudgedShare& judged_share() const { return judged_share_; }
   const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
   std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
-  std::uint64_t unbelievable_transactions() const { return check_.unbelievable_transactions(); }
+  std::uint64_t invalid_transactions() const { return check_.invalid_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
   DroneReport report(DroneNumber drone) const;
 
@@ -155,7 +157,7 @@ class AgentCore {
   void submit_evictions(TimeNs now, AgentOutputs& out);
   void submit_alarm(TimeNs now, AgentOutputs& out);
   void take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked, AgentOutputs& out);
-  void doubt_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked);
+  void violation_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked);
   std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
   bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   void progress(TimeNs now);
@@ -169,7 +171,7 @@ class AgentCore {
   AlarmSender alarms_;
   CommandCheck check_;
   fabric::JudgedShare judged_share_;
-  Doubt doubt_;
+  IntegrityMonitor integrity_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;

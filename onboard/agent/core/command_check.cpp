@@ -4,13 +4,13 @@
 #include <cmath>
 #include <utility>
 
-#include "common/belief/calls.hpp"
-#include "common/belief/control_events.hpp"
-#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/calls.hpp"
+#include "common/verification/control_events.hpp"
+#include "common/verification/identity.hpp"
 #include "onboard/agent/core/proposal_hash.hpp"
 
 namespace ledgerline::agent {
@@ -72,12 +72,12 @@ void CommandCheck::set_evicting(DroneNumber number, bool evicting) {
   }
 }
 
-void CommandCheck::set_roles(belief::Roles roles) { roles_ = std::move(roles); }
+void CommandCheck::set_roles(verification::Roles roles) { roles_ = std::move(roles); }
 
-void CommandCheck::add_roles(const belief::Roles& read) { roles_.add(read); }
+void CommandCheck::add_roles(const verification::Roles& read) { roles_.add(read); }
 
-belief::Organisations CommandCheck::await_roles() {
-  belief::Organisations organisations;
+verification::Organisations CommandCheck::await_roles() {
+  verification::Organisations organisations;
   // Behind each block: nothing is copied while all are known.
   const auto look = [&](const std::string& msp_id) {
     if (!msp_id.empty() && !roles_.follows(msp_id)) organisations.insert(msp_id);
@@ -125,22 +125,21 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
-    if (!tx.problem.empty() && out.unbelievable++ == 0)
-      out.unbelievable_problem = "transaction " + tx.tx_id + ": " + tx.problem;
+    if (!tx.problem.empty() && out.invalid++ == 0) out.invalid_problem = "transaction " + tx.tx_id + ": " + tx.problem;
     if (tx.event_name == contract::command) take_commands(now, now_s, tx, out);
     if (!out.chain_ok) continue;
     const bool stops = tx.event_name == contract::stop;
-    if (tx.code == 0 && !stops && belief::is_control_event(tx.event_name)) take_controls(now, now_s, tx, out);
+    if (tx.code == 0 && !stops && verification::is_control_event(tx.event_name)) take_controls(now, now_s, tx, out);
     // A stop that is there again was heard before; that it is, a peer may only say.
     const bool again = tx.code == duplicate_tx_id && !tx.by_flag;
     if (!again && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
   }
-  unbelievable_transactions_ += out.unbelievable;
+  invalid_transactions_ += out.invalid;
   return out;
 }
 
 Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
-                                    belief::Creator& signer) {
+                                    verification::Creator& signer) {
   if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
@@ -150,7 +149,7 @@ Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fab
 }
 
 Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
-                                        const Organisations& endorsers, belief::Creator& signer) {
+                                        const Organisations& endorsers, verification::Creator& signer) {
   const Refusal why = check_creator(now_s, tx, signer);
   return why != Refusal::none || endorsed_by(endorsers, now_s, tx) ? why : Refusal::not_endorsed;
 }
@@ -168,9 +167,9 @@ bool CommandCheck::endorsed_by(const Organisations& organisations, std::optional
 
 void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   CommandCall call;  // as it was signed; whatever else the event says is the peer's alone
-  const belief::Match match = belief::match_command({tx.function, tx.args}, tx.event_payload, call);
-  if (match == belief::Match::altered) return refuse_altered(tx, std::move(call), out);
-  if (match == belief::Match::malformed) {
+  const verification::Match match = verification::match_command({tx.function, tx.args}, tx.event_payload, call);
+  if (match == verification::Match::altered) return refuse_altered(tx, std::move(call), out);
+  if (match == verification::Match::malformed) {
     ++malformed_commands_;
     out.refused.push_back(Refused{.why = Refusal::malformed});
     return;
@@ -179,7 +178,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
       std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
   if (!ours) return;
 
-  belief::Creator signer;
+  verification::Creator signer;
   const Refusal whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
     Drone* drone = find(plan.drone());
@@ -194,12 +193,12 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
     drone->epoch = plan.epoch();
     drone->last_sequence = plan.sequence();
     ++drone->counters.verified;
-    out.plans.push_back(belief::plan_of(drone->name.number, plan));
+    out.plans.push_back(verification::plan_of(drone->name.number, plan));
   }
 }
 
 Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
-                                  belief::Creator& signer) {
+                                  verification::Creator& signer) {
   if (!out.chain_ok) return Refusal::broken_chain;
   if (tx.code != 0) return Refusal::invalid_transaction;
   return check_transaction(now_s, tx, {config_.msp_id}, signer);
@@ -211,11 +210,11 @@ void CommandCheck::refuse(Drone& drone, const DronePlan& plan, Refusal why, Chec
   out.refused.push_back(Refused{drone.name.number, plan.sequence(), plan.state_stamp_ns(), why});
 }
 
-// Counted for every drone that was asked for, and for every one that the event names instead. Why it is not believed
-// counts for little beside that it is not: the first reason of all is told.
+// Counted for every drone that was asked for, and for every one that the event names instead. The reason matters
+// less than the refusal itself: only the first reason of all is reported.
 void CommandCheck::refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out) {
-  CommandCall told;
-  if (parse_message(tx.event_payload, told)) asked.MergeFrom(told);
+  CommandCall reported;
+  if (parse_message(tx.event_payload, reported)) asked.MergeFrom(reported);
   const Refusal why = !out.chain_ok  ? Refusal::broken_chain
                       : tx.code != 0 ? Refusal::invalid_transaction
                                      : Refusal::altered;
@@ -267,19 +266,19 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-std::optional<belief::ControlEvent> CommandCheck::believed(std::int64_t now_s, const fabric::Transaction& tx,
-                                                           belief::Creator& signer, Checked& out) {
-  Controls told;
-  Refusal why = parse_message(tx.event_payload, told) ? Refusal::none : Refusal::malformed;
+std::optional<verification::ControlEvent> CommandCheck::trusted(std::int64_t now_s, const fabric::Transaction& tx,
+                                                                verification::Creator& signer, Checked& out) {
+  Controls reported;
+  Refusal why = parse_message(tx.event_payload, reported) ? Refusal::none : Refusal::malformed;
   if (why == Refusal::none) {
-    if (!concerns_us(told)) return std::nullopt;
+    if (!concerns_us(reported)) return std::nullopt;
     // A role is kept by the organisation that gives it.
     Organisations endorsers{config_.msp_id};
-    if (told.has_identity()) endorsers.insert(told.identity().msp_id());
+    if (reported.has_identity()) endorsers.insert(reported.identity().msp_id());
     why = check_transaction(now_s, tx, endorsers, signer);
   }
   if (why == Refusal::none) {
-    auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+    auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
     if (event) return std::move(*event);
     why = Refusal::altered;
   }
@@ -293,16 +292,16 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
 }
 
 void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  belief::Creator signer;
-  const auto event = believed(now_s, tx, signer, out);
+  verification::Creator signer;
+  const auto event = trusted(now_s, tx, signer, out);
   if (!event) return;
-  const auto role = belief::role_change(*event);
-  bool follows = !role || belief::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
+  const auto role = verification::role_change(*event);
+  bool follows = !role || verification::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
   if (!follows) refuse_control_event(Refusal::altered, 0, out);
   for (const Control& control : event->controls.controls()) {
     const Drone* drone = find(control.drone());
     if (!drone) continue;
-    if (drone->control && belief::control_follows(*event, *drone->control, control, signer)) continue;
+    if (drone->control && verification::control_follows(*event, *drone->control, control, signer)) continue;
     refuse_control_event(Refusal::altered, drone->name.number, out);
     follows = false;
   }
@@ -313,9 +312,10 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     const bool lifted = event->function == contract::resume && is_stopped(*drone->control) && !is_stopped(control);
     // Who commands no more must not fly on until the end of his plan, seconds on a far ledger. Who hands the drone over
     // does, until the first plan of the other: nobody holds it up in between.
-    const bool lost = event->function != contract::hand_over && drone->control->has_holder() &&
-                      control.epoch() > drone->control->epoch() &&
-                      belief::to_name(commander_of(*drone->control)) != belief::to_name(commander_of(control));
+    const bool lost =
+        event->function != contract::hand_over && drone->control->has_holder() &&
+        control.epoch() > drone->control->epoch() &&
+        verification::to_name(commander_of(*drone->control)) != verification::to_name(commander_of(control));
     if (lost) out.plans.push_back(empty_plan(now, drone->name.number, control.epoch()));
     drone->control = control;
     // What no record shows after its host's fold, or after somebody lifted stops, the ledger never had.
@@ -324,7 +324,7 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
       if (event->function == contract::resume) drone->heard.reset();
     }
     if (!lifted || drone->heard) continue;
-    // Who speaks for the drone's owner speaks for whoever pressed the key beside it, too.
+    // A member of the owner's organisation also acts for the person who pressed the key beside the drone.
     const bool owners = signer.name.msp_id == control.owner().msp_id();
     out.plans.push_back(contract_word(now, *drone, owners ? PlanAction::resumed_by_owner : PlanAction::resumed));
   }
@@ -332,12 +332,13 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
 }
 
 // Anybody's role does: who has one may stop.
-bool CommandCheck::concerns_us(const Controls& told) {
-  const auto& all = told.controls();
-  return told.has_identity() || std::any_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); });
+bool CommandCheck::concerns_us(const Controls& reported) {
+  const auto& all = reported.controls();
+  return reported.has_identity() ||
+         std::any_of(all.begin(), all.end(), [&](const auto& one) { return find(one.drone()); });
 }
 
-void CommandCheck::take_role(const belief::RoleChange& change, Checked& out) {
+void CommandCheck::take_role(const verification::RoleChange& change, Checked& out) {
   // Of an organisation that no drone of ours is granted to nothing counts; it is read when one is.
   if (roles_.follows(change.identity.msp_id())) roles_.take(change);
   for (Drone& drone : drones_) {

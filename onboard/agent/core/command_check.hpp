@@ -9,26 +9,26 @@
 #include <vector>
 
 #include "common/base/enum_count.hpp"
-#include "common/belief/control_events.hpp"
-#include "common/belief/roles.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/onboard.hpp"
+#include "common/verification/control_events.hpp"
+#include "common/verification/roles.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/drone_name.hpp"
 #include "onboard/agent/core/records/first_records.hpp"
 
 namespace ledgerline::agent {
 
-/// Why a command was not believed. Values are in traces: only append.
+/// Why a command was refused. Values are in traces: only append.
 enum class Refusal : std::uint8_t {
   none = 0,
   broken_chain = 1,         ///< its block does not follow the one before
   invalid_transaction = 2,  ///< flagged invalid by the peers
   wrong_channel = 3,        ///< of another channel or another contract
   malformed = 4,            ///< not a CommandCall, or an action that this version does not know
-  unknown_signer = 5,       ///< the creator's certificate is not from an organisation that is believed
+  unknown_signer = 5,       ///< the creator's certificate is not from an organisation that is trusted
   bad_signature = 6,        ///< the creator's signature does not fit the transaction
   not_endorsed = 7,         ///< no peer of our own organisation signed this result of this proposal
   not_holder = 8,           ///< the signer neither holds the drone's lease at that block nor commands for who does
@@ -41,7 +41,7 @@ enum class Refusal : std::uint8_t {
   over_limits = 15,         ///< setpoints: not finite, too fast, too many, out of order, or beyond the horizon
   altered = 16,      ///< not what its creator asked for and signed; or a record that does not follow from the last
   revoked = 17,      ///< the holder's or his delegate's organisation has taken its role back
-  evicting = 18,     ///< to take off, while this agent's eviction of its idle holder is under way
+  evicting = 18,     ///< to take off, while this agent's eviction of its idle holder is in flight
   may_not_stop = 19  ///< a stop by somebody whom neither role nor grant lets stop this drone
 };
 inline constexpr std::size_t refusal_count = enum_count<Refusal>;
@@ -57,15 +57,15 @@ struct CheckConfig {
   std::size_t stamps_kept = 256;              ///< per drone: newest states sent; 8 s at 30 Hz
 };
 
-/// Trusts little on the way: turns blocks into plans, each of which was checked against everything in Refusal. Whoever
-/// feeds it blocks, and the peer that ran the contract, with its real key, can delay a command, never make one: a plan
+/// Turns blocks into plans, each of which was checked against everything in Refusal. The source of its blocks, and the
+/// peer that ran the contract, with its real key, can delay a command, never make one: a plan
 /// is taken out of the arguments under its creator's signature, and only where the event says the same. Who may command
 /// comes from Control records: the first ones are set by the caller as read from the ledger, later ones come from the
 /// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
-/// and follow from the record before (common/belief/control_events.hpp), so an epoch never goes back and nobody's stop
-/// is lifted by another. A stop needs less: its creator's signature and right by these records, whatever flag, endorser
-/// or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and roles,
-/// and what they leave out.
+/// and follow from the record before (common/verification/control_events.hpp), so an epoch never goes back and nobody's
+/// stop is lifted by another. A stop needs less: its creator's signature and right by these records, whatever flag,
+/// endorser or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and
+/// roles, and what they leave out.
 ///
 // clang-format off
 ///     block -> chain -> flag -> channel -> signer, signature -> endorsement -> asked for
@@ -89,7 +89,7 @@ class CommandCheck {
                               ///< last stopper's `resume` as resumed; a change of who commands as one without setpoints
     std::vector<Refused> refused;
     std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: a fold is due
-    /// Stops that are obeyed although the ledger as we are told has none such: a peer may lie, or it came to nothing.
+    /// Stops that are obeyed although the reported ledger has none such: a peer may lie, or it came to nothing.
     struct UnconfirmedStop {
       DroneNumber drone = 0;
       crypto::IdentityName stopper;
@@ -97,9 +97,9 @@ class CommandCheck {
       bool judged = false;  ///< our own judgement of the transaction says the same as its flag
     };
     std::vector<UnconfirmedStop> unconfirmed;
-    /// Transactions that the stream does not believe (fabric::Transaction::problem): how many, and the first's problem.
-    std::uint64_t unbelievable = 0;
-    std::string unbelievable_problem;
+    /// Transactions that the stream does not accept (fabric::Transaction::problem): how many, and the first's problem.
+    std::uint64_t invalid = 0;
+    std::string invalid_problem;
     std::vector<DroneNumber> heard;  ///< drones that are commanded under their lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
@@ -113,13 +113,13 @@ class CommandCheck {
 
   /// The roles of the organisations that our drones belong or are granted to, as read from the ledger at start: until
   /// then a stop must be one that our own peer endorsed.
-  void set_roles(belief::Roles roles);
+  void set_roles(verification::Roles roles);
   /// Organisations that a record names since, whose roles are to be read; each is asked for once. Until add_roles()
   /// their stops must be endorsed so, too.
-  belief::Organisations await_roles();
-  void add_roles(const belief::Roles& read);
+  verification::Organisations await_roles();
+  void add_roles(const verification::Roles& read);
   /// Organisations whose roles were left out, since they are too many.
-  const belief::Organisations& roles_left_out() const { return roles_.left_out(); }
+  const verification::Organisations& roles_left_out() const { return roles_.left_out(); }
   /// The record of one of our drones, as read from the ledger at start. Others are ignored.
   void set_control(const Control& control);
   /// A state that was submitted: commands may answer it. Of another boot than the one before: that one's are forgotten.
@@ -143,7 +143,7 @@ class CommandCheck {
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;
 
-  /// What is believed now, as set at the start and changed by the blocks since.
+  /// The trusted records now, as set at the start and changed by the blocks since.
   FirstRecords records() const;
 
   const Counters& counters(DroneNumber number) const;
@@ -153,20 +153,20 @@ class CommandCheck {
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }
   std::uint64_t unconfirmed_stops() const { return unconfirmed_stops_; }
-  std::uint64_t unbelievable_transactions() const { return unbelievable_transactions_; }  ///< of anybody
+  std::uint64_t invalid_transactions() const { return invalid_transactions_; }  ///< of anybody
 
  private:
   static constexpr std::size_t max_heard_stops = 256;  ///< remembered, so that each lands its drones once
   using Organisations = std::set<std::string>;
   /// A stop that its creator may give, and that the blocks do not show as valid. It stands until the drone is down, and
   /// a fold's record, which comes from behind it, does not show it either.
-  struct HeardStop {
+  struct PendingStop {
     bool not_on_ledger = false;
   };
   struct Drone {
     DroneName name;
     std::optional<Control> control;
-    std::optional<HeardStop> heard;
+    std::optional<PendingStop> heard;
     std::uint64_t boot_id = 0;
     std::deque<TimeNs> stamps;
     std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch
@@ -176,10 +176,11 @@ class CommandCheck {
   Drone* find(std::string_view name);
   const Drone* find(DroneNumber number) const;
   /// Channel, contract, and who signed it; `now_s`: nullopt: whatever the time is.
-  Refusal check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx, belief::Creator& signer);
+  Refusal check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
+                        verification::Creator& signer);
   /// The same, and that a peer of one of the organisations endorsed it.
   Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, const Organisations& endorsers,
-                            belief::Creator& signer);
+                            verification::Creator& signer);
   bool endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
                    const fabric::Transaction& tx);
   /// Takes what link still has of another's plans away.
@@ -188,32 +189,33 @@ class CommandCheck {
   static bool commands(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
-  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, belief::Creator& signer);
+  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
+                      verification::Creator& signer);
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was
   /// refused.
-  std::optional<belief::ControlEvent> believed(std::int64_t now_s, const fabric::Transaction& tx,
-                                               belief::Creator& signer, Checked& out);
+  std::optional<verification::ControlEvent> trusted(std::int64_t now_s, const fabric::Transaction& tx,
+                                                    verification::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
-  bool concerns_us(const Controls& told);
-  void take_role(const belief::RoleChange& change, Checked& out);
+  bool concerns_us(const Controls& reported);
+  void take_role(const verification::RoleChange& change, Checked& out);
   void take_stops(TimeNs now, const fabric::Transaction& tx, Checked& out);
   /// A call of `stop`, well signed.
-  struct StopSaid {
-    const belief::Creator& signer;
-    bool endorsed_by_us = false;                  ///< of an event alone is it asked
-    bool again = false;                           ///< it was heard before
-    const belief::ControlEvent* event = nullptr;  ///< what the ledger is said to have made of it; null: nothing
+  struct StopEvent {
+    const verification::Creator& signer;
+    bool endorsed_by_us = false;                        ///< of an event alone is it asked
+    bool again = false;                                 ///< it was heard before
+    const verification::ControlEvent* event = nullptr;  ///< what the ledger is said to have made of it; null: nothing
     const fabric::Transaction& tx;
   };
-  void take_stop(TimeNs now, const StopSaid& said, const Stop& stop, Drone& drone, Checked& out);
+  void take_stop(TimeNs now, const StopEvent& said, const Stop& stop, Drone& drone, Checked& out);
 
   CheckConfig config_;
   std::vector<Drone> drones_;
-  belief::Roles roles_;
+  verification::Roles roles_;
   std::deque<std::string> heard_stops_;  ///< transactions, newest last
   crypto::MspRegistry& registry_;
   fabric::ChainCheck chain_;
@@ -221,7 +223,7 @@ class CommandCheck {
   std::uint64_t malformed_commands_ = 0;
   std::uint64_t refused_control_events_ = 0;
   std::uint64_t unconfirmed_stops_ = 0;
-  std::uint64_t unbelievable_transactions_ = 0;
+  std::uint64_t invalid_transactions_ = 0;
 };
 
 }  // namespace ledgerline::agent

@@ -18,8 +18,8 @@ struct FusionConfig {
   double position_sigma_m = 0.005;       ///< of a measurement
   double acceleration_sigma_mps2 = 4.0;  ///< how much the velocity may change by itself (white acceleration)
   double gate_sigma = 6.0;               ///< a measurement further off than this is an outlier
-  int outliers_before_reset = 5;         ///< so many in a row are the truth, and the filter starts anew
-  TimeNs max_gap_ns = 300 * ns_per_ms;   ///< after a longer pause the filter starts anew
+  int outliers_before_reset = 5;         ///< so many in a row are the truth, and the filter restarts
+  TimeNs max_gap_ns = 300 * ns_per_ms;   ///< after a longer pause the filter restarts
   /// Nothing that flies is measured at one place to the last bit: a mocap system that says so for this long repeats
   /// what it saw last. Its own noise changes the bits from one measurement to the next; some measure more seldom than
   /// they send.

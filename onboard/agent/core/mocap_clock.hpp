@@ -8,10 +8,10 @@
 
 namespace ledgerline::agent {
 
-/// Mocap stamps are real time, decisions are made on CLOCK_MONOTONIC: this turns one into the other, and believes no
+/// Mocap stamps are real time, decisions are made on CLOCK_MONOTONIC: this turns one into the other, and accepts no
 /// stamp that lies more than 20 ms in the future or 1 s in the past. None comes out as newer than its arrival: link
 /// refuses poses of the future. Real time may jump (NTP, a person), be it by less than those bounds: so the clocks are
-/// read for every pose, and a jump costs the poses that were under way at most. One thread.
+/// read for every pose, and a jump costs at most the poses that were in flight. One thread.
 class MocapClock {
  public:
   static constexpr TimeNs max_delay_ns = 1 * ns_per_s;
@@ -27,7 +27,7 @@ class MocapClock {
   static bool plausible(TimeNs stamp_ns, TimeNs arrived_ns) {
     return stamp_ns - arrived_ns <= max_ahead_ns && arrived_ns - stamp_ns <= max_delay_ns;
   }
-  /// The stamp on CLOCK_MONOTONIC; nothing where it is not believed.
+  /// The stamp on CLOCK_MONOTONIC; nothing where it is not accepted.
   std::optional<TimeNs> stamp(TimeNs source_real_ns, TimeNs arrived_ns) {
     refresh();
     const TimeNs stamp_ns = source_real_ns - offset_ns_;

@@ -16,8 +16,8 @@ struct MocapMessage {
   std::array<double, 4> orientation{};  ///< x, y, z, w
 };
 
-/// Whether a mocap pose is believed at all, before it is fused: its orientation is a unit quaternion, to 5 % of the
-/// squared norm (a message of zeros is none), and its stamp is one that MocapClock believes. Whether it fits the ones
+/// Whether a mocap pose is accepted at all, before it is fused: its orientation is a unit quaternion, to 5 % of the
+/// squared norm (a message of zeros is none), and its stamp is one that MocapClock accepts. Whether it fits the ones
 /// before it, or repeats them, is Fusion's to say. One thread.
 class MocapIntake {
  public:
@@ -25,10 +25,10 @@ class MocapIntake {
   MocapIntake(MocapClock::ReadOffset read, bool stamps_of_this_host = true)
       : clock_(std::move(read)), stamps_of_this_host_(stamps_of_this_host) {}
 
-  /// The pose on this host's clock; nothing where it is not believed.
+  /// The pose on this host's clock; nothing where it is not accepted.
   std::optional<MocapPose> take(const MocapMessage& message);
 
-  /// Of the orientation; 1 for one that is believed.
+  /// Of the orientation; 1 for one that is accepted.
   static double norm(const MocapMessage& message);
   MocapClock& clock() { return clock_; }
 

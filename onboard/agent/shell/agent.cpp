@@ -73,7 +73,7 @@ Status Agent::reach_channels() {
     if (reached > 0) begin();
     wait();
     if (auto status = turn(); !status) return status;
-    if (is_begun_) chores(monotonic_ns());
+    if (is_begun_) run_periodic_tasks(monotonic_ns());
   }
   if (quit_ || reached == 0) return first.value_or(Error{"asked to end"});
   return done;
@@ -82,11 +82,11 @@ Status Agent::reach_channels() {
 // Drones fly from here on, whatever is still waited for.
 void Agent::begin() {
   if (std::exchange(is_begun_, true)) return;
-  hurry(settings_.priority, "the main loop");
+  raise_priority(settings_.priority, "the main loop");
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
 }
 
-// The bell is cleared before the states are taken: one that comes behind the take rings for the next turn.
+// The wakeup is cleared before the states are taken: one that comes behind the take rings for the next turn.
 void Agent::wait() {
   const TimeNs now = monotonic_ns();
   TimeNs until_ns = now + max_wait_ns;
@@ -136,7 +136,7 @@ Status Agent::turn() {
 // What was connected flows on without RouDi, so ending while a drone flies would only take its commands away.
 bool Agent::cut_off(TimeNs now) const { return roudi_gone_ && now - flight_heard_ns_ > flight_silent_ns; }
 
-void Agent::chores(TimeNs now) {
+void Agent::run_periodic_tasks(TimeNs now) {
   if (settings_.status_period_ns > 0 && due(now, next_status_ns_, settings_.status_period_ns)) {
     const auto days = certificates_ ? std::optional(certificates_->days_left()) : std::nullopt;
     for (const Slot& slot : channels_) {
@@ -151,7 +151,7 @@ Status Agent::run() {
   while (!quit_ && !cut_off(monotonic_ns())) {
     wait();
     if (auto status = turn(); !status) return status;
-    chores(monotonic_ns());
+    run_periodic_tasks(monotonic_ns());
   }
   drain();
   return write_summary();
@@ -172,9 +172,10 @@ void Agent::drain() {
 }
 
 Status Agent::write_summary() {
-  std::vector<std::string> told;
-  for (const Slot& slot : channels_) told.push_back(slot.shell->end());
-  return recorder_.end(settings_.summary, [&] { return told.size() == 1 ? told.front() : summary_of_all(told); });
+  std::vector<std::string> reported;
+  for (const Slot& slot : channels_) reported.push_back(slot.shell->end());
+  return recorder_.end(settings_.summary,
+                       [&] { return reported.size() == 1 ? reported.front() : summary_of_all(reported); });
 }
 
 void Agent::watch_roudi(const std::stop_token& stop) {
@@ -182,7 +183,7 @@ void Agent::watch_roudi(const std::stop_token& stop) {
     if (!roudi_gone_ && !ipc::roudi_lives()) {
       roudi_gone_ = true;
       spdlog::error(
-          "RouDi is gone: what is connected goes on, but a link that starts anew is not heard; once none is heard or "
+          "RouDi is gone: what is connected goes on, but a link that restarts is not heard; once none is heard or "
           "nothing flies, agent ends, to be started again behind a new RouDi");
     }
     for (std::chrono::milliseconds waited{0}; waited < roudi_watch_period && !stop.stop_requested();

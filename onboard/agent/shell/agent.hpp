@@ -25,10 +25,10 @@ class Agent {
   Agent(Settings settings, std::vector<std::unique_ptr<AgentShell>> channels, const std::atomic<bool>& quit);
 
   /// RouDi, then all channels side by side, with a bounded wait and a message that names the cure. The drones of a
-  /// channel that is up are flown from then on. Of several channels one must be reached: the others are gone on
-  /// without, are told, and join when they are.
+  /// channel that is up are flown from then on. Of several channels one must be reached: the others are
+  /// reported, and join when they are reached.
   Status start();
-  /// Until `quit`; or until RouDi is gone, and link, too, or on the ground. Then waits a moment for what is under way,
+  /// Until `quit`; or until RouDi is gone, and link, too, or on the ground. Then waits a moment for calls in flight,
   /// and writes the summary.
   Status run();
   /// Has renewed certificates taken while it runs. Before start().
@@ -48,7 +48,7 @@ class Agent {
   void wait();
   Status turn();
   void take_link();
-  void chores(TimeNs now);
+  void run_periodic_tasks(TimeNs now);
   void drain();
   Status write_summary();
 

@@ -5,14 +5,14 @@
 
 #include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
-#include "common/belief/client.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/patience.hpp"
+#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
+#include "common/verification/client.hpp"
 #include "onboard/agent/shell/agent.hpp"
 #include "onboard/agent/shell/channels.hpp"
 
@@ -32,7 +32,7 @@ Status check_drones(const std::vector<agent::DroneName>& drones) {
   return done;
 }
 
-/// Our own organisation must be among those that are believed: only its peers' endorsements count. Asks for the keys of
+/// Our own organisation must be among those that are trusted: only its peers' endorsements count. Asks for the keys of
 /// all [[msp]], so that finish() does not call those unknown that msp_registry did not reach.
 Status check_own_msp(Config& config, const std::string& msp_id) {
   bool found = false;
@@ -42,7 +42,7 @@ Status check_own_msp(Config& config, const std::string& msp_id) {
   }
   if (found) return done;
   return Error{
-      fmt::format("no [[msp]] has id = \"{}\": without our own organisation no command could be believed", msp_id)};
+      fmt::format("no [[msp]] has id = \"{}\": without our own organisation no command could be trusted", msp_id)};
 }
 
 /// Who is asked for a second opinion: the first peer named of another organisation; none: nobody is named.
@@ -62,9 +62,9 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
   return fabric::Client::create(std::move(config));
 }
 
-/// What `patience` of [ledger] adds for this channel.
+/// What `timeouts` of [ledger] adds for this channel.
 Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
-  const auto longer_ns = fabric::take_patience(ledger);
+  const auto longer_ns = fabric::take_timeouts(ledger);
   if (!longer_ns) return longer_ns.error();
   settings.core.check.max_age_ns += *longer_ns;
   settings.core.ledger_silent_after_ns += *longer_ns;
@@ -96,7 +96,7 @@ int run(Config& config) {
   auto registry = fabric::msp_registry(config);
   const fabric::Channels channels = fabric::read_channels(config);
   const endorser::WithinSettings within = endorser::read_within_settings(config);
-  fabric::ClientConfig known = belief::for_contract(ledger ? *ledger : fabric::ClientConfig{});
+  fabric::ClientConfig known = verification::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
   bridged.checkpoint = bridge::checkpoint_beside(settings.checkpoint);
@@ -152,10 +152,10 @@ agent.toml: [[drone]] name, number;
     channel_tables_help +
     R"(  [output] trace, summary, status_period_ms, checkpoint; and with defaults
   [mocap] topic, clock (host|arrival), position_sigma_m, acceleration_sigma_mps2, gate_sigma,
-    outliers_before_reset, longest_gap_ms, frozen_after_ms
+    outliers_before_reset, max_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept
-  [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, longest_back_off_ms, refused_drone_pause_ms
-  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, doubt_s, max_absence_blocks, seed,
+  [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, max_back_off_ms, refused_drone_pause_ms
+  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, integrity_hold_s, max_absence_blocks, seed,
     start_wait_s
   [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)

@@ -34,11 +34,11 @@ json to_json(const Fusion::Counters& c) {
           {"outliers", c.outliers}, {"frozen", c.frozen},         {"resets", c.resets}};
 }
 
-json doubts(const AgentCore& core) {
+json violations(const AgentCore& core) {
   json kinds = json::object();
-  for (std::size_t i = 0; i < doubt_kinds; ++i) {
-    const auto kind = static_cast<DoubtKind>(i);
-    if (core.doubt().of(kind).count > 0) kinds[std::string(name(kind))] = core.doubt().of(kind).count;
+  for (std::size_t i = 0; i < violation_kinds; ++i) {
+    const auto kind = static_cast<IntegrityViolation>(i);
+    if (core.integrity().of(kind).count > 0) kinds[std::string(name(kind))] = core.integrity().of(kind).count;
   }
   return kinds;
 }
@@ -64,8 +64,8 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
   json line = {{"channel", channel},
                {"height", core.height()},
                {"ledger_alive", core.ledger_alive(now)},
-               {"ledger_doubted", core.doubt().stands(now)},
-               {"doubts", core.doubt().count()},
+               {"ledger_untrusted", core.integrity().stands(now)},
+               {"integrity_violations", core.integrity().count()},
                {"transactions_by_flag", core.judged_share().by_flag()},
                {"drones", std::move(drones)}};
   if (certificate_days) line["certificate_days"] = *certificate_days;
@@ -100,15 +100,15 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
                 {"refused", core.idle().counters().refused},
                 {"repeated", core.idle().counters().repeated},
                 {"given_up", core.idle().counters().given_up}}},
-              {"doubts", core.doubt().count()},
-              {"doubts_by_kind", doubts(core)},
+              {"integrity_violations", core.integrity().count()},
+              {"integrity_violations_by_kind", violations(core)},
               {"alarms",
                {{"on_ledger", core.alarms().counters().on_ledger},
                 {"repeated", core.alarms().counters().repeated},
                 {"refused", core.alarms().counters().refused}}},
               {"control_events_refused", core.refused_control_events()},
               {"stops_unconfirmed", core.unconfirmed_stops()},
-              {"transactions_unbelievable", core.unbelievable_transactions()},
+              {"transactions_invalid", core.invalid_transactions()},
               {"transactions_by_flag", core.judged_share().by_flag()},
               {"transactions_not_by_flag", core.judged_share().judged()},
               {"blocks_not_read", shell.blocks_not_read},

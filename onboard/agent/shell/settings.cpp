@@ -30,7 +30,7 @@ BatchConfig batch(Config& config) {
       b.first_back_off_ns, 1, 10'000);
   b.max_back_off_ns = duration_ms(
       config,
-      {"batch.longest_back_off_ms", "upper bound of it: how long a ledger may be back before the next frame tries it"},
+      {"batch.max_back_off_ms", "upper bound of it: how long a ledger may be back before the next frame tries it"},
       b.max_back_off_ns, 1, 60'000);
   b.refused_drone_pause_ns =
       duration_ms(config,
@@ -73,11 +73,11 @@ FusionConfig fusion(Config& config) {
   f.gate_sigma = config.number(
       {"mocap.gate_sigma", "a measurement further off, in standard deviations, is an outlier and is dropped"},
       f.gate_sigma, 1, 1'000);
-  f.outliers_before_reset = static_cast<int>(
-      config.integer({"mocap.outliers_before_reset", "so many outliers in a row are the truth: the filter starts anew"},
-                     f.outliers_before_reset, 1, 1'000));
+  f.outliers_before_reset = static_cast<int>(config.integer(
+      {"mocap.outliers_before_reset", "so many outliers in a row are the truth: the filter starts again"},
+      f.outliers_before_reset, 1, 1'000));
   f.max_gap_ns = duration_ms(
-      config, {"mocap.longest_gap_ms", "after a longer pause the filter starts anew; as link's failsafe.pose_lost_ms"},
+      config, {"mocap.max_gap_ms", "after a longer pause the filter starts again; as link's failsafe.pose_lost_ms"},
       f.max_gap_ns, 1, 60'000);
   f.frozen_after_ns =
       duration_ms(config,
@@ -115,14 +115,15 @@ void read_output(Config& config, Settings& s) {
 void read_checkpoint_keys(Config& config, Settings& s) {
   s.checkpoint = config.text(
       {"output.checkpoint",
-       "file, of this agent alone, with the newest block that was believed and the control records behind it: a peer "
-       "that serves an older chain, or another one, is refused at the next start; none: each start begins anew"},
+       "file, of this agent alone, with the newest block that was trusted and the control records behind it: a peer "
+       "that serves an older chain, or another one, is refused at the next start; none: each start begins from "
+       "nothing"},
       "");
   s.max_absence_blocks = static_cast<std::uint64_t>(config.integer(
       {"agent.max_absence_blocks",
        "blocks behind the checkpoint that are read one by one at a start, so that nothing on them is missed, before "
        "the agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
-       "records are read anew"},
+       "records are read again"},
       1'000, 0, 1'000'000));
 }
 
@@ -149,7 +150,7 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   s.core.ledger_silent_after_ns =
       duration_ms(config,
                   {"agent.ledger_silent_after_ms",
-                   "with no answer to a call, or no connection, for so long, link is told that the ledger is silent"},
+                   "with no answer to a call, or no connection, for so long, link learns that the ledger is silent"},
                   s.core.ledger_silent_after_ns, 10, 60'000);
   s.core.idle_evict_ns = idle_evict(config);
   s.recheck_ns = from_seconds(config.number(
@@ -157,11 +158,12 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
        "between two looks at the control records and roles of another organisation's peer, the first [[endorser]] of "
        "one; a difference that lasts is an alarm, in the log and the summary (records_differ); 0: never"},
       5, 0, 3'600));
-  s.core.doubt_ns = from_seconds(config.number({"agent.doubt_s",
-                                                "how long a reason to doubt the ledger counts (what contradicts its "
-                                                "flags, its orderers, other peers): so long the "
-                                                "alarm stands, and link is told (its failsafe.doubt)"},
-                                               to_seconds(s.core.doubt_ns), 1, 3'600));
+  s.core.integrity_hold_ns =
+      from_seconds(config.number({"agent.integrity_hold_s",
+                                  "how long an integrity violation counts (what contradicts its "
+                                  "flags, its orderers, other peers): so long the "
+                                  "alarm stands, and link learns it (its failsafe.on_untrusted_ledger)"},
+                                 to_seconds(s.core.integrity_hold_ns), 1, 3'600));
   s.core.seed = static_cast<std::uint64_t>(config.integer(
       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
       INT64_MAX));

@@ -18,7 +18,7 @@ struct Settings {
   PoseMessage mocap_message = PoseMessage::pose_stamped;
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
   TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
-  std::string checkpoint;                     ///< file of the newest block believed; empty: none
+  std::string checkpoint;                     ///< file of the newest block trusted; empty: none
   std::uint64_t max_absence_blocks = 0;       ///< behind it that are read one by one
   TimeNs recheck_ns = 0;                      ///< between two looks at another organisation's records; 0: never
   bool blocks_are_judged = false;             ///< config_block is set

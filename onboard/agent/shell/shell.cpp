@@ -64,35 +64,35 @@ bool AgentShell::flies(DroneNumber drone) const {
 Status AgentShell::take_inputs(bool link_woke) {
   link_woke_ = link_woke;
   if (link_woke) ++counters_.link_wakes;
-  if (auto status = take_letters(); !status) return status;
+  if (auto status = take_events(); !status) return status;
   take_mocap();
   return done;
 }
 
-Status AgentShell::take_letters() {
-  for (Letter& letter : mailbox_.take_all()) {
+Status AgentShell::take_events() {
+  for (Event& event : mailbox_.take_all()) {
     const TimeNs now = monotonic_ns();
-    if (auto* block = std::get_if<fabric::Block>(&letter)) {
+    if (auto* block = std::get_if<fabric::Block>(&event)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
-    } else if (const auto* refused = std::get_if<RefusedBlock>(&letter)) {
+    } else if (const auto* refused = std::get_if<RefusedBlock>(&event)) {
       core_.on_refused_block(now, refused->block, out_);
-    } else if (const auto* ended = std::get_if<FrameEnded>(&letter)) {
+    } else if (const auto* ended = std::get_if<FrameEnded>(&event)) {
       core_.on_outcome(now, ended->frame, ended->outcome, out_);
       tell_outcome(ended->outcome);
-    } else if (const auto* state = std::get_if<StreamState>(&letter)) {
+    } else if (const auto* state = std::get_if<StreamState>(&event)) {
       core_.on_connection(now, state->connected);
       tell_connection_(state->connected, state->why);
-    } else if (const auto* continued = std::get_if<Continued>(&letter)) {
+    } else if (const auto* continued = std::get_if<Continued>(&event)) {
       take_continued(continued->how);
-    } else if (auto* confirmed = std::get_if<Confirmed>(&letter)) {
+    } else if (auto* confirmed = std::get_if<Confirmed>(&event)) {
       confirmed_ = std::move(*confirmed);
-    } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
-      core_.on_doubt(now, DoubtKind::stream, contradiction->what);
-    } else if (const auto* second = std::get_if<SecondReading>(&letter)) {
+    } else if (const auto* contradiction = std::get_if<Contradiction>(&event)) {
+      core_.on_violation(now, IntegrityViolation::stream, contradiction->what);
+    } else if (const auto* second = std::get_if<SecondReading>(&event)) {
       take_second_reading(*second);
-    } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
+    } else if (const auto* read = std::get_if<RecordsRead>(&event)) {
       if (auto status = take_records(*read); !status) return status;
-    } else if (const auto* roles = std::get_if<RolesRead>(&letter)) {
+    } else if (const auto* roles = std::get_if<RolesRead>(&event)) {
       take_roles(*roles);
     }
     step_and_act();
@@ -109,7 +109,7 @@ Status AgentShell::take_block(fabric::Block block) {
     control_start_.forget();
     return done;
   }
-  if (*next == belief::ControlStart::Next::take) {
+  if (*next == verification::ControlStart::Next::take) {
     core_.on_block(monotonic_ns(), block, out_);
     tell_by_flag();
     unread_.merge(core_.await_roles());
@@ -118,7 +118,7 @@ Status AgentShell::take_block(fabric::Block block) {
         read_roles(stop, organisations);
       });
   }
-  if (*next == belief::ControlStart::Next::read)
+  if (*next == verification::ControlStart::Next::read)
     control_reader_ = std::jthread([this](const std::stop_token& stop) { read_records_again(stop); });
   return done;
 }
@@ -130,7 +130,7 @@ void AgentShell::set_records(const FirstRecords& records) {
 }
 
 void AgentShell::take_roles(const RolesRead& read) {
-  role_reader_.reset();  // its last act was this letter
+  role_reader_.reset();  // its last act was this event
   if (read.roles) {
     core_.add_roles(*read.roles);
     tell_left_out();
@@ -153,8 +153,8 @@ void AgentShell::tell_by_flag() {
 
 // No reason to distrust the ledger: an organisation that has too many roles would land others' drones by it.
 void AgentShell::tell_left_out() {
-  const belief::Organisations& left_out = core_.roles_left_out();
-  if (left_out.size() == std::exchange(left_out_told_, left_out.size())) return;
+  const verification::Organisations& left_out = core_.roles_left_out();
+  if (left_out.size() == std::exchange(left_out_reported_, left_out.size())) return;
   for (const std::string& msp_id : left_out)
     spdlog::error(
         "{}the roles of {} are too many, or damaged, and are left out: a stop of its people counts only as the "
@@ -171,7 +171,7 @@ Status AgentShell::take_records(const RecordsRead& read) {
     spdlog::error(
         "{}{}. Its drones are not flown until they are read, which is tried again at its next block", label_,
         read.records ? "too many blocks came while the control records were read" : read.records.error().what);
-    control_start_.begin_anew();
+    control_start_.restart();
     return done;
   }
   set_records(*read.records);
@@ -188,15 +188,15 @@ void AgentShell::take_second_reading(const SecondReading& reading) {
   if (!reading.records || ask_again_) return;
   const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
   for (const SecondOpinion::Difference& difference : verdict.alarms) {
-    core_.on_doubt(monotonic_ns(), DoubtKind::records, difference.text());
+    core_.on_violation(monotonic_ns(), IntegrityViolation::records, difference.text());
     spdlog::error(
-        "{}{}: another organisation's peer tells another record than this agent believes: here {}; there {}. One of "
+        "{}{}: another organisation's peer reports another record than this agent trusts: here {}; there {}. One of "
         "the two peers lies or stands still: look at both before you fly",
         label_, difference.what, difference.ours, difference.theirs);
   }
   core_.set_records_differ(second_opinion_.differs());
   for (const std::string& what : verdict.cleared)
-    spdlog::warn("{}{}: another organisation's peer tells the same record again", label_, what);
+    spdlog::warn("{}{}: another organisation's peer reports the same record again", label_, what);
   ask_again_ = verdict.again_soon;
   counters_.records_compared = second_opinion_.comparisons();
   counters_.records_differ = second_opinion_.alarms();
@@ -209,7 +209,7 @@ void AgentShell::take_state(const StateSample& sample) {
 
 void AgentShell::finish_turn() {
   step_and_act();
-  chores(monotonic_ns());
+  run_periodic_tasks(monotonic_ns());
 }
 
 void AgentShell::take_mocap() {
@@ -230,7 +230,7 @@ void AgentShell::tell_implausible(DroneNumber drone, const MocapMessage& message
   if (std::exchange(mocap_warned_, true)) return;
   const TimeNs stamp_ns = message.source_real_ns - mocap_intake_.clock().offset_ns();
   spdlog::warn(
-      "{}a mocap pose of drone {} is not believed (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
+      "{}a mocap pose of drone {} is not trusted (stamp {:.0f} ms before its arrival, quaternion's norm {:.3f}); "
       "if its computer's clock differs from this one's, set clock = \"arrival\" in [mocap]",
       label_, drone, to_ms(message.arrived_ns - stamp_ns), MocapIntake::norm(message));
 }
@@ -259,7 +259,7 @@ void AgentShell::step_and_act() {
   tell_refusals();
   tell_evictions();
   tell_unconfirmed_stops();
-  tell_doubts();
+  log_violations();
   recorder_->add(out_.traces);
   out_.clear();
 }
@@ -283,10 +283,10 @@ void AgentShell::tell_unconfirmed_stops() {
   }
 }
 
-void AgentShell::tell_doubts() {
-  for (const Doubt::Word& word : out_.doubts)
-    spdlog::error("{}the ledger is doubted, {} ({} of {} since the last word): {}", label_, name(word.kind), word.since,
-                  word.count, word.words);
+void AgentShell::log_violations() {
+  for (const IntegrityMonitor::Word& word : out_.violations)
+    spdlog::error("{}the ledger is not trusted, {} ({} of {} since the last word): {}", label_, name(word.kind),
+                  word.since, word.count, word.words);
 }
 
 void AgentShell::tell_evictions() {
@@ -324,7 +324,7 @@ void AgentShell::tell_lost_transitions() {
   transitions_lost_ = lost;
 }
 
-void AgentShell::chores(TimeNs now) {
+void AgentShell::run_periodic_tasks(TimeNs now) {
   if (due(now, next_clock_ns_, clock_period_ns)) {
     mocap_intake_.clock().refresh();
     core_.set_real_offset(mocap_intake_.clock().offset_ns());

@@ -7,7 +7,6 @@
 #include <thread>
 #include <vector>
 
-#include "common/belief/control_records.hpp"
 #include "common/dds/dds.hpp"
 #include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
@@ -15,10 +14,11 @@
 #include "common/fabric/stream/confirmations.hpp"
 #include "common/program/recorder.hpp"
 #include "common/rt/spsc_ring.hpp"
+#include "common/verification/control_records.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/mocap_intake.hpp"
 #include "onboard/agent/core/records/second_opinion.hpp"
-#include "onboard/agent/shell/letters.hpp"
+#include "onboard/agent/shell/events.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
 #include "onboard/ipc/ipc.hpp"
@@ -32,7 +32,7 @@ TimeNs real_offset();
 bool due(TimeNs now, TimeNs& next, TimeNs period_ns);
 
 /// For the calling thread: a block's way to link is the stream's thread, then the main loop. Priority 0: as it is.
-void hurry(int priority, const char* thread);
+void raise_priority(int priority, const char* thread);
 
 /// The I/O around the AgentCore of one channel. Agent's main loop owns all of them and the iceoryx end; the ledger
 /// client's threads hand over through the mailbox, whose descriptor wakes the loop at once; DDS hands over through one
@@ -70,7 +70,7 @@ class AgentShell {
   /// Behind all that was taken.
   void finish_turn();
   void write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const;
-  /// For an orderly end: until nothing is under way, take_inputs() and finish_turn() go on.
+  /// For an orderly end: until nothing is in flight, take_inputs() and finish_turn() continue.
   void stop_submitting() { core_.stop_submitting(); }
   bool anything_under_way() const { return core_.anything_under_way(); }
   /// JSON; the checkpoint is kept, too.
@@ -90,23 +90,23 @@ class AgentShell {
   void open_checkpoint();
   void open_block_stream();
   Status wait_for_block_stream();
-  Status take_early_letters();
+  Status take_early_events();
   void take_continued(const fabric::Continuation& how);
   void keep_checkpoint();
   void read_records_again(const std::stop_token& stop);
-  Result<FirstRecords> read_records(const belief::Evaluate& evaluate) const;
+  Result<FirstRecords> read_records(const verification::Evaluate& evaluate) const;
   Result<FirstRecords> read_records();
   void ask_witness(const std::stop_token& stop);
   void take_second_reading(const SecondReading& reading);
   /// Of an organisation that a drone has just been granted to.
-  void read_roles(const std::stop_token& stop, const belief::Organisations& organisations);
+  void read_roles(const std::stop_token& stop, const verification::Organisations& organisations);
   void take_roles(const RolesRead& read);
   void tell_left_out();
   void tell_by_flag();
   Status confirm(const FirstRecords& records);
   void set_records(const FirstRecords& records);
 
-  Status take_letters();
+  Status take_events();
   Status take_block(fabric::Block block);
   Status take_records(const RecordsRead& read);
   void take_mocap();
@@ -115,11 +115,11 @@ class AgentShell {
   void tell_refusals();
   void tell_evictions();
   void tell_unconfirmed_stops();
-  void tell_doubts();
+  void log_violations();
   void tell_outcome(const fabric::Outcome& outcome);
 
   void tell_lost_transitions();
-  void chores(TimeNs now);
+  void run_periodic_tasks(TimeNs now);
 
   Settings settings_;
   const std::atomic<bool>& quit_;
@@ -137,24 +137,24 @@ class AgentShell {
   MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};
   TimeNs next_clock_ns_ = 0, next_refusal_log_ns_ = 0, next_outcome_log_ns_ = 0, next_unheard_log_ns_ = 0,
          next_checkpoint_ns_ = 0;
-  std::uint64_t transitions_lost_ = 0;  ///< as told last
+  std::uint64_t transitions_lost_ = 0;  ///< as reported last
   bool connected_ = false, mocap_warned_ = false;
   bool link_woke_ = false;  ///< in this turn
   std::string stream_problem_;
-  belief::ControlStart control_start_;
+  verification::ControlStart control_start_;
   std::vector<std::string> names_;                ///< of the drones
   std::optional<fabric::Checkpoint> checkpoint_;  ///< as the last agent left it
   std::optional<FirstRecords> kept_records_;      ///< of it, where it has one of each drone
   std::uint64_t catch_up_to_ = 0;                 ///< height that the chain had at the start
-  /// Blocks between it and the start were not read, and nobody has told the same records as the own peer yet.
+  /// Blocks between it and the start were not read, and nobody has reported the same records as the own peer yet.
   std::atomic<bool> unconfirmed_{false};
-  std::optional<Confirmed> confirmed_;  ///< the newest block that the own peer has told
+  std::optional<Confirmed> confirmed_;  ///< the newest block that the own peer has delivered
   std::optional<std::uint64_t> kept_;   ///< its number in the newest checkpoint
   std::unique_ptr<fabric::CheckpointKeeper> keeper_;
   SecondOpinion second_opinion_;
-  std::string witness_problem_;         ///< as told last
-  belief::Organisations unread_;        ///< whose roles are to be read, once no such reading is in progress
-  std::size_t left_out_told_ = 0;       ///< organisations whose roles are left out, as told last
+  std::string witness_problem_;         ///< as reported last
+  verification::Organisations unread_;  ///< whose roles are to be read, once no such reading is in progress
+  std::size_t left_out_reported_ = 0;   ///< organisations whose roles are left out, as reported last
   std::atomic<bool> ask_again_{false};  ///< the witness, soon
 
   // In this order: the threads and streams below use what is above, and are ended first.

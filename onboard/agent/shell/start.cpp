@@ -16,7 +16,7 @@ namespace {
 constexpr TimeNs witness_turn_ns = 100 * ns_per_ms;
 // Two peers of one channel are a block apart, rarely more: long beside that, short beside what a lie could do.
 constexpr TimeNs witness_again_ns = 500 * ns_per_ms;
-constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is told
+constexpr TimeNs max_catching_up_ns = 1 * ns_per_s;  // then the wait is logged
 
 }  // namespace
 
@@ -57,24 +57,24 @@ Status AgentShell::reach() {
   });
 }
 
-// Behind a gap nothing connects what was believed with what the peer tells now: another organisation's must tell the
-// same.
+// Behind a gap nothing connects what was trusted with what the peer reports now: another organisation's must
+// report the same.
 Status AgentShell::confirm(const FirstRecords& records) {
   if (!unconfirmed_) return done;
   const auto theirs = read_records([this](const fabric::Call& call) { return witness_->evaluate_at_peer(call); });
   if (!theirs)
     return Error{
-        fmt::format("another organisation's peer does not tell the control records, which a start after a "
+        fmt::format("another organisation's peer does not report the control records, which a start after a "
                     "long absence needs of two: {}",
                     theirs.error().what)};
   const auto differences = SecondOpinion::differences(records, *theirs);
   if (!differences.empty())
     return Error{fmt::format(
-        "after a long absence two organisations' peers must tell the same control records, and "
+        "after a long absence two organisations' peers must report the same control records, and "
         "do not: {}{}",
         differences[0].text(), differences.size() > 1 ? fmt::format(", and {} more", differences.size() - 1) : "")};
   if (unconfirmed_.exchange(false))
-    spdlog::info("{}another organisation's peer tells the same control records", label_);
+    spdlog::info("{}another organisation's peer reports the same control records", label_);
   return done;
 }
 
@@ -82,10 +82,10 @@ Result<FirstRecords> AgentShell::read_records() {
   return read_records([this](const fabric::Call& call) { return client_->evaluate(call); });
 }
 
-Result<FirstRecords> AgentShell::read_records(const belief::Evaluate& evaluate) const {
-  auto controls = belief::read_controls(names_, evaluate);
+Result<FirstRecords> AgentShell::read_records(const verification::Evaluate& evaluate) const {
+  auto controls = verification::read_controls(names_, evaluate);
   if (!controls) return controls.error();
-  auto roles = belief::read_roles(evaluate, belief::organisations_of(*controls));
+  auto roles = verification::read_roles(evaluate, verification::organisations_of(*controls));
   if (!roles) return roles.error();
   return FirstRecords{std::move(*controls), std::move(*roles)};
 }
@@ -115,7 +115,7 @@ Status AgentShell::subscribe_to_mocap() {
   return done;
 }
 
-void hurry(int priority, const char* thread) {
+void raise_priority(int priority, const char* thread) {
   if (priority == 0) return;
   if (const Status status = schedule_fifo(priority); !status) spdlog::warn("{}: {}", thread, status.error().what);
 }
@@ -124,13 +124,13 @@ void AgentShell::open_block_stream() {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) {
     thread_local bool first = true;  // two threads bring blocks where an orderer's are read
-    if (std::exchange(first, false)) hurry(settings_.priority, "the block stream");
+    if (std::exchange(first, false)) raise_priority(settings_.priority, "the block stream");
     mailbox_.put_in_turn(block);
   };
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };
-  handlers.on_unbelievable = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
+  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
   handlers.on_refused = [this](const fabric::Block& block) { mailbox_.put_in_turn(RefusedBlock{block}); };
   handlers.on_confirmed = [this](const auto& confirmed) {
@@ -154,12 +154,12 @@ void AgentShell::open_checkpoint() {
     spdlog::error("{}the checkpoint is not kept: {}", label_, why);
   });
   if (!checkpoint_) {
-    spdlog::warn("{}there is no checkpoint yet: this start believes the chain that the peer serves", label_);
+    spdlog::warn("{}there is no checkpoint yet: this start trusts the chain that the peer serves", label_);
     return;
   }
   auto records = records_from(checkpoint_->records, names_);
   if (!records) {
-    spdlog::warn("{}the checkpoint at block {}: {}: the control records are read anew", label_, checkpoint_->number,
+    spdlog::warn("{}the checkpoint at block {}: {}: the control records are read again", label_, checkpoint_->number,
                  records.error().what);
     return;
   }
@@ -168,11 +168,11 @@ void AgentShell::open_checkpoint() {
 
 void AgentShell::take_continued(const fabric::Continuation& how) {
   if (how.gap) {
-    counters_.blocks_not_read = how.newest - how.believed;
+    counters_.blocks_not_read = how.newest - how.trusted;
     spdlog::warn(
         "{}blocks {} to {} came while this agent was away, and are not read (more than {} behind the checkpoint): "
-        "block {} counts {}, and the control records are read anew",
-        label_, how.believed + 1, how.newest, settings_.max_absence_blocks, how.newest,
+        "block {} counts {}, and the control records are read again",
+        label_, how.trusted + 1, how.newest, settings_.max_absence_blocks, how.newest,
         settings_.blocks_are_judged ? "by its orderers' signatures"
                                     : "by the peer's word, for config_block is not set");
     unconfirmed_ = witness_ != nullptr;
@@ -183,30 +183,30 @@ void AgentShell::take_continued(const fabric::Continuation& how) {
     return;
   }
   if (!kept_records_) return;
-  spdlog::info("{}goes on behind block {}, which was believed; the chain is at {}", label_, how.believed, how.newest);
+  spdlog::info("{}goes on behind block {}, which was trusted; the chain is at {}", label_, how.trusted, how.newest);
   set_records(*kept_records_);
   (void)control_start_.on_read();  // it comes before the first block
-  catch_up_to_ = how.newest > how.believed ? how.newest + 1 : 0;
+  catch_up_to_ = how.newest > how.trusted ? how.newest + 1 : 0;
 }
 
-Status AgentShell::take_early_letters() {
-  for (Letter& letter : mailbox_.take_all()) {
-    if (const auto* state = std::get_if<StreamState>(&letter)) {
+Status AgentShell::take_early_events() {
+  for (Event& event : mailbox_.take_all()) {
+    if (const auto* state = std::get_if<StreamState>(&event)) {
       core_.on_connection(monotonic_ns(), state->connected);
       connected_ = state->connected;
       stream_problem_ = state->why;
-    } else if (const auto* continued = std::get_if<Continued>(&letter)) {
+    } else if (const auto* continued = std::get_if<Continued>(&event)) {
       take_continued(continued->how);
-    } else if (const auto* contradiction = std::get_if<Contradiction>(&letter)) {
-      core_.on_doubt(monotonic_ns(), DoubtKind::stream, contradiction->what);
-      core_.tell_doubts(monotonic_ns(), out_);
-      tell_doubts();
-      out_.doubts.clear();
-    } else if (const auto* read = std::get_if<RecordsRead>(&letter)) {
+    } else if (const auto* contradiction = std::get_if<Contradiction>(&event)) {
+      core_.on_violation(monotonic_ns(), IntegrityViolation::stream, contradiction->what);
+      core_.log_violations(monotonic_ns(), out_);
+      log_violations();
+      out_.violations.clear();
+    } else if (const auto* read = std::get_if<RecordsRead>(&event)) {
       if (auto status = take_records(*read); !status) return status;
-    } else if (const auto* roles = std::get_if<RolesRead>(&letter)) {
+    } else if (const auto* roles = std::get_if<RolesRead>(&event)) {
       take_roles(*roles);
-    } else if (auto* block = std::get_if<fabric::Block>(&letter)) {
+    } else if (auto* block = std::get_if<fabric::Block>(&event)) {
       if (auto status = take_block(std::move(*block)); !status) return status;
     }
   }
@@ -217,7 +217,7 @@ Status AgentShell::wait_for_block_stream() {
   return keep_waiting("the ledger's block stream is open", [this]() -> Status {
     const TimeNs until_ns = monotonic_ns() + max_catching_up_ns;
     do {
-      if (auto status = take_early_letters(); !status) return status;
+      if (auto status = take_early_events(); !status) return status;
       if (connected_ && core_.height() >= catch_up_to_) return done;
       if (connected_) mailbox_.wait(1 * ns_per_ms);  // the blocks since the checkpoint, a box of them at a time
     } while (connected_ && monotonic_ns() < until_ns);
@@ -231,7 +231,7 @@ Status AgentShell::wait_for_block_stream() {
 
 void AgentShell::read_records_again(const std::stop_token& stop) {
   FirstRecords records;
-  const Status status = belief::keep_reading(stop, [&]() -> Status {
+  const Status status = verification::keep_reading(stop, [&]() -> Status {
     auto read = read_records();
     if (!read) return read.error();
     if (auto confirmed = confirm(*read); !confirmed) return confirmed;
@@ -242,12 +242,12 @@ void AgentShell::read_records_again(const std::stop_token& stop) {
   mailbox_.put(RecordsRead{status ? Result<FirstRecords>(std::move(records)) : status.error()});
 }
 
-void AgentShell::read_roles(const std::stop_token& stop, const belief::Organisations& organisations) {
+void AgentShell::read_roles(const std::stop_token& stop, const verification::Organisations& organisations) {
   const auto evaluate = [&](const fabric::Call& call) -> Result<std::string> {
     if (stop.stop_requested()) return Error{"asked to end"};
     return client_->evaluate(call);
   };
-  auto roles = belief::read_roles(evaluate, organisations);
+  auto roles = verification::read_roles(evaluate, organisations);
   // One that does not answer now is not asked at each block.
   for (TimeNs waited_ns = 0; !roles && waited_ns < settings_.recheck_ns && !stop.stop_requested();
        waited_ns += witness_turn_ns)
@@ -256,7 +256,7 @@ void AgentShell::read_roles(const std::stop_token& stop, const belief::Organisat
 }
 
 void AgentShell::ask_witness(const std::stop_token& stop) {
-  const belief::Evaluate evaluate = [&](const fabric::Call& call) -> Result<std::string> {
+  const verification::Evaluate evaluate = [&](const fabric::Call& call) -> Result<std::string> {
     if (stop.stop_requested()) return Error{"asked to end"};
     return witness_->evaluate_at_peer(call);
   };

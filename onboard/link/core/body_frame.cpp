@@ -21,8 +21,8 @@ BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double
                                       yaw * 100 / settings.full_scale_radps};
   BodyCommand command;
   for (std::size_t i = 0; i < 4; ++i) command.rc[i] = static_cast<int>(std::lround(settings.signs[i] * channels[i]));
-  for (std::size_t i = 0; i < 3; ++i) command.told.mps[i] = velocity.mps[i] * shorter;
-  command.told.yaw_radps = yaw;
+  for (std::size_t i = 0; i < 3; ++i) command.sent.mps[i] = velocity.mps[i] * shorter;
+  command.sent.yaw_radps = yaw;
   return command;
 }
 

@@ -8,7 +8,7 @@ namespace ledgerline::link {
 /// The rc command for a velocity, and the velocity that it really means once every channel is within its range.
 struct BodyCommand {
   Rc rc{};
-  Velocity told;  ///< map frame
+  Velocity sent;  ///< map frame
 };
 
 /// From the map frame (ENU) into the drone's (REP 103: x forward, y left, z up) by its yaw, then to rc's channels. A

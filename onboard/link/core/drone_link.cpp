@@ -56,8 +56,8 @@ void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexce
 void DroneLink::take_beat(const AgentBeat& beat) noexcept {
   facts_.beat_ns = beat.stamp_ns;
   facts_.ledger_alive = beat.ledger_alive;
-  facts_.ledger_doubted = beat.ledger_doubted;
-  const bool of_this_boot = beat.boot_id == boot_id_;  // an agent that started anew knows of no boot
+  facts_.ledger_untrusted = beat.ledger_untrusted;
+  const bool of_this_boot = beat.boot_id == boot_id_;  // a restarted agent knows of no boot
   const std::size_t i = std::min(number_, max_drones);
   transitions_.heard(of_this_boot ? beat.transitions_taken[i] : 0, of_this_boot ? beat.transitions_on_ledger[i] : 0);
 }
@@ -135,12 +135,12 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
 }
 
 DropReason DroneLink::land(TimeNs now) noexcept {
-  if (session_.phase() == FlightPhase::disconnected && !session_.may_fly_unseen()) return DropReason::not_flying;
-  session_.land_again(now, BlindTalk::Asker::holder);
+  if (session_.phase() == FlightPhase::disconnected && !session_.may_be_airborne()) return DropReason::not_flying;
+  session_.land_again(now, LostLinkProtocol::Asker::holder);
   if (session_.phase() != FlightPhase::flying) {
     session_.request_land(now);
   } else {
-    landing_.ask(now);  // step() tells it, in this step where nobody is below
+    landing_.ask(now);  // step() sends it, in this step where nobody is below
   }
   playout_.clear(DropReason::superseded);
   return DropReason::none;
@@ -148,7 +148,7 @@ DropReason DroneLink::land(TimeNs now) noexcept {
 
 void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
   facts_.phase = session_.phase();
-  facts_.may_fly_unseen = session_.may_fly_unseen();
+  facts_.may_be_airborne = session_.may_be_airborne();
   facts_.flying_since_ns = session_.phase_since_ns();
   facts_.plan_valid = setpoint.valid;
   facts_.covered_until_ns = playout_.covered_until_ns();
@@ -218,7 +218,7 @@ void DroneLink::obey_failsafe(TimeNs now) noexcept {
 void DroneLink::talk(const LinkMoment& at) noexcept {
   for (CommandText text; session_.next_send(at.now, text);) {
     if (text.view() == rc_text({}).view()) {
-      send_rc(at, {}, {});  // the one that a drone is told unseen, for the trace
+      send_rc(at, {}, {});  // the one that a drone without state gets, for the trace
     } else {
       at.out.to_send.push({number_, text});
       if (text.view() == "command") client_watch_.on_command(at.now);
@@ -235,7 +235,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
     if (last_rc_ != Rc{}) send_rc(at, {}, {});
     return;
   }
-  // Whoever was to land and did not wait is not flying any more.
+  // A drone that had to land and did not wait is not flying any more.
   const bool follows = landing_.asked() || follows_plan(failsafe_.mode, setpoint.valid);
   const double yaw = yaw_rad(now);
   const Velocity apart = left_by_others(in_map(setpoint, now));
@@ -250,7 +250,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
                             : command.rc != last_rc_  ? rc_settings_.changing_gap_ns
                                                       : rc_settings_.max_gap_ns;
   if (gap < wanted_gap) return;
-  send_rc(at, command.told, command.rc);
+  send_rc(at, command.sent, command.rc);
   if (!follows || landing_.asked()) return;
   const bool first = playout_.mark_sent();
   applied_sequence_ = setpoint.sequence;
@@ -262,7 +262,7 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
   }
 }
 
-void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept {
+void DroneLink::send_rc(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept {
   at.out.to_send.push({number_, rc_text(rc)});
   at.out.trace.push({.t_ns = at.now,
                      .kind = TraceKind::rc_sent,
@@ -273,7 +273,7 @@ void DroneLink::send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc
                      .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
   last_rc_ns_ = at.now;
   last_rc_ = rc;
-  sent_ = told;
+  sent_ = sent;
 }
 
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
@@ -292,7 +292,7 @@ void DroneLink::watch_phase(const LinkMoment& at) noexcept {
       if (last_phase_ == FlightPhase::disconnected && phase == FlightPhase::on_ground) send_rc(at, {}, {});
     }
     if (in_flight(last_phase_) && !in_flight(phase)) takeoff_after_ns_ = at.now;
-    if (!in_flight(phase) && !session_.may_fly_unseen()) cut_ = false;
+    if (!in_flight(phase) && !session_.may_be_airborne()) cut_ = false;
   }
   if (phase != last_phase_ || failsafe_.mode != last_mode_ || failsafe_.cause != last_cause_) {
     last_phase_ = phase;
@@ -323,8 +323,8 @@ void DroneLink::record_transition(const LinkMoment& at) noexcept {
 
 void DroneLink::tell_serial(const LinkMoment& at) noexcept {
   const SerialCheck& serial = session_.serial();
-  if (serial.verdict() == told_serial_) return;
-  told_serial_ = serial.verdict();
+  if (serial.verdict() == reported_serial_) return;
+  reported_serial_ = serial.verdict();
   at.out.serials.push({number_, serial.verdict(), serial.answered()});
 }
 
@@ -340,10 +340,10 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .boot_id = boot_id_,
       .sequence = ++states_sampled_,
       .stamp_ns = now,
-      .pose_stamp_ns = told_pose_.stamp_ns,
-      .position_m = told_pose_.position_m,
-      .velocity_mps = told_pose_.velocity_mps,
-      .yaw_rad = told_pose_.yaw_rad,
+      .pose_stamp_ns = reported_pose_.stamp_ns,
+      .position_m = reported_pose_.position_m,
+      .velocity_mps = reported_pose_.velocity_mps,
+      .yaw_rad = reported_pose_.yaw_rad,
       .battery = session.state().battery,
       .tof_m = session.state().tof_m,
       .height_m = session.state().height_m,
@@ -360,7 +360,7 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .plans_applied = plans.applied,
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
-      .pose_variance = told_pose_.variance,
+      .pose_variance = reported_pose_.variance,
       .temperature_c = session.state().temperature_c,
       .hot = heat_watch_.hot(),
       .contested = client_watch_.contested(now),
@@ -374,15 +374,15 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
                      .id = state.sequence,
                      .stamp_ns = now,
                      .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
-  const PoseVariance& told = state.pose_variance;
-  if (told == PoseVariance{}) return;  // motion capture tells none
+  const PoseVariance& sent = state.pose_variance;
+  if (sent == PoseVariance{}) return;  // motion capture reports none
   at.out.trace.push({.t_ns = now,
-                     .kind = TraceKind::pose_told,
+                     .kind = TraceKind::pose_reported,
                      .drone = number_,
                      .extra = 0,
                      .id = state.sequence,
                      .stamp_ns = state.pose_stamp_ns,
-                     .v = {double(told[0]), double(told[1]), double(told[2]), double(told[3])}});
+                     .v = {double(sent[0]), double(sent[1]), double(sent[2]), double(sent[3])}});
 }
 
 void DroneLink::record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns,

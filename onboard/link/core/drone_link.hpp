@@ -77,7 +77,7 @@ class DroneLink {
   void resume_locally() noexcept;
   bool stopped_locally() const noexcept { return local_stop_; }
   /// Link was started too often: `land` is said again to a drone that is not seen.
-  void land_again(TimeNs now) noexcept { session_.land_again(now, BlindTalk::Asker::local); }
+  void land_again(TimeNs now) noexcept { session_.land_again(now, LostLinkProtocol::Asker::local); }
   /// The clock stood still for `slept_ns` while time passed: plans and poses in hand are that much older.
   void grow_older(TimeNs now, TimeNs slept_ns) noexcept;
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
@@ -100,9 +100,9 @@ class DroneLink {
   /// The heading by which velocities of the map become rc.
   double yaw_rad(TimeNs now) const noexcept;
   /// It is in the air, or nobody knows that it is not.
-  bool may_fly() const noexcept { return in_flight(session_.phase()) || session_.may_fly_unseen(); }
+  bool may_fly() const noexcept { return in_flight(session_.phase()) || session_.may_be_airborne(); }
   bool heard() const noexcept { return session_.heard(); }
-  bool told_to_land(TimeNs now) const noexcept { return session_.told_to_land(now); }
+  bool commanded_to_land(TimeNs now) const noexcept { return session_.commanded_to_land(now); }
   /// It is flown to make room for another, not by a plan: it steps aside while it holds, or waits to land.
   bool makes_room() const noexcept;
   DroneReport report() const;
@@ -112,7 +112,7 @@ class DroneLink {
   /// Holds motion capture against the odometry, which took this text.
   void check_sources(TimeNs now, const TelloState& state) noexcept;
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
-  /// Its own senses said where it is.
+  /// Its position comes from onboard odometry.
   bool by_own_senses() const noexcept;
   Velocity in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
@@ -127,7 +127,7 @@ class DroneLink {
   void update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   /// What it feels of itself; `placed`: a pose says where it is.
   void update_sensing(TimeNs now, bool placed) noexcept;
-  /// Since when its own senses alone say where it is; 0: they do not.
+  /// Since when its position comes from onboard odometry alone; 0: it does not.
   TimeNs alone_since_ns(TimeNs now) const noexcept;
   /// Of its plans; while a landing waits: downward.
   Playout::CurrentSetpoint desired_setpoint(TimeNs now) noexcept;
@@ -143,7 +143,7 @@ class DroneLink {
   bool placed(TimeNs now) const noexcept;
   void talk(const LinkMoment& at) noexcept;
   void fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
-  void send_rc(const LinkMoment& at, const Velocity& told, const Rc& rc) noexcept;
+  void send_rc(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept;
   void watch_phase(const LinkMoment& at) noexcept;
   void record_transition(const LinkMoment& at) noexcept;
   void record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns) noexcept;
@@ -159,7 +159,7 @@ class DroneLink {
 
   PoseSource source_;
   bool by_hand_without_pose_;
-  Odometry odometry_;  ///< by its own senses: the source of its pose, or what motion capture is checked against
+  Odometry odometry_;  ///< onboard: the source of its pose, or what motion capture is checked against
   bool velocity_known_;
   SourceCheck source_check_;
   Failover failover_;              ///< where they stand in for motion capture
@@ -180,10 +180,10 @@ class DroneLink {
   FailsafeFacts facts_;
   TransitionLog transitions_;
 
-  Pose pose_;                                           ///< fence and separation go by it
-  Pose told_pose_;                                      ///< the same for whoever flies it, which never jumps
-  std::array<double, 3> moved_m_{};                     ///< since that pose, as far as what was sent tells
-  double told_yaw_rad_ = 0, told_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
+  Pose pose_;                                                   ///< fence and separation go by it
+  Pose reported_pose_;                                          ///< the same for its pilot, which never jumps
+  std::array<double, 3> moved_m_{};                             ///< since that pose, as far as what was sent tells
+  double reported_yaw_rad_ = 0, reported_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
   bool by_hand_ = false;  ///< the newest plan that was to be flown is in the drone's frame
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
@@ -199,16 +199,16 @@ class DroneLink {
   bool resumed_ = false, resumed_locally_ = false;
   TimeNs takeoff_after_ns_ = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
 
-  FlightPhase last_phase_ = FlightPhase::disconnected;  ///< what the trace was told last
+  FlightPhase last_phase_ = FlightPhase::disconnected;  ///< what the trace got last
   FailsafeMode last_mode_ = FailsafeMode::none;
   FailsafeCause last_cause_ = FailsafeCause::none;
   Transition last_transition_;
 
-  SerialCheck::Verdict told_serial_ = SerialCheck::Verdict::unwanted;
+  SerialCheck::Verdict reported_serial_ = SerialCheck::Verdict::unwanted;
 
   TimeNs last_rc_ns_ = 0;
   Rc last_rc_{};
-  Velocity sent_;  ///< as the drone was told, after limits, failsafe and rc's range
+  Velocity sent_;  ///< as sent to the drone, after limits, failsafe and rc's range
 
   std::uint64_t states_sampled_ = 0;
   std::uint64_t applied_sequence_ = 0;

@@ -11,12 +11,12 @@ void DroneLink::stop(TimeNs now, const Plan& plan) noexcept {
   stopped_ns_ = std::max(stopped_ns_, plan.verified_ns);
   resumed_ = resumed_locally_ = false;
   takeoff_after_ns_ = now;
-  session_.land_again(now, BlindTalk::Asker::contract);
+  session_.land_again(now, LostLinkProtocol::Asker::contract);
   playout_.clear(DropReason::superseded);
 }
 
 void DroneLink::stop_locally(TimeNs now) noexcept {
-  session_.land_again(now, BlindTalk::Asker::local);
+  session_.land_again(now, LostLinkProtocol::Asker::local);
   if (!may_fly() || !session_.heard()) return;
   local_stop_ = true;
   stopped_ns_ = std::max(stopped_ns_, now);

@@ -11,7 +11,7 @@ namespace {
 
 bool older(TimeNs now, TimeNs stamp, TimeNs limit) noexcept { return stamp == 0 || now - stamp > limit; }
 
-// What broke once must do better than just enough to be trusted again: so a pose or state that comes and goes does not
+// What broke once must do better than just enough to be accepted again: so a pose or state that comes and goes does not
 // make the mode come and go.
 TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
   return last.mode == FailsafeMode::brake ? limit / 2 : limit;
@@ -126,7 +126,9 @@ struct FailsafeMoment {
   bool resting = false;  ///< what made it hover is away, but not long enough
 
   /// The ledger is, and the config wants this for it.
-  bool doubted(OnDoubt then) const noexcept { return facts.ledger_doubted && settings.doubt == then; }
+  bool untrusted(OnUntrustedLedger then) const noexcept {
+    return facts.ledger_untrusted && settings.on_untrusted_ledger == then;
+  }
 };
 
 namespace {
@@ -139,7 +141,7 @@ void rest(Moment& at, FailsafeState& memory) noexcept {
   bool away = false;
   if (memory.mode == FailsafeMode::brake)
     away = !at.state_stale && !at.pose_lost && !at.dark && !at.position_uncertain && !at.sources_differ &&
-           !at.doubted(OnDoubt::hold);
+           !at.untrusted(OnUntrustedLedger::hold);
   if (memory.mode == FailsafeMode::hold)
     away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
   if (!away) {
@@ -165,7 +167,7 @@ bool battery_critical(const Moment& at) {
 bool leaves_fence(const Moment& at) {
   return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
 }
-bool doubted_lands(const Moment& at) { return at.doubted(OnDoubt::land); }
+bool untrusted_lands(const Moment& at) { return at.untrusted(OnUntrustedLedger::land); }
 bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
 bool pose_lost(const Moment& at) {
   return (at.pose_lost && !at.facts.own_senses) || brakes_for(at, FailsafeCause::pose_lost);
@@ -193,8 +195,8 @@ bool sources_unresolved(const Moment& at) {
 bool overturned(const Moment& at) { return at.facts.overturned && at.facts.phase != FlightPhase::disconnected; }
 bool tilted(const Moment& at) { return at.facts.tilted; }
 bool motion_differs(const Moment& at) { return at.facts.motion_differs && at.facts.phase == FlightPhase::flying; }
-bool doubted_holds(const Moment& at) {
-  return at.doubted(OnDoubt::hold) || brakes_for(at, FailsafeCause::ledger_doubted);
+bool untrusted_holds(const Moment& at) {
+  return at.untrusted(OnUntrustedLedger::hold) || brakes_for(at, FailsafeCause::ledger_untrusted);
 }
 bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
 bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
@@ -202,7 +204,7 @@ bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_r
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
   const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || height_lost(at) ||
-                       position_uncertain(at) || sources_differ(at) || doubted_holds(at) ||
+                       position_uncertain(at) || sources_differ(at) || untrusted_holds(at) ||
                        at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
@@ -227,7 +229,7 @@ const std::array<FailsafeRow, 25> failsafe_table{{
     {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, Clears::on_ground, motion_differs},
     {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, Clears::on_ground, dark},
     {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, Clears::on_ground, sources_unresolved},
-    {"FS-14", FailsafeCause::ledger_doubted, FailsafeMode::land, Clears::on_ground, doubted_lands},
+    {"FS-14", FailsafeCause::ledger_untrusted, FailsafeMode::land, Clears::on_ground, untrusted_lands},
     {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
@@ -235,7 +237,7 @@ const std::array<FailsafeRow, 25> failsafe_table{{
     {"FS-48", FailsafeCause::height_lost, FailsafeMode::brake, Clears::when_rested, height_lost},
     {"FS-44", FailsafeCause::sources_differ, FailsafeMode::brake, Clears::when_rested, sources_differ},
     {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, Clears::when_rested, position_uncertain},
-    {"FS-15", FailsafeCause::ledger_doubted, FailsafeMode::brake, Clears::when_rested, doubted_holds},
+    {"FS-15", FailsafeCause::ledger_untrusted, FailsafeMode::brake, Clears::when_rested, untrusted_holds},
     {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
     {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
     {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
@@ -249,7 +251,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
                      TimeNs now, const FailsafeFacts& facts) noexcept {
   FailsafeState memory = last;
   remember_battery(settings, memory, facts);
-  if (!in_flight(facts.phase) && !facts.may_fly_unseen) {
+  if (!in_flight(facts.phase) && !facts.may_be_airborne) {
     FailsafeState grounded;
     grounded.battery_low = memory.battery_low;
     grounded.cause = takeoff_refusal(settings, fence, now, facts);
@@ -291,7 +293,8 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
   if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
-  if (facts.ledger_doubted && settings.doubt != OnDoubt::ignore) return FailsafeCause::ledger_doubted;
+  if (facts.ledger_untrusted && settings.on_untrusted_ledger != OnUntrustedLedger::ignore)
+    return FailsafeCause::ledger_untrusted;
   if (facts.tilt_rad > TiltWatch::no_takeoff_rad) return FailsafeCause::tilted;
   const bool lost = older(now, facts.pose_ns, pose_limit_ns(settings, facts.own_senses));
   if (facts.too_near) return FailsafeCause::too_near;

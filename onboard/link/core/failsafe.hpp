@@ -6,28 +6,28 @@
 
 namespace ledgerline::link {
 
-/// What the failsafe is told, at every step. Times are when something last came; 0: never.
+/// The failsafe's inputs at every step. Times are when something last came; 0: never.
 struct FailsafeFacts {
   FlightPhase phase = FlightPhase::disconnected;
-  bool may_fly_unseen = false;  ///< disconnected, and not known to stand on the ground
-  bool blind = false;           ///< and all handshakes with it were in vain
+  bool may_be_airborne = false;  ///< disconnected, and not known to stand on the ground
+  bool blind = false;            ///< and all handshakes with it failed
   TimeNs flying_since_ns = 0;
   bool plan_valid = false;             ///< a plan covers this moment
   TimeNs covered_until_ns = 0;         ///< end of the newest plan
   TimeNs beat_ns = 0;                  ///< newest beat of agent
   bool ledger_alive = false;           ///< as that beat says
-  bool ledger_doubted = false;         ///< as that beat says
+  bool ledger_untrusted = false;       ///< as that beat says
   TimeNs state_ns = 0;                 ///< newest state text of the drone
   TimeNs pose_ns = 0;                  ///< stamp of the newest pose
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
   std::array<double, 3> velocity_mps{};
-  std::array<double, 3> sigma_m{};  ///< standard deviations of that position; 0: nobody told
+  std::array<double, 3> sigma_m{};  ///< standard deviations of that position; 0: not reported
   double sigma_yaw_rad = 0;         ///< of the heading; the same
-  /// The pose is of the drone's own senses: it does not come through agent.
+  /// The pose comes from onboard odometry: it does not come through agent.
   bool own_senses = false;
   /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
   bool needs_position = true;
-  bool motion_differs = false;  ///< from what it is told (watch/motion_watch.hpp)
+  bool motion_differs = false;  ///< from what it is sent (watch/motion_watch.hpp)
   /// Since when its flow is suspected to see nothing (watch/flow_watch.hpp) and nothing else says where it is; 0: no.
   TimeNs dark_since_ns = 0;
   bool other_client = false;  ///< commands it as well (watch/client_watch.hpp)
@@ -100,7 +100,7 @@ struct FailsafeRow {
 /// cut: motors off.
 ///
 /// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
-/// and while the drone may fly unseen, the others while it flies.
+/// and while the drone may be airborne without state, the others while it flies.
 extern const std::array<FailsafeRow, 25> failsafe_table;
 
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is
@@ -112,12 +112,12 @@ FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& f
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                      TimeNs now, const FailsafeFacts& facts) noexcept;
 
-/// Whether a flying drone is told the plan's setpoint (clipped at the fence). If not, it is told zero, or to land.
+/// Whether a flying drone is sent the plan's setpoint (clipped at the fence). If not, it is sent zero, or `land`.
 constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
   return plan_valid && mode == FailsafeMode::none;
 }
 
-/// How old the newest pose may be, by who told it, before it counts as lost.
+/// How old the newest pose may be, by its source, before it counts as lost.
 constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool own_senses) noexcept {
   return own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
 }

@@ -5,7 +5,7 @@
 namespace ledgerline {
 
 /// A list of at most `Capacity` plain elements in place: what a real-time step returns. A full list refuses, and counts
-/// what it refused, so that nothing is lost unseen.
+/// what it refused, so that nothing is lost unnoticed.
 template <typename T, std::size_t Capacity>
 class FixedVector {
  public:

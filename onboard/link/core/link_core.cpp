@@ -117,9 +117,9 @@ bool LinkCore::all_on_ground_or_unheard() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) { return d.may_fly() && d.heard(); });
 }
 
-bool LinkCore::all_landed_or_told() const noexcept {
+bool LinkCore::all_landed_or_commanded() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(),
-                      [&](const DroneLink& d) { return d.may_fly() && !d.told_to_land(last_step_ns_); });
+                      [&](const DroneLink& d) { return d.may_fly() && !d.commanded_to_land(last_step_ns_); });
 }
 
 DroneSet LinkCore::local_stops() const noexcept {

@@ -16,9 +16,9 @@ namespace ledgerline::link {
 /// allocation after construction; one thread.
 class LinkCore {
  public:
-  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it. `starts`: of link of late,
-  /// this one counted (starts.hpp): with SessionSettings::many_starts of them the first step tells every drone to land.
-  /// `local_stops`: as the link before this one left them (local_stops()).
+  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it. `starts`: link's recent
+  /// starts, including this one (starts.hpp): with SessionSettings::many_starts of them the first step commands every
+  /// drone to land. `local_stops`: as the link before this one left them (local_stops()).
   LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts = 1, DroneSet local_stops = {});
 
   /// The outputs are valid until the next step.
@@ -28,9 +28,9 @@ class LinkCore {
   bool all_on_ground() const noexcept;
   /// The same, but for drones that nobody ever heard of.
   bool all_on_ground_or_unheard() const noexcept;
-  /// All are on the ground, or were told to land for as long as it helps (SessionSettings): link may end.
-  bool all_landed_or_told() const noexcept;
-  /// Drones that the local stop key keeps down. They must outlast this link: whoever ends it keeps them.
+  /// All are on the ground, or were commanded to land for as long as it helps (SessionSettings): link may end.
+  bool all_landed_or_commanded() const noexcept;
+  /// Drones that the local stop key keeps down. They must outlast this link: the code that ends it keeps them.
   DroneSet local_stops() const noexcept;
   FlightPhase phase(DroneNumber drone) const noexcept;
   FailsafeMode mode(DroneNumber drone) const noexcept;

@@ -29,7 +29,7 @@ struct ToSend {
 };
 
 /// What the check of a drone's serial came to, for people.
-struct SerialTold {
+struct SerialReport {
   DroneNumber drone = 0;
   SerialCheck::Verdict verdict = SerialCheck::Verdict::unwanted;
   SerialText answered;
@@ -53,7 +53,7 @@ struct LinkOutputs {
   FixedVector<ToSend, 4 * max_drones> to_send;
   FixedVector<StateSample, max_drones> states;
   FixedVector<Transition, max_drones> transitions;  ///< what is lost on the way comes again
-  FixedVector<SerialTold, max_drones> serials;      ///< each time that one of them changed
+  FixedVector<SerialReport, max_drones> serials;    ///< each time that one of them changed
   FixedVector<TraceRecord, 512> trace;
 
   /// Refusals stay counted.

@@ -16,11 +16,11 @@ namespace ledgerline::link {
 struct SessionSettings {
   /// A battery is as low as battery_says_so of the newest battery_texts state texts say. One text that is torn or
   /// another drone's lands nobody; and where every second text is another drone's, which is charged, its own low one is
-  /// believed within 0.4 s. Said by two of two, those would hide it for ever; by two of eight, two torn texts within
-  /// 0.8 s land; by three of four, every second text is not enough.
+  /// accepted within 0.4 s. With two of two, those would hide it for ever; with two of eight, two torn texts within
+  /// 0.8 s land; with three of four, every second text is not enough.
   static constexpr std::size_t battery_texts = 4, battery_says_so = 2;
   /// First try of `command`; doubles with each further one. A Tello near its access point answers within tens of ms:
-  /// half would ask twice on a slow radio (harmless, but the doublet's answer comes late), double delays a first
+  /// half would ask twice on a slow radio (harmless, but the duplicate's answer comes late), double delays a first
   /// contact.
   TimeNs answer_timeout_ns = 500 * ns_per_ms;
   /// Where the doubling ends: a drone that is switched on later is found this late at most. Half is twice the chatter
@@ -30,7 +30,7 @@ struct SessionSettings {
   /// still rises would be asked again; double waits 20 s where the answer is lost and the drone hovers already.
   TimeNs takeoff_timeout_ns = 10 * ns_per_s;
   /// After a refused take-off, before the next may be tried: a drone that refuses (low battery, a bad IMU) refuses
-  /// again. Half asks twice as often for the same answer; double keeps whoever mended the cause waiting.
+  /// again. Half asks twice as often for the same answer; double keeps a person who repaired the cause waiting.
   TimeNs refused_pause_ns = 2 * ns_per_s;
   /// `land` is sent again while the drone does not come down: its answer comes when it is down, so this is no
   /// timeout. With half a drone may answer twice, and answers carry no id; with double one lost datagram costs two
@@ -50,9 +50,10 @@ struct SessionSettings {
   /// began which is gone, whose motors spin up for a second or two before it rises. Double only delays a first
   /// take-off.
   TimeNs stands_after_ns = 3 * ns_per_s;
-  /// To a drone that is not seen and may fly (blind_talk.hpp). So many `command`, at 0, 0.5 and 1.5 s, all given up
-  /// 3.5 s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a flight for
-  /// one datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is landed.
+  /// To a drone that is not seen and may fly (lost_link_protocol.hpp). So many `command`, at 0, 0.5 and 1.5 s, all
+  /// given up 3.5 s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a
+  /// flight for one datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is
+  /// landed.
   int handshakes = 3;
   TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, 92 % hear one of five
   /// Between two `land` (or `emergency`), each behind a `command` and a zero: twice as often as where it is seen
@@ -62,16 +63,16 @@ struct SessionSettings {
   /// twelve.
   TimeNs blind_land_for_ns = 6 * ns_per_s;
   /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
-  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes whoever switches
-  /// a drone on behind link wait for as long (ground waits 30 s for a drone).
+  /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes a user who
+  /// switches a drone on after link wait for as long (ground waits 30 s for a drone).
   TimeNs silence_ns = 16 * ns_per_s;
   /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
-  /// Starts of link within starts_within_ns (below), of which the last one tells every drone to land in its first step:
-  /// who dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives up
-  /// with as many.
+  /// Starts of link within starts_within_ns (below), of which the last one commands every drone to land in its first
+  /// step: who dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives
+  /// up with as many.
   int many_starts = 7;
-  /// From this height on it is in the air. `h` comes in steps of 0.1 m: 0.15 would believe a single step, 0.5 would
+  /// From this height on it is in the air. `h` comes in steps of 0.1 m: 0.15 would accept a single step, 0.5 would
   /// take a drone that hovers low for one that stands.
   float airborne_m = 0.25F;
   /// Up to this distance below it, it is down: tof shows 0.10 m on the ground. Half is never seen; double is a drone
@@ -81,7 +82,7 @@ struct SessionSettings {
 
 struct PlayoutSettings {
   /// A FLY or TAKEOFF plan made from an older state is dropped. At 1 m/s the drone is 2 m from where the plan
-  /// believes it to be. Half would refuse most plans of a ledger that takes a second both ways; double flies what was
+  /// assumes it to be. Half would refuse most plans of a ledger that takes a second both ways; double flies what was
   /// planned for another place.
   TimeNs max_age_ns = 2 * ns_per_s;
   /// A setpoint further in the future is a bad value: it may be of a clock that is not this host's. It must be above
@@ -131,12 +132,12 @@ struct RcSettings {
   TimeNs max_gap_ns = 50 * ns_per_ms;
 };
 
-/// What the failsafe does while agent doubts the ledger that it is shown.
-enum class OnDoubt : std::uint8_t { ignore = 0, hold = 1, land = 2 };
-constexpr const char* name(OnDoubt doubt) noexcept {
+/// What the failsafe does while agent does not trust the ledger.
+enum class OnUntrustedLedger : std::uint8_t { ignore = 0, hold = 1, land = 2 };
+constexpr const char* name(OnUntrustedLedger action) noexcept {
   constexpr std::array names{"ignore", "hold", "land"};
-  static_assert(names.size() == enum_count<OnDoubt>);
-  const auto at = static_cast<std::size_t>(doubt);
+  static_assert(names.size() == enum_count<OnUntrustedLedger>);
+  const auto at = static_cast<std::size_t>(action);
   return at < names.size() ? names[at] : "unknown";
 }
 
@@ -159,8 +160,9 @@ struct FailsafeSettings {
   /// While agent is heard. At 1 m/s the place is known to 0.3 m when the brake begins: double doubles that. Half must
   /// still be more than mocap's period, and so must its half, by which a brake ends.
   TimeNs pose_lost_ns = 300 * ns_per_ms;
-  /// Of a drone that is flown by its own senses: without a usable velocity. Five texts in a row are missing, or see
-  /// nothing: at 1 m/s the drone goes half a metre unseen. Half is two lost texts and a late one; double is a metre.
+  /// Of a drone that is flown by onboard odometry: without a usable velocity. Five texts in a row are missing, or see
+  /// nothing: at 1 m/s the drone goes half a metre unmeasured. Half is two lost texts and a late one; double is a
+  /// metre.
   TimeNs velocity_lost_ns = 500 * ns_per_ms;
   /// Of a drone that is suspected to see nothing and that nothing else places or holds: its sticks are at zero at once,
   /// and after this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with
@@ -193,10 +195,10 @@ struct FailsafeSettings {
   /// A low battery is forgotten only above the threshold by this: the state text has whole percents, so 0.01 is one
   /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
   float battery_margin = 0.03F;
-  /// Agent leaves out alone what cannot be believed, and what stays away becomes silence: so nothing is done besides
-  /// unless the config asks for it. Whoever feeds agent blocks can be doubted at will, and would bring drones down by
-  /// it.
-  OnDoubt doubt = OnDoubt::ignore;
+  /// Agent leaves out alone what cannot be trusted, and what stays away becomes silence: so nothing is done besides
+  /// unless the config asks for it. A peer that feeds agent blocks can take that trust away at will, and would bring
+  /// drones down by it.
+  OnUntrustedLedger on_untrusted_ledger = OnUntrustedLedger::ignore;
 };
 
 /// Who says where a drone is.
@@ -204,7 +206,7 @@ enum class PoseSource : std::uint8_t {
   mocap = 0,            ///< motion capture, or any other topic of poses, through agent
   tello = 1,            ///< its own velocities and heights (pose/odometry.hpp)
   pads = 2,             ///< the same, and mission pads as fixes
-  mocap_then_tello = 3  ///< motion capture, and its own senses while that is missing (pose/failover.hpp)
+  mocap_then_tello = 3  ///< motion capture, and onboard odometry while that is missing (pose/failover.hpp)
 };
 constexpr bool uses_mocap(PoseSource source) noexcept {
   return source == PoseSource::mocap || source == PoseSource::mocap_then_tello;
@@ -226,15 +228,15 @@ struct OdometrySettings {
   double start_sigma_rad = 0.035;  ///< two degrees, by eye
   /// Of vgx, vgy, vgz against forward, left, up: nobody documents them, `ledgerline tello calibrate` measures them.
   std::array<float, 3> velocity_signs{1, 1, 1};
-  /// Whether those turn with the drone; else they are told in the frame it had at power on.
+  /// Whether those turn with the drone; else they are reported in the frame it had at power on.
   bool velocity_in_body = false;
   /// Slow error of the optical flow's velocity, along x and along y, and how long it lasts (correlation time). A
   /// hovering Tello drifts by up to 5 cm/s and goes on to for a minute [A]. Half is beside the truth by three
   /// deviations then; double ends a flight without fixes after 20 s in a room of 6 m.
   double flow_mps = 0.035, flow_s = 60;
   /// Its scale: a flow is an angle until it is multiplied by a height. Of the one public trace of a Tello 0.7 m of 1.0
-  /// m were told, two of these. Half would draw the fence in by what a third of drones exceed; double ends a flight of
-  /// 10 m.
+  /// m were reported, two of these. Half would draw the fence in by what a third of drones exceed; double ends a flight
+  /// of 10 m.
   double flow_scale = 0.15;
   double velocity_scale = 1;        ///< what vgx and vgy are multiplied by
   bool velocity_truncated = false;  ///< they are cast to whole dm/s, toward zero; else rounded
@@ -242,7 +244,7 @@ struct OdometrySettings {
   /// that and the change of its speed since it was known.
   double velocity_lag_s = 0, velocity_lag_sigma_s = 0.2;
   double heading_rad_per_sqrt_s = 0.0005;  ///< the gyroscope's random walk: 0.4 degrees in four minutes
-  /// How fast the pose that is told follows a fix that corrects it: half of a slow flight's speed, so that a drone on a
+  /// How fast the reported pose follows a fix that corrects it: half of a slow flight's speed, so that a drone on a
   /// path is led back, not thrown. Double is a jolt of 0.4 m/s; half takes ten seconds for a metre.
   double correction_mps = 0.2;
   /// With pads: a path is flown for so long, and so far, without one seen. Then it brakes: 5 cm/s that flow is wrong by
@@ -258,7 +260,7 @@ struct PadSettings {
 };
 
 struct FenceSettings {
-  std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: whoever flies a room sets its own
+  std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: a user who flies in a room sets its bounds
   std::array<double, 3> max_m{20, 20, 3};
   /// Outward speed is at most the distance to the fence over this. With the drone's response of 0.3 s, first order,
   /// the approach then overshoots by 2 % of the way (a damping of 0.76); with half by 13 %, double flies the last 1.4
@@ -280,12 +282,12 @@ struct DroneSettings {
   OdometrySettings odometry{};
   /// The signs and the frame of vgx and vgy are known: else motion capture cannot be held against them.
   bool velocity_known = true;
-  /// Motion capture is missing when none of its poses has come for so long, and own senses take over with the next
-  /// text: three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well, and
-  /// pose_lost_ns is over: it brakes.
+  /// Motion capture is missing when none of its poses has come for so long, and onboard odometry takes over with the
+  /// next text: three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well,
+  /// and pose_lost_ns is over: it brakes.
   TimeNs own_senses_after_ns = 100 * ns_per_ms;
   /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
-  /// ceiling. For whoever sees the drone.
+  /// ceiling. For a pilot who sees the drone.
   bool by_hand_without_pose = false;
   std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
   /// Its poses are in the frame of the others': only then it can be kept apart from them.
@@ -298,7 +300,7 @@ struct LinkSettings {
   /// the Tello. Half makes that 33 ms; double is twice the ledger's load.
   double rate_hz = 30;
   /// Between two steps; a longer one means that link is not healthy. 250 steps of the real-time loop: half takes a
-  /// busy desk's scheduler for a fault; with double the drone flies half a metre at 1 m/s on an rc of long ago.
+  /// busy machine's scheduler for a fault; with double the drone flies half a metre at 1 m/s on an rc of long ago.
   TimeNs health_gap_ns = 250 * ns_per_ms;
   /// ... for this long: no rc, so that a link that stutters lets the Tello land itself. A link that stutters twice a
   /// second never sends; with half it would, and hold the drone up for ever. Double only delays the hold that

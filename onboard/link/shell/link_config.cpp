@@ -26,7 +26,8 @@ Result<sockaddr_in> parse_address(const std::string& host, const std::string& po
   if (error != std::errc{} || end != port.data() + port.size() || number == 0 ||
       ::inet_pton(AF_INET, host.c_str(), &address.sin_addr) != 1) {
     return Error{fmt::format(
-        "'{}:{}' is not an IPv4 address and port (a name will not do: answers are told apart by address)", host, port)};
+        "'{}:{}' is not an IPv4 address and port (a name will not do: answers are distinguished by address)", host,
+        port)};
   }
   address.sin_port = htons(number);
   return address;
@@ -59,7 +60,7 @@ void read_limits(Config& config, PlayoutSettings& playout) {
       read_float(config,
                  {"limits.acceleration_mps2",
                   "how fast the velocity asked for may change, and the ramp to zero of a hold: lower stops later. "
-                  "Ground must know the same (its flight.told_mps2)"},
+                  "Ground must know the same (its flight.max_acceleration_mps2)"},
                  playout.max_acceleration_mps2, 0.1, 50);
   playout.max_yaw_rate_radps = read_float(
       config,
@@ -122,17 +123,17 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
   failsafe.state_stale_ns = read_ms(
       config, {"failsafe.state_stale_ms", "without a state text of the drone, brake: ten texts at a Tello's 10 Hz"},
       failsafe.state_stale_ns, 250, 60'000);
-  failsafe.pose_lost_ns =
-      read_ms(config,
-              {"failsafe.pose_lost_ms",
-               "without a new pose, brake: at 1 m/s the drone goes 0.3 m unseen meanwhile; ground must know the same "
-               "(its flight.pose_lost_ms)"},
-              failsafe.pose_lost_ns, 20, 60'000);
-  failsafe.velocity_lost_ns =
-      read_ms(config,
-              {"failsafe.velocity_lost_ms",
-               "of a drone that is flown by its own senses: without a usable velocity, brake; texts come each 100 ms"},
-              failsafe.velocity_lost_ns, 250, 60'000);
+  failsafe.pose_lost_ns = read_ms(
+      config,
+      {"failsafe.pose_lost_ms",
+       "without a new pose, brake: at 1 m/s the drone goes 0.3 m unmeasured meanwhile; ground must know the same "
+       "(its flight.pose_lost_ms)"},
+      failsafe.pose_lost_ns, 20, 60'000);
+  failsafe.velocity_lost_ns = read_ms(
+      config,
+      {"failsafe.velocity_lost_ms",
+       "of a drone that is flown by onboard odometry: without a usable velocity, brake; texts come each 100 ms"},
+      failsafe.velocity_lost_ns, 250, 60'000);
   failsafe.dark_land_after_ns = read_ms(
       config,
       {"failsafe.dark_land_after_ms",
@@ -151,14 +152,16 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
                "a brake ends when its cause has been away this long; at least half of each of the "
                "limits above, or a lonely sign of life would end it"},
               failsafe.clear_after_ns, 0, 60'000);
-  failsafe.doubt =
-      from_name<OnDoubt>(
-          config.choice({"failsafe.doubt",
-                         "when agent doubts the ledger: brake and hover, or land, and do not take off. What cannot be "
-                         "believed is left out "
-                         "anyway, and whoever can have it doubted (a peer, a relay) would bring drones down"},
-                        {name(OnDoubt::ignore), name(OnDoubt::hold), name(OnDoubt::land)}, name(failsafe.doubt)))
-          .value_or(failsafe.doubt);
+  failsafe.on_untrusted_ledger =
+      from_name<OnUntrustedLedger>(
+          config.choice(
+              {"failsafe.on_untrusted_ledger",
+               "when agent does not trust the ledger: brake and hover, or land, and do not take off. What cannot be "
+               "trusted is left out "
+               "anyway, and a peer or relay that feeds agent blocks would bring drones down"},
+              {name(OnUntrustedLedger::ignore), name(OnUntrustedLedger::hold), name(OnUntrustedLedger::land)},
+              name(failsafe.on_untrusted_ledger)))
+          .value_or(failsafe.on_untrusted_ledger);
   failsafe.battery_low =
       read_float(config, {"failsafe.battery_low", "share of a full battery: below it a warning, and no take-off"},
                  failsafe.battery_low, 0.01, 0.95);
@@ -225,7 +228,7 @@ std::vector<DroneTable> read_drones(Config& config, const PoseSettings& pose, bo
                        static_cast<std::int64_t>(i) + 1, 1, max_drones));
     read_drone_pose(config, key, pose, table.drone);
     const Key address{key + "address",
-                      "IPv4; drones are told apart by it, and by their interfaces. Through the shim, by `number`"};
+                      "IPv4; drones are distinguished by it, and by their interfaces. Through the shim, by `number`"};
     table.address = udp ? config.text(address) : config.text(address, "");
     table.interface =
         config.text({key + "interface",
@@ -253,10 +256,10 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
                                    ? "; behind interfaces of their own they may: give each its interface"
                                    : " behind interface " + table.interface)};
     if (table.interface.size() >= IFNAMSIZ)
-      return Error{fmt::format("{}: drone {}: '{}' is no interface's name, which has at most {} letters", path,
+      return Error{fmt::format("{}: drone {}: '{}' is no interface's name, which has at most {} characters", path,
                                table.drone.name, table.interface, IFNAMSIZ - 1)};
     if (!table.drone.serial.empty() && !is_serial(table.drone.serial))
-      return Error{fmt::format("{}: drone {}: '{}' is no serial: 4 to 24 letters and digits", path, table.drone.name,
+      return Error{fmt::format("{}: drone {}: '{}' is no serial: 4 to 24 a-z, A-Z and 0-9", path, table.drone.name,
                                table.drone.serial)};
   }
   // Else a datagram of the one would be the other's as well.
@@ -338,7 +341,7 @@ void read_output(Config& config, ShellSettings& settings) {
                   "");
   settings.local_stops = config.text(
       {"output.local_stops",
-       "file that remembers which drones SIGTERM has landed: they stay down, whatever starts anew, until the "
+       "file that remembers which drones SIGTERM has landed: they stay down, whatever starts again, until the "
        "owner's organisation resumes them on the ledger, or link gets SIGUSR1"},
       "");
   settings.status_period_ms = config.integer(
@@ -369,7 +372,7 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
       {"tello.command_port", "where drones take commands; a Tello's is fixed, a proxy's may differ"}, 8889, 1, 65535);
   const std::string port = std::to_string(command_port);
   settings.state_port = static_cast<std::uint16_t>(config.integer(
-      {"tello.state_port", "where drones send state text from: what comes from another port is not believed. 0: any",
+      {"tello.state_port", "where drones send state text from: what comes from another port is not trusted. 0: any",
        "tello.command_port"},
       command_port, 0, 65535));
   const std::string listen = config.text(

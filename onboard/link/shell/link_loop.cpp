@@ -14,7 +14,7 @@ void LinkLoop::run(LoopClock& clock) noexcept {
     turns_.store(++figures_.cycles, std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
-    if (core_.all_landed_or_told() || now >= give_up_ns) break;
+    if (core_.all_landed_or_commanded() || now >= give_up_ns) break;
   }
   if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
   figures_.overruns = clock.overruns();
@@ -49,15 +49,15 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
   }
   const TimeNs sent_ns = out.to_send.empty() ? now : clock.now();
   for (const StateSample& state : out.states) {
-    courier_.put(state);
+    publisher_.put(state);
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
   // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
-  for (const Transition& transition : out.transitions) courier_.put(transition);
-  if (!out.states.empty() || !out.transitions.empty()) courier_.wake();
+  for (const Transition& transition : out.transitions) publisher_.put(transition);
+  if (!out.states.empty() || !out.transitions.empty()) publisher_.wake();
   // The same: a full ring is of drones that come and go faster than a person reads.
-  for (const SerialTold& told : out.serials) (void)serials_.push(told);
+  for (const SerialReport& reported : out.serials) (void)serials_.push(reported);
   for (TraceRecord record : out.trace) {
     hand_over(record);
     if (record.kind != TraceKind::command_applied) continue;

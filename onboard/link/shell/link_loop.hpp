@@ -9,9 +9,9 @@
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/core/link_core.hpp"
-#include "onboard/link/shell/courier.hpp"
 #include "onboard/link/shell/link_config.hpp"
 #include "onboard/link/shell/loop_clock.hpp"
+#include "onboard/link/shell/publisher_thread.hpp"
 #include "onboard/link/shell/transport/transport.hpp"
 
 namespace ledgerline::link {
@@ -32,18 +32,18 @@ struct LoopFigures {
 class LinkLoop {
  public:
   /// `stop`: see run(). Any thread sets it, or a signal's handler.
-  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, Courier& courier, Transport& transport,
-           const std::atomic<bool>& stop)
+  LinkLoop(const ShellSettings& settings, LinkCore& core, ipc::LinkEnd& end, PublisherThread& publisher,
+           Transport& transport, const std::atomic<bool>& stop)
       : stop_(stop),
         settings_(settings),
         core_(core),
         end_(end),
-        courier_(courier),
+        publisher_(publisher),
         transport_(transport),
         local_stops_(bits(core.local_stops())) {}
 
-  /// Runs in the calling thread until `stop` is set, and then until all drones are on the ground or were told to land
-  /// long enough, or the bound is over; or until the clock is lost.
+  /// Runs in the calling thread until `stop` is set, and then until all drones are on the ground or were commanded to
+  /// land long enough, or the bound is over; or until the clock is lost.
   void run(LoopClock& clock) noexcept;
 
   /// Any thread: somebody at this host lifts the local stops.
@@ -57,7 +57,7 @@ class LinkLoop {
   /// The other thread's ends of the rings: one thread.
   SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
   SpscRing<StateSample, 512>& states() noexcept { return states_; }
-  SpscRing<SerialTold, 64>& serials() noexcept { return serials_; }
+  SpscRing<SerialReport, 64>& serials() noexcept { return serials_; }
 
   /// After ended().
   const LoopFigures& figures() const noexcept { return figures_; }
@@ -78,7 +78,7 @@ class LinkLoop {
   const ShellSettings& settings_;
   LinkCore& core_;
   ipc::LinkEnd& end_;
-  Courier& courier_;
+  PublisherThread& publisher_;
   Transport& transport_;
   std::array<Plan, max_plans> plans_{};
   std::array<Pose, max_poses> poses_{};
@@ -88,7 +88,7 @@ class LinkLoop {
   std::array<TraceRecord, max_drones + 1> newest_sent_{};
   PackedTurns packed_turns_;
   SpscRing<StateSample, 512> states_;
-  SpscRing<SerialTold, 64> serials_;
+  SpscRing<SerialReport, 64> serials_;
   LoopFigures figures_;
   std::atomic<bool> resume_local_{false};
   std::atomic<std::uint32_t> local_stops_;

@@ -30,9 +30,9 @@ namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr TimeNs tend_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined anew is no loss for longer
+constexpr TimeNs tend_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined again is no loss for longer
 constexpr TimeNs stops_retry_ns = 1 * ns_per_s;  // a disk that is full may have room again
-constexpr int courier_below_loop = 10;           // priorities between the two are for what a user wants there
+constexpr int publisher_below_loop = 10;         // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
@@ -57,7 +57,7 @@ class Housekeeping {
       log_warnings(newest_[state.drone], state);
       newest_[state.drone] = state;
     }
-    for (SerialTold told; loop_.serials().pop(told);) log_serial(told);
+    for (SerialReport reported; loop_.serials().pop(reported);) log_serial(reported);
     if (settings_.status_period_ms > 0 && now >= next_status_ns_) {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
       print_status(status_line(settings_.link, newest_));
@@ -68,11 +68,11 @@ class Housekeeping {
       for (const std::string& news : ends_.drones->tend()) spdlog::warn("{}", news);
     }
     if (const std::uint64_t failed = watchdog_.failed(); failed > std::exchange(watchdog_failed_, failed))
-      spdlog::warn("the service manager could not be told that link lives, {} times so far", failed);
+      spdlog::warn("the service manager could not be notified that link lives, {} times so far", failed);
   }
 
   /// RouDi is not the one that link is connected to any more, and nothing flies: only a new start connects it again.
-  bool must_start_anew() const {
+  bool must_restart() const {
     return !roudi_lives_ &&
            std::none_of(newest_.begin(), newest_.end(), [](const StateSample& s) { return in_flight(s.phase); });
   }
@@ -117,18 +117,18 @@ class Housekeeping {
     }
   }
 
-  void log_serial(const SerialTold& told) const {
-    const DroneSettings& meant = drone(told.drone);
-    switch (told.verdict) {
+  void log_serial(const SerialReport& reported) const {
+    const DroneSettings& meant = drone(reported.drone);
+    switch (reported.verdict) {
       case SerialCheck::Verdict::same:
         spdlog::info("{}: it is {}", meant.name, meant.serial);
         break;
       case SerialCheck::Verdict::other:
-        spdlog::error("{}: {} answers, not {} as in the config: it does not take off", meant.name, told.answered.view(),
-                      meant.serial);
+        spdlog::error("{}: {} answers, not {} as in the config: it does not take off", meant.name,
+                      reported.answered.view(), meant.serial);
         break;
-      case SerialCheck::Verdict::untold:
-        spdlog::warn("{}: its firmware tells no serial (sn?), so it is not checked that it is {}", meant.name,
+      case SerialCheck::Verdict::unreported:
+        spdlog::warn("{}: its firmware reports no serial (sn?), so it is not checked that it is {}", meant.name,
                      meant.serial);
         break;
       case SerialCheck::Verdict::open:
@@ -146,15 +146,16 @@ class Housekeeping {
   void keep_stops(TimeNs now) {
     const DroneSet stopped = loop_.local_stops();
     for (const DroneSettings& drone : settings_.link.drones) {
-      if (stopped[drone.number] && !told_stops_[drone.number])
+      if (stopped[drone.number] && !reported_stops_[drone.number])
         spdlog::warn("{}: stopped at this host: it stays down until it is resumed", drone.name);
-      if (!stopped[drone.number] && told_stops_[drone.number]) spdlog::info("{}: its local stop is lifted", drone.name);
+      if (!stopped[drone.number] && reported_stops_[drone.number])
+        spdlog::info("{}: its local stop is lifted", drone.name);
     }
-    told_stops_ = stopped;
+    reported_stops_ = stopped;
     if (now < next_stops_ns_) return;
     if (const Status status = stops_.keep(stopped); !status) {
       next_stops_ns_ = now + stops_retry_ns;
-      spdlog::error("{}: a link that starts anew would not know who is stopped", status.error().what);
+      spdlog::error("{}: a link that restarts would not know who is stopped", status.error().what);
     }
   }
 
@@ -176,7 +177,7 @@ class Housekeeping {
   std::uint64_t watchdog_failed_ = 0;
   LocalStopsFile& stops_;
   LinkEnds& ends_;
-  DroneSet told_stops_;
+  DroneSet reported_stops_;
   TimeNs next_stops_ns_ = 0;
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
@@ -207,11 +208,11 @@ std::optional<int> recent_starts(const ShellSettings& settings) {
   if (settings.starts.empty()) return std::nullopt;
   const auto starts = note_start(settings.starts, monotonic_ns());
   if (!starts) {
-    spdlog::error("{}: a link that dies again and again would keep its drones in the air", starts.error().what);
+    spdlog::error("{}: a link that dies repeatedly would keep its drones in the air", starts.error().what);
     return std::nullopt;
   }
   if (*starts >= settings.link.session.many_starts)
-    spdlog::error("{} starts within {:.0f} s: the drones are told to land first", *starts,
+    spdlog::error("{} starts within {:.0f} s: the drones are commanded to land first", *starts,
                   to_seconds(starts_within_ns));
   return *starts;
 }
@@ -227,10 +228,10 @@ struct Parts {
   std::optional<TraceWriter> trace;
   ServiceManager manager;
   std::uint64_t boot_id = 0;
-  std::unique_ptr<Courier> courier;
+  std::unique_ptr<PublisherThread> publisher;
 };
 
-Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int courier_priority) {
+Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int publisher_priority) {
   std::optional<TraceWriter> trace;
   if (!settings.trace.empty()) {
     auto writer = TraceWriter::create(settings.trace);
@@ -242,9 +243,9 @@ Result<Parts> make_parts(const ShellSettings& settings, LinkEnds& ends, int cour
   const auto boot_id = random_boot_id();
   if (!boot_id) return boot_id.error();
   if (auto status = ends.connect_agent(settings, is_asked_to_end); !status) return status.error();
-  auto courier = Courier::start(*ends.agent, courier_priority, ends.shim.has_value());
-  if (!courier) return courier.error();
-  return Parts{std::move(trace), std::move(*manager), *boot_id, std::move(*courier)};
+  auto publisher = PublisherThread::start(*ends.agent, publisher_priority, ends.shim.has_value());
+  if (!publisher) return publisher.error();
+  return Parts{std::move(trace), std::move(*manager), *boot_id, std::move(*publisher)};
 }
 
 // The zero of its start keeps a drone in the air for 15 s more. A link that cannot start, and is started for ever, must
@@ -257,9 +258,10 @@ int fail_to_start(const ShellSettings& settings, const Error& error, LinkEnds& e
   return fail(error);
 }
 
-void tell_unseen(const LinkCore& core) {
+void warn_of_lost_links(const LinkCore& core) {
   for (const DroneReport& report : core.reports()) {
-    if (!report.heard) spdlog::warn("{}: nothing was ever heard of it; it was told to land, blindly", report.name);
+    if (!report.heard)
+      spdlog::warn("{}: no state ever came from it; it was commanded to land without state", report.name);
   }
   if (!core.all_on_ground_or_unheard())
     spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
@@ -271,8 +273,8 @@ void tell_transitions(const LinkCore& core) {
     if (t.lost > 0)
       spdlog::error("{}: {} transitions of the failsafe are lost, agent was away too long", report.name, t.lost);
     if (t.kept > 0)
-      spdlog::warn("{}: {} transitions of the failsafe were not on the ledger yet, as far as agent told", report.name,
-                   t.kept);
+      spdlog::warn("{}: {} transitions of the failsafe were not on the ledger yet, as far as agent reported",
+                   report.name, t.kept);
   }
 }
 
@@ -286,14 +288,15 @@ int run_link(const ShellSettings& settings) {
   auto ends = LinkEnds::open_drones(settings);
   if (!ends) return fail(ends.error());
   const std::optional<int> starts = recent_starts(settings);
-  const int courier_priority = settings.priority > 0 ? std::max(settings.priority - courier_below_loop, 1) : 0;
-  auto parts = make_parts(settings, *ends, courier_priority);
+  const int publisher_priority = settings.priority > 0 ? std::max(settings.priority - publisher_below_loop, 1) : 0;
+  auto parts = make_parts(settings, *ends, publisher_priority);
   if (!parts) return fail_to_start(settings, parts.error(), *ends, starts);
 
   LocalStopsFile stops(settings.local_stops, settings.link.drones);
   auto core =
       std::make_unique<LinkCore>(settings.link, parts->boot_id, starts.value_or(1), stops_of_before(settings, stops));
-  auto loop = std::make_unique<LinkLoop>(settings, *core, *ends->agent, *parts->courier, *ends->drones, stop_requested);
+  auto loop =
+      std::make_unique<LinkLoop>(settings, *core, *ends->agent, *parts->publisher, *ends->drones, stop_requested);
 
   std::promise<RealTime> entered;
   auto real_time_result = entered.get_future();
@@ -302,7 +305,7 @@ int run_link(const ShellSettings& settings) {
     entered.set_value(enter_real_time(settings.priority, settings.cpu));
     loop->run(*ends->clock(settings));
   });
-  // In this thread alone, and their handler tells the loop: this one may wait for a disk, or for who reads its log.
+  // In this thread alone, and their handler notifies the loop: this one may wait for a disk, or for who reads its log.
   ::pthread_sigmask(SIG_UNBLOCK, &ending, nullptr);
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
@@ -310,28 +313,28 @@ int run_link(const ShellSettings& settings) {
   if (auto status = parts->manager.ready(); !status) spdlog::error("{}", status.error().what);
   // By the loop's own turns: a loop that hangs is not spoken for.
   const WatchdogThread watchdog(
-      parts->manager, [&loop] { return loop->turns(); }, courier_priority);
+      parts->manager, [&loop] { return loop->turns(); }, publisher_priority);
   Housekeeping housekeeping(settings, *loop, std::move(parts->trace), watchdog, stops, *ends);
 
-  for (bool told = false; !loop->ended();) {
+  for (bool reported = false; !loop->ended();) {
     if (wait_for_resume(resume)) {
       loop->resume_local();
       spdlog::info("asked to lift the local stops");
     }
-    if (stop_requests > 0 && !std::exchange(told, true))
+    if (stop_requests > 0 && !std::exchange(reported, true))
       spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",
                    to_seconds(settings.landing_bound_ns));
     housekeeping.once(monotonic_ns());
-    if (housekeeping.must_start_anew()) stop_requested = true;
+    if (housekeeping.must_restart()) stop_requested = true;
   }
   thread.join();
   core->finish();
   housekeeping.once(monotonic_ns());
-  tell_unseen(*core);
+  warn_of_lost_links(*core);
   tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), *parts->courier, real_time.all());
+    if (auto status = write_summary(settings.summary, *core, loop->figures(), *parts->publisher, real_time.all());
         !status)
       return fail(status.error());
   }

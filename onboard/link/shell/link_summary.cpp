@@ -78,10 +78,10 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
   return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
 }
 
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
-                     bool realtime) {
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop,
+                     const PublisherThread& publisher, bool realtime) {
   nlohmann::json drones = nlohmann::json::array();
-  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, courier.lost(report.number)));
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, publisher.lost(report.number)));
   const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
   return write_file(path, summary.dump(2) + "\n");
 }

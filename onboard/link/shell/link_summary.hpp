@@ -11,8 +11,8 @@ namespace ledgerline::link {
 std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest);
 
 /// Writes the summary at the end of the run.
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop, const Courier& courier,
-                     bool realtime);
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop,
+                     const PublisherThread& publisher, bool realtime);
 
 const char* name(DropReason reason) noexcept;
 

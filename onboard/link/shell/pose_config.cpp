@@ -16,15 +16,16 @@ void read_odometry(Config& config, PoseSettings& pose) {
   const auto signs =
       config.numbers(Key{"pose.velocity_signs",
                          "sign of each of vgx, vgy, vgz against forward, left, up, as `calibrate` measures them; "
-                         "must be there where own senses are the source",
+                         "must be there where onboard odometry is the source",
                          "none"},
                      3, {});
-  pose.signs_told = signs.size() == 3;
-  for (std::size_t i = 0; i < 3 && pose.signs_told; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
+  pose.signs_reported = signs.size() == 3;
+  for (std::size_t i = 0; i < 3 && pose.signs_reported; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
   odometry.velocity_in_body =
-      config.choice({"pose.velocity_frame",
-                     "the frame that vgx, vgy, vgz are told in: the one it had at power on, or one that turns with it"},
-                    {"power_on", "body"}, "power_on") == "body";
+      config.choice(
+          {"pose.velocity_frame",
+           "the frame that vgx, vgy, vgz are reported in: the one it had at power on, or one that turns with it"},
+          {"power_on", "body"}, "power_on") == "body";
   odometry.flow_mps =
       config.number({"pose.flow_mps", "standard deviation of its velocities' slow error, for the variance"},
                     odometry.flow_mps, 0.001, 1);
@@ -87,7 +88,7 @@ Status check_starts(const std::string& path, const LinkSettings& link) {
       const auto &a = one.odometry.start_m, &b = other.odometry.start_m;
       if (std::hypot(a[0] - b[0], a[1] - b[1]) >= link.separation.min_m) continue;
       return Error{fmt::format(
-          "{}: drones {} and {} fly by their own senses from one place ({:.2f}, {:.2f}): say start_m of each, or "
+          "{}: drones {} and {} fly by onboard odometry from one place ({:.2f}, {:.2f}): say start_m of each, or "
           "common_frame = false of those that you keep apart by yourself",
           path, one.name, other.name, b[0], b[1])};
     }
@@ -119,13 +120,12 @@ PoseSettings read_pose(Config& config) {
                              "drone's own velocities and heights, these and mission pads, or motion capture and own "
                              "senses while its poses are missing"},
                             PoseSource::mocap);
-  pose.own_senses_after_ns = from_seconds(
-      config.number(
-          {"pose.own_senses_after_ms",
-           "with mocap+tello: own senses take over when no pose of motion capture has come for so long; less than "
-           "failsafe.pose_lost_ms"},
-          to_ms(pose.own_senses_after_ns), 20, 60'000) /
-      1000);
+  pose.own_senses_after_ns = from_seconds(config.number({"pose.own_senses_after_ms",
+                                                         "with mocap+tello: onboard odometry takes over when no pose "
+                                                         "of motion capture has come for so long; less than "
+                                                         "failsafe.pose_lost_ms"},
+                                                        to_ms(pose.own_senses_after_ns), 20, 60'000) /
+                                          1000);
   read_odometry(config, pose);
   read_pads(config, pose.pads);
   return pose;
@@ -137,10 +137,10 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.odometry = pose.odometry;
   drone.own_senses_after_ns = pose.own_senses_after_ns;
   const bool own = uses_own_senses(drone.source);
-  drone.velocity_known = pose.signs_told;
-  if (own && !pose.signs_told && !config.describes()) {
+  drone.velocity_known = pose.signs_reported;
+  if (own && !pose.signs_reported && !config.describes()) {
     config.wrong("pose.velocity_signs",
-                 fmt::format("must be there: drone {} flies by its own senses, or may, and with a wrong sign "
+                 fmt::format("must be there: drone {} flies by onboard odometry, or may, and with a wrong sign "
                              "it flies away",
                              drone.name));
   }
@@ -152,7 +152,7 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.by_hand_without_pose =
       config.boolean({key + "by_hand_without_pose",
                       "a pilot, who sees it, may fly it without a usable position: then the fence is its ceiling alone",
-                      "true where its own senses alone are the source"},
+                      "true where onboard odometry alone is the source"},
                      !uses_mocap(drone.source));
 }
 
@@ -162,7 +162,7 @@ Status check_poses(const std::string& path, const LinkSettings& link) {
       continue;
     return Error{
         fmt::format("{}: pose.own_senses_after_ms must be less than failsafe.pose_lost_ms: drone {} would brake "
-                    "before its own senses take over",
+                    "before onboard odometry takes over",
                     path, drone.name)};
   }
   if (auto status = check_starts(path, link); !status) return status;

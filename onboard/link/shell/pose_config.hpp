@@ -13,7 +13,7 @@ struct PoseSettings {
   PoseSource source = PoseSource::mocap;  ///< of the drones that do not say their own
   OdometrySettings odometry;
   TimeNs own_senses_after_ns = DroneSettings{}.own_senses_after_ns;
-  bool signs_told = false;
+  bool signs_reported = false;
   std::vector<PadSettings> pads;
 };
 

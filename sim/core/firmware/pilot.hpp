@@ -39,7 +39,7 @@ class Pilot {
   bool arc(const Vector& via, const Vector& end, double speed_mps);  ///< the points must not lie on one line
   bool turn(double angle_rad, double rate_radps);
   bool flip(Flip direction);
-  /// Sticks hold until they are set anew; ignored unless flying without a move. Velocity: forward, left, up.
+  /// Sticks hold until they are set again; ignored unless flying without a move. Velocity: forward, left, up.
   void sticks(const Vector& velocity_mps, double yaw_rate_radps);
   /// Breaks off a move and holds the place; zeroes the sticks.
   void hover();

@@ -59,12 +59,12 @@ class EventEntry final : public Entry {
     for (const Plan& plan : out.plans) {
       if (!flyable(plan)) return refused("");
     }
-    const bool told = std::any_of(out.traces.begin(), out.traces.end(),
-                                  [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
+    const bool reported = std::any_of(out.traces.begin(), out.traces.end(),
+                                      [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
     const bool taken = !out.plans.empty();
     if (taken) return accepted();
     const bool says_plans = name_ == "command" || name_ == "stop";  // what it changes, it also tells link
-    if (!says_plans && !told) return accepted();  // a record was changed, or it was about other drones
+    if (!says_plans && !reported) return accepted();  // a record was changed, or it was about other drones
     // It did nothing: so a good command is taken after it.
     LedgerOfTests::Tx good;
     good.event_payload = plans(fly);

@@ -1,4 +1,4 @@
-// The bridge: events of strangers, values of `get`, its config, and the status that `ledgerline topics` reads.
+// The bridge: events of outsiders, values of `get`, its config, and the status that `ledgerline topics` reads.
 #include <algorithm>
 
 #include "common/bridge/core/downlink.hpp"

@@ -117,11 +117,11 @@ class EventEntry final : public Entry {
     }
     Controls event;
     *event.add_controls() = control_record("tello1", operator_name, 2);
-    *event.add_controls() = control_record("tello2", stranger_name, 3);
+    *event.add_controls() = control_record("tello2", outsider_name, 3);
     if (name_ == "stop") {
       Stops stops;
       *stops.add_stops() = stop_of("tello1", {"Org1MSP", "CN=x"}, true);
-      *stops.add_stops() = stop_of("tello2", stranger_name);
+      *stops.add_stops() = stop_of("tello2", outsider_name);
       return {stops.SerializeAsString(), to_json(stops)};
     }
     Controls stopped = event;

@@ -34,12 +34,12 @@ class RequestEntry final : public Entry {
     const std::string_view line = bytes.substr(0, end), body = bytes.substr(std::min(end + 1, bytes.size()));
     const auto blank = std::min(line.find(' '), line.size());
     ApiRequest request{line.substr(0, blank), line.substr(std::min(blank + 1, line.size())), body};
-    const Known known{names, "[]", "{}", events_, operators_, &faults_};
-    const ApiAnswer strangers = answer(request, known);
+    const ApiContext known{names, "[]", "{}", events_, operators_, &faults_};
+    const ApiAnswer outsiders = answer(request, known);
     // Nobody is signed in: nothing is signed, nothing flies, and no motors are cut.
-    const bool flies = !std::all_of(strangers.commands.begin(), strangers.commands.end(), ground::only_lands);
-    const bool spoils = strangers.fault && strangers.fault->on;
-    if (strangers.call || strangers.sign_out || flies || spoils) return refused("");
+    const bool flies = !std::all_of(outsiders.commands.begin(), outsiders.commands.end(), ground::only_lands);
+    const bool spoils = outsiders.fault && outsiders.fault->on;
+    if (outsiders.call || outsiders.sign_out || flies || spoils) return refused("");
     request.who = 0;
     const ApiAnswer made = answer(request, known);
     if (made.status < 300) return accepted();
@@ -75,7 +75,7 @@ class StreamEntry final : public Entry {
  private:
   const std::deque<Event> events_;
   const std::vector<Operator> operators_{{"alice", {"Org2MSP", "CN=alice"}}};
-  const Known known_{names, "[]", "{}", events_, operators_};
+  const ApiContext known_{names, "[]", "{}", events_, operators_};
 };
 
 /// Host, Origin and token, a line each: only the right ones are heard.

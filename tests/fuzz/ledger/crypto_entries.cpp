@@ -3,7 +3,7 @@
 #include "msp/identities.pb.h"
 #include "tests/fuzz/entry.hpp"
 
-/// Signatures, certificates, keys and serialized identities of strangers.
+/// Signatures, certificates, keys and serialized identities of outsiders.
 namespace ledgerline::fuzz::crypto_part {
 namespace {
 

@@ -27,10 +27,10 @@ Outcome judge(const Result<Block>& block) {
   ChainCheck chain;
   if (!chain.add(*block) || chain.hash().size() != 32) return refused("");
   for (const Transaction& transaction : block->transactions) {
-    const bool left_out = transaction.code == code_unbelievable;
+    const bool left_out = transaction.code == code_unverified;
     if (left_out != !transaction.problem.empty() || (left_out && !transaction.event_name.empty())) return refused("");
     const bool whole = transaction.config || transaction.code != 0 || !transaction.payload.empty();
-    if (!whole || transaction.timestamp_ns < 0 || transaction.code < -1 || transaction.code > code_unbelievable)
+    if (!whole || transaction.timestamp_ns < 0 || transaction.code < -1 || transaction.code > code_unverified)
       return refused("");
   }
   return accepted();
@@ -69,7 +69,7 @@ std::unique_ptr<Entry> transaction() {
         if (!decode_block(unflagged.SerializeAsString())) return refused("");  // it must not stop who follows the chain
         const auto decoded = decode_block(block.SerializeAsString());
         const Outcome verdict = judge(decoded);
-        const bool left_out = decoded && decoded->transactions.at(0).code == code_unbelievable;
+        const bool left_out = decoded && decoded->transactions.at(0).code == code_unverified;
         return left_out && verdict.verdict == Outcome::Verdict::accepted ? refused(decoded->transactions[0].problem)
                                                                          : verdict;
       });

@@ -3,7 +3,7 @@
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/common/fabric/judge/judged_channel.hpp"
 
-/// What a trust anchor's file and a peer's blocks hold, before anybody believes them.
+/// What a trust anchor's file and a peer's blocks hold, before anybody trusts them.
 namespace ledgerline::fuzz::judge_part {
 namespace {
 

@@ -8,7 +8,7 @@
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
 /// The node's core: proposals, envelopes, signed requests, and blocks from disk. Each way in has two entries or more:
-/// bytes as a stranger sends them, and inner messages spoilt by a member who then signs them properly.
+/// bytes as an outsider sends them, and inner messages spoilt by a member who then signs them properly.
 namespace ledgerline::fuzz::node_part {
 namespace {
 

@@ -55,7 +55,7 @@ std::unique_ptr<Entry> agent_settings() {
       std::vector<std::string>{
           "[[drone]]\nname = \"tello1\"\nnumber = 1\n[[drone]]\nname = \"tello2\"\n[batch]\nmin_gap_ms = 0\nlinger_ms "
           "= "
-          "0.5\nfirst_back_off_ms = 20\nlongest_back_off_ms = 1000\nrefused_drone_pause_ms = 1000\n[check]\nmax_age_ms "
+          "0.5\nfirst_back_off_ms = 20\nmax_back_off_ms = 1000\nrefused_drone_pause_ms = 1000\n[check]\nmax_age_ms "
           "= "
           "500\nmax_speed_mps = 8\nstamps_kept = 256\n[mocap]\ntopic = \"/vrpn_mocap/{drone}/pose\"\nclock = "
           "\"arrival\"\n"

@@ -92,15 +92,15 @@ class Socket {
   int fd_;
 };
 
-/// Datagrams from a client, from the drone (answers and state) and from a stranger, as the first byte says; sensors and
-/// lines are impaired by turns. What goes on to where it belongs is accepted.
+/// Datagrams from a client, from the drone (answers and state) and from an outsider, as the first byte says; sensors
+/// and lines are impaired by turns. What goes on to where it belongs is accepted.
 class Datagrams final : public Entry {
  public:
   Datagrams()
       : client_(SOCK_DGRAM, own_address(3, 40'000)),
         client_state_(SOCK_DGRAM, own_address(3, hil::proxy::state_port)),
         drone_(SOCK_DGRAM, own_address(2, hil::proxy::command_port)),
-        stranger_(SOCK_DGRAM, own_address(9, 40'000)) {
+        outsider_(SOCK_DGRAM, own_address(9, 40'000)) {
     auto side = hil::proxy::DroneSide::open({"tello1", own_address(1, 0).sin_addr, own_address(2, 0).sin_addr},
                                             own_address(4, 0).sin_addr, 1);
     auto shared = hil::proxy::SharedPorts::open(own_address(4, 0).sin_addr);
@@ -121,7 +121,7 @@ class Datagrams final : public Entry {
     fault->item = turns_;
     sides_[0].misreport({*fault});
     if (bytes[0] == 's') return talk(drone_, own_address(4, hil::proxy::state_port), rest);
-    if (bytes[0] == 'x') return talk(stranger_, own_address(4, hil::proxy::state_port), rest);
+    if (bytes[0] == 'x') return talk(outsider_, own_address(4, hil::proxy::state_port), rest);
     return talk(client_, own_address(1, hil::proxy::command_port), rest);
   }
 
@@ -138,7 +138,7 @@ class Datagrams final : public Entry {
     return drone_.take_all() + client_.take_all() + client_state_.take_all() > 0 ? accepted() : dropped();
   }
 
-  Socket client_, client_state_, drone_, stranger_;
+  Socket client_, client_state_, drone_, outsider_;
   std::vector<hil::proxy::DroneSide> sides_;
   std::optional<hil::proxy::SharedPorts> shared_;
   std::size_t turns_ = 0;

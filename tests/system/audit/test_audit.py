@@ -18,14 +18,14 @@ from cli import good, invoke, peer_of  # noqa: E402
 from official import Node, asset  # noqa: E402
 
 PROGRAM = BIN / "ledgerline-audit"
-PATIENCE_S = 120
+TIMEOUT_S = 120
 CHANGES = 400 if os.environ.get("LEDGERLINE_LONG") == "1" else 40
 
 
 def audit(*words, network: bool = True) -> subprocess.CompletedProcess:
     command = [PROGRAM, *map(str, words)]
     return subprocess.run(command if network else ["unshare", "-n", *command], capture_output=True, text=True,
-                          timeout=PATIENCE_S)
+                          timeout=TIMEOUT_S)
 
 
 def audited(*words, network: bool = True) -> dict:
@@ -51,9 +51,9 @@ class Written:
             done = invoke(user, *words, more=("--waitForEvent",))
             assert done.returncode == 0 and "VALID" in done.stderr, done.stderr
 
-    def stop_in(self, told: dict) -> int:
+    def stop_in(self, reported: dict) -> int:
         """The block with the stop."""
-        return next(word for word in told["drones"]["tello1"]["words"] if word["what"] == "stop")["when"]["block"]
+        return next(word for word in reported["drones"]["tello1"]["words"] if word["what"] == "stop")["when"]["block"]
 
 
 @pytest.fixture(scope="module", params=[Embedded, Fabric], ids=lambda kind: kind.name)
@@ -69,8 +69,8 @@ class Copy:
 
     def __init__(self, written: Written, folder: pathlib.Path):
         self.folder = folder
-        self.told = audited("--config", written.config, "--save", folder)
-        self.stop = written.stop_in(self.told)
+        self.reported = audited("--config", written.config, "--save", folder)
+        self.stop = written.stop_in(self.reported)
 
     def changed(self, folder: pathlib.Path, change, number: int | None = None) -> pathlib.Path:
         """Another copy, in which `change` was made to the bytes of one block: that of the stop, unless one is named."""
@@ -88,10 +88,10 @@ def copy(written, tmp_path_factory) -> Copy:
 
 def test_a_channel_that_another_client_wrote_is_as_it_must_be(written, tmp_path):
     page = tmp_path / "audit.html"
-    told = audited("--config", written.config, "--html", page)
-    assert told["ok"] and told["transactions"] >= 7 and told["endorsements"] >= told["valid"] - told["config_blocks"]
-    assert told["functions"]["acquire"] == told["functions"]["stop"] == told["functions"]["resume"] == 1
-    (held,) = told["drones"]["tello1"]["holders"]
+    reported = audited("--config", written.config, "--html", page)
+    assert reported["ok"] and reported["transactions"] >= 7 and reported["endorsements"] >= reported["valid"] - reported["config_blocks"]
+    assert reported["functions"]["acquire"] == reported["functions"]["stop"] == reported["functions"]["resume"] == 1
+    (held,) = reported["drones"]["tello1"]["holders"]
     assert held["who"] == "Org2MSP/User1@org2.ledgerline" and held["ended_by"].startswith("release by Org2MSP/")
     text = page.read_text()
     assert "Org2MSP/User1@org2.ledgerline" in text and "http" not in text.replace("http://www.w3.org/2000/svg", "")
@@ -99,10 +99,10 @@ def test_a_channel_that_another_client_wrote_is_as_it_must_be(written, tmp_path)
 
 def test_a_copy_tells_the_same_without_any_network(written, copy):
     here = audited("--blocks", copy.folder, "--anchor", written.anchor, network=False)
-    assert {**here, "asked": copy.told["asked"]} == copy.told
+    assert {**here, "asked": copy.reported["asked"]} == copy.reported
 
 
-def test_a_copy_without_an_anchor_is_not_believed_in_silence(copy):
+def test_a_copy_without_an_anchor_is_not_trusted_in_silence(copy):
     refused = audit("--blocks", copy.folder)
     assert refused.returncode == 2 and "--trust-first-block" in refused.stderr
     taken = audit("--blocks", copy.folder, "--trust-first-block")
@@ -151,7 +151,7 @@ def test_each_changed_byte_of_header_data_or_signatures_is_found(written, copy, 
     random.seed(20)
     copy.changed(tmp_path, bytes)
     for _ in range(CHANGES):
-        number = random.randrange(copy.told["blocks"])
+        number = random.randrange(copy.reported["blocks"])
         path = tmp_path / f"{number}.block"
         block = path.read_bytes()
         parts = {field: (begin, end) for field, begin, end in fields(block, 0, len(block))}  # header, data, metadata
@@ -182,33 +182,33 @@ def test_the_official_node_client_is_read_as_well(written):
         refused = node.user(2, "User1").call("evaluate", "set", asset("tello1/official"))
     finally:
         node.close()
-    told = audited("--config", written.config)
-    assert "error" in refused and told["ok"] and told["blocks"] > sent["block"]
+    reported = audited("--config", written.config)
+    assert "error" in refused and reported["ok"] and reported["blocks"] > sent["block"]
 
 
 def test_what_peer_fetches_is_a_copy_too(written, copy, tmp_path):
     peer = peer_of(written.ledger, 1, "User1")
-    for number in range(copy.told["blocks"]):
+    for number in range(copy.reported["blocks"]):
         good(peer, "channel", "fetch", number, tmp_path / f"{number}.block", "-c", "teleop")
-    told = audited("--blocks", tmp_path, "--anchor", written.anchor, network=False)
-    assert told["newest_hash"] == copy.told["newest_hash"]
+    reported = audited("--blocks", tmp_path, "--anchor", written.anchor, network=False)
+    assert reported["newest_hash"] == copy.reported["newest_hash"]
 
 
-def test_bad_usage_is_told_apart_from_findings(tmp_path):
+def test_bad_usage_is_reported_apart_from_findings(tmp_path):
     assert audit().returncode == 2
     assert audit("--blocks", tmp_path, "--trust-first-block").returncode == 2, "an empty folder"
     help_text = audit("--help")
     assert help_text.returncode == 0 and len(help_text.stdout.splitlines()) <= 48 and "Exit codes" in help_text.stdout
 
 
-def test_a_flight_is_told_from_its_ledger_alone(tmp_path):
+def test_a_flight_is_reported_from_its_ledger_alone(tmp_path):
     flight = fly(tmp_path / "flight", "--laps", "1", "--side", "1")
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path / "flight")
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path / "flight")
     run = tmp_path / "flight" / "run"
-    told = audited("--blocks", run / "ledger" / "ledger", "--anchor", run / "ledger" / "teleop.block", "--html",
+    reported = audited("--blocks", run / "ledger" / "ledger", "--anchor", run / "ledger" / "teleop.block", "--html",
                    tmp_path / "page.html", network=False)
-    drone = told["drones"]["tello1"]
-    assert told["ok"] and drone["poses"] > 100 and len(drone["path"]) > 100
+    drone = reported["drones"]["tello1"]
+    assert reported["ok"] and drone["poses"] > 100 and len(drone["path"]) > 100
     (commands,) = drone["commands"]
     assert commands["who"].startswith("Org2MSP/") and commands["valid"] > 100
     assert {"take-off", "landing"} <= {word["what"] for word in drone["words"]}

@@ -1,4 +1,4 @@
-"""An embedded ledger, and an endorser beside it, that ask their clients for a certificate of TLS: who has none, or a stranger's, is not let in; who has one is answered."""
+"""An embedded ledger, and an endorser beside it, that ask their clients for a certificate of TLS: who has none, or an outsider's, is not let in; who has one is answered."""
 import json
 import pathlib
 import socket
@@ -13,7 +13,7 @@ from fabric import BIN, Peer, needs_fabric
 from ledgers import Embedded, openssl, tables
 from netns import die_with_parent
 
-PATIENCE_S = 60
+TIMEOUT_S = 60
 
 
 def tls_pair(ledger: Embedded, organisation: int, user: str = "User1") -> tuple[pathlib.Path, pathlib.Path]:
@@ -27,9 +27,9 @@ def own_pair(ledger: Embedded, organisation: int, user: str = "User1") -> tuple[
     return next((msp / "signcerts").iterdir()), next((msp / "keystore").iterdir())
 
 
-def strangers_pair(folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
-    key, certificate = folder / "stranger.key", folder / "stranger.pem"
-    openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "9", "-subj", "/CN=stranger",
+def outsiders_pair(folder: pathlib.Path) -> tuple[pathlib.Path, pathlib.Path]:
+    key, certificate = folder / "outsider.key", folder / "outsider.pem"
+    openssl("req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "9", "-subj", "/CN=outsider",
             "-keyout", key, "-out", certificate)
     key.chmod(0o600)
     return certificate, key
@@ -65,7 +65,7 @@ def config(ledger: Embedded, organisation: int, pair: tuple | None, more: str = 
 def shows(ledger: Embedded, folder: pathlib.Path, organisation: int, pair: tuple | None) -> subprocess.CompletedProcess:
     file = folder / "operator.toml"
     file.write_text(config(ledger, organisation, pair).split("[[msp]]")[0])
-    return subprocess.run([BIN / "ledgerline-control", "--config", file, "show"], capture_output=True, text=True, timeout=PATIENCE_S)
+    return subprocess.run([BIN / "ledgerline-control", "--config", file, "show"], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def lets_in(endpoint: str, pair: tuple | None) -> bool:
@@ -77,7 +77,7 @@ def lets_in(endpoint: str, pair: tuple | None) -> bool:
         context.load_cert_chain(*pair)
     host, port = endpoint.rsplit(":", 1)
     try:
-        with socket.create_connection((host, int(port)), PATIENCE_S) as plain, context.wrap_socket(plain) as tls:
+        with socket.create_connection((host, int(port)), TIMEOUT_S) as plain, context.wrap_socket(plain) as tls:
             tls.sendall(b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0")
             return len(tls.recv(9)) > 0
     except (ssl.SSLError, ConnectionError):
@@ -85,9 +85,9 @@ def lets_in(endpoint: str, pair: tuple | None) -> bool:
 
 
 def test_each_endpoint_lets_nobody_in_without_a_certificate_of_its_authorities(ledger, tmp_path):
-    stranger = strangers_pair(tmp_path)
+    outsider = outsiders_pair(tmp_path)
     for endpoint in ledger.ready["peers"]:
-        assert not lets_in(endpoint, None) and not lets_in(endpoint, stranger) and not lets_in(endpoint, tls_pair(ledger, 3))
+        assert not lets_in(endpoint, None) and not lets_in(endpoint, outsider) and not lets_in(endpoint, tls_pair(ledger, 3))
         assert lets_in(endpoint, tls_pair(ledger, 1)) and lets_in(endpoint, own_pair(ledger, 1))
 
 
@@ -95,7 +95,7 @@ def test_a_program_with_a_certificate_reads_and_one_without_is_refused(ledger, t
     for pair in (tls_pair(ledger, 1), own_pair(ledger, 1)):
         shown = shows(ledger, tmp_path, 1, pair)
         assert shown.returncode == 0 and "tello1" in shown.stdout, shown.stderr
-    for pair in (None, strangers_pair(tmp_path)):
+    for pair in (None, outsiders_pair(tmp_path)):
         shown = shows(ledger, tmp_path, 1, pair)
         assert shown.returncode == 1 and "tello1" not in shown.stdout, shown.stdout
 
@@ -108,15 +108,15 @@ def test_doctor_names_what_is_wrong_with_a_certificate_of_tls(ledger, tmp_path):
     def broken(pair: tuple | None) -> dict:
         (folder / "ground.toml").write_text(config(ledger, 2, pair, drone))
         done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
+                              timeout=TIMEOUT_S)
         return {problem: each for problem, each in findings.of_doctor(done).items() if each["verdict"] == "broken"}
 
-    good, stranger = tls_pair(ledger, 2), strangers_pair(tmp_path)
+    good, outsider = tls_pair(ledger, 2), outsiders_pair(tmp_path)
     assert not broken(good)
     assert set(broken(None)) == {"tls_client_certificate"}
-    assert set(broken(stranger)) == set(broken(own_pair(ledger, 2))) == {"tls_pair_refused"}
-    assert set(broken((good[0], stranger[1]))) == {"tls_pair_wrong"}
-    assert set(broken((tmp_path / "none.pem", stranger[1]))) == {"tls_pair_wrong"}
+    assert set(broken(outsider)) == set(broken(own_pair(ledger, 2))) == {"tls_pair_refused"}
+    assert set(broken((good[0], outsider[1]))) == {"tls_pair_wrong"}
+    assert set(broken((tmp_path / "none.pem", outsider[1]))) == {"tls_pair_wrong"}
     copied = tmp_path / "open.key"
     copied.write_text(good[1].read_text())
     copied.chmod(0o644)
@@ -132,9 +132,9 @@ def test_an_endorser_answers_who_shows_a_certificate_of_its_authority_and_nobody
         text = config(ledger, 1, pair).split("[[msp]]")[0].replace(ledger.endpoint, endpoint)
         file.write_text(f"{text}deadline_ms = {deadline_ms}\n")
         return subprocess.run([BIN / "test_ask_peer", "--config", file, "get", "control/tello1"], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
+                              timeout=TIMEOUT_S)
 
-    for pair in (None, strangers_pair(tmp_path), tls_pair(ledger, 2)):
+    for pair in (None, outsiders_pair(tmp_path), tls_pair(ledger, 2)):
         assert not lets_in(endorser.endpoint, pair)
         refused = asks(endorser.endpoint, pair, 500)
         assert refused.returncode == 1 and not refused.stdout and refused.stderr, refused
@@ -155,12 +155,12 @@ def test_doctor_names_whose_certificate_an_endorser_does_not_take(ledger, endors
             table += f'tls_certificate = "{shown[0]}"\ntls_key = "{shown[1]}"\n'
         (folder / "ground.toml").write_text(config(ledger, 2, own, f'{table}[[drone]]\nname = "tello1"\n[dds]\nlocal_only = true\n'))
         done = subprocess.run([BIN / "ledgerline-doctor", "--config-dir", folder, "--json"], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
+                              timeout=TIMEOUT_S)
         return {check["problem"] for check in json.loads(done.stdout)["checks"]
                 if check["verdict"] == "broken" and endorser.endpoint in check["what"]}
 
     assert broken(None, None) == {"tls_client_certificate"}
-    assert broken(tls_pair(ledger, 2), None) == broken(tls_pair(ledger, 2), strangers_pair(tmp_path)) == {"tls_pair_refused"}
+    assert broken(tls_pair(ledger, 2), None) == broken(tls_pair(ledger, 2), outsiders_pair(tmp_path)) == {"tls_pair_refused"}
     assert not broken(tls_pair(ledger, 2), tls_pair(ledger, 1))
 
 
@@ -179,14 +179,14 @@ def test_the_bridge_reads_blocks_with_a_certificate_and_none_without(ledger, tmp
             until = time.monotonic() + within_s
             while not checkpoint.exists() and time.monotonic() < until:
                 for word in ("acquire", "release"):
-                    subprocess.run([BIN / "ledgerline-control", "--config", operator, word, "tello1"], check=True, timeout=PATIENCE_S)
+                    subprocess.run([BIN / "ledgerline-control", "--config", operator, word, "tello1"], check=True, timeout=TIMEOUT_S)
                 assert bridge.poll() is None
             return checkpoint.exists()
         finally:
             bridge.terminate()
-            bridge.wait(PATIENCE_S)
+            bridge.wait(TIMEOUT_S)
 
-    assert reads_blocks("with", tls_pair(ledger, 1), PATIENCE_S)
+    assert reads_blocks("with", tls_pair(ledger, 1), TIMEOUT_S)
     assert not reads_blocks("without", None, 2)
 
 
@@ -208,5 +208,5 @@ def test_an_authority_that_cannot_be_read_is_named_before_anything_starts(ledger
     wrong.write_text("no certificate")
     for file in (wrong, tmp_path / "none.pem"):
         done = subprocess.run([BIN / "ledgerline-node", "--dir", tmp_path / "new", "--listen", "127.0.0.1:0", "--tls-client-ca", file],
-                              capture_output=True, text=True, timeout=PATIENCE_S)
+                              capture_output=True, text=True, timeout=TIMEOUT_S)
         assert done.returncode == 2 and str(file) in done.stderr and not (tmp_path / "new").exists(), done.stderr

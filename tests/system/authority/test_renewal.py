@@ -20,7 +20,7 @@ from test_authority import identity, needs_ca, of_authority
 from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-PATIENCE_S = 120
+TIMEOUT_S = 120
 HOLD, LAND = 1, 3  # FailsafeMode
 
 
@@ -77,7 +77,7 @@ class Host:
 
 
 def wait_until(what: str, true, flight: subprocess.Popen, out: pathlib.Path) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not true():
         assert flight.poll() is None, printed(out)
         assert time.monotonic() < deadline, f"{what}: not so\n{printed(out)}"
@@ -139,7 +139,7 @@ def test_an_endorser_goes_on_with_its_renewed_certificate(tmp_path, where):
     assert not host.says("refused"), host.log()
     assert LAND not in modes(run, 0)
     flight.send_signal(signal.SIGINT)
-    flight.wait(PATIENCE_S)
+    flight.wait(TIMEOUT_S)
 
 
 def test_ends_and_refusals_are_alarms_of_the_station(tmp_path):
@@ -159,7 +159,7 @@ def test_ends_and_refusals_are_alarms_of_the_station(tmp_path):
 
     agent.put(issue(agent, agent.user, 20))
     ground.put(issue(ground, ground.user, 2))
-    wait_until("the agent's end is told", lambda: alarms(f"agent Org{agent.organisation}MSP"), flight, tmp_path)
+    wait_until("the agent's end is reported", lambda: alarms(f"agent Org{agent.organisation}MSP"), flight, tmp_path)
     assert "ends in 20 days" in alarms(f"agent Org{agent.organisation}MSP")[0]
     wait_until("ground's own, too", lambda: alarms("ends in 2 days"), flight, tmp_path)
     before = ground.certificate()

@@ -11,7 +11,7 @@ from fabric import BIN, needs_fabric
 from ledgers import Embedded, Fabric, tables
 from netns import die_with_parent
 
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 os.environ["CYCLONEDDS_URI"] = peers.LAN  # of the bridges and of what cyclone.py makes
 
 
@@ -32,7 +32,7 @@ class Program:
     def status(self) -> dict:
         """What `ledgerline topics` says of it."""
         done = subprocess.run([BIN / "ledgerline-topics", "--once", "--json", self.status_file], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
+                              timeout=TIMEOUT_S)
         assert done.returncode == 0, done.stderr + self.log()
         return json.loads(done.stdout)
 
@@ -42,7 +42,7 @@ class Program:
 
     def wait_for(self, name: str, direction: str, holds) -> dict:
         """Until `holds` of the topic."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while not ((topic := self.topic(name, direction)) and holds(topic)):
             assert time.monotonic() < deadline, f"{topic}\n{self.log()}"
             time.sleep(0.05)
@@ -54,7 +54,7 @@ class Program:
     def stop(self) -> None:
         if self.process.poll() is None:
             self.process.terminate()
-        assert self.process.wait(timeout=PATIENCE_S) == 0, self.log()
+        assert self.process.wait(timeout=TIMEOUT_S) == 0, self.log()
 
 
 class Bridge(Program):
@@ -118,7 +118,7 @@ def hosts(embedded, tmp_path):
     for program in made:
         program.stop()
     roudi.terminate()
-    assert roudi.wait(timeout=PATIENCE_S) == 0
+    assert roudi.wait(timeout=TIMEOUT_S) == 0
 
 
 @pytest.fixture(scope="session", params=["embedded", "fabric"])

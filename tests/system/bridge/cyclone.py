@@ -47,8 +47,8 @@ class Writer:
         self.participant = DomainParticipant(domain)
         self.writer = DataWriter(self.participant, Topic(self.participant, "rt" + topic, kind), qos=qos(**how))
 
-    def wait_for_readers(self, count: int = 1, patience_s: float = 60) -> "Writer":
-        deadline = time.monotonic() + patience_s
+    def wait_for_readers(self, count: int = 1, timeout_s: float = 60) -> "Writer":
+        deadline = time.monotonic() + timeout_s
         while len(self.writer.get_matched_subscriptions()) < count:
             assert time.monotonic() < deadline, "nobody reads it"
             time.sleep(0.02)
@@ -66,9 +66,9 @@ class Reader:
     def take(self) -> list:
         return [sample for sample in self.reader.take(N=10_000) if isinstance(sample, self.reader.topic.data_type)]
 
-    def take_all(self, count: int, patience_s: float = 60) -> list:
+    def take_all(self, count: int, timeout_s: float = 60) -> list:
         """Until `count` have come, and those that come within a moment more."""
-        taken, deadline = [], time.monotonic() + patience_s
+        taken, deadline = [], time.monotonic() + timeout_s
         while len(taken) < count and time.monotonic() < deadline:
             taken += self.take()
             time.sleep(0.01)

@@ -1,7 +1,7 @@
 """A DDS participant of PyPI's cyclonedds that knows nothing of this project: publishes or hears messages of a made-up type
 on the domain ROS_DOMAIN_ID. Says what happens as lines of JSON, as ros2_client_peer does.
 
-publish says the message for 0 again and again until it is told to go by a line on its standard input.
+publish says the message for 0 again and again until it is asked to go by a line on its standard input.
 
 cyclonedds_peer.py publish TOPIC FIRST COUNT PERIOD_MS | subscribe TOPIC COUNT | nodes NAME
 """

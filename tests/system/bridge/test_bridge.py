@@ -46,7 +46,7 @@ def test_ten_thousand_messages_of_a_made_up_type(ledger, bridges, running, kind)
     assert there.topic("/made_up", "to_ledger")["taken"] == 0, "nothing goes round"
 
 
-def test_the_origins_time_is_what_readers_are_told(embedded, bridges):
+def test_the_origins_time_is_what_readers_are_reported(embedded, bridges):
     carried = topic("/stamped", 'type = "std_msgs/msg/String"', ANYBODY)
     bridges(embedded, bridges.directory, 1, HERE, carried)
     bridges(embedded, bridges.directory, 2, THERE, carried)
@@ -185,7 +185,7 @@ def test_it_ends_in_order_and_says_what_is_wrong(embedded, bridges, tmp_path):
     time.sleep(1.5)
     table = subprocess.run([BIN / "ledgerline", "topics", "--once", bridge.status_file], capture_output=True, text=True)
     assert table.returncode == 1 and "is it running?" in table.stderr
-    assert '/a is taken from the ledger whoever writes it: its [[topic]] says from = "*"' in bridge.log()
+    assert '/a is taken from the ledger from any writer: its [[topic]] says from = "*"' in bridge.log()
     wrong = pathlib.Path(tmp_path / "wrong.toml")
     wrong.write_text('[[topic]]\nname = "a"\n')
     done = subprocess.run([BIN / "ledgerline", "bridge", wrong], capture_output=True, text=True)

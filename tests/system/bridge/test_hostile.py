@@ -7,7 +7,7 @@ import subprocess
 import time
 
 import cyclonedds.idl as idl
-from conftest import BIN, PATIENCE_S
+from conftest import BIN, TIMEOUT_S
 from cyclone import Reader, Text, Writer
 from test_bridge import ANYBODY, topic
 from test_hosts import DRONE_HOST, GROUND_HOST, MANUAL, STRING, say_until
@@ -29,7 +29,7 @@ def impostor(name: str):
 def submit(ledger, organisation: int, user: str, *words: str) -> subprocess.CompletedProcess:
     endpoint, ca = ledger.peer(organisation)
     return subprocess.run([BIN / "client_example", endpoint, ca, f"Org{organisation}MSP", ledger.msp_dir(organisation, user),
-                           "submit", *words], capture_output=True, text=True, timeout=PATIENCE_S, env=os.environ)
+                           "submit", *words], capture_output=True, text=True, timeout=TIMEOUT_S, env=os.environ)
 
 
 def summary(program) -> dict:
@@ -92,6 +92,6 @@ def test_agent_and_ground_count_what_is_no_message(embedded, hosts):
     agent.stop()
     ground.stop()
     assert summary(agent)["mocap_lost"] == 3
-    told = summary(ground)
-    assert told["drones"][0]["pilot"]["dds_refused"] == 1 and told["drones"][0]["pilot"]["malformed"] == 3
-    assert told["states_malformed"] == len(NO_CDR + CUT) and told["drones"][0]["states_received"] == 0
+    reported = summary(ground)
+    assert reported["drones"][0]["pilot"]["dds_refused"] == 1 and reported["drones"][0]["pilot"]["malformed"] == 3
+    assert reported["states_malformed"] == len(NO_CDR + CUT) and reported["drones"][0]["states_received"] == 0

@@ -4,7 +4,7 @@ import subprocess
 import time
 
 import pytest
-from conftest import BIN, PATIENCE_S
+from conftest import BIN, TIMEOUT_S
 from cyclone import Empty, Number, Pose, Reader, Text, Writer
 from netns import die_with_parent
 from test_bridge import LONG, topic
@@ -17,7 +17,7 @@ STRING = 'type = "std_msgs/msg/String"'
 def say_until(writer: Writer, message, reader: Reader) -> list:
     """What came first, however long the way there takes to open."""
     writer.wait_for_readers()
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not (taken := reader.take()):
         assert time.monotonic() < deadline, "nothing comes"
         writer.write(message)
@@ -55,8 +55,8 @@ def test_topics_of_a_drone_go_from_its_host_to_the_ground_host_and_orders_back(h
 @pytest.mark.skipif(not LONG, reason="with ./run-tests --long")  # half a minute of time-outs
 def test_a_bridge_that_cannot_begin_is_tried_again_and_the_agent_goes_on(hosts):
     agent = hosts("agent", 1, DRONE_HOST, topic("/note", STRING, 'channel = "nowhere"', 'direction = "to_ledger"'))
-    deadline = time.monotonic() + PATIENCE_S
-    words = "the bridge begins anew: gave up after 15 s waiting until the blocks of channel nowhere can be read"
+    deadline = time.monotonic() + TIMEOUT_S
+    words = "the bridge starts again: gave up after 15 s waiting until the blocks of channel nowhere can be read"
     while agent.log().count(words) < 2:
         assert agent.process.poll() is None and time.monotonic() < deadline, agent.log()
         time.sleep(0.1)
@@ -106,4 +106,4 @@ def test_an_outsider_hears_and_says_nothing_on_a_secured_domain(embedded, bridge
     assert [writer.writer.get_matched_subscriptions() for writer in lies] == [[], []]
     assert agent.topic(note, "to_ledger")["taken"] == 0
     sim.terminate()
-    assert sim.wait(timeout=PATIENCE_S) == 0
+    assert sim.wait(timeout=TIMEOUT_S) == 0

@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from conftest import PATIENCE_S
+from conftest import TIMEOUT_S
 from running import cpu_s
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
@@ -21,7 +21,7 @@ def load(*words) -> subprocess.Popen:
 
 
 def result(process: subprocess.Popen) -> dict:
-    out, _ = process.communicate(timeout=PATIENCE_S)
+    out, _ = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == 0
     return json.loads(out) if out else {}
 

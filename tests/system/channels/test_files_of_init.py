@@ -23,7 +23,7 @@ def init(*words) -> str:
 
 
 class Network:
-    """Channels teleop and yard, an embedded node each, with the same organisations; and what strangers get of it. That of yard asks
+    """Channels teleop and yard, an embedded node each, with the same organisations; and what outsiders get of it. That of yard asks
     its clients for a certificate of TLS: the identity's own will do."""
 
     def __init__(self, directory: pathlib.Path):

@@ -15,7 +15,7 @@ from programs import BIN
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
 ABSENCE = 100_000 if LONG else 3_000
-PATIENCE_S = 60
+TIMEOUT_S = 60
 
 
 def grow(directory, height: int) -> None:
@@ -35,7 +35,7 @@ def roudi():
     assert json.loads(process.stdout.readline())["ready"]
     yield
     process.terminate()
-    process.wait(timeout=PATIENCE_S)
+    process.wait(timeout=TIMEOUT_S)
 
 
 class Host:
@@ -77,18 +77,18 @@ class Host:
             if ledger:
                 before = self.checkpoint.read_bytes() if self.checkpoint.exists() else b""
                 submit(ledger)
-                until = time.monotonic() + PATIENCE_S
+                until = time.monotonic() + TIMEOUT_S
                 while (self.checkpoint.read_bytes() if self.checkpoint.exists() else b"") == before:
                     assert time.monotonic() < until, self.log.read_text()
                     time.sleep(0.02)
         finally:
             agent.terminate()
-            assert agent.wait(timeout=PATIENCE_S) == 0, self.log.read_text()
+            assert agent.wait(timeout=TIMEOUT_S) == 0, self.log.read_text()
         return took_s, self.log.read_text()
 
     def refused(self) -> tuple[int, str]:
         ended = subprocess.run([BIN / "ledgerline-agent", "--config", self.folder / "agent.toml"], stdout=subprocess.PIPE,
-                               stderr=subprocess.PIPE, text=True, timeout=PATIENCE_S)
+                               stderr=subprocess.PIPE, text=True, timeout=TIMEOUT_S)
         assert ended.stdout == "", "it must not have become ready"
         return ended.returncode, ended.stderr
 
@@ -106,7 +106,7 @@ def submit(ledger, organisation: int = 1, function: str = "set",
 def alarm_on(ledger) -> bytes:
     """The newest of tello1's agent, as soon as there is one."""
     endpoint, ca = ledger.peer(1)
-    until = time.monotonic() + PATIENCE_S
+    until = time.monotonic() + TIMEOUT_S
     while True:
         read = subprocess.run([BIN / "client_example", endpoint, ca, "Org1MSP", ledger.msp_dir(1, "User1"), "evaluate", "get",
                                "tello1/alarm"], timeout=60, capture_output=True, text=True)
@@ -129,28 +129,28 @@ def host(tmp_path) -> Host:
 
 
 def test_a_restart_goes_on_behind_the_checkpoint_and_misses_no_block(host):
-    believed = host.block()
+    trusted = host.block()
     grow(host.directory, height_of(host.directory) + 500)
     with host.ledger():
         _, log = host.run_agent()
-    assert f"goes on behind block {believed}, which was believed; the chain is at {believed + 500}" in log
+    assert f"goes on behind block {trusted}, which was trusted; the chain is at {trusted + 500}" in log
     summary = json.loads(host.summary.read_text())
     assert summary["blocks"] == 500 and summary["blocks_not_read"] == 0 and summary["control_events_refused"] == 0
-    assert host.block() == believed + 500, "kept at the orderly end"
+    assert host.block() == trusted + 500, "kept at the orderly end"
 
 
 def test_a_restart_after_a_long_absence_reads_neither_all_blocks_nor_takes_long(host):
-    believed = host.block()
+    trusted = host.block()
     grow(host.directory, height_of(host.directory) + ABSENCE)
     with host.ledger() as ledger:
         took_s, log = host.run_agent(ledger)
     print(f"ready {took_s:.2f} s after {ABSENCE} blocks of absence")
     assert took_s < 2
-    assert f"blocks {believed + 1} to {believed + ABSENCE} came while this agent was away" in log
+    assert f"blocks {trusted + 1} to {trusted + ABSENCE} came while this agent was away" in log
     assert "counts by its orderers' signatures" in log
     summary = json.loads(host.summary.read_text())
     assert summary["blocks_not_read"] == ABSENCE and summary["blocks"] < 10
-    assert host.block() > believed + ABSENCE
+    assert host.block() > trusted + ABSENCE
 
 
 def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, tmp_path):
@@ -161,7 +161,7 @@ def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, t
     with host.ledger(more=gap) as ledger:
         host.write_config(ledger, gap, ledger)
         _, log = host.run_agent()
-        assert "another organisation's peer tells the same control records" in log
+        assert "another organisation's peer reports the same control records" in log
 
         host.checkpoint.write_bytes(kept)
         host.write_config(ledger, gap)
@@ -175,11 +175,11 @@ def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, t
             host.write_config(ledger, gap, other)
             code, log = host.refused()
             assert code == 1
-            assert "two organisations' peers must tell the same control records, and do not: tello1: here held by Org2MSP" in log
+            assert "two organisations' peers must report the same control records, and do not: tello1: here held by Org2MSP" in log
             assert "at another organisation's peer not held" in log
             other.stop()
             code, log = host.refused()
-            assert code == 1 and "another organisation's peer does not tell the control records" in log
+            assert code == 1 and "another organisation's peer does not report the control records" in log
             assert host.checkpoint.read_bytes() == kept
         finally:
             other.stop()
@@ -191,12 +191,12 @@ def test_a_peer_that_serves_an_old_chain_is_refused(host, tmp_path):
     grow(host.directory, height_of(host.directory) + 10)
     with host.ledger():
         host.run_agent()
-    believed, kept = host.block(), host.checkpoint.read_bytes()
+    trusted, kept = host.block(), host.checkpoint.read_bytes()
     with host.ledger(old):
         code, log = host.refused()
     assert code == 1
-    assert f"serves a chain that ends at block {believed - 10}; we have believed block {believed}" in log
-    assert "the ledger is doubted, stream_contradicted" in log, "a peer that lags for so long is said to be doubted"
+    assert f"serves a chain that ends at block {trusted - 10}; we have trusted block {trusted}" in log
+    assert "the ledger is not trusted, stream_contradicted" in log, "a peer that lags for so long is said not to be trusted"
     assert host.checkpoint.read_bytes() == kept
 
 
@@ -208,12 +208,12 @@ def test_a_fork_that_the_same_orderers_signed_is_refused(host, tmp_path, more):
     grow(fork, height_of(fork) + 20)
     with host.ledger():
         host.run_agent()
-    believed, kept = host.block(), host.checkpoint.read_bytes()
+    trusted, kept = host.block(), host.checkpoint.read_bytes()
     with host.ledger(fork, more):
         code, log = host.refused()
     assert code == 1
-    assert f"serves another block {believed} than the one that we have believed" in log
-    assert "the ledger is doubted, stream_contradicted" in log
+    assert f"serves another block {trusted} than the one that we have trusted" in log
+    assert "the ledger is not trusted, stream_contradicted" in log
     assert host.checkpoint.read_bytes() == kept
 
 
@@ -236,7 +236,7 @@ def test_an_agent_that_is_killed_goes_on_from_what_it_had_written(host):
         assert '"ready":true' in agent.stdout.readline()
         before = host.block()
         submit(ledger)
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         while host.block() == before and time.monotonic() < until:
             time.sleep(0.02)
         agent.kill()
@@ -260,16 +260,16 @@ class Running:
 
     def __exit__(self, *_):
         self.process.terminate()
-        self.process.wait(timeout=PATIENCE_S)
+        self.process.wait(timeout=TIMEOUT_S)
 
     def wait_for(self, words: str) -> None:
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         while words not in self.host.log.read_text():
             assert time.monotonic() < until, self.host.log.read_text()
             time.sleep(0.02)
 
 
-ALARM = "tello1: another organisation's peer tells another record than this agent believes"
+ALARM = "tello1: another organisation's peer reports another record than this agent trusts"
 
 
 def test_records_that_two_organisations_peers_tell_alike_are_no_alarm(host):
@@ -281,7 +281,7 @@ def test_records_that_two_organisations_peers_tell_alike_are_no_alarm(host):
                 time.sleep(0.5)
     summary = json.loads(host.summary.read_text())
     assert summary["records_compared"] >= 3 and summary["records_differ"] == 0, host.log.read_text()
-    assert summary["doubts"] == 0 and summary["alarms"]["on_ledger"] == 0, host.log.read_text()
+    assert summary["integrity_violations"] == 0 and summary["alarms"]["on_ledger"] == 0, host.log.read_text()
 
 
 def test_a_record_that_differs_at_another_organisations_peer_is_an_alarm_until_it_agrees(host, tmp_path):
@@ -294,14 +294,14 @@ def test_a_record_that_differs_at_another_organisations_peer_is_an_alarm_until_i
                 submit(ledger, 2, "acquire", '{"drones":["tello1"]}')
                 agent.wait_for(ALARM)
                 assert "held by Org2MSP" in host.log.read_text() and "there not held" in host.log.read_text()
-                agent.wait_for("the ledger is doubted, records_differ (1 of 1 since the last word): tello1: here held by Org2MSP")
+                agent.wait_for("the ledger is not trusted, records_differ (1 of 1 since the last word): tello1: here held by Org2MSP")
                 assert b"tello1/alarm/records_differ" in alarm_on(ledger)
                 submit(ledger, 2, "release", '{"drones":["tello1"]}')
                 submit(other, 2, "acquire", '{"drones":["tello1"]}')
                 submit(other, 2, "release", '{"drones":["tello1"]}')
-                agent.wait_for("tello1: another organisation's peer tells the same record again")
+                agent.wait_for("tello1: another organisation's peer reports the same record again")
             summary = json.loads(host.summary.read_text())
-            assert summary["records_differ"] == 1 and summary["doubts_by_kind"] == {"records_differ": 1}
+            assert summary["records_differ"] == 1 and summary["integrity_violations_by_kind"] == {"records_differ": 1}
             other.stop()
             with Running(host) as agent:
                 agent.wait_for("the control records of another organisation's peer cannot be read")

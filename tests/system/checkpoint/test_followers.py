@@ -9,7 +9,7 @@ import time
 import pytest
 from ledgers import Embedded, tables
 from programs import BIN
-from test_checkpoint import PATIENCE_S, grow, height_of, submit
+from test_checkpoint import TIMEOUT_S, grow, height_of, submit
 
 TOPIC = '[[topic]]\nname = "/note"\ntype = "std_msgs/msg/String"\ndirection = "to_ledger"\n'
 GROUND = '[flight]\nshape = "manual"\n[[drone]]\nname = "tello1"\n'
@@ -35,17 +35,17 @@ class Follower:
             line = process.stdout.readline()
             with contextlib.ExitStack() as at_end:
                 at_end.callback(process.kill)
-                assert line and json.loads(line)["ready"], process.communicate(timeout=PATIENCE_S)[1]
+                assert line and json.loads(line)["ready"], process.communicate(timeout=TIMEOUT_S)[1]
                 yield process
                 process.terminate()
-                log.write(process.communicate(timeout=PATIENCE_S)[1])
+                log.write(process.communicate(timeout=TIMEOUT_S)[1])
         assert process.returncode == 0, self.log()
 
     def see_a_block(self, ledger) -> None:
         """Until it is in the file."""
         before = self.kept()
         submit(ledger)
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + TIMEOUT_S
         while self.kept() == before:
             assert time.monotonic() < until, "no block is kept"
             time.sleep(0.02)
@@ -86,18 +86,18 @@ def test_what_came_meanwhile_is_a_gap_that_the_log_names(follower, directory):
         follower.see_a_block(ledger)
     assert "there is no checkpoint yet" in follower.log()
     assert stat.S_IMODE(follower.checkpoint.stat().st_mode) == 0o600
-    believed = follower.block()
-    assert believed == height_of(directory) - 1
+    trusted = follower.block()
+    assert trusted == height_of(directory) - 1
     with ledger_in(directory) as ledger, follower.running(ledger):
         pass
-    assert "are not read" not in follower.log() and follower.block() == believed, "nothing came"
+    assert "are not read" not in follower.log() and follower.block() == trusted, "nothing came"
     grow(directory, height_of(directory) + 3_000)
     with ledger_in(directory) as ledger:
         begin = time.monotonic()
         with follower.running(ledger):
             assert time.monotonic() - begin < 2
-        assert follower.block() == believed + 3_000, "though no block has come"
-        assert f"blocks {believed + 1} to {believed + 3_000} came while this program was away" in follower.log()
+        assert follower.block() == trusted + 3_000, "though no block has come"
+        assert f"blocks {trusted + 1} to {trusted + 3_000} came while this program was away" in follower.log()
         with follower.running(ledger):
             follower.see_a_block(ledger)
 
@@ -118,10 +118,10 @@ def test_an_old_chain_and_a_fork_are_refused(tmp_path, directory):
     with ledger_in(old) as older, ledger_in(fork) as forked:
         started = [(each, lie, each.start(lie)) for each in followers for lie in (older, forked)]
         for each, lie, process in started:
-            out, log = process.communicate(timeout=PATIENCE_S)
+            out, log = process.communicate(timeout=TIMEOUT_S)
             assert process.returncode == 1 and out == "", f"{each.program} became ready: {log}"
-            words = (f"serves a chain that ends at block {end_of_old}; we have believed block {each.block()}"
-                     if lie is older else f"serves another block {each.block()} than the one that we have believed")
+            words = (f"serves a chain that ends at block {end_of_old}; we have trusted block {each.block()}"
+                     if lie is older else f"serves another block {each.block()} than the one that we have trusted")
             assert words in log
     assert [each.kept() for each in followers] == kept
 
@@ -138,7 +138,7 @@ def test_a_damaged_checkpoint_is_never_silently_none(follower, directory):
             follower.see_a_block(ledger)
         spoil(follower.checkpoint)
         process = follower.start(ledger)
-        out, log = process.communicate(timeout=PATIENCE_S)
+        out, log = process.communicate(timeout=TIMEOUT_S)
         assert process.returncode == 2 and out == ""
         assert f"{follower.checkpoint}: it is damaged" in log and "then remove the file" in log
         follower.checkpoint.unlink()
@@ -151,7 +151,7 @@ def test_the_bridge_beside_a_program_keeps_a_file_of_its_own_and_its_damage_grou
     beside = tmp_path / "ground.checkpoint.bridge"
     with ledger_in(directory) as ledger:
         with ground.running(ledger):
-            until = time.monotonic() + PATIENCE_S
+            until = time.monotonic() + TIMEOUT_S
             while not beside.exists():
                 assert time.monotonic() < until
                 submit(ledger)
@@ -159,4 +159,4 @@ def test_the_bridge_beside_a_program_keeps_a_file_of_its_own_and_its_damage_grou
         spoil(beside)
         with ground.running(ledger):
             ground.see_a_block(ledger)
-    assert f"the bridge begins anew: output.checkpoint: {beside}: it is damaged" in ground.log()
+    assert f"the bridge starts again: output.checkpoint: {beside}: it is damaged" in ground.log()

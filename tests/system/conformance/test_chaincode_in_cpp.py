@@ -137,10 +137,10 @@ def test_a_range_and_a_history_longer_than_one_answer_of_the_peer(counter, clien
 
 
 def test_events_and_refusals_are_those_of_the_chaincode(counter, client):
-    done = client.call("submit", "add", "told", contract="counter")
+    done = client.call("submit", "add", "reported", contract="counter")
     (event,) = client.ask("events", start=done["block"], count=1, contract="counter")["events"]
     assert (event["name"], decode(event["payload"]), event["tx"]) == ("added", b"1", done["tx"])
-    refused = client.call("evaluate", "subtract", "told", contract="counter")["error"]
+    refused = client.call("evaluate", "subtract", "reported", contract="counter")["error"]
     assert refused["details"] == ["chaincode response 500, unknown function subtract"]
 
 

@@ -169,32 +169,32 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
 
 
 def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enroll, operator, nobody):
-    host = enroll("told")
-    start = host.submit("set", asset("told/a"))["block"]
-    host.submit("set", asset_bytes("told/b", b"b"))
-    host.submit("delete", "told/a")
-    host.submit("delete", field(1, b"told/b"))
-    operator.submit("acquire", field(1, b"told"))
-    operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("told")]})
-    operator.submit("stop", "told")
-    operator.submit("resume", {"drones": ["told"]})
-    operator.submit("release", "told")
+    host = enroll("reported")
+    start = host.submit("set", asset("reported/a"))["block"]
+    host.submit("set", asset_bytes("reported/b", b"b"))
+    host.submit("delete", "reported/a")
+    host.submit("delete", field(1, b"reported/b"))
+    operator.submit("acquire", field(1, b"reported"))
+    operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("reported")]})
+    operator.submit("stop", "reported")
+    operator.submit("resume", {"drones": ["reported"]})
+    operator.submit("release", "reported")
     enroll("told2")
     events = nobody.ask("events", start=start, count=11)["events"]
     assert [event["name"] for event in events] == ["set", "set", "delete", "delete", "acquire", "command", "stop",
                                                    "resume", "release", "enroll", "grant"]
     payloads = [decode(event["payload"]) for event in events]
-    assert json.loads(payloads[0]) == {"assets": [{**asset("told/a"), "topic": "/told/a"}]}
+    assert json.loads(payloads[0]) == {"assets": [{**asset("reported/a"), "topic": "/reported/a"}]}
     assert message(message(payloads[1])[1][0])[4] == [b"b"]
-    assert json.loads(payloads[2]) == {"id": "told/a"}
-    assert payloads[3] == field(1, b"told/b")
-    assert message(message(payloads[4])[1][0])[1] == [b"told"]
+    assert json.loads(payloads[2]) == {"id": "reported/a"}
+    assert payloads[3] == field(1, b"reported/b")
+    assert message(message(payloads[4])[1][0])[1] == [b"reported"]
     assert json.loads(payloads[5])["plans"][0]["setpoints"] == [{"atNs": "1000", "vx": 0.5}]
     (stop,) = json.loads(payloads[6])["stops"]
-    assert stop["drone"] == "told" and stop["stopper"]["mspId"] == "Org2MSP"
+    assert stop["drone"] == "reported" and stop["stopper"]["mspId"] == "Org2MSP"
     for payload in payloads[7:9]:
         (record,) = json.loads(payload)["controls"]
-        assert record["drone"] == "told" and "stoppers" not in record
+        assert record["drone"] == "reported" and "stoppers" not in record
     for payload in payloads[9:]:
         assert json.loads(payload)["controls"][0]["drone"] == "told2"
 
@@ -265,7 +265,7 @@ def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin,
     enroll("kept")
     pilot = enroll(organisation=2, user="User2", role="OPERATOR")
     who = {"identity": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
-    refusal = f"Org2MSP {who['identity']['subject']} is revoked; an administrator of Org2MSP may enroll it anew"
+    refusal = f"Org2MSP {who['identity']['subject']} is revoked; an administrator of Org2MSP may enroll it again"
     pilot.submit("acquire", "kept")
     pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("kept")]})
     assert admin(1).refusal("revoke", who) == "revoke: only an administrator of Org2MSP may revoke its identities"

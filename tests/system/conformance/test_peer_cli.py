@@ -29,8 +29,8 @@ def test_a_refusal_is_shown_in_the_contracts_words(peer, ledger):
     for done in (query(peer, "get", "tello1/never"), invoke(peer, "delete", "tello1/never")):
         assert done.returncode == 1
         assert "tello1/never: not found" in done.stderr
-    stranger = query(peer_of(ledger, 1, "User1", msp_id="Org2MSP"), "get")
-    assert stranger.returncode == 1 and "access denied" in stranger.stderr
+    outsider = query(peer_of(ledger, 1, "User1", msp_id="Org2MSP"), "get")
+    assert outsider.returncode == 1 and "access denied" in outsider.stderr
 
 
 def test_an_invoke_needs_an_orderers_address(peer):

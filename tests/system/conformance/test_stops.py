@@ -117,15 +117,15 @@ def test_of_a_stop_and_a_change_in_one_block_the_stop_is_valid(ledger, node, adm
 
 def test_each_lifts_its_own_stop_and_a_foreign_supervisor_no_other(admin, enroll, operator):
     host, supervisor = enroll("kept"), enroll(user="User2", role="SUPERVISOR")
-    stranger = enroll(organisation=3, user="User1", role="SUPERVISOR")
-    assert "may not stop it: Org1MSP has granted that neither" in stranger.refusal("stop", "kept")
+    outsider = enroll(organisation=3, user="User1", role="SUPERVISOR")
+    assert "may not stop it: Org1MSP has granted that neither" in outsider.refusal("stop", "kept")
     admin(1).submit("grant", {"drones": ["kept"], "grant": {"to": {"mspId": "Org3MSP"}, "stop": True}})
     supervisor.submit("stop", "kept")
-    assert stranger.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
-    stranger.submit("stop", "kept")
-    stranger.submit("resume", "kept")
-    assert stranger.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
-    assert "may not cut it" in stranger.refusal("stop", "kept", "cut=true")
+    assert outsider.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    outsider.submit("stop", "kept")
+    outsider.submit("resume", "kept")
+    assert outsider.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    assert "may not cut it" in outsider.refusal("stop", "kept", "cut=true")
     operator.submit("stop", "kept")  # whoever may fly it may stop it, lease or not
     operator.submit("resume", "kept")
     host.submit("fold", "kept")

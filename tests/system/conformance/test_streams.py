@@ -118,7 +118,7 @@ def test_events_of_one_block_come_in_its_order(drone_host):
     assert [event["tx"] for event in drone_host.ask("events", start=start, count=6)["events"]] == order
 
 
-def test_events_go_on_behind_a_checkpoint_without_loss_or_doublet(drone_host):
+def test_events_go_on_behind_a_checkpoint_without_loss_or_duplicate(drone_host):
     written = [drone_host.submit("set", asset(f"tello1/c{number}")) for number in range(6)]
     events = drone_host.ask("checkpointed", start=written[0]["block"], counts=[1, 3, 2])["events"]
     assert [event["tx"] for event in events] == [tx["tx"] for tx in written]

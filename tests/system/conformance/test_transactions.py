@@ -24,7 +24,7 @@ def test_a_proposal_answered_by_the_peer_itself_has_its_endorsement(drone_host):
     assert answer["status"] == 200 and answer["endorsed"]
 
 
-def test_unknown_channels_and_contracts_are_told_apart_by_their_codes(drone_host):
+def test_unknown_channels_and_contracts_are_reported_apart_by_their_codes(drone_host):
     channel, contract = {"channel": "nowhere"}, {"contract": "nothing"}
     assert drone_host.call("endorse", "get", "x", **channel)["error"]["code"] == FAILED_PRECONDITION
     assert drone_host.call("evaluate", "get", "x", **channel)["error"]["code"] == UNAVAILABLE

@@ -15,7 +15,7 @@ from flights import (BIN, assert_nothing_left, fly, no_flight_outlives_its_test,
 from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 FLYING, LANDING = 3, 4  # FlightPhase
 NONE, HOLD, LAND = 0, 1, 3  # FailsafeMode
 AGENT_SILENT = 3  # FailsafeCause
@@ -54,7 +54,7 @@ def assert_stayed_up(out: pathlib.Path, since_ns: int, until_ns: int) -> None:
 
 
 def wait_for_another(out: pathlib.Path, program: str, pid: int) -> int:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while time.monotonic() < deadline:
         for other, name in our_processes().items():
             if name == program and other != pid:
@@ -87,7 +87,7 @@ def kill_agent_in_flight(out: pathlib.Path, kills: int) -> dict:
         time.sleep(max(0, random.uniform(2.6, 3.4) - (time.monotonic_ns() - at_ns[-1]) / 1e9))
     end_ns = time.monotonic_ns()
     stolen_s = steal_s() - stolen_s
-    assert flight.wait(PATIENCE_S) == 0, printed(out)
+    assert flight.wait(TIMEOUT_S) == 0, printed(out)
     restarts = result(out)["restarts"]
     # Who is killed with one of RouDi's locks takes RouDi along, and link is started with the new one (docs/deaths.md).
     assert restarts["agent"] >= kills and restarts.get("roudi", 0) == restarts.get("link", 0)
@@ -145,7 +145,7 @@ def test_with_a_stopped_agent_the_plan_is_flown_out_and_then_held_every_time(tmp
         time.sleep(3)
         os.kill(agent, signal.SIGCONT)
     end_ns = time.monotonic_ns() + 2_000_000_000
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     assert_stayed_up(tmp_path, stopped_ns[0], end_ns)
     held_s = []
     for begin in stopped_ns:
@@ -168,7 +168,7 @@ def test_an_agent_that_stays_away_means_a_landing(tmp_path):
     os.kill(agent, signal.SIGSTOP)
     time.sleep(LAND_AFTER_S + 8)
     os.kill(agent, signal.SIGCONT)
-    assert flight.wait(PATIENCE_S) == 1, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 1, printed(tmp_path)
     seen = [m for m in modes(tmp_path) if m[0] > begin and m[1] in (FLYING, LANDING)]
     assert [m[2:] for m in seen] == [(HOLD, AGENT_SILENT), (LAND, AGENT_SILENT)], seen
     assert (seen[1][0] - seen[0][0]) / 1e9 == pytest.approx(LAND_AFTER_S, abs=0.05)
@@ -197,7 +197,7 @@ def test_a_link_that_is_killed_is_back_in_the_air_without_a_jerk_and_the_flight_
         time.sleep(random.uniform(3, 4))
         at_ns.append(kill(tmp_path, "ledgerline-link")[0])
     end_ns = time.monotonic_ns() + 3_000_000_000
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     report = result(tmp_path)
     assert report["restarts"] == {"link": kills}
     assert_stayed_up(tmp_path, at_ns[0], end_ns)
@@ -227,7 +227,7 @@ def test_without_roudi_the_flight_goes_on_and_all_three_come_back_in_order_when_
     killed_ns, _ = kill(tmp_path, "ledgerline-link")
     wait_for_another(tmp_path, "ledgerline-agent", before["ledgerline-agent"])
     back_ns = time.monotonic_ns() + 2_000_000_000
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     assert result(tmp_path)["restarts"] == {"roudi": 1, "link": 1, "agent": 1}
     said = [line.split()[0] for line in printed(tmp_path).splitlines() if "is started again" in line]
     assert said == ["roudi", "link", "agent"]
@@ -247,7 +247,7 @@ def test_any_process_may_stand_still_for_a_moment(tmp_path):
         time.sleep(1.5)
         os.kill(pid, signal.SIGCONT)
     end = time.monotonic_ns() + 3_000_000_000
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     assert result(tmp_path)["restarts"] == {}
     assert_stayed_up(tmp_path, begin, end)
     assert_nothing_left()
@@ -266,9 +266,9 @@ def test_on_the_ground_link_ends_when_roudi_is_gone_so_that_it_can_start_anew(tm
         roudi = start(BIN / "ledgerline-roudi")
         link = start(BIN / "ledgerline-link", "--config", config)
         roudi.kill()
-        assert link.wait(PATIENCE_S) == 0
+        assert link.wait(TIMEOUT_S) == 0
         roudi.wait()
     roudi = start(BIN / "ledgerline-roudi")  # clears up behind the one that was killed
     roudi.terminate()
-    assert roudi.wait(PATIENCE_S) == 0
+    assert roudi.wait(TIMEOUT_S) == 0
     assert_nothing_left()

@@ -50,21 +50,21 @@ def somebody_elses_network(directory: pathlib.Path):
         endpoint = line["endpoint"]
         organisations = directory / "network" / "crypto" / "peerOrganizations"
 
-        def ledger(name: str, k: int, user: str, believes: bool = True) -> None:
+        def ledger(name: str, k: int, user: str, trusts: bool = True) -> None:
             own = organisations / f"org{k}.ledgerline"
             text = (f'[ledger]\nendpoint = "{endpoint}"\nmsp_id = "Org{k}MSP"\n'
                     f'tls_ca = "{organisations}/org1.ledgerline/tlsca/tlsca.org1.ledgerline-cert.pem"\n'
                     f'msp_dir = "{own}/users/{user}@org{k}.ledgerline/msp"\n'
                     f'config_block = "{directory}/network/teleop.block"\n')
-            for i in (1, 2, 3) if believes else ():
+            for i in (1, 2, 3) if trusts else ():
                 text += f'[[msp]]\nid = "Org{i}MSP"\nca = "{organisations}/org{i}.ledgerline/ca/ca.org{i}.ledgerline-cert.pem"\n'
             (directory / f"{name}.toml").write_text(text)
 
         ledger("agent", 1, "User1")
         ledger("ground", 2, "User1")
         ledger("admin", 1, "Admin")
-        ledger("admin2", 2, "Admin", believes=False)
-        ledger("other", 2, "User2", believes=False)
+        ledger("admin2", 2, "Admin", trusts=False)
+        ledger("other", 2, "User2", trusts=False)
         yield organisations
 
 
@@ -119,7 +119,7 @@ def refusal(tmp_path: pathlib.Path, file: pathlib.Path, code: int) -> str:
     return printed(tmp_path)
 
 
-def test_what_is_wrong_in_the_file_is_told_with_its_place(tmp_path):
+def test_what_is_wrong_in_the_file_is_reported_with_its_place(tmp_path):
     wrong = deployment(tmp_path, POSES + SAFE + "hieght_m = 2\n")
     assert "real.toml:9: fence.hieght_m: unknown key" in refusal(tmp_path, wrong, 2)
     assert "real drones are not flown without a fence" in refusal(tmp_path, deployment(tmp_path, POSES), 2)

@@ -1,4 +1,4 @@
-"""One thing broken at a time, and mended: each is a context."""
+"""One thing broken at a time, and repaired: each is a context."""
 import contextlib
 import dataclasses
 import pathlib
@@ -91,19 +91,19 @@ def said_on_ledger(commands: str, back: str):
 
 @contextlib.contextmanager
 def taken(machines: Machines, family: str, address: str, seen: str):
-    """A stranger on raven has that datagram socket; `seen`: a command that ends with 0 once he has."""
+    """An outsider on raven has that datagram socket; `seen`: a command that ends with 0 once he has."""
     code = f"import socket, time; s = socket.socket(socket.{family}, socket.SOCK_DGRAM); s.bind({address}); time.sleep(60)"
-    stranger = machines.spaces["raven"].popen("python3", "-c", code)
+    outsider = machines.spaces["raven"].popen("python3", "-c", code)
     try:
         machines.run("raven", f"until {seen}; do sleep 0.1; done")
         yield
     finally:
-        stranger.kill()
-        stranger.wait()
+        outsider.kill()
+        outsider.wait()
 
 
 @contextlib.contextmanager
-def stranger_as_roudi(machines: Machines):
+def outsider_as_roudi(machines: Machines):
     try:
         with taken(machines, "AF_UNIX", "'/tmp/roudi'", "test -S /tmp/roudi"):
             yield
@@ -151,7 +151,7 @@ def small_memory(_: Machines):
 
 
 def served(*words: str, certificate_days: int = 10):
-    """A stranger's server at raven's port 7059, of the ledger's TLS authority."""
+    """An outsider's server at raven's port 7059, of the ledger's TLS authority."""
     @contextlib.contextmanager
     def broken(machines: Machines):
         org1, folder = machines.root / ORG1, machines.root
@@ -211,7 +211,7 @@ ALL = [
         "ledgerline control --config org2/admin.toml revoke --msp Org2MSP --cert desk.pem",
         "ledgerline control --config org2/admin.toml enroll --msp Org2MSP --cert desk.pem --role operator")),
     Breakage("roudi_left", "raven", left_by_roudi),
-    Breakage("roudi_foreign", "raven", stranger_as_roudi),
+    Breakage("roudi_foreign", "raven", outsider_as_roudi),
     Breakage("shm_small", "raven", small_memory),
     Breakage("interface_missing", "raven", edited("raven", "link.toml", INTERFACED, INTERFACE.format("wlan9"))),
     Breakage("interface_missing", "raven", edited("raven", "agent.toml", "local_only = true", 'interfaces = ["wlan9"]')),

@@ -66,7 +66,7 @@ def of_another_user(path: pathlib.Path, _: Machines) -> None:
     os.chown(path, 65534, 65534)
 
 
-def of_a_strangers_authority(path: pathlib.Path, machines: Machines) -> None:
+def of_a_outsiders_authority(path: pathlib.Path, machines: Machines) -> None:
     run = lambda *command: subprocess.run(command, check=True, capture_output=True, cwd=machines.root)
     run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", "o.key", "-out",
         "o.pem", "-days", "9", "-subj", "/CN=ca.org1.ledgerline")
@@ -162,19 +162,19 @@ def on_loopback_alone(machines: Machines):
         machines.running.pop()
 
     start("127.0.0.1")
-    machines.mend_node = lambda: start("10.77.0.2")
+    machines.repair_node = lambda: start("10.77.0.2")
     try:
         yield
     finally:
-        if machines.mend_node:
-            machines.mend_node()
+        if machines.repair_node:
+            machines.repair_node()
 
 
 def listen_at_its_address(machines: Machines, says: str) -> None:
     assert "at 127.0.0.1 only its own host reaches it" in says
     assert re.search(r"127\.0\.0\.1\]?:7051", machines.run("tower", "ss -ltn"))
-    machines.mend_node()
-    machines.mend_node = None
+    machines.repair_node()
+    machines.repair_node = None
 
 
 def enroll_a_user(machines: Machines, number: int) -> None:
@@ -235,7 +235,7 @@ ALL = [
     Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
     Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
     Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),
-    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_a_strangers_authority), sign_anew, "tower_set_up_anew"),
+    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_a_outsiders_authority), sign_anew, "tower_set_up_anew"),
 ]
 
 

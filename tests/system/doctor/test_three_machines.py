@@ -65,10 +65,10 @@ def test_what_programs_take_is_no_fault(machines, well):
         assert not [each for each in found.values() if each["verdict"] == "broken"], found
 
 
-def test_a_clock_that_goes_wrong_is_told_by_the_blocks(machines):
+def test_a_clock_that_goes_wrong_is_reported_by_the_blocks(machines):
     if not LONG:
         pytest.skip("with LEDGERLINE_LONG=1")
-    time.sleep(6)  # the certificates are older than the clock is wrong: else they are what is told
+    time.sleep(6)  # the certificates are older than the clock is wrong: else they are what is reported
     field.enroll_a_user(machines, 1)
     found = machines.doctor("raven", user="env FAKETIME_DONT_FAKE_MONOTONIC=1 faketime -f -5s ")
     assert "clock_behind" in found and "by NTP" in found["clock_behind"]["cure"], found

@@ -125,7 +125,7 @@ class Machines:
 
     def doctor(self, host: str, *words: str, user: str = "") -> dict:
         """`user`: a command that makes it another's."""
-        done = subprocess.run(self.on(host, " ".join([user + "ledgerline doctor --json --patience 5", *words])),
+        done = subprocess.run(self.on(host, " ".join([user + "ledgerline doctor --json --timeout 5", *words])),
                               cwd=self.root / host / "home", capture_output=True, text=True, timeout=STEP_S)
         return findings.of_doctor(done)
 

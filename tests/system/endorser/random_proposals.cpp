@@ -38,7 +38,7 @@ struct Tally {
   int left_to_the_peer = 0;                  ///< the peer answers, and the endorser says that only it can
 };
 
-struct Told {
+struct Report {
   std::map<Kind, Tally> of;
   std::map<std::string, int> same, left;
   std::map<std::string, std::string> words;  ///< of proposals that both leave unanswered, the first pair of each kind
@@ -118,15 +118,16 @@ std::string reason_in(const std::string& words) {
 
 class Asking {
  public:
-  Asking(fabric::PeerQuestions& own, fabric::PeerQuestions& peer, Told& told) : own_(own), peer_(peer), told_(told) {}
+  Asking(fabric::PeerQuestions& own, fabric::PeerQuestions& peer, Report& reported)
+      : own_(own), peer_(peer), reported_(reported) {}
 
   /// Until both have taken the same blocks.
   void ask(const std::string& proposal, Kind kind, const std::string& function) {
-    Tally& tally = told_.of[kind];
+    Tally& tally = reported_.of[kind];
     ++tally.asked;
     for (int tried = 0; tried < 200; ++tried) {
       if (tried > 0) {
-        ++told_.other_state;
+        ++reported_.other_state;
         std::this_thread::sleep_for(std::chrono::milliseconds(5));
       }
       const auto mine = own_.propose(proposal), theirs = peer_.propose(proposal);
@@ -142,7 +143,7 @@ class Asking {
         protos::ProposalResponse response;
         response.ParseFromString(*mine);
         ++(response.has_endorsement() ? tally.endorsed : tally.refused);
-        ++told_.same[function];
+        ++reported_.same[function];
       }
       return;
     }
@@ -153,24 +154,24 @@ class Asking {
   using Answer = Result<std::string>;
 
   endorser::Comparison unanswered(const Answer& mine, const Answer& theirs, Kind kind, const std::string& function) {
-    Tally& tally = told_.of[kind];
+    Tally& tally = reported_.of[kind];
     if (mine) return endorser::Comparison::differ;
     if (theirs) {
       if (mine.error().what.find("a peer answers that") == std::string::npos) return endorser::Comparison::differ;
       ++tally.left_to_the_peer;
-      ++told_.left[function];
+      ++reported_.left[function];
       return endorser::Comparison::same;
     }
     ++tally.unanswered;
-    told_.words.try_emplace(endorser::name_of(kind),
-                            mine.error().what.substr(0, 200) + " | " + theirs.error().what.substr(0, 200));
+    reported_.words.try_emplace(endorser::name_of(kind),
+                                mine.error().what.substr(0, 200) + " | " + theirs.error().what.substr(0, 200));
     return reason_in(mine.error().what) == reason_in(theirs.error().what) ? endorser::Comparison::same
                                                                           : endorser::Comparison::differ;
   }
 
   void differ(const std::string& function, const Answer& mine, const Answer& theirs) {
-    ++told_.differ;
-    if (!told_.first_difference.empty()) return;
+    ++reported_.differ;
+    if (!reported_.first_difference.empty()) return;
     const auto words = [](const Answer& answer) {
       protos::ProposalResponse response;
       if (!answer) return answer.error().what;
@@ -178,11 +179,11 @@ class Asking {
       return std::to_string(response.response().status()) + " " + response.response().message() + "\n" +
              crypto::hex(response.payload());
     };
-    told_.first_difference = function + "\n" + words(mine) + "\n" + words(theirs);
+    reported_.first_difference = function + "\n" + words(mine) + "\n" + words(theirs);
   }
 
   fabric::PeerQuestions &own_, &peer_;
-  Told& told_;
+  Report& reported_;
 };
 
 /// One whose certificate of the organisation has ended.
@@ -246,8 +247,8 @@ int main(int argc, char** argv) {
   UsedIds used(*people.front().client, identities);
   while (used.count() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
   endorser::Calls calls(seed, names);
-  Told told;
-  Asking asking(*own, *peer, told);
+  Report reported;
+  Asking asking(*own, *peer, reported);
   for (int i = 0; i < count; ++i) {
     // Random calls have revoked and evicted people, and deleted what there was.
     if (i % 50 == 49) (void)submit(people, endorser::usual_calls(names));
@@ -290,18 +291,18 @@ int main(int argc, char** argv) {
     asking.ask(proposal->signed_proposal, kind, call.function);
     if (calls.pick(4) != 0 || !can_be_good || call.function == "get" || call.function == "verify") continue;
     const fabric::Outcome outcome = people[caller].client->submit_and_wait(call);
-    if (outcome.kind == fabric::Outcome::Kind::committed) ++told.committed;
-    if (outcome.kind == fabric::Outcome::Kind::invalidated) ++told.invalid;
+    if (outcome.kind == fabric::Outcome::Kind::committed) ++reported.committed;
+    if (outcome.kind == fabric::Outcome::Kind::invalidated) ++reported.invalid;
   }
-  std::printf("%s\n", nlohmann::json{{"kinds", as_json(told.of)},
-                                     {"same", told.same},
-                                     {"left_to_the_peer", told.left},
-                                     {"words", told.words},
-                                     {"other_state", told.other_state},
-                                     {"differ", told.differ},
-                                     {"committed", told.committed},
-                                     {"invalid", told.invalid},
-                                     {"first_difference", told.first_difference}}
+  std::printf("%s\n", nlohmann::json{{"kinds", as_json(reported.of)},
+                                     {"same", reported.same},
+                                     {"left_to_the_peer", reported.left},
+                                     {"words", reported.words},
+                                     {"other_state", reported.other_state},
+                                     {"differ", reported.differ},
+                                     {"committed", reported.committed},
+                                     {"invalid", reported.invalid},
+                                     {"first_difference", reported.first_difference}}
                           .dump(-1, ' ', false, nlohmann::json::error_handler_t::replace)
                           .c_str());
   return 0;

@@ -4,7 +4,7 @@ import pathlib
 import subprocess
 
 from endorsers import Endorser
-from fabric import BIN, PATIENCE_S
+from fabric import BIN, TIMEOUT_S
 from ledgers import tables
 
 
@@ -25,6 +25,6 @@ def ask_random_proposals(ledger, directory: pathlib.Path, endorser: Endorser, co
     ca = ledger.organisation(1) / "ca"
     done = subprocess.run([BIN / "test_random_proposals", *configs, "--endorser", endorser.endpoint, "--tls-ca", ledger.ca_file(1),
                            "--ca-key", ca / "priv_sk", "--ca-certificate", ca / "ca.org1.ledgerline-cert.pem",
-                           "--count", str(count), *options], capture_output=True, text=True, timeout=PATIENCE_S * 40)
+                           "--count", str(count), *options], capture_output=True, text=True, timeout=TIMEOUT_S * 40)
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)

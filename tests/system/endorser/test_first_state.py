@@ -8,7 +8,7 @@ import time
 
 import pytest
 from endorsers import Endorser, write_config
-from fabric import BIN, PATIENCE_S, Peer
+from fabric import BIN, TIMEOUT_S, Peer
 from random_proposals import ask_random_proposals
 
 pytestmark = pytest.mark.skipif(os.environ.get("LEDGERLINE_LONG") != "1", reason="LEDGERLINE_LONG=1 runs it")
@@ -30,7 +30,7 @@ def make_snapshot(network, organisation: int, number: int) -> pathlib.Path:
                      network.ca_file(organisation))
     assert asked.returncode == 0, asked.stderr
     folder = network.directory / f"peer{organisation}" / "snapshots" / "completed" / "teleop" / str(number)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not folder.exists():
         assert time.monotonic() < deadline, "the peer makes no snapshot"
         time.sleep(0.1)
@@ -43,7 +43,7 @@ def hash_of(snapshot: pathlib.Path) -> str:
 
 def refused(network, directory: pathlib.Path, start: str) -> str:
     done = subprocess.run([BIN / "ledgerline-endorser", write_config(network, directory, f"[start]\n{start}")], capture_output=True,
-                          text=True, timeout=PATIENCE_S)
+                          text=True, timeout=TIMEOUT_S)
     assert done.returncode == 2 and not done.stdout, done.stdout + done.stderr
     return done.stderr
 
@@ -54,7 +54,7 @@ def test_behind_a_peers_snapshot_random_proposals_are_answered_byte_for_byte_as_
     ask_random_proposals(network, tmp_path, whole, COUNT)
     whole.stop()
     last = newest_block(network, 1)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while newest_block(network, 2) < last:
         assert time.monotonic() < deadline
     snapshot, second = make_snapshot(network, 1, last), make_snapshot(network, 2, last)

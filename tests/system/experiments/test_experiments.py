@@ -65,7 +65,7 @@ def test_what_cannot_be_measured_is_no_success(tmp_path):
 
 
 def test_an_interrupt_lets_the_flight_land_first(tmp_path):
-    """The flight is a script that only looks like fly: it notes what it is told."""
+    """The flight is a script that only looks like fly: it notes its arguments."""
     programs, out = tmp_path / "bin", tmp_path / "out"
     programs.mkdir()
     (programs / "ledgerline-fly").write_text(f"#!/bin/sh\ntrap 'sleep 0.5; echo landed > {tmp_path}/landed; exit 1' INT\n"

@@ -59,8 +59,8 @@ def test_the_top_speed_is_that_of_the_last_good_lap_and_what_ended_the_ramp_is_s
     assert verdicts.ramp_figures(laps, asked, True, 2.0) == (good | {"failed_at_mps": 1.5}, "failed at 1.5 m/s")
     assert verdicts.ramp_figures(laps[:2], asked, False, 2.0) == (good | {"failed_at_mps": 1.5}, "failed at 1.5 m/s"), \
         "the third lap was begun and never finished"
-    for told, why in ((1.0, "the drone can be told no more than 1 m/s"), (2.0, "the ramp ended there")):
-        assert verdicts.ramp_figures(laps[:2], asked[:2], True, told) == (
+    for reported, why in ((1.0, "the drone cannot be commanded faster than 1 m/s"), (2.0, "the ramp ended there")):
+        assert verdicts.ramp_figures(laps[:2], asked[:2], True, reported) == (
             good | {"unfailed_to_mps": 1.0}, f"nothing failed up to 1 m/s: {why}")
     assert verdicts.ramp_figures([], asked, False, 2.0)[0] == {
         "top_speed_mps": 0, "top_lap_mps": 0, "top_peak_mps": 0, "failed_at_mps": 0.5}
@@ -308,13 +308,13 @@ FLOWN_NOT = '{"ok": false, "why": "it never took off", "drones": [{"id": "tello1
 JSON_OF_FLY = 'while [ "$1" != --json ]; do shift; done; '
 
 
-@pytest.mark.parametrize("program, patience_s, why", [
+@pytest.mark.parametrize("program, timeout_s, why", [
     (JSON_OF_FLY + f"echo '{FLOWN_NOT}' > $2; exit 1", 30, "it never took off"),
     ("echo a word >&2; kill -SEGV $$", 30, "ended with -11: a word"),
     (JSON_OF_FLY + "exit 3", 30, "ended with 3"),
     ("exec sleep 60", 1, "did not end in time")])
-def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch, program, patience_s, why):
-    monkeypatch.setattr(runs, "PATIENCE_S", patience_s)
+def test_a_flight_that_does_not_get_onto_its_path_has_failed(place, monkeypatch, program, timeout_s, why):
+    monkeypatch.setattr(runs, "TIMEOUT_S", timeout_s)
     scripted(place, "fly", program)
     found = runs.flight(config.Case("c", {"ramp": "0.5:0.5", "laps": 2}), place, 1)
     assert found["figures"] == {"finished": 0.0, "fails": 1.0, "top_speed_mps": 0.0, "top_lap_mps": 0.0, "top_peak_mps": 0.0,

@@ -9,7 +9,7 @@ import subprocess
 import time
 
 import pytest
-from fabric import BIN, PATIENCE_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
+from fabric import BIN, TIMEOUT_S, Network, leader_in, needs_fabric, organisation_dir, processes_in
 from flights import holds, without_commands
 from netns import die_with_parent
 from trace_file import records
@@ -34,7 +34,7 @@ def kill(directory: pathlib.Path, name: str) -> dict:
 
 
 def wait_until_back(directory: pathlib.Path, name: str, before: dict) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while (now := processes_in(directory)[name])["restarts"] == before["restarts"] or now["pid"] == 0:
         assert time.monotonic() < deadline, f"{name} does not come back"
         time.sleep(0.05)
@@ -68,7 +68,7 @@ class Load:
 
     def wait_for_traffic(self, transactions: int) -> dict:
         """Until so many transactions that were sent after the mark are committed."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while (seen := self.ask("watch"))["committed"] < transactions:
             assert time.monotonic() < deadline, f"no traffic: {seen}"
             time.sleep(0.05)
@@ -115,14 +115,14 @@ def test_a_flight_goes_on_when_a_part_is_killed_in_mid_lap(tmp_path, kind):
     out, run = tmp_path / "fly.out", tmp_path / "run"
     flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", run, "--json", tmp_path / "result.json", "--ledger", "fabric",
                                "--orderers", "3", "--laps", "2"], stdout=open(out, "wb"), stderr=subprocess.STDOUT)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not re.search(r"tello1\b.*\bpath [1-9]\d %, lap 1", out.read_text()):
         assert flight.poll() is None and time.monotonic() < deadline, out.read_text()
         time.sleep(0.1)
     name = victim(run / "ledger", kind)
     killed_ns = time.monotonic_ns()
     kill(run / "ledger", name)
-    assert flight.wait(PATIENCE_S) == 0, out.read_text()
+    assert flight.wait(TIMEOUT_S) == 0, out.read_text()
     result = json.loads((tmp_path / "result.json").read_text())
     drone = result["drones"][0]
     trace = records(run / "link.trace")

@@ -25,7 +25,7 @@ namespace {
 using namespace ledgerline;
 using nlohmann::json;
 
-/// A stranger's stream: opened, and nothing is said in it. Opened again when it ends, a moment later.
+/// An outsider's stream: opened, and nothing is said in it. Opened again when it ends, a moment later.
 class SilentStream final : public grpc::ClientBidiReactor<grpc::ByteBuffer, grpc::ByteBuffer> {
  public:
   SilentStream(const std::shared_ptr<grpc::Channel>& channel, std::atomic<std::uint64_t>& ended) : ended_(ended) {
@@ -147,9 +147,9 @@ int main(int argc, char** argv) {
   auto config = loaded ? fabric::ledger_config(*loaded) : Result<fabric::ClientConfig>(loaded.error());
   if (!config) return std::fprintf(stderr, "%s\n", config.error().what.c_str()), 2;
   const TimeNs end_ns = monotonic_ns() + from_seconds(seconds);
-  const json told = what == "silent"    ? silent(*config, end_ns)
-                    : what == "garbage" ? garbage(*config, end_ns)
-                    : what == "values"  ? values(*config, end_ns)
-                                        : burn(end_ns);
-  std::puts(told.dump().c_str());
+  const json reported = what == "silent"    ? silent(*config, end_ns)
+                        : what == "garbage" ? garbage(*config, end_ns)
+                        : what == "values"  ? values(*config, end_ns)
+                                            : burn(end_ns);
+  std::puts(reported.dump().c_str());
 }

@@ -146,7 +146,7 @@ int main(int argc, char** argv) {
   } else {
     enroll(file, config.identity.name.msp_id, identities, counts);
   }
-  const nlohmann::json told{
+  const nlohmann::json reported{
       {"sent", counts.sent.load()}, {"answered", counts.answered.load()}, {"refused", counts.refused.load()}};
-  std::puts(told.dump().c_str());
+  std::puts(reported.dump().c_str());
 }

@@ -1,5 +1,5 @@
 """Floods ground's page for so long; what it did is a line of JSON at the end. `streams`: 70 at once with the page's
-token, from ten addresses, and whoever is refused tries again. `connections`: 1,000 a second of a stranger 50 ms away:
+token, from ten addresses, and whoever is refused tries again. `connections`: 1,000 a second of an outsider 50 ms away:
 every other one asks for something, or begins a handshake where the page has TLS, and the rest for nothing. `bodies`: 30
 at once of 64 kB with the page's token, half of them slow."""
 import argparse

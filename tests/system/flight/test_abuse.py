@@ -1,4 +1,4 @@
-"""Four drones fly on while a stranger or a member abuses the embedded ledger with a third of a core; beside it the same CPU
+"""Four drones fly on while an outsider or a member abuses the embedded ledger with a third of a core; beside it the same CPU
 is burnt for nothing, which tells the ledger's part from the machine's."""
 import json
 import os

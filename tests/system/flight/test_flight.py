@@ -57,7 +57,7 @@ def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
         assert len(order) == drone["commands"]["applied"]
         assert all(a < b for a, b in zip(order, order[1:])), "applied out of order"
     agent = json.loads((tmp_path / "run" / "agent.summary.json").read_text())
-    assert agent["doubts"] == 0, (agent["doubts_by_kind"], printed(tmp_path))
+    assert agent["integrity_violations"] == 0, (agent["integrity_violations_by_kind"], printed(tmp_path))
     assert report["ledger"]["kind"] == ledger and report["ledger"]["blocks"] > 100
     assert report["messages_per_s"] > 30 and report["transactions_per_s"] > 10
     pages = list((tmp_path / "run").glob("*.html"))
@@ -70,7 +70,7 @@ FLYING = 3  # FlightPhase
 
 
 def taken_over(out: pathlib.Path, drones: range, commits_ns: list[int]) -> list[str]:
-    """When between these commits the failsafe took over one of them while it flew, and why. Not told are moments when the
+    """When between these commits the failsafe took over one of them while it flew, and why. Not reported are moments when the
     whole ledger stood still, as the commits themselves witness: ten a second, none for 0.35 s (a stalled disk or machine)."""
     gaps = [(a, b) for a, b in zip(commits_ns, commits_ns[1:]) if b - a > 350_000_000]
     assert sum(b - a for a, b in gaps) < (commits_ns[-1] - commits_ns[0]) / 4, "a ledger that stands still shows nothing"

@@ -18,7 +18,7 @@ from flights import (BIN, FLYING, NONE, as_user, assert_nothing_left, enroll_ope
 from page_flood import AWAY_S
 from station import Station, take_off
 from test_operators import Signed, holder, sign_in
-from test_tls import SecureStation, begin_anew, make
+from test_tls import SecureStation, restart, make
 from trace_file import TraceKind, records
 from websockets.sync.client import ClientConnection
 
@@ -118,9 +118,9 @@ class Page:
 def gauge_ledger(config: pathlib.Path, seconds: float) -> list[float]:
     command = [BIN / "test_stop_gauge", "--config", config, "--drone", OF_THE_LEDGER, "--seconds", str(seconds)]
     done = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, timeout=seconds + 60)
-    told = json.loads(done.stdout)
-    assert told["failed"] == 0
-    return [stop["ms"] for stop in told["stops"]]
+    reported = json.loads(done.stdout)
+    assert reported["failed"] == 0
+    return [stop["ms"] for stop in reported["stops"]]
 
 
 class Window:
@@ -149,7 +149,7 @@ def with_tls(out: pathlib.Path, station: Station) -> SecureStation:
     made = make(out / "made", "IP:127.0.0.1")
     listen = f'listen = "{station.place}"\n'
     table = f'{listen}tls_certificate = "{made}/page.pem"\ntls_key = "{made}/page.key"\n'
-    begin_anew(out, lambda text: text.replace(listen, table))
+    restart(out, lambda text: text.replace(listen, table))
     return SecureStation(out, made)
 
 

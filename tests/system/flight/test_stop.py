@@ -36,26 +36,26 @@ def test_each_stop_lands_its_drone_while_the_holder_fights(tmp_path, ledger):
     drones = [word for drone in DRONES for word in ("--drone", drone)]
     done = subprocess.run([BIN / "test_stop_times", *who, *drones, "--holder", run / "operator.toml", "--gap", "0.5"],
                           stdout=subprocess.PIPE, text=True, check=True, timeout=90)
-    told = json.loads(done.stdout)
+    reported = json.loads(done.stdout)
     assert flight.wait(120) == 1, printed(tmp_path)
     assert result(tmp_path)["why"].count("stopped by") == len(DRONES), result(tmp_path)["why"]
-    assert all(stop["attempts"] for stop in told["stops"]) and told["fought"] > 0, told
+    assert all(stop["attempts"] for stop in reported["stops"]) and reported["fought"] > 0, reported
     modes = [r for r in records(run / "link.trace") if r.kind == TraceKind.MODE and r.extra == LAND]
     lands_ms = []
-    for stop in told["stops"]:
+    for stop in reported["stops"]:
         number = int(stop["drone"].removeprefix("tello"))
         landing = [r.t_ns for r in modes if r.drone == number and r.t_ns > stop["submitted_ns"]]
         assert landing, f"{stop['drone']} was not landed by its stop"
         lands_ms.append((landing[0] - stop["submitted_ns"]) / 1e6)
-    first, last = told["stops"][0]["submitted_ns"], told["stops"][-1]["submitted_ns"]
+    first, last = reported["stops"][0]["submitted_ns"], reported["stops"][-1]["submitted_ns"]
     commands = [r for r in records(run / "agent.trace") if r.kind == TraceKind.COMMAND_VERIFIED]
     two_way_ms = lambda of: [(r.t_ns - r.stamp_ns) / 1e6 for r in of]
     figures = {"flight": two_way_ms(commands), "before": two_way_ms(r for r in commands if r.t_ns < first),
                "meanwhile": two_way_ms(r for r in commands if first <= r.t_ns <= last)}
     print(json.dumps({"ledger": ledger, "lands_ms": [round(ms, 1) for ms in lands_ms],
-                      "attempts": [stop["attempts"] for stop in told["stops"]], "fought": told["fought"],
+                      "attempts": [stop["attempts"] for stop in reported["stops"]], "fought": reported["fought"],
                       "two_way_ms": {when: {"median": round(quantile(ms, 0.5), 1), "p99": round(quantile(ms, 0.99), 1)}
                                      for when, ms in figures.items()}}))
     agent = json.loads((run / "agent.summary.json").read_text())
-    assert agent["doubts"] == 0, (agent["doubts_by_kind"], "a fight over drones among honest peers is no reason to doubt them")
+    assert agent["integrity_violations"] == 0, (agent["integrity_violations_by_kind"], "a fight over drones among honest peers is no reason to distrust them")
     assert_nothing_left()

@@ -24,7 +24,7 @@ using namespace ledgerline::fabric;
 namespace {
 
 constexpr auto library = crypto::Library::libcrypto;
-constexpr TimeNs patience_ns = 60 * ns_per_s;
+constexpr TimeNs timeout_ns = 60 * ns_per_s;
 
 [[noreturn]] void fail(const std::string& what) {
   std::fprintf(stderr, "%s\n", what.c_str());
@@ -183,7 +183,7 @@ class Broadcast {
 
 /// Until that many were seen in blocks.
 void wait_for(Beside& beside, std::uint64_t ordered) {
-  const TimeNs end_ns = monotonic_ns() + patience_ns;
+  const TimeNs end_ns = monotonic_ns() + timeout_ns;
   while (!beside.has_all(ordered)) {
     if (monotonic_ns() > end_ns) fail("not all were seen in blocks: " + beside.report().dump());
     std::this_thread::sleep_for(std::chrono::milliseconds(2));

@@ -3,7 +3,7 @@ import json
 import os
 import subprocess
 
-from fabric import BIN, PATIENCE_S, needs_fabric
+from fabric import BIN, TIMEOUT_S, needs_fabric
 from ledgers import CUTTING, Fabric
 
 COUNT = 10_000 if os.environ.get("LEDGERLINE_LONG") == "1" else 600
@@ -25,7 +25,7 @@ msp_dir = "{ledger.msp_dir(1, "User1")}"
         orderer, orderer_ca = ledger.orderer()
         done = subprocess.run([BIN / "test_judge_campaign", "--config", config, "--crypto", ledger.directory / "crypto",
                                "--orderer", orderer, "--orderer-ca", orderer_ca, "--count", str(COUNT)],
-                              capture_output=True, text=True, timeout=PATIENCE_S * 10)
+                              capture_output=True, text=True, timeout=TIMEOUT_S * 10)
         peer_log = (ledger.directory / "logs" / "peer1.log").read_text()
         assert done.returncode == 0, done.stderr + peer_log[-3000:]
     finally:

@@ -18,7 +18,7 @@ from programs import ask, user_msp
 from trace_file import TraceKind, records
 
 LAPS = 4  # the move, and what is looked at behind it, take less
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 FLOWN, GROUNDED, LIFTED, STOPPED_LATER, STOPPED_MEANWHILE = ("tello1", "tello2"), "tello3", "tello1", "tello4", "tello5"
 
 
@@ -44,7 +44,7 @@ def programs_of_before(home: pathlib.Path, before: Before) -> pathlib.Path:
 
 
 def upgrade(program: pathlib.Path, ledger: pathlib.Path) -> subprocess.CompletedProcess:
-    return subprocess.run([program, "upgrade", "--dir", ledger, "--tools", FABRIC], capture_output=True, text=True, timeout=PATIENCE_S)
+    return subprocess.run([program, "upgrade", "--dir", ledger, "--tools", FABRIC], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 class Stops(threading.Thread):
@@ -66,14 +66,14 @@ class Stops(threading.Thread):
         while not self.ending.is_set():
             begun = time.monotonic()
             said = subprocess.run([BIN / "ledgerline-control", "--config", self.config, "stop", STOPPED_MEANWHILE], capture_output=True,
-                                  text=True, timeout=PATIENCE_S)
+                                  text=True, timeout=TIMEOUT_S)
             self.took.append(time.monotonic() - begun)
             if said.returncode != 0:
                 self.refused.append(said.stderr)
 
 
 def wait_for_paths(out: pathlib.Path, flight: subprocess.Popen) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while not all(re.search(rf"{drone}\b.*?\bpath [1-9]\d %", printed(out)) for drone in FLOWN):
         assert flight.poll() is None and time.monotonic() < deadline, printed(out)
         time.sleep(0.1)
@@ -184,7 +184,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     height = who.height()
     flags = chain(who, height)
 
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     report = result(tmp_path)
     assert report["ok"] and all(len(drone["lap_s"]) == LAPS for drone in report["drones"])
     trace = records(tmp_path / "run" / "link.trace")

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 
 from before import Before
-from fabric import BIN, FABRIC, PATIENCE_S, Network, Peer, fabric, needs_fabric
+from fabric import BIN, FABRIC, TIMEOUT_S, Network, Peer, fabric, needs_fabric
 from official import ENDORSEMENT_POLICY_FAILURE, VALID, encode
 from three_hosts import HOSTS, make_hosts, network_config
 
@@ -62,7 +62,7 @@ def test_three_hosts_bring_their_parts_one_after_the_other(tmp_path):
         upgrades = [subprocess.Popen(spaces[k].command(before[k].fabric, "upgrade", "--dir", networks[k].directory, "--tools", FABRIC),
                                      stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True) for k in (2, 1, 0)]
         for upgrade in upgrades:
-            said, _ = upgrade.communicate(timeout=PATIENCE_S)
+            said, _ = upgrade.communicate(timeout=TIMEOUT_S)
             assert upgrade.returncode == 0, said
         assert [definition(admin)["sequence"] for admin in admins] == [2, 2, 2]
         for k, (space, network, ready) in enumerate(zip(spaces, networks, readies), 1):

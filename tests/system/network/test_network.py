@@ -12,7 +12,7 @@ import tarfile
 import time
 
 import pytest
-from fabric import BIN, FABRIC, PATIENCE_S, Network, Peer, fabric, leader_in, needs_fabric, processes_in
+from fabric import BIN, FABRIC, TIMEOUT_S, Network, Peer, fabric, leader_in, needs_fabric, processes_in
 
 ROOT = pathlib.Path(__file__).parents[3]
 
@@ -130,7 +130,7 @@ def test_what_is_killed_is_back_by_itself(tmp_path):
     victims = ("chaincode1", "peer1", "orderer1")
     for name in victims:
         os.kill(before[name]["pid"], signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while any((now := processes_in(net.directory))[name]["restarts"] == 0 or now[name]["pid"] == 0 for name in victims):
         assert time.monotonic() < deadline, now
         time.sleep(0.1)
@@ -233,7 +233,7 @@ def test_killing_it_leaves_no_process(tmp_path):
     net = Network(tmp_path / "net").wait_ready()
     net.process.kill()
     net.process.wait()
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while living(net.directory):
         assert time.monotonic() < deadline, living(net.directory)
         time.sleep(0.1)

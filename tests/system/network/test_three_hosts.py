@@ -77,7 +77,7 @@ def test_identities_without_places_are_refused(tmp_path):
     assert not (tmp_path / "net").exists()
 
 
-def test_a_host_without_the_common_identities_is_told_so(tmp_path):
+def test_a_host_without_the_common_identities_is_reported_so(tmp_path):
     config = tmp_path / "net.toml"
     config.write_text("".join(f'[[{table}]]\nhost = "127.0.0.1"\nport = {port + 10 * k}\n'
                               for table, port in (("organisation", 7051), ("orderer", 7151)) for k in (1, 2, 3)))

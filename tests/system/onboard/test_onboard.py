@@ -1,4 +1,4 @@
-"""What goes to a companion computer: what its programs need, what systemd is told of them, and they themselves, cross-built."""
+"""What goes to a companion computer: what its programs need, what systemd is reported of them, and they themselves, cross-built."""
 import contextlib
 import ctypes
 import json
@@ -95,7 +95,7 @@ def hear_of_a_flight(manager: Manager) -> None:
         assert [message for p, message in heard if p == program].index("READY=1") == 0, "ready before it is watched"
 
     with standing_still(loop_of_link()):
-        manager.listen(0.7)  # what the loop did before, of which is told every half second
+        manager.listen(0.7)  # what the loop did before, of which is reported every half second
         heard = manager.listen(2)
         assert watched[0] not in heard, "link's other thread spoke for a loop that stands still"
         assert watched[1] in heard
@@ -116,8 +116,8 @@ def test_systemd_hears_of_programs_that_are_ready_and_live_and_of_no_loop_that_s
 
 def own_file(program: pathlib.Path, place: str) -> str:
     """Of the function that a call is made from, whatever was inlined into it. `place` is where it returns to."""
-    told = subprocess.run(["addr2line", "-i", "-e", program, hex(int(place, 16) - 1)], capture_output=True, text=True, check=True).stdout
-    return os.path.basename(told.splitlines()[-1].split(":")[0])
+    reported = subprocess.run(["addr2line", "-i", "-e", program, hex(int(place, 16) - 1)], capture_output=True, text=True, check=True).stdout
+    return os.path.basename(reported.splitlines()[-1].split(":")[0])
 
 
 def test_the_main_loop_of_agent_takes_no_lock_but_those_that_the_page_lists(tmp_path):

@@ -9,11 +9,11 @@ ROOT = pathlib.Path(__file__).resolve().parents[3]
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 EXAMPLES = ROOT / "hil/fault/own/examples"
 SCENARIOS = ROOT / "hil/scenarios/own"
-PATIENCE_S = 300  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 300  # not a limit on speed: only how long a broken test may take
 
 
 def run(scenario: pathlib.Path, *options) -> subprocess.CompletedProcess:
-    done = subprocess.run([BIN / "ledgerline-fault", "run", scenario, *options], capture_output=True, text=True, timeout=PATIENCE_S)
+    done = subprocess.run([BIN / "ledgerline-fault", "run", scenario, *options], capture_output=True, text=True, timeout=TIMEOUT_S)
     print(done.stdout, done.stderr, flush=True)
     return done
 

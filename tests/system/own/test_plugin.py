@@ -7,7 +7,7 @@ from own_code import BIN, SCENARIOS, broken, run
 CONTROLLERS = BIN.parent / "controllers"
 
 
-def test_planted_it_is_caught_and_mended_it_passes(tmp_path):
+def test_planted_it_is_caught_and_repaired_it_passes(tmp_path):
     for name, code in (("example_controller", 0), ("planted_controller", 1)):
         done = run(SCENARIOS / "plugin-slow-ledger.toml", "--controller", CONTROLLERS / f"{name}.so", "--seeds", "1..10", "--jobs", "2",
                    "--junit", tmp_path / f"{name}.xml")

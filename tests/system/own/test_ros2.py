@@ -10,7 +10,7 @@ def test_a_controller_that_leaves_the_gap_out_passes(tmp_path):
 
 
 def test_one_that_integrates_across_the_gap_is_caught(tmp_path):
-    program = planted(tmp_path, "ros2_square.py", "        dt_s = min(dt_s, LONGEST_STEP_S)\n", "")
+    program = planted(tmp_path, "ros2_square.py", "        dt_s = min(dt_s, MAX_STEP_S)\n", "")
     (tmp_path / "ros2_messages.py").symlink_to(EXAMPLES / "ros2_messages.py")
     code, flown = fly(tmp_path, "ros2-gap", program, "--shim")
     assert code == 1

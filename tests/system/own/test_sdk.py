@@ -15,7 +15,7 @@ def test_a_script_that_asks_again_passes(tmp_path):
 
 
 def test_one_that_ignores_an_error_is_caught(tmp_path):
-    program = planted(tmp_path, "sdk_square.py", "            if time.monotonic() > begin + PATIENCE_S:\n                raise\n", "            return\n")
+    program = planted(tmp_path, "sdk_square.py", "            if time.monotonic() > begin + TIMEOUT_S:\n                raise\n", "            return\n")
     code, flown = fly(tmp_path, "sdk-client-errors", program)
     assert code == 1
     assert "corners within 0.5 m" in broken(flown)

@@ -7,7 +7,7 @@ import { join } from 'node:path';
 export const SIZES = { desktop: { width: 1280, height: 800 }, phone: { width: 390, height: 844 } };
 const THEMES = ['light', 'dark'];
 const CALM_MS = 2500;
-const PATIENCE_MS = 120000;
+const TIMEOUT_MS = 120000;
 const WEBGL = ['--use-angle=swiftshader', '--enable-unsafe-swiftshader', '--ignore-gpu-blocklist']; // drawn by the processor
 
 const packages = process.env.LEDGERLINE_PAGE_NPM ?? join(import.meta.dirname, '../../../build/npm-page');
@@ -37,7 +37,7 @@ export async function calm(page) {
     if (held) globalThis.calmSince = undefined;
     else globalThis.calmSince ??= performance.now();
     return performance.now() - globalThis.calmSince > calm_ms;
-  }, CALM_MS, { timeout: PATIENCE_MS, polling: 50 });
+  }, CALM_MS, { timeout: TIMEOUT_MS, polling: 50 });
 }
 
 export class Watcher {

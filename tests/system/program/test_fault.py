@@ -42,8 +42,8 @@ def test_a_new_script_is_fine_and_is_not_overwritten(tmp_path):
 def test_check_says_file_line_and_key_and_flies_nothing(tmp_path):
     script = tmp_path / "bad.toml"
     script.write_text('title = "t"\nmust = ["flies well"]\n[[fault]]\nwhat = "mocap tello1 frozen"\nwings = 2\n')
-    told = fault("check", script, expect=2).stderr
-    assert f"{script}:2: must: " in told and f"{script}:5: fault.0.wings: unknown key" in told
+    reported = fault("check", script, expect=2).stderr
+    assert f"{script}:2: must: " in reported and f"{script}:5: fault.0.wings: unknown key" in reported
     script.write_text('title = "t"\n[[fault]]\nwhat = "mocap tello1 frozen"\n')
     fault("check", script)
     assert f'{script}:3: fault.0.what: "mocap tello1 frozen": it is inside' in fault("check", script, "--real", expect=2).stderr
@@ -72,8 +72,8 @@ def test_scripts_of_one_name_are_refused(flown, tmp_path):
     for folder in ("a", "b"):
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "x.toml").write_text((flown.parent / "short.toml").read_text())
-    told = fault("run", "a/x.toml", "b/x.toml", expect=2, cwd=tmp_path).stderr
-    assert "a/x.toml and b/x.toml: two scripts of one name, x" in told
+    reported = fault("run", "a/x.toml", "b/x.toml", expect=2, cwd=tmp_path).stderr
+    assert "a/x.toml and b/x.toml: two scripts of one name, x" in reported
 
 
 def test_what_is_not_flown_is_in_the_files(flown, tmp_path):
@@ -152,8 +152,8 @@ def test_equal_runs_are_equal_and_a_regression_is_not(flown, tmp_path):
         row["digest"] += "-breaks"
         row["broken"] = ["finishes"] if row["seed"] == 3 else []
 
-    told = fault("compare", changed(30, as_flown), changed(30, later), "--json", tmp_path / "c.json", expect=1).stdout
-    assert re.search(r"^worse +short +flown_s", told, re.M) and told.endswith("\nregression\n")
+    reported = fault("compare", changed(30, as_flown), changed(30, later), "--json", tmp_path / "c.json", expect=1).stdout
+    assert re.search(r"^worse +short +flown_s", reported, re.M) and reported.endswith("\nregression\n")
     assert json.loads((tmp_path / "c.json").read_text())["verdict"] == "regression"
     assert "improvement" in fault("compare", changed(30, later), changed(30, as_flown)).stdout
     assert "newly with seed 3" in fault("compare", changed(30, as_flown), changed(30, breaks), expect=1).stdout
@@ -185,5 +185,5 @@ def test_the_example_workflow_compares_and_keeps_runs_that_broke():
         assert condition and "!cancelled()" in condition[1] and condition[1].startswith("${{"), name  # else a step waits for success
     for name in ("Compare", "They are the new figures of main", "Keep them"):
         assert "hashFiles('faults.json') != ''" in steps[name], name
-    told = steps["Which figures"]
-    assert "cache-matched-key" in told and "no figures of main" in told
+    reported = steps["Which figures"]
+    assert "cache-matched-key" in reported and "no figures of main" in reported

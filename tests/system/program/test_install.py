@@ -126,15 +126,15 @@ def test_the_example_of_the_chaincode_has_what_the_service_asks_for(whole):
 def test_roudi_says_which_process_is_in_its_way(tmp_path):
     if not shutil.which("iox-roudi"):
         pytest.skip("iceoryx's own RouDi is not here")
-    strangers = subprocess.Popen(["iox-roudi"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    outsiders = subprocess.Popen(["iox-roudi"], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         deadline = time.monotonic() + 30
         while not pathlib.Path("/tmp/roudi").exists():
-            assert strangers.poll() is None and time.monotonic() < deadline
+            assert outsiders.poll() is None and time.monotonic() < deadline
             time.sleep(0.05)
         ran = subprocess.run([BIN / "ledgerline-roudi"], capture_output=True, text=True, timeout=60)
     finally:
-        strangers.terminate()
-        strangers.wait(20)
+        outsiders.terminate()
+        outsiders.wait(20)
     assert ran.returncode == 1
-    assert f"iox-roudi (process {strangers.pid})" in ran.stderr and f"kill {strangers.pid}" in ran.stderr
+    assert f"iox-roudi (process {outsiders.pid})" in ran.stderr and f"kill {outsiders.pid}" in ran.stderr

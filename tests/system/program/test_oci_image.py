@@ -46,8 +46,8 @@ def test_the_layout_is_whole_and_nothing_else_is_in_it(image):
 
 
 def test_the_image_says_how_it_is_started(image, tag):
-    told = subprocess.run(["skopeo", "inspect", "--config", f"oci:{image}:{tag}"], capture_output=True, text=True, check=True, timeout=60)
-    config = json.loads(told.stdout)["config"]
+    reported = subprocess.run(["skopeo", "inspect", "--config", f"oci:{image}:{tag}"], capture_output=True, text=True, check=True, timeout=60)
+    config = json.loads(reported.stdout)["config"]
     assert config["Entrypoint"] == [PROGRAM] and config["User"] == "65532:65532" and list(config["ExposedPorts"]) == ["9999/tcp"]
     version = subprocess.run([f"{os.environ['LEDGERLINE_BIN']}/ledgerline-chaincode", "--version"], capture_output=True, text=True, check=True)
     assert version.stdout.split()[-1] == tag == config["Labels"]["org.opencontainers.image.version"]

@@ -8,7 +8,7 @@ from netns import die_with_parent
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 HIL = BIN / "ledgerline-hil"
-PATIENCE_S = 60  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 60  # not a limit on speed: only how long a broken test may take
 
 
 class Proxy:
@@ -36,7 +36,7 @@ class Proxy:
 
     def end(self) -> dict:
         self.process.terminate()
-        assert self.process.wait(PATIENCE_S) == 0, (self.directory / "proxy.log").read_text()
+        assert self.process.wait(TIMEOUT_S) == 0, (self.directory / "proxy.log").read_text()
         return json.loads(self.summary_file.read_text())
 
     def close(self) -> None:
@@ -48,6 +48,6 @@ class Proxy:
 
 def tell(socket: pathlib.Path, command: str) -> str:
     """`ledgerline-hil faults`, which must succeed."""
-    done = subprocess.run([HIL, "faults", socket, command], capture_output=True, text=True, timeout=PATIENCE_S)
+    done = subprocess.run([HIL, "faults", socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 0, done.stderr
     return done.stdout

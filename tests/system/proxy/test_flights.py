@@ -13,7 +13,7 @@ from trace_file import TraceKind, records
 
 FLYING = 3  # FlightPhase
 NONE, HOLD = 0, 1  # FailsafeMode
-PATIENCE_S = 120  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
 
 
 def summary(out: pathlib.Path) -> dict:
@@ -25,7 +25,7 @@ def switched_ns(out: pathlib.Path, command: str) -> int:
 
 
 def wait_for_path(out: pathlib.Path, flight: subprocess.Popen, percent: int) -> None:
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while True:
         seen = [int(p) for p in re.findall(r"tello1\b.*?\bpath (\d+) %", printed(out))]
         if seen and max(seen) >= percent:
@@ -43,11 +43,11 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
     tell(tmp_path / "run" / "faults.sock", "server ground both stall")
     time.sleep(1.5)
     tell(tmp_path / "run" / "faults.sock", "server ground both stall off")
-    assert flight.wait(PATIENCE_S) == 0, printed(tmp_path)
+    assert flight.wait(TIMEOUT_S) == 0, printed(tmp_path)
     report = result(tmp_path)
     assert report["ok"] and report["asked"]["proxy"]
     drone = report["drones"][0]
-    # A state is endorsed, ordered and told, the command made from it too: at least six times 10 ms.
+    # A state is endorsed, ordered and reported, the command made from it too: at least six times 10 ms.
     assert drone["two_way_ms"]["p5"] > 60
     trace = records(tmp_path / "run" / "link.trace")
     stalled, on = (switched_ns(tmp_path, f"server ground both stall{off}") for off in ("", " off"))
@@ -73,7 +73,7 @@ def test_a_flight_through_delays_loss_and_duplicates_holds_while_ground_is_stall
 def test_what_does_not_go_together_is_refused(tmp_path):
     def refused(*options) -> str:
         done = subprocess.run([BIN / "ledgerline-fly", "--out", tmp_path / "run", *options], capture_output=True, text=True,
-                              timeout=PATIENCE_S)
+                              timeout=TIMEOUT_S)
         assert done.returncode in (1, 2), done.stderr
         return done.stdout + done.stderr
 

@@ -10,7 +10,7 @@ from fabric import needs_fabric
 from flights import BIN, assert_nothing_left
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-PATIENCE_S = 600  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 600  # not a limit on speed: only how long a broken test may take
 long_only = pytest.mark.skipif(not LONG, reason="flights in real time take minutes: LEDGERLINE_LONG=1")
 
 
@@ -24,7 +24,7 @@ def run(directory: pathlib.Path, text: str, *options: str) -> subprocess.Complet
     script = directory / "script.toml"
     script.write_text(text)
     done = subprocess.run([BIN / "ledgerline-fault", "run", script, "--real", "--out", directory / "out", *options],
-                          capture_output=True, text=True, timeout=PATIENCE_S)
+                          capture_output=True, text=True, timeout=TIMEOUT_S)
     print(done.stdout, done.stderr, flush=True)
     return done
 

@@ -5,7 +5,7 @@ import struct
 import subprocess
 import time
 
-from proxies import HIL, PATIENCE_S, Proxy
+from proxies import HIL, TIMEOUT_S, Proxy
 from test_sockets import DRONE, FRONT, SOURCE, quiet, udp
 
 DRONE_OF_CAPTURE, CLIENT_OF_CAPTURE = "192.168.10.1", "192.168.10.2"
@@ -29,7 +29,7 @@ def write_capture(path: pathlib.Path, arrivals_ms: list[float]) -> None:
 
 
 def day_of(*words) -> subprocess.CompletedProcess:
-    return subprocess.run([HIL, "day", *words], capture_output=True, text=True, timeout=PATIENCE_S)
+    return subprocess.run([HIL, "day", *words], capture_output=True, text=True, timeout=TIMEOUT_S)
 
 
 def test_a_capture_becomes_a_table(tmp_path):

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from proxies import BIN, HIL, PATIENCE_S, Proxy
+from proxies import BIN, HIL, TIMEOUT_S, Proxy
 from running import cpu_s
 
 DRONE, FRONT, SOURCE = "127.0.0.2", "127.0.1.2", "127.0.2.1"
@@ -52,13 +52,13 @@ def test_commands_answers_state_and_video_find_their_way(proxies):
     drone.sendto(bytes(1460), (SOURCE, 11111))
     assert state.recvfrom(2048) == (b"bat:87;", (FRONT, 8889))
     assert video.recvfrom(2048) == (bytes(1460), (FRONT, 8889))
-    udp("127.0.0.12", 0).sendto(b"bat:1;", (SOURCE, 8890))  # a stranger
+    udp("127.0.0.12", 0).sendto(b"bat:1;", (SOURCE, 8890))  # an outsider
     assert quiet(state)
     pilot.sendto(b"port 8890 9000", (FRONT, 8889))
     assert pilot.recvfrom(2048)[0] == b"error" and quiet(drone)
     summary = proxy.end()
     one = summary["drones"][0]
-    assert (one["clients"], one["nobody"], one["ports_refused"], summary["strangers"]) == (2, 1, 1, 1)
+    assert (one["clients"], one["nobody"], one["ports_refused"], summary["outsiders"]) == (2, 1, 1, 1)
     assert [one[way]["went"] for way in ("to", "answers", "state", "video")] == [2, 3, 1, 1]
 
 
@@ -121,7 +121,7 @@ def test_a_ninth_client_is_refused_and_a_flood_is_bounded(proxies):
 
 
 class Server:
-    """Gives back what it gets, until it is told to end."""
+    """Gives back what it gets, until it is asked to end."""
 
     def __init__(self):
         self.listener = socket.create_server(("127.0.0.1", 0))
@@ -157,7 +157,7 @@ def server():
 
 def connect(proxy: Proxy, name: str = "node") -> socket.socket:
     host, port = proxy.servers[name].split(":")
-    connection = socket.create_connection((host, int(port)), timeout=PATIENCE_S)
+    connection = socket.create_connection((host, int(port)), timeout=TIMEOUT_S)
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return connection
 
@@ -188,7 +188,7 @@ def test_a_stream_comes_whole_under_delay_jitter_and_rate_and_ends_where_it_ende
     assert summary["to"] == summary["from"] == {"bytes_in": 3 * len(content), "bytes_out": 3 * len(content)}
 
 
-def test_a_stream_is_delayed_stalled_held_back_and_cut_as_told(proxies, server):
+def test_a_stream_is_delayed_stalled_held_back_and_cut_as_reported(proxies, server):
     proxy = proxies(servers=[("node", "127.0.0.1:0", server.address)])
     connection = connect(proxy)
 
@@ -207,7 +207,7 @@ def test_a_stream_is_delayed_stalled_held_back_and_cut_as_told(proxies, server):
     connection.settimeout(0.2)
     with pytest.raises(TimeoutError):
         connection.recv(1)
-    connection.settimeout(PATIENCE_S)
+    connection.settimeout(TIMEOUT_S)
     proxy.tell("server node from stall off")
     assert receive(connection, 1) == b"y"
     proxy.tell("server node to partition")
@@ -259,7 +259,7 @@ def refused(directory, config: str, script: str = "") -> tuple[int, str]:
     (directory / "c.toml").write_text(config)
     (directory / "s.toml").write_text(script)
     done = subprocess.run([HIL, "proxy", "--config", directory / "c.toml", *(["--script", directory / "s.toml"] if script else [])],
-                          capture_output=True, text=True, timeout=PATIENCE_S)
+                          capture_output=True, text=True, timeout=TIMEOUT_S)
     return done.returncode, done.stderr
 
 
@@ -275,12 +275,12 @@ def test_what_is_not_possible_is_refused_with_the_reason(proxies, tmp_path):
     proxy = proxies(drones=[("tello1", FRONT, DRONE)], source=SOURCE)
     assert stat.S_IMODE(proxy.socket.stat().st_mode) == 0o600
     for command, why in (("drone tello1 to lag 1s", "allowed are delay"), ("drone tello1 to rate 5", "is not from 1B/s")):
-        done = subprocess.run([HIL, "faults", proxy.socket, command], capture_output=True, text=True, timeout=PATIENCE_S)
+        done = subprocess.run([HIL, "faults", proxy.socket, command], capture_output=True, text=True, timeout=TIMEOUT_S)
         assert done.returncode == 1 and why in done.stderr
     assert proxy.tell("list") == ""
     code, said = refused(tmp_path, drone)
     assert code == 1 and f"another proxy holds {FRONT}:8889" in said
-    done = subprocess.run([HIL, "faults", tmp_path / "none.sock", "list"], capture_output=True, text=True, timeout=PATIENCE_S)
+    done = subprocess.run([HIL, "faults", tmp_path / "none.sock", "list"], capture_output=True, text=True, timeout=TIMEOUT_S)
     assert done.returncode == 1 and "does not answer" in done.stderr
-    assert subprocess.run([BIN / "ledgerline-hil", "proxy"], capture_output=True, timeout=PATIENCE_S).returncode == 2
+    assert subprocess.run([BIN / "ledgerline-hil", "proxy"], capture_output=True, timeout=TIMEOUT_S).returncode == 2
     assert proxy.end()["switched"] == []

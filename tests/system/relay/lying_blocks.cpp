@@ -51,7 +51,7 @@ void LyingBlocks::begin() {
   changed_.notify_all();
 }
 
-nlohmann::json LyingBlocks::told() const {
+nlohmann::json LyingBlocks::reported() const {
   const std::lock_guard lock(mutex_);
   return {{"began_ns", began_ns_}, {"served", served_}, {"bent", bent_}, {"ordered", ordered_}};
 }
@@ -109,7 +109,7 @@ grpc::Status LyingBlocks::Deliver(grpc::ServerContext* context, Stream* client) 
   common::Envelope seek;
   if (!client->Read(&seek)) return grpc::Status::OK;
   const bool lied_to =
-      setup_.lie != hil::PeerLie::none && creator_of(parsed<common::Payload>(seek.payload())) == setup_.lied_to;
+      setup_.lie != hil::PeerTampering::none && creator_of(parsed<common::Payload>(seek.payload())) == setup_.lied_to;
   return lied_to ? serve(*context, seek, *client) : hand_on(*context, seek, *client);
 }
 

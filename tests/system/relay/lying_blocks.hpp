@@ -22,7 +22,7 @@ class LyingBlocks final : public protos::Deliver::Service {
     std::shared_ptr<grpc::Channel> node;
     hil::PeerKeys keys;
     std::string lied_to;  ///< msp.SerializedIdentity
-    hil::PeerLie lie = hil::PeerLie::none;
+    hil::PeerTampering lie = hil::PeerTampering::none;
     std::uint64_t seed = 1;
   };
   explicit LyingBlocks(Setup setup);
@@ -34,7 +34,7 @@ class LyingBlocks final : public protos::Deliver::Service {
   void begin();
   /// When it began, how many blocks were served since, how many of them are not the ledger's, and what the peer itself
   /// ordered.
-  nlohmann::json told() const;
+  nlohmann::json reported() const;
 
   using Stream = grpc::ServerReaderWriter<protos::DeliverResponse, common::Envelope>;
   grpc::Status Deliver(grpc::ServerContext* context, Stream* client) override;

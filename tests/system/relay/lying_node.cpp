@@ -54,7 +54,7 @@ Message parsed(const std::string& bytes) {
 }
 
 /// The plans that an envelope's event tells.
-CommandCall told_by(const std::string& envelope) {
+CommandCall reported_by(const std::string& envelope) {
   const auto opened = fabric::open_transaction(envelope);
   const auto event = opened ? parsed<protos::ChaincodeEvent>(opened->result.events()) : protos::ChaincodeEvent();
   return event.event_name() == "command" ? parsed<CommandCall>(event.payload()) : CommandCall();
@@ -66,7 +66,7 @@ void note(const CommandCall& call, nlohmann::json& plans) {
 
 class LyingGateway final : public gateway::Gateway::Service {
  public:
-  LyingGateway(const std::shared_ptr<grpc::Channel>& node, hil::Relay::Names names, hil::RelayLie lie,
+  LyingGateway(const std::shared_ptr<grpc::Channel>& node, hil::Relay::Names names, hil::RelayTampering lie,
                std::chrono::duration<double> after)
       : stub_(gateway::Gateway::NewStub(node)), relay_(std::move(names)), after_(after) {
     relay_.lie(lie);
@@ -75,7 +75,7 @@ class LyingGateway final : public gateway::Gateway::Service {
   std::uint64_t submitted() const { return submitted_; }
   /// Number and state's stamp of every plan that was asked for, and of those that bent events tell.
   const nlohmann::json& asked() const { return asked_; }
-  const nlohmann::json& told() const { return told_; }
+  const nlohmann::json& reported() const { return reported_; }
 
   grpc::Status Endorse(grpc::ServerContext* context, const gateway::EndorseRequest* request,
                        gateway::EndorseResponse* response) override {
@@ -91,7 +91,7 @@ class LyingGateway final : public gateway::Gateway::Service {
     const std::string bent = relay_.bend(call, honest);
     if (bent == honest) return status;
     ++bent_;
-    note(told_by(bent), told_);
+    note(reported_by(bent), reported_);
     bent_ids_.insert(request->transaction_id());
     response->mutable_prepared_transaction()->ParseFromString(bent);
     return status;
@@ -118,7 +118,7 @@ class LyingGateway final : public gateway::Gateway::Service {
 
  private:
   const std::unique_ptr<gateway::Gateway::Stub> stub_;
-  nlohmann::json asked_ = nlohmann::json::array(), told_ = nlohmann::json::array();
+  nlohmann::json asked_ = nlohmann::json::array(), reported_ = nlohmann::json::array();
   std::mutex mutex_;
   hil::Relay relay_;
   const std::chrono::duration<double> after_;
@@ -177,7 +177,7 @@ int run(int argc, char** argv) {
   const Child node = start_node(args);
   const std::string block_lie_name = from_environment("LYING_BLOCKS", "");
   const auto block_lie = hil::peer_lie_from(block_lie_name);
-  const auto lie = block_lie ? hil::RelayLie::none : hil::relay_lie_from(from_environment("LYING_LIE", ""));
+  const auto lie = block_lie ? hil::RelayTampering::none : hil::relay_lie_from(from_environment("LYING_LIE", ""));
   if (node.endpoint.empty() || !lie || (!block_lie_name.empty() && !block_lie)) {
     std::fprintf(stderr, "the node did not start, LYING_BLOCKS is no lie, or LYING_LIE is none of %s\n",
                  hil::relay_lies().c_str());
@@ -199,12 +199,12 @@ int run(int argc, char** argv) {
   const auto channel = grpc::CreateChannel(node.endpoint, grpc::SslCredentials(trust));
   LyingGateway lying(channel, {identity(peer / "msp", "Org1MSP"), user("1").name, user("2").name}, *lie,
                      std::chrono::duration<double>(std::stod(from_environment("LYING_AFTER_S", "0"))));
-  const auto stranger = organisations / "org2.ledgerline" / "peers" / "peer0.org2.ledgerline" / "msp";
+  const auto outsider = organisations / "org2.ledgerline" / "peers" / "peer0.org2.ledgerline" / "msp";
   LyingBlocks blocks({channel,
                       {identity(peer / "msp", "Org1MSP"), read(org1 / "ca" / "ca.org1.ledgerline-cert.pem"),
-                       identity(stranger, "Org2MSP")},
+                       identity(outsider, "Org2MSP")},
                       user("1").serialized,
-                      block_lie.value_or(hil::PeerLie::none),
+                      block_lie.value_or(hil::PeerTampering::none),
                       std::stoull(from_environment("LYING_SEED", "1"))});
   grpc::SslServerCredentialsOptions tls(GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE);
   tls.pem_key_cert_pairs.push_back({read(peer / "tls" / "server.key"), read(peer / "tls" / "server.crt")});
@@ -226,8 +226,8 @@ int run(int argc, char** argv) {
   std::ofstream(from_environment("LYING_LOG", "/dev/null")) << nlohmann::json{{"bent", lying.bent()},
                                                                               {"submitted", lying.submitted()},
                                                                               {"asked", lying.asked()},
-                                                                              {"told", lying.told()},
-                                                                              {"blocks", blocks.told()}}
+                                                                              {"reported", lying.reported()},
+                                                                              {"blocks", blocks.reported()}}
                                                             << "\n";
   return WIFEXITED(status) ? WEXITSTATUS(status) : 1;
 }

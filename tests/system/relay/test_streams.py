@@ -23,15 +23,15 @@ LANDING_S = 6.0  # from 3 m
 
 # What stays away or comes late contradicts nothing.
 SILENT = ["withholds", "withholds-stops", "withholds-commands", "delays", "stutters", "grows-old"]
-BENT = ["hides-commands", "hides-stops", "hides-stops-as-double", "hides-controls", "hides-all", "hides-some", "believes-own",
+BENT = ["hides-commands", "hides-stops", "hides-stops-as-double", "hides-controls", "hides-all", "hides-some", "trusts-own",
         "no-flags", "bends-plan", "bends-and-hashes", "loses-block-signatures", "swaps-block-signatures", "names-other-config",
-        "mixes-headers", "signs-bent-plan", "signs-broken-creator", "signs-without-endorsement", "signs-strangers-endorsement",
+        "mixes-headers", "signs-bent-plan", "signs-broken-creator", "signs-without-endorsement", "signs-outsiders-endorsement",
         "signs-other-channel", "signs-own-stop", "signs-own-command", "signs-left-out", "signs-reordered", "signs-replayed",
         "signs-empty", "signs-config", "skips", "repeats", "renumbers", "turns-away", "forks", "forks-unsigned", "garbage",
         "mixes"]
 KILLED = ["hides-stops", "hides-all", "names-other-config", "signs-config", "signs-replayed", "renumbers", "forks", "grows-old",
           "withholds", "mixes"]
-SHORT = [("hides-stops", "killed"), ("believes-own", ""), ("forks", ""), ("withholds-stops", "")]
+SHORT = [("hides-stops", "killed"), ("trusts-own", ""), ("forks", ""), ("withholds-stops", "")]
 FLIGHTS = [(lie, "") for lie in BENT + SILENT] + [(lie, "killed") for lie in KILLED] if LONG else SHORT
 
 
@@ -73,10 +73,10 @@ def alarms(run) -> dict[str, int]:
     """By kind: of all lives by the log, of the last one by its summary."""
     kinds = {}
     for log in run.glob("agent*.log"):
-        for kind in re.findall(r"the ledger is doubted, (\w+)", log.read_text(errors="replace")):
+        for kind in re.findall(r"the ledger is not trusted, (\w+)", log.read_text(errors="replace")):
             kinds[kind] = kinds.get(kind, 0) + 1
     summary = run / "agent.summary.json"
-    return kinds | (json.loads(summary.read_text())["doubts_by_kind"] if summary.exists() else {})
+    return kinds | (json.loads(summary.read_text())["integrity_violations_by_kind"] if summary.exists() else {})
 
 
 @pytest.mark.parametrize("lie, killed", FLIGHTS)
@@ -87,7 +87,7 @@ def test_a_lying_stream_flies_nothing_and_hides_no_stop(lying_programs, monkeypa
     monkeypatch.setenv("LYING_SEED", str(seed))
     stop_ns = fly_behind(lie, killed, lying_programs, seed)
     flown = Flown(lying_programs)
-    blocks, doubts = flown.lies["blocks"], alarms(out / "run")
+    blocks, violations = flown.lies["blocks"], alarms(out / "run")
     modes = [r for r in flown.link if r.kind == TraceKind.MODE and r.t_ns > blocks["began_ns"]]
     wrong = without_stop(flown.unsigned(), modes)
     held_for = {int(r.v0) for r in modes if r.extra != 0}
@@ -95,7 +95,7 @@ def test_a_lying_stream_flies_nothing_and_hides_no_stop(lying_programs, monkeypa
     in_air = [r.t_ns for r in flown.truth if r.v2 > 0.1]
     down_s = (in_air[-1] - stop_ns) / 1e9
     print(json.dumps({"lie": lie, "killed": bool(killed), "served": blocks["served"], "bent": blocks["bent"],
-                      "ordered": blocks["ordered"], "flown": len(flown.applied), "unsigned": len(wrong), "alarms": doubts,
+                      "ordered": blocks["ordered"], "flown": len(flown.applied), "unsigned": len(wrong), "alarms": violations,
                       "causes": sorted(held_for), "lands_s": landing_s and round(landing_s[0], 2), "down_s": round(down_s, 2),
                       "restarts": result(out)["restarts"]}))
     assert blocks["began_ns"] > 0 and len(flown.applied) > 20, printed(out)
@@ -109,8 +109,8 @@ def test_a_lying_stream_flies_nothing_and_hides_no_stop(lying_programs, monkeypa
     assert landing_s and landing_s[0] < SILENT_AFTER_S + HOLD_GRACE_S + LAND_AFTER_S + BUSY_S, "the stop was hidden"
     assert down_s < SILENT_AFTER_S + HOLD_GRACE_S + LAND_AFTER_S + LANDING_S + BUSY_S
     if lie in SILENT:
-        assert doubts or held_for & {PLAN_RAN_OUT, LEDGER_SILENT}, "nobody says so"
+        assert violations or held_for & {PLAN_RAN_OUT, LEDGER_SILENT}, "nobody says so"
     else:
-        assert blocks["bent"] > 0 and doubts, "nobody says so"
+        assert blocks["bent"] > 0 and violations, "nobody says so"
     if killed:
         assert result(out)["restarts"]["agent"] >= 1

@@ -12,7 +12,7 @@ from netns import die_with_parent
 from trace_file import RECORD, Record, TraceKind, whole_records
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
-PATIENCE_S = 300  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 300  # not a limit on speed: only how long a broken test may take
 SHARED_MEMORY = pathlib.Path("/dev/shm")  # of this run alone: scripts/isolated
 
 SCRIPT = """
@@ -58,7 +58,7 @@ def drawn_script(seed: int) -> str:
 
 class Flown(NamedTuple):
     summary: dict
-    told: list  # (seconds, drone, text)
+    reported: list  # (seconds, drone, text)
     link: dict
     records: list
 
@@ -119,16 +119,16 @@ def fly(directory: pathlib.Path, script: str, *options: str, udp: bool = False, 
             log = directory / "roudi.log"
             ready(stack.enter_context(running(log, BIN / "ledgerline-roudi")), log)
         hil = stack.enter_context(running(hil_log, BIN / "ledgerline-hil", "shim", *where, "--plans", plans, "--seed", 5,
-                                          "--datagrams", directory / "told.csv", "--summary", directory / "hil.json", *options))
+                                          "--datagrams", directory / "sent.csv", "--summary", directory / "hil.json", *options))
         ready(hil, hil_log)
         link = stack.enter_context(running(link_log, BIN / "ledgerline-link", "--config", config))
         if meanwhile:
             meanwhile(hil, link)
-        assert hil.wait(PATIENCE_S) == 0, hil_log.read_text()
+        assert hil.wait(TIMEOUT_S) == 0, hil_log.read_text()
         if not lockstep:  # in lockstep it ends with its clock
             link.terminate()
-        assert link.wait(PATIENCE_S) == 0, link_log.read_text()
-    with open(directory / "told.csv") as file:
-        told = [(float(row["seconds"]), row["drone"], row["text"]) for row in csv.DictReader(file)]
+        assert link.wait(TIMEOUT_S) == 0, link_log.read_text()
+    with open(directory / "sent.csv") as file:
+        reported = [(float(row["seconds"]), row["drone"], row["text"]) for row in csv.DictReader(file)]
     records = [Record(*r) for r in RECORD.iter_unpack(whole_records(directory / "link.trace"))]
-    return Flown(json.loads((directory / "hil.json").read_text()), told, json.loads((directory / "link.json").read_text()), records)
+    return Flown(json.loads((directory / "hil.json").read_text()), reported, json.loads((directory / "link.json").read_text()), records)

@@ -42,14 +42,14 @@ def test_the_same_bytes_however_fast(tmp_path):
     assert first.summary["sdk"]["answers_late"] > 0 and first.summary["sdk"]["states_torn"] > 0, first.summary["sdk"]
     assert ("flying", "hold", "plan_ran_out") in first.transitions("tello1")
     assert first.transitions("tello1")[-1][0] == "landed"
-    assert any(text.startswith("rc ") and text != "rc 0 0 0 0" for _, _, text in first.told)
+    assert any(text.startswith("rc ") and text != "rc 0 0 0 0" for _, _, text in first.reported)
     for times, other in flown.items():
-        assert other.told == first.told, times
-        assert other.summary["told_digest"] == first.summary["told_digest"], times
+        assert other.reported == first.reported, times
+        assert other.summary["sent_digest"] == first.summary["sent_digest"], times
         assert other.link["loop"]["cycles"] == first.link["loop"]["cycles"], times
     # A digest that says the same of everything would be no proof.
     other_script = fly(tmp_path / "another", SCRIPT.replace("0.4, 0.1", "0.4, 0.2") + FAULTS, lockstep="free")
-    assert other_script.summary["told_digest"] != first.summary["told_digest"]
+    assert other_script.summary["sent_digest"] != first.summary["sent_digest"]
 
 
 @pytest.mark.parametrize("who", ["hil", "link"])

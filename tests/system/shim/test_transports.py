@@ -13,7 +13,7 @@ PERIOD_S = 0.001  # of link's loop
 def test_flies_alike(tmp_path, seed):
     script = drawn_script(seed)
     udp, shim = (fly(tmp_path / f"{name}-{seed}", script, udp=name == "udp") for name in ("udp", "shim"))
-    drones = {drone for _, drone, _ in udp.told}
+    drones = {drone for _, drone, _ in udp.reported}
     for drone in drones:
         assert udp.transitions(drone) == shim.transitions(drone), script
         assert shim.transitions(drone)[-1][0] == "landed", script

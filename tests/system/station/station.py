@@ -13,14 +13,14 @@ import urllib.request
 from flights import printed
 from websockets.sync.client import ClientConnection, connect
 
-PATIENCE_S = 60  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 60  # not a limit on speed: only how long a broken test may take
 
 
 class Station:
     context: ssl.SSLContext | None = None  # where it has TLS
 
     def __init__(self, out: pathlib.Path, flight: subprocess.Popen) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while not (found := re.search(r"The page: (http://([\d.:]+))/#token=(\w+)", printed(out))):
             assert flight.poll() is None and time.monotonic() < deadline, printed(out)
             time.sleep(0.05)
@@ -31,7 +31,7 @@ class Station:
         request = urllib.request.Request(f"{self.url}/api/v1/{path}", method=method, headers={"Authorization": f"Bearer {self.token}", **(headers or {})},
                                          data=None if body is None else json.dumps(body).encode())
         try:
-            with urllib.request.urlopen(request, timeout=PATIENCE_S, context=self.context) as response:
+            with urllib.request.urlopen(request, timeout=TIMEOUT_S, context=self.context) as response:
                 return response.status, json.load(response)
         except urllib.error.HTTPError as refused:
             return refused.code, json.load(refused)
@@ -48,7 +48,7 @@ class Station:
 
     def wait(self, name: str, wanted) -> dict:
         """Until that holds of the drone."""
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while not wanted(drone := self.drone(name)):
             assert time.monotonic() < deadline, drone
             time.sleep(0.05)

@@ -32,10 +32,10 @@ def phase_of(station: Station, one: str) -> dict:
 
 def until(station: Station, one: str, wanted, limit_s: float = 90) -> dict:
     deadline = time.monotonic() + limit_s
-    while not wanted(told := phase_of(station, one)):
-        assert time.monotonic() < deadline, told
+    while not wanted(reported := phase_of(station, one)):
+        assert time.monotonic() < deadline, reported
         time.sleep(0.1)
-    return told
+    return reported
 
 
 def add(station: Station, written: dict) -> str:
@@ -64,18 +64,18 @@ def test_a_mission_is_checked_approved_flown_together_and_on_the_ledger(tmp_path
     status, refused = alice.ask("POST", f"missions/{one}/start")
     assert status == 409 and "0 of 1 approvals" in refused["error"], refused
     alice.say(f"missions/{one}/approve")
-    approved = until(alice, one, lambda told: told["phase"] == "approved")
+    approved = until(alice, one, lambda reported: reported["phase"] == "approved")
     assert approved["approvals"] == [alice.identity]
     alice.say(f"missions/{one}/start")
-    flying = until(alice, one, lambda told: told["phase"] in ("to_start", "flying"))
+    flying = until(alice, one, lambda reported: reported["phase"] in ("to_start", "flying"))
     assert flying["by"] == alice.identity
     assert alice.ask("DELETE", f"missions/{one}")[0] == 409, "while it is flown"
-    until(alice, one, lambda told: all(n >= 1 for n in told["reached"].values()))
+    until(alice, one, lambda reported: all(n >= 1 for n in reported["reached"].values()))
     alice.say(f"missions/{one}/pause")
     for name in ("tello1", "tello2"):
         station.wait(name, lambda drone: drone["paused"] and math.hypot(*drone["velocity"]) < 0.1)
     alice.say(f"missions/{one}/resume")
-    until(alice, one, lambda told: told["phase"] == "done")
+    until(alice, one, lambda reported: reported["phase"] == "done")
     for name in ("tello1", "tello2"):
         station.wait(name, lambda drone: drone["phase"] == "landed")
     record = tmp_path / "run" / "missions" / f"{one}.record.json"
@@ -98,7 +98,7 @@ def test_two_persons_are_two_when_the_mission_starts(tmp_path):
     station.wait("tello1", holder("alice"))
     for who in (alice, bob):
         who.say(f"missions/{one}/approve")
-    until(alice, one, lambda told: len(told["approvals"]) == 2)
+    until(alice, one, lambda reported: len(reported["approvals"]) == 2)
     for method, path in (("POST", "start"), ("POST", "pause"), ("POST", "resume"), ("DELETE", "")):
         status, refused = bob.ask(method, f"missions/{one}/{path}".rstrip("/"))
         assert status == 409 and "alice" in refused["error"] and "who alone may" in refused["error"], (path, refused)
@@ -112,7 +112,7 @@ def test_two_persons_are_two_when_the_mission_starts(tmp_path):
         time.sleep(0.1)
     with pytest.raises(AssertionError, match="as none any more"):
         sign_in(station, tmp_path, "bob")
-    until(alice, one, lambda told: told["approvals"] == [alice.identity])
+    until(alice, one, lambda reported: reported["approvals"] == [alice.identity])
     end(flight, tmp_path)
 
 
@@ -135,9 +135,9 @@ def killed_in_a_mission(out, draw: random.Random, kills: int) -> int:
     way = [(1.5, 0), (1.5, 1.5), (0, 1.5), (0, 0)] * 30
     one = add(station, mission(station, "rounds", {"tello1": way, "tello2": way}))
     station.say(f"missions/{one}/approve")
-    until(station, one, lambda told: told["phase"] == "approved")
+    until(station, one, lambda reported: reported["phase"] == "approved")
     station.say(f"missions/{one}/start")
-    flown = dict(until(station, one, lambda told: told["phase"] == "flying")["reached"])
+    flown = dict(until(station, one, lambda reported: reported["phase"] == "flying")["reached"])
     killed = 0
     while killed < kills and max(flown.values()) <= 100:
         time.sleep(draw.uniform(0.5, 4))
@@ -148,9 +148,9 @@ def killed_in_a_mission(out, draw: random.Random, kills: int) -> int:
         for name in flown:  # what was kept says nothing of now
             station.wait(name, lambda drone: drone["link_phase"] == "flying" and drone["lease"]["ours"] and drone["phase"] == "path")
         flown = dict(phase_of(station, one)["reached"])
-        told = until(station, one, lambda told: all(told["reached"][name] > flown[name] for name in flown))
-        assert told["phase"] in ("to_start", "flying") and not told["paused"], told
-        flown = dict(told["reached"])
+        reported = until(station, one, lambda reported: all(reported["reached"][name] > flown[name] for name in flown))
+        assert reported["phase"] in ("to_start", "flying") and not reported["paused"], reported
+        flown = dict(reported["reached"])
     station.say(f"missions/{one}/land")
     for name in flown:
         station.wait(name, lambda drone: drone["phase"] == "landed")

@@ -23,7 +23,7 @@ class Signed(Station):
         self.token, self.identity = answer["session"], answer["identity"]
         self.msp, self.subject = self.identity.split(" ", 1)
 
-    def told(self, words: str) -> dict:
+    def reported(self, words: str) -> dict:
         """Until an event says so."""
         deadline = time.monotonic() + 60
         while True:
@@ -98,7 +98,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
 
     # bob is refused in words, asks, and is handed the drone in the air: it goes on hovering.
     bob.say("drones/tello1/path", {"waypoints": [{"x": 1, "y": 0}]})
-    bob.told("its lease is held by")
+    bob.reported("its lease is held by")
     bob.say("drones/tello1/request")
     asked = station.wait("tello1", lambda drone: drone["requests"])["requests"][0]
     alice.say("drones/tello1/hand_over", {"to": {"msp": asked["msp"], "subject": asked["subject"]}})
@@ -123,7 +123,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     stopped = station.wait("tello1", lambda drone: drone["phase"] == "landed" and drone["stopped_by"])
     assert stopped["stopped_by"] == [alice.identity]
     bob.say("drones/tello1/lift")
-    bob.told("bob: lift the stop: refused")
+    bob.reported("bob: lift the stop: refused")
     alice.say("drones/tello1/lift")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
 
@@ -142,12 +142,12 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     station.wait("tello1", lambda drone: drone["phase"] == "landed" and not drone["lease"]["holder"])
     assert bob.ask("POST", "drones/tello1/takeoff")[0] == 401, "his session is over"
     run = tmp_path / "run"
-    told = json.loads(subprocess.run([BIN / "ledgerline-audit", "--config", run / "operator.toml", "--json", "-", "--patience", "2"],
+    reported = json.loads(subprocess.run([BIN / "ledgerline-audit", "--config", run / "operator.toml", "--json", "-", "--timeout", "2"],
                                      capture_output=True, text=True, timeout=60).stdout)
-    commanded = [one["who"] for one in told["drones"]["tello1"]["commands"]]
+    commanded = [one["who"] for one in reported["drones"]["tello1"]["commands"]]
     for name in ("alice", "bob"):
         assert f"Org2MSP/User1@org2.ledgerline for Org2MSP/{name}@org2.ledgerline" in commanded, commanded
-    stops = [word for word in told["drones"]["tello1"]["words"] if word["what"] == "stop"]
+    stops = [word for word in reported["drones"]["tello1"]["words"] if word["what"] == "stop"]
     assert all("alice@" in json.dumps(stop) for stop in stops) and stops, stops
     end(flight, tmp_path)  # what went wrong was over with the next take-off
     assert "ENCRYPTED" in (run / "operators" / "alice" / "keystore" / "priv_sk").read_text()

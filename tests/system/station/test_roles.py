@@ -45,9 +45,9 @@ def test_an_organisation_full_of_roles_keeps_no_other_from_starting_flying_and_a
     one = add(alice, mission(station, "survey", {"tello1": [(1, 0), (1, 1)]}, "hover"))
     for who in (alice, bob):
         who.say(f"missions/{one}/approve")
-    until(alice, one, lambda told: len(told["approvals"]) == 2)
+    until(alice, one, lambda reported: len(reported["approvals"]) == 2)
     alice.say(f"missions/{one}/start")
-    until(alice, one, lambda told: told["phase"] == "done")
+    until(alice, one, lambda reported: reported["phase"] == "done")
 
     # Who is enrolled now in another organisation stops it in the air, at once.
     control(enroll_operator(run, 1, "User2"), "stop", "tello1")

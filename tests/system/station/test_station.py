@@ -1,4 +1,4 @@
-"""The ground station's API over real sockets, beside a flight: a pilot, onlookers that do not read, strangers, a flood."""
+"""The ground station's API over real sockets, beside a flight: a pilot, onlookers that do not read, outsiders, a flood."""
 import json
 import math
 import os
@@ -113,7 +113,7 @@ def test_onlookers_that_do_not_read_cost_the_others_nothing(tmp_path):
     end(flight, tmp_path, STOPPED)
 
 
-def test_strangers_are_refused_and_hostile_bytes_move_nothing(tmp_path):
+def test_outsiders_are_refused_and_hostile_bytes_move_nothing(tmp_path):
     flight = fly(tmp_path, "--shape", "manual", "--watch")
     station = Station(tmp_path, flight)
     station.wait("tello1", lambda drone: drone["link_phase"] == "on_ground")

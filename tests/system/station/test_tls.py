@@ -15,7 +15,7 @@ import urllib.request
 import pytest
 from commands import Person
 from flights import BIN, fly, no_flight_outlives_its_test, pid_of, printed
-from station import PATIENCE_S, Station, client_hello, spoilt, take_off, velocity
+from station import TIMEOUT_S, Station, client_hello, spoilt, take_off, velocity
 from test_station import STOPPED, end, resident_kb
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
@@ -44,7 +44,7 @@ def make(folder: pathlib.Path, sans: str = "") -> pathlib.Path:
 
 
 class SecureStation(Station):
-    """As a program has it that believes the authority, and may show a certificate."""
+    """As a program has it that trusts the authority, and may show a certificate."""
 
     def __init__(self, out: pathlib.Path, made: pathlib.Path, own: str = "") -> None:
         self.url, self.place, self.token = re.findall(r"The page: (https://([\w.:]+))/#token=(\w+)", printed(out))[-1]
@@ -52,20 +52,20 @@ class SecureStation(Station):
         if own:
             self.context.load_cert_chain(made / f"{own}.pem", made / f"{own}.key")
 
-    def told(self, words: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+    def reported(self, words: str) -> None:
+        deadline = time.monotonic() + TIMEOUT_S
         while not any(words in event["text"] for event in self.ask("GET", "events")[1]["events"]):
             assert time.monotonic() < deadline, words
             time.sleep(0.1)
 
 
-def begin_anew(out: pathlib.Path, change) -> None:
+def restart(out: pathlib.Path, change) -> None:
     """Ground, with another config: its launcher starts it again."""
     config = out / "run" / "ground.toml"
     config.write_text(change(config.read_text()))
     shown = printed(out).count("The page: ")
     os.kill(pid_of("ledgerline-ground"), signal.SIGKILL)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while printed(out).count("The page: ") == shown:
         assert time.monotonic() < deadline, printed(out)
         time.sleep(0.05)
@@ -94,26 +94,26 @@ def test_a_flight_by_https_from_another_address(tmp_path, address):
     refused = subprocess.run([BIN / "ledgerline-ground", "--config", tmp_path / "open.toml"], capture_output=True, text=True, timeout=30)
     assert refused.returncode == 2 and "set tls_certificate and tls_key" in refused.stderr, refused.stderr
 
-    begin_anew(tmp_path, lambda text: re.sub(r'\[service\]\nlisten = ".*"\n', tls_table(made, f"{HERE}:{port}"), text))
+    restart(tmp_path, lambda text: re.sub(r'\[service\]\nlisten = ".*"\n', tls_table(made, f"{HERE}:{port}"), text))
     station = SecureStation(tmp_path, made)
     assert station.url == f"https://{HERE}:{port}"
-    with urllib.request.urlopen(station.url, timeout=PATIENCE_S, context=station.context) as page:
+    with urllib.request.urlopen(station.url, timeout=TIMEOUT_S, context=station.context) as page:
         assert page.headers["Strict-Transport-Security"] == "max-age=2592000" and b"<html" in page.read()
     assert station.ask("GET", "drones", headers={"Host": f"{NAME}:{port}"})[0] == 200
     for wrong in ({"Host": f"evil.example:{port}"}, {"Origin": f"http://{HERE}:{port}"}):
         assert station.ask("POST", "stop", headers=wrong)[0] == 403
     for context in (ssl.create_default_context(), ssl.create_default_context(cafile=other / "page-ca.pem")):
         with pytest.raises(urllib.error.URLError, match="CERTIFICATE_VERIFY_FAILED"):
-            urllib.request.urlopen(station.url, timeout=PATIENCE_S, context=context)
+            urllib.request.urlopen(station.url, timeout=TIMEOUT_S, context=context)
     with pytest.raises((OSError, http.client.HTTPException)):
-        urllib.request.urlopen(f"http://{HERE}:{port}", timeout=PATIENCE_S)
+        urllib.request.urlopen(f"http://{HERE}:{port}", timeout=TIMEOUT_S)
     with pytest.raises(OSError):
-        socket.create_connection(("127.0.0.1", int(port)), timeout=PATIENCE_S)
+        socket.create_connection(("127.0.0.1", int(port)), timeout=TIMEOUT_S)
 
     # The command line: the right authority, another one, none.
     person = Person(tmp_path / "home", station, tmp_path)
-    assert "its certificate is not believed" in person.refused("drones")
-    assert "its certificate is not believed" in person.refused("drones", "--ca", other / "page-ca.pem")
+    assert "its certificate is not trusted" in person.refused("drones")
+    assert "its certificate is not trusted" in person.refused("drones", "--ca", other / "page-ca.pem")
     assert "must be this computer" in person.misused("drones", "--url", f"http://{HERE}:{port}")
     person.environment["LEDGERLINE_CA"] = str(made / "page-ca.pem")
     assert "tello1" in person.says("drones") and "tello1" in person.says("drones", "--ca", made / "page-ca.pem")
@@ -123,29 +123,29 @@ def test_a_flight_by_https_from_another_address(tmp_path, address):
     take_off(station, "tello1")
     before = station.drone("tello1")["position"]
     with station.stream() as stream:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while station.drone("tello1")["position"][0] - before[0] < 0.2:
             assert time.monotonic() < deadline, "it does not fly"
             stream.send(velocity("tello1", 0.4))
             time.sleep(0.03)
-        renew(made, make(tmp_path / "bad", f"DNS:{NAME}"))  # of an authority that nobody here believes
-        deadline = time.monotonic() + PATIENCE_S
-        while "new TLS certificate" not in stream.recv(timeout=PATIENCE_S):
+        renew(made, make(tmp_path / "bad", f"DNS:{NAME}"))  # of an authority that nobody here trusts
+        deadline = time.monotonic() + TIMEOUT_S
+        while "new TLS certificate" not in stream.recv(timeout=TIMEOUT_S):
             assert time.monotonic() < deadline
-    assert "not believed" in person.refused("drones")
+    assert "not trusted" in person.refused("drones")
     for file in ("page-ca.pem", "page-ca.key"):
         (made / file).write_bytes((tmp_path / "bad" / file).read_bytes())
     assert "mismatch" in person.refused("drones"), "the certificate has the name, not the address"
     renew(made, other)
     (made / "page-ca.pem").write_bytes((other / "page-ca.pem").read_bytes())
     station = SecureStation(tmp_path, made)
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + TIMEOUT_S
     while person.run("drones", "stop", "--all", expect=None).returncode != 0:
         assert time.monotonic() < deadline, "the right certificate is not taken"
         time.sleep(0.2)
     station.wait("tello1", lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
     (made / "page.key").write_text("nothing")
-    station.told(f"keeps its old TLS certificate: {made}/page.key")
+    station.reported(f"keeps its old TLS certificate: {made}/page.key")
     assert station.ask("GET", "drones")[0] == 200
     end(flight, tmp_path, STOPPED)
 
@@ -157,11 +157,11 @@ def test_hostile_sockets_move_nothing_and_none_gets_in_without_a_certificate(tmp
     port = int(plain.place.split(":")[1])
     made = make(tmp_path / "made")
     table = tls_table(made, f"0.0.0.0:{port}", f'tls_client_ca = "{made}/page-ca.pem"\n')
-    begin_anew(tmp_path, lambda text: re.sub(r'\[service\]\nlisten = ".*"\n', table, text))
-    station, stranger = SecureStation(tmp_path, made, "alice"), SecureStation(tmp_path, made)
+    restart(tmp_path, lambda text: re.sub(r'\[service\]\nlisten = ".*"\n', table, text))
+    station, outsider = SecureStation(tmp_path, made, "alice"), SecureStation(tmp_path, made)
     assert station.ask("GET", "drones")[0] == 200
     with pytest.raises(OSError):
-        stranger.ask("POST", "drones/tello1/takeoff")
+        outsider.ask("POST", "drones/tello1/takeoff")
     person = Person(tmp_path / "home", station, tmp_path)
     person.environment["LEDGERLINE_CA"] = str(made / "page-ca.pem")
     assert "is not reached" in person.refused("drones", "takeoff", "tello1")
@@ -170,7 +170,7 @@ def test_hostile_sockets_move_nothing_and_none_gets_in_without_a_certificate(tmp
     assert "chmod 600" in person.refused("drones", "--certificate", made / "alice.pem", "--key", made / "alice.key")
 
     if LONG:  # nobody else comes meanwhile, so that time alone ends it
-        with socket.create_connection((HERE, port), timeout=PATIENCE_S) as half:
+        with socket.create_connection((HERE, port), timeout=TIMEOUT_S) as half:
             half.sendall(client_hello(NAME)[:100])
             begin = time.monotonic()
             assert half.recv(1) == b"" and 9 < time.monotonic() - begin < 20
@@ -196,7 +196,7 @@ def test_hostile_sockets_move_nothing_and_none_gets_in_without_a_certificate(tmp
         wire.sendall((takeoff + "{}").encode())
 
     def no_certificate(wire: socket.socket) -> None:
-        with stranger.context.wrap_socket(wire.dup(), server_hostname=HERE) as secure:
+        with outsider.context.wrap_socket(wire.dup(), server_hostname=HERE) as secure:
             secure.sendall((takeoff + "{}").encode())
             assert secure.recv(4096) == b""
 

@@ -7,7 +7,7 @@ import time
 
 from commands import Person
 from flights import BIN, assert_nothing_left, fly, no_flight_outlives_its_test, printed
-from station import PATIENCE_S, Station
+from station import TIMEOUT_S, Station
 
 STOPPED = 1  # exit code of a flight: a stopped drone is something that went wrong
 MISSION = pathlib.Path(__file__).resolve().parents[3] / "docs/examples/mission-two.csv"
@@ -21,12 +21,12 @@ def take_off_by_commands(person: Person, station: Station, *names: str) -> None:
 
 def status_of(out: pathlib.Path) -> None:
     """By `ledgerline status`: what runs of this flight, and how old what the ledger has of it is."""
-    done = subprocess.run([BIN / "ledgerline-status", "--json", "--config-dir", out], capture_output=True, text=True, timeout=PATIENCE_S)
-    told = json.loads(done.stdout)
-    ours = {one["program"]: one for one in told["programs"] if (one["config"] or "").startswith(str(out))}
-    assert {"ledgerline-agent", "ledgerline-link", "ledgerline-ground"} <= ours.keys(), told
+    done = subprocess.run([BIN / "ledgerline-status", "--json", "--config-dir", out], capture_output=True, text=True, timeout=TIMEOUT_S)
+    reported = json.loads(done.stdout)
+    ours = {one["program"]: one for one in reported["programs"] if (one["config"] or "").startswith(str(out))}
+    assert {"ledgerline-agent", "ledgerline-link", "ledgerline-ground"} <= ours.keys(), reported
     assert all(0 <= one["age_s"] < 120 and not one["replaced"] and one["user"] for one in ours.values()), ours
-    ledger = next(one for one in told["ledgers"] if one["config"] == ours["ledgerline-agent"]["config"])
+    ledger = next(one for one in reported["ledgers"] if one["config"] == ours["ledgerline-agent"]["config"])
     assert ledger["why"] is None and ledger["peers"][0]["height"] > 3 and ledger["newest_block_age_s"] < 5, ledger
     assert [(one["drone"], "alice" in one["holder"], one["stopped_by"]) for one in ledger["drones"]] == [
         ("tello1", True, None), ("tello2", True, None)], ledger
@@ -82,7 +82,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "tello2 is in the air" in alice.refused("drones", "release", "tello2")
     flown = anybody.json("flights")["flights"]
     assert [(one["what"], one["drones"], "alice" in one["by"]) for one in flown] == [("hand", ["tello1"], True), ("hand", ["tello2"], True)]
-    assert all(0 < one["since_s"] < PATIENCE_S for one in flown), flown
+    assert all(0 < one["since_s"] < TIMEOUT_S for one in flown), flown
     way = tmp_path / "way.csv"
     way.write_text("x,y,z,speed\n0,1.5\n0,0,1.2,0.3\n")
     alice.says("drones", "path", "tello1", way)
@@ -148,7 +148,7 @@ def test_a_mission_is_flown_by_commands(tmp_path):
     mission = added["id"]
 
     def wait(*phases: str) -> None:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while (now := alice.json("missions", "show", mission))["phase"] not in phases:
             assert time.monotonic() < deadline, now
             time.sleep(0.1)
@@ -206,8 +206,8 @@ def test_what_makes_no_sense_is_bad_usage_and_a_wrong_token_is_refused(tmp_path)
         person.misused("drones", *words)
     for words in (("add", "none.csv"), ("start",), ("start", "../x")):
         person.misused("missions", *words)
-    told = person.refused("drones", "land", "tello8", "tello9")
-    assert told.count("flies here") == 2 and "2 of 2 drones: not done" in told
+    reported = person.refused("drones", "land", "tello8", "tello9")
+    assert reported.count("flies here") == 2 and "2 of 2 drones: not done" in reported
     # Without operators ground's own identity signs all, and nobody signs in.
     assert "404" in person.refused("drones", "acquire", "tello1")
     assert "404" in person.refused("drones", "login", "--operator", "alice", "--pass-phrase-file", person.environment["LEDGERLINE_TOKEN_FILE"])

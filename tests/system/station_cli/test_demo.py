@@ -24,14 +24,14 @@ def check_and_end(flight: subprocess.Popen, station: Station, out: pathlib.Path)
         assert page.status == 200 and b"<html" in page.read().lower()
     assert [drone["name"] for drone in station.ask("GET", "drones")[1]["drones"]] == ["tello1", "tello2", "tello3"]
     assert {one["name"] for one in station.ask("GET", "operators")[1]["operators"]} == {"alice", "bob"}
-    told = printed(out)
-    assert re.search(r"Operator alice: pass phrase \w+", told) and re.search(r"Operator bob: pass phrase \w+", told)
-    assert f"export LEDGERLINE_STATION={station.url} LEDGERLINE_TOKEN_FILE={out}/run/page.token" in told
-    mission = pathlib.Path(re.search(r"\S+/mission-two\.csv", told)[0])
+    reported = printed(out)
+    assert re.search(r"Operator alice: pass phrase \w+", reported) and re.search(r"Operator bob: pass phrase \w+", reported)
+    assert f"export LEDGERLINE_STATION={station.url} LEDGERLINE_TOKEN_FILE={out}/run/page.token" in reported
+    mission = pathlib.Path(re.search(r"\S+/mission-two\.csv", reported)[0])
     assert mission.read_text().count("tello1") > 1
     station.wait("tello3", lambda drone: drone["link_phase"] == "on_ground")
     flight.send_signal(signal.SIGINT)
-    assert flight.wait(60) == 0, told
+    assert flight.wait(60) == 0, reported
 
 
 def test_the_demo_says_where_to_click_and_ends_with_nothing_left(tmp_path):

@@ -140,7 +140,7 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
         file.write_text(file.read_text().replace("SIM0009", "SIM0002"))
         well = tello(*words)
         assert well.returncode == 0 and "BAD" not in well.stdout, well.stdout + well.stderr
-        assert "by its own senses (tello): 1.00, 0.00, 0.00 m" in well.stdout
+        assert "by onboard odometry (tello): 1.00, 0.00, 0.00 m" in well.stdout
         file.write_text(file.read_text() + "[flight]\nside_m = 6\n")
         beyond = tello(*words)
         assert beyond.returncode == 1 and "a would be at 6, 0, 1 m, beyond link's fence" in beyond.stdout
@@ -179,7 +179,7 @@ def test_a_flight_measures_a_drone_and_lands_it_whoever_ends_it(tmp_path):
         assert abs(measured["rc"]["full_scale_mps"] - 1) < 0.1 and measured["rc"]["signs"] == [-1, 1, 1, -1]
         assert abs(measured["rc"]["full_scale_radps"] - math.radians(100)) < 0.1
         assert measured["pose"] == {"velocity_signs": [1, 1, 1], "velocity_frame": "power_on"}
-        assert measured["flight"]["told_mps"] == measured["rc"]["full_scale_mps"] and 0.1 < measured["flight"]["lag_s"] < 0.5
+        assert measured["flight"]["full_scale_mps"] == measured["rc"]["full_scale_mps"] and 0.1 < measured["flight"]["lag_s"] < 0.5
     assert tello("calibrate").returncode == 2
     nobody = tello("calibrate", "127.0.0.9", "--yes", "--out", str(written))
     assert nobody.returncode == 1 and "does not answer" in nobody.stderr

@@ -17,7 +17,7 @@ from cyclonedds.util import duration
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[3] / "hil/fault/own/examples"))
 from ros2_messages import Empty, Header, Odometry, Pose, Quaternion, Time, Twist, Vector3
 
-PATIENCE_S = 60  # not a limit on speed: only how long a broken test may take
+TIMEOUT_S = 60  # not a limit on speed: only how long a broken test may take
 
 
 @dataclass
@@ -112,7 +112,7 @@ class Writer:
         self.matched = False
 
     def wait_for_reader(self) -> "Writer":
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while not self.writer.get_matched_subscriptions():
             assert time.monotonic() < deadline, "nobody reads this topic"
             time.sleep(0.02)
@@ -144,9 +144,9 @@ class Reader:
         count = len(self.take())
         return self.wait(lambda all: all[-1] if len(all) > count else None)
 
-    def wait(self, look, patience_s: float = PATIENCE_S):
+    def wait(self, look, timeout_s: float = TIMEOUT_S):
         """Until `look(all that came)` is something."""
-        deadline = time.monotonic() + patience_s
+        deadline = time.monotonic() + timeout_s
         while True:
             found = look(self.take())
             if found:
@@ -155,7 +155,7 @@ class Reader:
             time.sleep(0.01)
 
 
-class Stranger:
+class Outsider:
     """A participant on loopback, or where `cyclone_config` says."""
 
     def __init__(self, domain: int = 0, cyclone_config: str = LOOPBACK):

@@ -15,7 +15,7 @@ from cyclonedds.core import Policy
 from fabric import needs_fabric
 from flights import assert_nothing_left, fly, no_flight_outlives_its_test, printed, result
 from netns import die_with_parent
-from ros import (BatteryState, DiagnosticArray, Empty, Imu, Odometry, PoseStamped, Stranger, TFMessage, Twist, Vector3)
+from ros import (BatteryState, DiagnosticArray, Empty, Imu, Odometry, PoseStamped, Outsider, TFMessage, Twist, Vector3)
 from trace_file import TraceKind, records
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
@@ -27,14 +27,14 @@ MAX_S = "900"  # of a flight whose test is gone
 class Drone:
     """One drone's topics, as its pilot sees them."""
 
-    def __init__(self, stranger: Stranger, name: str):
+    def __init__(self, outsider: Outsider, name: str):
         self.name = name
-        self.odom = stranger.reads(f"/{name}/odom", Odometry)
-        self.pose = stranger.reads(f"/{name}/pose", PoseStamped)
-        self.battery = stranger.reads(f"/{name}/battery", BatteryState)
-        self.imu = stranger.reads(f"/{name}/imu", Imu)
-        self.cmd_vel = stranger.writes(f"/{name}/cmd_vel", Twist)
-        self.words = {word: stranger.writes(f"/{name}/{word}", Empty) for word in ("takeoff", "land", "stop", "emergency")}
+        self.odom = outsider.reads(f"/{name}/odom", Odometry)
+        self.pose = outsider.reads(f"/{name}/pose", PoseStamped)
+        self.battery = outsider.reads(f"/{name}/battery", BatteryState)
+        self.imu = outsider.reads(f"/{name}/imu", Imu)
+        self.cmd_vel = outsider.writes(f"/{name}/cmd_vel", Twist)
+        self.words = {word: outsider.writes(f"/{name}/{word}", Empty) for word in ("takeoff", "land", "stop", "emergency")}
 
     def say(self, word: str) -> None:
         self.words[word].wait_for_reader().say(Empty())
@@ -68,11 +68,11 @@ class Neighbour:
     """Somebody else on the drones' domain: between it and ground's there is only the ledger."""
 
     def __init__(self, **where):
-        self.stranger = stranger = Stranger(DRONES, **where)
-        self.mocap = stranger.reads("/vrpn_mocap/tello1/pose", PoseStamped)
-        self.ground_says = [stranger.reads("/tello1/odom", Odometry), stranger.reads("/tello1/pose", PoseStamped),
-                            stranger.reads("/tf", TFMessage), stranger.reads("/tello1/battery", BatteryState)]
-        self.ground_hears = [stranger.writes("/tello1/cmd_vel", Twist), stranger.writes("/tello1/takeoff", Empty)]
+        self.outsider = outsider = Outsider(DRONES, **where)
+        self.mocap = outsider.reads("/vrpn_mocap/tello1/pose", PoseStamped)
+        self.ground_says = [outsider.reads("/tello1/odom", Odometry), outsider.reads("/tello1/pose", PoseStamped),
+                            outsider.reads("/tf", TFMessage), outsider.reads("/tello1/battery", BatteryState)]
+        self.ground_hears = [outsider.writes("/tello1/cmd_vel", Twist), outsider.writes("/tello1/takeoff", Empty)]
 
     def assert_ground_is_not_here(self) -> None:
         assert len(self.mocap.take()) > 0, "sim is here"
@@ -84,7 +84,7 @@ def wait_for_states(drone: Drone, out, flight) -> None:
     def look(all):
         assert flight.poll() is None, printed(out)
         return all
-    drone.odom.wait(look, patience_s=180)
+    drone.odom.wait(look, timeout_s=180)
 
 
 def take_off(drone: Drone) -> None:
@@ -98,7 +98,7 @@ def wait_down(drone: Drone) -> None:
 
 
 def applied(out, drone: int) -> list[tuple[float, list[float]]]:
-    """When link flew a plan's first setpoint, and what it told the drone then."""
+    """When link flew a plan's first setpoint, and what it reported the drone then."""
     return [(r[0] / 1e9, list(r[6:10])) for r in records(out / "run" / "link.trace") if r[1] == TraceKind.COMMAND_APPLIED and r[2] == drone]
 
 
@@ -109,13 +109,13 @@ def assert_hover_was_commanded(out, since: float, until: float) -> None:
     assert all(v == [0, 0, 0, 0] for v in held), "zero, within a second of the pilot's last word"
 
 
-def assert_topics_agree(stranger_tf, diagnostics, drone: Drone) -> None:
+def assert_topics_agree(outsider_tf, diagnostics, drone: Drone) -> None:
     odometry = drone.odom.newest()
     name = drone.name
     assert odometry.header.frame_id == "map" and odometry.child_frame_id == f"{name}/base_link"
     same = drone.pose.wait(lambda all: [p for p in all if p.header == odometry.header])
     assert same[0].pose == odometry.pose.pose
-    transforms = stranger_tf.wait(lambda all: [t for m in all for t in m.transforms
+    transforms = outsider_tf.wait(lambda all: [t for m in all for t in m.transforms
                                                if t.header == odometry.header and t.child_frame_id == f"{name}/base_link"])
     assert transforms[0].transform.translation == odometry.pose.pose.position
     assert transforms[0].transform.rotation == odometry.pose.pose.orientation
@@ -136,12 +136,12 @@ def assert_topics_agree(stranger_tf, diagnostics, drone: Drone) -> None:
 
 
 @pytest.mark.parametrize("ledger,drones", [("embedded", 2), ("fabric", 1)] if LONG else [("fabric", 1)])
-def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
+def test_a_outsider_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     if ledger == "fabric":
         needs_fabric()
-    stranger, neighbour = Stranger(GROUND), Neighbour()
-    flown = [Drone(stranger, f"tello{k + 1}") for k in range(drones)]
-    tf = stranger.reads("/tf", TFMessage)
+    outsider, neighbour = Outsider(GROUND), Neighbour()
+    flown = [Drone(outsider, f"tello{k + 1}") for k in range(drones)]
+    tf = outsider.reads("/tf", TFMessage)
     flight = fly(tmp_path, "--shape", "manual", "--seconds", MAX_S, "--drones", str(drones), "--ledger", ledger,
                  "--domains", f"{DRONES},{GROUND}")
     first = flown[0]
@@ -150,7 +150,7 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     for drone in flown:
         take_off(drone)
     # Who comes late reads the newest transitions, too.
-    diagnostics = stranger.reads("/diagnostics", DiagnosticArray, Policy.Durability.TransientLocal)
+    diagnostics = outsider.reads("/diagnostics", DiagnosticArray, Policy.Durability.TransientLocal)
     for drone in flown:
         assert_topics_agree(tf, diagnostics, drone)
 
@@ -195,13 +195,13 @@ def test_a_stranger_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
 
     report = result(tmp_path)
     assert report["ok"] is True and report["asked"]["shape"] == "manual"
-    told = applied(tmp_path, 1)
+    reported = applied(tmp_path, 1)
     assert_hover_was_commanded(tmp_path, silent_since, landed_from)
-    assert max(math.hypot(v[0], v[1]) for _, v in told) < 0.51, "as fast as paths are flown, not faster"
-    answered = min(t for t, v in told if t > first_word and v[3] > 0)
-    last = max(t for t, v in told if t < landed_from and any(v))
+    assert max(math.hypot(v[0], v[1]) for _, v in reported) < 0.51, "as fast as paths are flown, not faster"
+    answered = min(t for t, v in reported if t > first_word and v[3] > 0)
+    last = max(t for t, v in reported if t < landed_from and any(v))
     print(f"{ledger}: two-way of the pilot's drones, ms: {[d['two_way_ms'] for d in report['drones']]}")
-    print(f"{ledger}: from the first cmd_vel until link told the drone {1e3 * (answered - first_word):.0f} ms; "
+    print(f"{ledger}: from the first cmd_vel until link reported the drone {1e3 * (answered - first_word):.0f} ms; "
           f"from the last one until the last setpoint that was not zero {1e3 * (last - silent_since):.0f} ms")
     pilot = pilot_counts(tmp_path, 0)
     assert pilot["bad_values"] == 2 and pilot["malformed"] == 0 and pilot["refused"] == 0, pilot
@@ -268,18 +268,18 @@ def pilot_counts(out, drone: int) -> dict:
 
 READS_ALL = """
 import ros
-stranger = ros.Stranger()
-odom = stranger.reads("/tello1/odom", ros.Odometry)
-others = [stranger.reads("/tello1/pose", ros.PoseStamped), stranger.reads("/tf", ros.TFMessage), stranger.reads("/tello1/imu", ros.Imu)]
+outsider = ros.Outsider()
+odom = outsider.reads("/tello1/odom", ros.Odometry)
+others = [outsider.reads("/tello1/pose", ros.PoseStamped), outsider.reads("/tf", ros.TFMessage), outsider.reads("/tello1/imu", ros.Imu)]
 odom.wait(lambda all: all)
 print("reads", flush=True)
-odom.wait(lambda all: False, patience_s=600)
+odom.wait(lambda all: False, timeout_s=600)
 """
 
 
 def test_a_stop_is_the_ledgers_and_keeps_the_drone_down(tmp_path):
-    stranger = Stranger()
-    drone = Drone(stranger, "tello1")
+    outsider = Outsider()
+    drone = Drone(outsider, "tello1")
     flight = fly(tmp_path, "--shape", "manual", "--seconds", MAX_S)
     wait_for_states(drone, tmp_path, flight)
     take_off(drone)

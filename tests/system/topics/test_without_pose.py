@@ -11,7 +11,7 @@ import time
 from cyclonedds.core import Policy
 from flights import (BIN, POSES, SAFE, assert_nothing_left, deployment, fly, no_flight_outlives_its_test, pid_of, printed, result,
                      somebody_elses_drones)
-from ros import (PATIENCE_S, BatteryState, DiagnosticArray, Empty, Header, Odometry, Pose, PoseStamped, Quaternion, Stranger, Time, Twist,
+from ros import (TIMEOUT_S, BatteryState, DiagnosticArray, Empty, Header, Odometry, Pose, PoseStamped, Quaternion, Outsider, Time, Twist,
                  Vector3, Writer)
 from trace_file import TraceKind, records
 
@@ -21,13 +21,13 @@ MAX_S = "300"  # of a flight whose test is gone
 class Teleop:
     """Keyboard or joystick: a pilot who sees the drone and has nothing else. What link says of itself is all that is read."""
 
-    def __init__(self, stranger: Stranger, name: str):
+    def __init__(self, outsider: Outsider, name: str):
         self.name = name
-        self.odom = stranger.reads(f"/{name}/odom", Odometry)
-        self.battery = stranger.reads(f"/{name}/battery", BatteryState)
-        self.diagnostics = stranger.reads("/diagnostics", DiagnosticArray, Policy.Durability.TransientLocal)
-        self.cmd_vel = stranger.writes(f"/{name}/cmd_vel", Twist)
-        self.words = {word: stranger.writes(f"/{name}/{word}", Empty) for word in ("takeoff", "land")}
+        self.odom = outsider.reads(f"/{name}/odom", Odometry)
+        self.battery = outsider.reads(f"/{name}/battery", BatteryState)
+        self.diagnostics = outsider.reads("/diagnostics", DiagnosticArray, Policy.Durability.TransientLocal)
+        self.cmd_vel = outsider.writes(f"/{name}/cmd_vel", Twist)
+        self.words = {word: outsider.writes(f"/{name}/{word}", Empty) for word in ("takeoff", "land")}
 
     def say(self, word: str) -> None:
         self.words[word].say(Empty())
@@ -37,7 +37,7 @@ class Teleop:
         begin = pressed = time.monotonic()
         self.say("takeoff")
         while not any(phase == "taking_off" for phase, *_ in self.transitions()):
-            assert time.monotonic() < begin + PATIENCE_S, self.transitions()
+            assert time.monotonic() < begin + TIMEOUT_S, self.transitions()
             if time.monotonic() > pressed + 2:
                 self.say("takeoff")
                 pressed = time.monotonic()
@@ -53,9 +53,9 @@ class Teleop:
 
     def transitions(self) -> list[tuple[str, str, str]]:
         """(phase, mode, cause), as they came through the ledger."""
-        told = [{value.key: value.value for value in status.values} for message in self.diagnostics.take()
+        reported = [{value.key: value.value for value in status.values} for message in self.diagnostics.take()
                 for status in message.status if status.name == f"{self.name}/failsafe"]
-        return [(each["phase"], each["mode"], each["cause"]) for each in told]
+        return [(each["phase"], each["mode"], each["cause"]) for each in reported]
 
     def wait(self, phase: str, since: int = 0) -> None:
         self.diagnostics.wait(lambda _: any(each[0] == phase for each in self.transitions()[since:]))
@@ -104,8 +104,8 @@ def audited(out) -> dict:
 def test_a_teleop_flies_drones_without_any_pose(tmp_path):
     """Two drones: the first one lands by its pilot's word, the second one's pilot and ground fall silent in the air."""
     mps, leg_s, turn_radps, turn_s, rest_s = 0.4, 2.0, 0.6, 2.6, 1.0
-    stranger = Stranger()
-    first, second = Teleop(stranger, "tello1"), Teleop(stranger, "tello2")
+    outsider = Outsider()
+    first, second = Teleop(outsider, "tello1"), Teleop(outsider, "tello2")
     flight = fly(tmp_path, "--shape", "manual", "--pose", "none", "--drones", "2", "--seconds", MAX_S)
     for pilot in (first, second):
         wait_for_states(pilot, tmp_path, flight)
@@ -162,22 +162,22 @@ def test_a_teleop_flies_drones_without_any_pose(tmp_path):
     print(f"without ground it is down after {down:.1f} s")
     assert 5 < down < 10, down
 
-    told = audited(tmp_path)
-    for drone in (told["tello1"], told["tello2"]):
+    reported = audited(tmp_path)
+    for drone in (reported["tello1"], reported["tello2"]):
         assert drone["poses"] == 0 and drone["states"] > 100
         assert "take-off" in [word["what"] for word in drone["words"]], drone["words"]
         (commands,) = drone["commands"]
         assert commands["who"].startswith("Org2MSP/") and commands["valid"] > 50, commands
-    assert "landing" in [word["what"] for word in told["tello1"]["words"]]
+    assert "landing" in [word["what"] for word in reported["tello1"]["words"]]
     on_ledger = {each["id"]: each["commands"]["on_ledger"] for each in result(tmp_path)["drones"]}
     assert all(count > 50 for count in on_ledger.values()), on_ledger
     assert_nothing_left()
 
 
 @contextlib.contextmanager
-def poses_of(stranger: Stranger, name: str):
+def poses_of(outsider: Outsider, name: str):
     """A motion capture system that sees a drone at rest, and may be switched off."""
-    writer, off = stranger.writes(f"/vrpn_mocap/{name}/pose", PoseStamped), threading.Event()
+    writer, off = outsider.writes(f"/vrpn_mocap/{name}/pose", PoseStamped), threading.Event()
 
     def see() -> None:
         while not off.wait(0.02):
@@ -195,10 +195,10 @@ def poses_of(stranger: Stranger, name: str):
 
 def test_where_the_config_does_not_let_a_pilot_do_without_a_pose_the_take_off_is_refused_aloud(tmp_path):
     """The default. Poses are there until the drones were looked over, and gone when the pilot wants to take off."""
-    stranger = Stranger()
-    pilot = Teleop(stranger, "tello1")
+    outsider = Outsider()
+    pilot = Teleop(outsider, "tello1")
     file = deployment(tmp_path, POSES + SAFE + '[flight]\nshape = "manual"\n')
-    with somebody_elses_drones(tmp_path, 1, "--mocap-hz", "0"), poses_of(stranger, "tello1") as off:
+    with somebody_elses_drones(tmp_path, 1, "--mocap-hz", "0"), poses_of(outsider, "tello1") as off:
         flight = fly(tmp_path, "--deployment", file)
         wait_for_states(pilot, tmp_path, flight)
         off.set()

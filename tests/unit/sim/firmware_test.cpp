@@ -66,8 +66,8 @@ TEST(Heat, OnTheGroundItWarmsUntilItSwitchesItselfOff) {
   Flight flight(hot());
   ASSERT_EQ(flight.ask("command", 1), "ok");
   flight.run(60);
-  EXPECT_GT(flight.told("templ"), 75);
-  EXPECT_LT(flight.told("templ"), 95);
+  EXPECT_GT(flight.reported("templ"), 75);
+  EXPECT_LT(flight.reported("templ"), 95);
   flight.run(240);
   flight.states.clear();
   EXPECT_EQ(flight.ask("command", 2), "") << "off";
@@ -82,12 +82,12 @@ TEST(Heat, FlyingAndIdlingCool) {
   idling.ask("command", 1);
   EXPECT_EQ(idling.ask("motoron", 1), "ok");
   idling.run(100);
-  EXPECT_LT(idling.told("templ"), 70);
+  EXPECT_LT(idling.reported("templ"), 70);
   flying.take_off();
   flying.run(5);
   flying.simulator.set_temperature(1, 94);
   flying.run(10);
-  EXPECT_LT(flying.told("templ"), 94);
+  EXPECT_LT(flying.reported("templ"), 94);
   EXPECT_TRUE(flying.truth().in_flight);
 }
 
@@ -130,14 +130,14 @@ TEST(Battery, SagsUnderItsLoadAndComesBack) {
   Flight flight(p);
   ASSERT_EQ(flight.ask("command", 1), "ok");
   flight.run(2);
-  EXPECT_EQ(flight.told("bat"), 50);
+  EXPECT_EQ(flight.reported("bat"), 50);
   flight.ask("takeoff", 20);
   flight.run(3);
-  EXPECT_NEAR(flight.told("bat"), 44, 1);
+  EXPECT_NEAR(flight.reported("bat"), 44, 1);
   EXPECT_NEAR(flight.truth().battery, 0.49, 0.01) << "what is left in truth";
   flight.ask("land", 20);
   flight.run(3);
-  EXPECT_NEAR(flight.told("bat"), 49, 1);
+  EXPECT_NEAR(flight.reported("bat"), 49, 1);
 }
 
 // Every parameter that is drawn, in one row.

@@ -83,7 +83,7 @@ class Flight {
 
   /// Of the newest state text.
   std::map<std::string, std::string> state() const { return fields(states.back().bytes); }
-  double told(const std::string& field) const { return std::stod(state().at(field)); }
+  double reported(const std::string& field) const { return std::stod(state().at(field)); }
 
   Truth truth(DroneNumber drone = 1) const { return simulator.truth(drone); }
 

@@ -80,7 +80,7 @@ TEST(AttitudeMode, CentredSticksDoNotBrakeAndTheAirAloneSlows) {
   const double rate = flight.simulator.truth(1).velocity_mps[0] / 2;
   EXPECT_NEAR(rate, std::exp(-2 * BodyParameters{}.drag_xy_per_s), 0.03);
   EXPECT_LT(flight.truth().tilt_rad, 0.03) << "it feels no speed, and leans against none";
-  EXPECT_EQ(flight.told("vgx"), 0);
+  EXPECT_EQ(flight.reported("vgx"), 0);
   EXPECT_NEAR(flight.truth().position_m[2], 1, 0.05) << "its height it still has";
 }
 
@@ -93,9 +93,9 @@ TEST(AttitudeMode, ASteadyStickIsASteadyLeanAndASpeedThatGrows) {
   flight.run(3);
   const double full = std::tan(ControlParameters{}.attitude_full_rad);
   EXPECT_NEAR(std::tan(flight.truth().tilt_rad), full / 2, 0.02);
-  EXPECT_NEAR(flight.told("pitch"), -9.4, 1) << "which is all that the state text shows of it";
+  EXPECT_NEAR(flight.reported("pitch"), -9.4, 1) << "which is all that the state text shows of it";
   EXPECT_GT(ground_speed(flight.truth()), 2.5) << "five times what 50 means with flow";
-  EXPECT_EQ(flight.told("vgx"), 0);
+  EXPECT_EQ(flight.reported("vgx"), 0);
 }
 
 TEST(AttitudeMode, WindCarriesItAwayAndLightBringsTheHoldBack) {
@@ -178,7 +178,7 @@ TEST(OwnHeight, WithoutTofItFollowsTheBarometer) {
   EXPECT_NEAR(flight.truth().position_m[2], 1.5, 0.1) << "the barometer says that it sinks, so it climbs";
 }
 
-TEST(TakeOff, ItGoesAwaySidewaysByWhatItIsTold) {
+TEST(TakeOff, ItGoesAwaySidewaysByWhatItIsSent) {
   std::set<int> directions;
   for (std::uint64_t seed = 1; seed <= 6; ++seed) {
     Parameters p = Flight::calm();

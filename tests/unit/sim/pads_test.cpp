@@ -19,16 +19,16 @@ Parameters above(const std::vector<Pad>& pads) {
   return p;
 }
 
-TEST(Pads, OneBelowIsToldInItsOwnFrame) {
+TEST(Pads, OneBelowIsCommandedInItsOwnFrame) {
   // Its rocket points north: the drone, 0.2 m east and 0.1 m south of it, is behind it and to its right.
   Flight flight(above({{.id = 3, .x_m = -0.2, .y_m = 0.1, .yaw_rad = right_angle}}));
   flight.take_off();
   ASSERT_EQ(flight.ask("mon"), "ok");
   flight.run(0.3);
-  EXPECT_EQ(flight.told("mid"), 3);
-  EXPECT_NEAR(flight.told("x"), -10, 2);
-  EXPECT_NEAR(flight.told("y"), -20, 2);
-  EXPECT_NEAR(flight.told("z"), 100, 3);
+  EXPECT_EQ(flight.reported("mid"), 3);
+  EXPECT_NEAR(flight.reported("x"), -10, 2);
+  EXPECT_NEAR(flight.reported("y"), -20, 2);
+  EXPECT_NEAR(flight.reported("z"), 100, 3);
   EXPECT_EQ(flight.state()["mpry"], "0,0,90") << "it looks to the right of where the rocket points";
 }
 
@@ -61,12 +61,12 @@ TEST(Pads, OnlyWhoLooksSees) {
   const auto mid = [&](const char* word) {
     if (*word) flight.ask(word);
     flight.run(0.2);
-    return flight.told("mid");
+    return flight.reported("mid");
   };
   EXPECT_EQ(mid(""), -2);
   EXPECT_EQ(mid("mon"), 5);
   EXPECT_EQ(mid("mdirection 1"), -1) << "forward";
-  EXPECT_EQ(flight.told("x"), -100);
+  EXPECT_EQ(flight.reported("x"), -100);
   EXPECT_EQ(flight.state()["mpry"], "-1,-1,-1");
   EXPECT_EQ(mid("mdirection 0"), 5);
   EXPECT_EQ(mid("mdirection 1"), -1);

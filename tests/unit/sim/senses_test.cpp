@@ -66,7 +66,7 @@ TEST(Senses, ADroneThatTrustsAFlowOfAnotherScaleFliesFasterThanItSays) {
   flight.take_off();
   flight.tell("rc 0 60 0 0");
   flight.run(3);
-  EXPECT_NEAR(flight.told("vgx"), 6, 1);
+  EXPECT_NEAR(flight.reported("vgx"), 6, 1);
   EXPECT_GT(std::abs(flight.truth().velocity_mps[0] - 0.6), 0.05);
 }
 
@@ -79,14 +79,14 @@ TEST(Senses, AnotherScaleALagAndACastAreInTheVelocityThatItReports) {
   flight.take_off();
   flight.tell("rc 0 57 0 0");
   flight.run(0.4);
-  const double early = flight.told("vgx");
+  const double early = flight.reported("vgx");
   flight.run(3);
   EXPECT_LT(early, 3) << "the drone's own lag, and that of what it reports";
-  EXPECT_EQ(flight.told("vgx"), 5) << "0.57 by its own estimate";
+  EXPECT_EQ(flight.reported("vgx"), 5) << "0.57 by its own estimate";
   EXPECT_NEAR(flight.truth().velocity_mps[0], 0.57 / 0.7, 0.05);
 }
 
-TEST(Senses, TheToldVelocityIsItsOwnInWholeDecimetresASecond) {
+TEST(Senses, TheReportedVelocityIsItsOwnInWholeDecimetresASecond) {
   Parameters p = Flight::calm();
   p.sensors.flow_noise_mps = 0.02;
   Flight flight(p);
@@ -100,9 +100,9 @@ TEST(Senses, TheToldVelocityIsItsOwnInWholeDecimetresASecond) {
     flight.run(1);
   }
   for (const Outgoing& state : flight.states) {
-    const double told = std::stod(fields(state.bytes)["vgx"]);
-    (told == 4 ? fours : others)++;
-    EXPECT_TRUE(told == 3 || told == 4) << told;
+    const double reported = std::stod(fields(state.bytes)["vgx"]);
+    (reported == 4 ? fours : others)++;
+    EXPECT_TRUE(reported == 3 || reported == 4) << reported;
   }
   EXPECT_NEAR(fours, others, 60) << "0.35 m/s with noise is now the one, now the other";
 }
@@ -113,26 +113,26 @@ TEST(Senses, YawAndVelocityAreAsTheDroneStoodWhenItWasSwitchedOn) {
   Flight flight(p);
   flight.take_off();
   EXPECT_NEAR(flight.truth().yaw_rad, right_angle, 0.01);
-  EXPECT_EQ(flight.told("yaw"), 0);
+  EXPECT_EQ(flight.reported("yaw"), 0);
   flight.tell("rc 0 60 0 0");
   flight.run(3);
   EXPECT_NEAR(flight.truth().velocity_mps[1], 0.6, 0.03) << "it looks north";
-  EXPECT_EQ(flight.told("vgx"), 6) << "where it looked when it was switched on";
-  EXPECT_EQ(flight.told("vgy"), 0);
+  EXPECT_EQ(flight.reported("vgx"), 6) << "where it looked when it was switched on";
+  EXPECT_EQ(flight.reported("vgy"), 0);
   ASSERT_EQ(flight.ask("stop"), "ok");
   ASSERT_EQ(flight.ask("cw 90"), "ok");
   flight.tell("rc 0 60 0 0");
   flight.run(3);
-  EXPECT_NEAR(flight.told("yaw"), 90, 3);
+  EXPECT_NEAR(flight.reported("yaw"), 90, 3);
   EXPECT_NEAR(flight.truth().velocity_mps[0], 0.6, 0.03) << "it looks east";
-  EXPECT_EQ(flight.told("vgy"), -6) << "right of where it looked first";
+  EXPECT_EQ(flight.reported("vgy"), -6) << "right of where it looked first";
 
   ASSERT_EQ(flight.ask("land"), "ok");
   EXPECT_NEAR(flight.truth().yaw_rad, 0, 0.05);
   flight.simulator.restart(1);
   flight.ask("command");
   flight.run(0.3);
-  EXPECT_EQ(flight.told("yaw"), 0) << "off and on again: this is its zero now";
+  EXPECT_EQ(flight.reported("yaw"), 0) << "off and on again: this is its zero now";
 }
 
 void expect_lost_flow(const Sensing& sensing) {
@@ -155,7 +155,7 @@ void expect_lost_flow(const Sensing& sensing) {
 
   flight.simulator.set_sensing(1, {});
   flight.run(0.2);
-  EXPECT_GE(flight.told("vgx"), 2) << "it sees again that it moves";
+  EXPECT_GE(flight.reported("vgx"), 2) << "it sees again that it moves";
   flight.simulator.set_wind({});
   flight.run(4);
   EXPECT_NEAR(flight.truth().velocity_mps[0], 0, 0.02);
@@ -170,12 +170,12 @@ TEST(Senses, ADroneThatLosesItsFlowInFlightSaysSoonThatItStands) {
   flight.take_off();
   flight.tell("rc 0 60 0 0");
   flight.run(2);
-  EXPECT_EQ(flight.told("vgx"), 6);
+  EXPECT_EQ(flight.reported("vgx"), 6);
   flight.simulator.set_sensing(1, {.light = 0});
   flight.run(0.3);
-  EXPECT_GT(flight.told("vgx"), 0) << "it fades";
+  EXPECT_GT(flight.reported("vgx"), 0) << "it fades";
   flight.run(2);
-  EXPECT_EQ(flight.told("vgx"), 0);
+  EXPECT_EQ(flight.reported("vgx"), 0);
   EXPECT_GT(flight.truth().velocity_mps[0], 0.6) << "its sticks still push, and nothing says that it is fast enough";
 }
 
@@ -201,21 +201,21 @@ TEST(Senses, ABiasOfItsVelocityCarriesAHoveringDroneAway) {
   flight.run(5);
   EXPECT_NEAR(flight.truth().velocity_mps[1], -0.1, 0.01);
   EXPECT_NEAR(flight.truth().position_m[1], before - 0.5, 0.1);
-  EXPECT_EQ(flight.told("vgy"), 0);
+  EXPECT_EQ(flight.reported("vgy"), 0);
 }
 
 TEST(Senses, TofThatSeesNothingSaysSo) {
   Flight flight;
   flight.take_off();
   flight.run(0.2);
-  EXPECT_NEAR(flight.told("tof"), 100, 3);
+  EXPECT_NEAR(flight.reported("tof"), 100, 3);
   flight.simulator.set_sensing(1, {.tof = false});
   flight.run(0.2);
-  EXPECT_EQ(flight.told("tof"), 6553);
+  EXPECT_EQ(flight.reported("tof"), 6553);
   EXPECT_EQ(flight.ask("tof?"), "65530mm\r\n");
   flight.simulator.set_sensing(1, {});
   flight.run(0.2);
-  EXPECT_NEAR(flight.told("tof"), 100, 3);
+  EXPECT_NEAR(flight.reported("tof"), 100, 3);
 }
 
 TEST(Senses, TofStepsOverATable) {
@@ -223,14 +223,14 @@ TEST(Senses, TofStepsOverATable) {
   p.tables = {{.x_m = 1.5, .length_m = 1, .width_m = 1, .height_m = 0.4}};
   Flight flight(p);
   flight.take_off();
-  EXPECT_NEAR(flight.told("tof"), 100, 3);
+  EXPECT_NEAR(flight.reported("tof"), 100, 3);
   ASSERT_EQ(flight.ask("forward 150"), "ok");
   flight.run(0.5);
-  EXPECT_NEAR(flight.told("tof"), 60, 3);
-  EXPECT_EQ(flight.told("h"), 100);
+  EXPECT_NEAR(flight.reported("tof"), 60, 3);
+  EXPECT_EQ(flight.reported("h"), 100);
   ASSERT_EQ(flight.ask("forward 100"), "ok");
   flight.run(0.5);
-  EXPECT_NEAR(flight.told("tof"), 100, 3);
+  EXPECT_NEAR(flight.reported("tof"), 100, 3);
 }
 
 TEST(Senses, ADriftingBarometerTakesTheHeightWithIt) {
@@ -238,16 +238,16 @@ TEST(Senses, ADriftingBarometerTakesTheHeightWithIt) {
   flight.ask("command");
   flight.simulator.set_sensing(1, {.baro_drift_mps = 0.1});
   flight.run(3);
-  EXPECT_EQ(flight.told("h"), 0) << "on the ground it knows where it is";
+  EXPECT_EQ(flight.reported("h"), 0) << "on the ground it knows where it is";
   flight.take_off();
   flight.simulator.set_sensing(1, {});
-  const double before = flight.told("baro"), height = flight.told("h");
+  const double before = flight.reported("baro"), height = flight.reported("h");
   flight.simulator.set_sensing(1, {.baro_drift_mps = 0.1});
   flight.run(5);
-  EXPECT_NEAR(flight.told("baro"), before + 0.5, 0.03);
-  EXPECT_NEAR(flight.told("h"), height + 50, 10);
-  EXPECT_EQ(std::fmod(flight.told("h"), 10), 0);
-  EXPECT_NEAR(flight.told("tof"), 100, 3);
+  EXPECT_NEAR(flight.reported("baro"), before + 0.5, 0.03);
+  EXPECT_NEAR(flight.reported("h"), height + 50, 10);
+  EXPECT_EQ(std::fmod(flight.reported("h"), 10), 0);
+  EXPECT_NEAR(flight.reported("tof"), 100, 3);
   EXPECT_NEAR(flight.truth().position_m[2], 1, 0.03);
 }
 

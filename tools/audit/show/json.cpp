@@ -105,7 +105,7 @@ json to_json(const DroneStory& drone) {
 
 }  // namespace
 
-json to_json(const ChainAudit& audit, const Asked& asked) {
+json to_json(const ChainAudit& audit, const AuditRequest& asked) {
   const Counts& c = audit.counts();
   const Story& story = audit.story();
   json findings = json::array(), refusals = json::array(), drones = json::object();

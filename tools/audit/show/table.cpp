@@ -108,12 +108,12 @@ std::string findings_text(const ChainAudit& audit) {
 
 }  // namespace
 
-std::string to_table(const ChainAudit& audit, const Asked& asked) {
+std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
   const Counts& c = audit.counts();
   const Story& story = audit.story();
   std::string text = fmt::format("channel {}, {}: {} blocks, {} of them configurations; newest {}\n", asked.channel,
                                  asked.source, c.blocks, c.config_blocks, audit.newest_hash());
-  text += asked.anchor.empty() ? "  NO TRUST ANCHOR: the first block was taken as it is, so whoever made this chain "
+  text += asked.anchor.empty() ? "  NO TRUST ANCHOR: the first block was taken as it is, so the author of this chain "
                                  "may have made up all of it\n"
                                : fmt::format("  trust anchor: {}\n", asked.anchor);
   text += fmt::format("  {} transactions with {} endorsements: {} valid{}\n", c.transactions, c.endorsements, c.valid,

@@ -18,7 +18,7 @@ namespace fs = std::filesystem;
 
 const Error read_only{"a copy is not written to"};
 
-/// A file of a node's storage that stays as it is. What BlockStore would cut off stays there and is told.
+/// A file of a node's storage that stays as it is. What BlockStore would cut off stays there and is reported.
 class ReadOnlyFile final : public node::File {
  public:
   ReadOnlyFile(int file, std::string path) : file_(file), path_(std::move(path)) {}

@@ -24,9 +24,9 @@ class Belt {
     blocks_.emplace_back(block);
     filled_.notify_one();
   }
-  std::optional<std::string> take(std::chrono::milliseconds patience) {
+  std::optional<std::string> take(std::chrono::milliseconds timeout) {
     std::unique_lock lock(mutex_);
-    if (!filled_.wait_for(lock, patience, [&] { return !blocks_.empty(); })) return std::nullopt;
+    if (!filled_.wait_for(lock, timeout, [&] { return !blocks_.empty(); })) return std::nullopt;
     std::string block = std::move(blocks_.front());
     blocks_.pop_front();
     room_.notify_one();
@@ -41,7 +41,7 @@ class Belt {
     const std::lock_guard lock(mutex_);
     return why_;
   }
-  /// Nobody takes any more: whoever waits for room goes on.
+  /// Nobody takes any more: a thread that waits for room continues.
   void end() {
     const std::lock_guard lock(mutex_);
     ended_ = true;
@@ -72,7 +72,7 @@ Result<std::uint64_t> height_of(fabric::ClientConfig config) {
 
 }  // namespace
 
-Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::chrono::milliseconds patience,
+Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::chrono::milliseconds timeout,
                             const OnBlock& on_block) {
   Belt belt;
   Reading reading;
@@ -83,7 +83,7 @@ Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::c
   };
   auto stream = client.blocks(0, std::move(handlers));
   while (reading.blocks < height) {
-    const auto block = belt.take(patience);
+    const auto block = belt.take(timeout);
     if (!block) {
       const std::string why = belt.why();
       reading.problem = fmt::format("the peer said that it has {} blocks, and gives no more of them{}{}", height,
@@ -99,14 +99,14 @@ Result<Reading> read_blocks(fabric::Client& client, std::uint64_t height, std::c
   return reading;
 }
 
-Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::milliseconds patience, const OnBlock& on_block) {
+Result<Reading> read_peer(fabric::ClientConfig config, std::chrono::milliseconds timeout, const OnBlock& on_block) {
   config.config_block.clear();
   config.blocks = fabric::BlockSource::peer;
   const auto height = height_of(config);
   if (!height) return height.error();
   auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
-  return read_blocks(**client, *height, patience, on_block);
+  return read_blocks(**client, *height, timeout, on_block);
 }
 
 }  // namespace ledgerline::audit

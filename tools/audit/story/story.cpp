@@ -5,18 +5,18 @@
 #include <algorithm>
 
 #include "common/base/printable.hpp"
-#include "common/belief/calls.hpp"
-#include "common/belief/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/calls.hpp"
+#include "common/verification/identity.hpp"
 #include "peer/transaction.pb.h"
 #include "tools/audit/story/states.hpp"
 
 namespace ledgerline::audit {
 namespace {
 
-constexpr std::size_t max_name = 200;   // of what strangers chose
+constexpr std::size_t max_name = 200;   // of what others chose
 constexpr std::size_t max_asked = 512;  // commands that no state has named yet: 10 s at 50 Hz
 constexpr std::size_t max_functions = 200;
 
@@ -38,9 +38,9 @@ std::string action_word(Action action) { return action == TAKEOFF ? "take-off" :
 std::string commander_words(const crypto::IdentityName& signer, const DronePlan& plan,
                             const std::optional<Control>& record) {
   const std::string who = words_of(signer);
-  const bool delegate = record && record->has_delegate() && belief::to_name(record->delegate()) == signer &&
+  const bool delegate = record && record->has_delegate() && verification::to_name(record->delegate()) == signer &&
                         record->epoch() == plan.epoch();
-  return delegate ? who + " for " + words_of(belief::to_name(record->holder())) : who;
+  return delegate ? who + " for " + words_of(verification::to_name(record->holder())) : who;
 }
 
 }  // namespace
@@ -55,7 +55,7 @@ DroneStory* Story::drone(const std::string& name) {
   return bounded_entry(drones_, printable(name, max_name), max_drones);
 }
 
-Status Story::take(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator) {
+Status Story::take(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator) {
   const std::string who = words_of(creator.name);
   const bool valid = judged.code == protos::VALID;
   if (valid && tx.timestamp_ns > 0) {
@@ -73,7 +73,7 @@ Status Story::take(const Judged& judged, const fabric::Transaction& tx, const be
   if (!valid) return done;
   const Moment when = moment_of(judged, tx);
   if (tx.function == contract::set) take_set(tx, when);
-  if (belief::is_control_event(tx.event_name)) return take_control(tx, creator, when);
+  if (verification::is_control_event(tx.event_name)) return take_control(tx, creator, when);
   return done;
 }
 
@@ -90,7 +90,7 @@ void Story::take_refusal(const Judged& judged, const fabric::Transaction& tx, co
   }
 }
 
-void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator) {
+void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator) {
   CommandCall call;
   if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
   const bool valid = judged.code == protos::VALID;
@@ -131,7 +131,7 @@ void Story::take_command(const Judged& judged, const fabric::Transaction& tx, co
 
 void Story::take_set(const fabric::Transaction& tx, const Moment& when) {
   SetCall call;
-  if (belief::match_set({tx.function, tx.args}, tx.event_payload, call) != belief::Match::same) return;
+  if (verification::match_set({tx.function, tx.args}, tx.event_payload, call) != verification::Match::same) return;
   for (const Asset& asset : call.assets()) {
     const auto slash = asset.id().find('/');
     if (slash == std::string::npos) continue;
@@ -146,20 +146,20 @@ void Story::take_record(const Control& after, const std::string& by, const Momen
   if (story == nullptr) return;
   Tenure* last = story->holders.last();
   const bool held = last != nullptr && !last->to;
-  const std::string holder = after.has_holder() ? words_of(belief::to_name(after.holder())) : "";
+  const std::string holder = after.has_holder() ? words_of(verification::to_name(after.holder())) : "";
   if (held && (holder != last->who || after.epoch() != last->epoch)) {
     last->to = when;
     last->ended_by = by;
   }
   const bool same = held && !last->to;
-  const std::string delegate = after.has_delegate() ? words_of(belief::to_name(after.delegate())) : "";
+  const std::string delegate = after.has_delegate() ? words_of(verification::to_name(after.delegate())) : "";
   if (after.has_holder() && !same)
     story->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, "", delegate});
   story->record = after;
 }
 
-Status Story::take_control(const fabric::Transaction& tx, const belief::Creator& creator, const Moment& when) {
-  const auto event = belief::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
+Status Story::take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when) {
+  const auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
   if (!event) return event.error();
   const std::string who = words_of(creator.name), by = tx.function + " by " + who;
   Status problem = done;
@@ -169,13 +169,13 @@ Status Story::take_control(const fabric::Transaction& tx, const belief::Creator&
                                   status.error().what)};
     return status.ok();
   };
-  const auto role = belief::role_change(*event);
-  const bool role_good = !role || judge("a role", belief::role_follows(*role, creator));
+  const auto role = verification::role_change(*event);
+  const bool role_good = !role || judge("a role", verification::role_follows(*role, creator));
   for (const Control& after : event->controls.controls()) {
     DroneStory* story = drone(after.drone());
     if (story == nullptr) continue;
     // A drone's first record is what its enrolment makes of nothing.
-    if (story->record && !judge(after.drone(), belief::control_follows(*event, *story->record, after, creator)))
+    if (story->record && !judge(after.drone(), verification::control_follows(*event, *story->record, after, creator)))
       continue;
     if (tx.function != contract::acquire && tx.function != contract::release)
       story->words.add({tx.function, who, when});
@@ -184,12 +184,13 @@ Status Story::take_control(const fabric::Transaction& tx, const belief::Creator&
   for (const Stop& stop : event->stops.stops()) {
     DroneStory* story = drone(stop.drone());
     if (story == nullptr) continue;
-    if (story->record && !judge(stop.drone(), belief::stop_follows(*event, *story->record, stop, creator))) continue;
+    if (story->record && !judge(stop.drone(), verification::stop_follows(*event, *story->record, stop, creator)))
+      continue;
     story->words.add({stop.cut() ? "cut" : "stop", who, when});
     if (story->record) add_stop(*story->record, stop);
   }
   if (role && role_good) {
-    const std::string of = words_of(belief::to_name(role->identity));
+    const std::string of = words_of(verification::to_name(role->identity));
     roles_.add({fmt::format("{} {}", Role_Name(role->role), of), who, when});
     for (auto& [name, story] : drones_) {
       if (story.record && names_identity(*story.record, role->identity))

@@ -5,10 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "common/belief/control_events.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/histogram.hpp"
+#include "common/verification/control_events.hpp"
 #include "tools/audit/story/bounded.hpp"
 
 namespace ledgerline::audit {
@@ -77,7 +77,7 @@ struct DroneStory {
     std::uint64_t count = 0;
     bool operator==(const Alarmed&) const = default;
   };
-  std::map<std::string, Alarmed> alarms;  ///< by kind, as told last
+  std::map<std::string, Alarmed> alarms;  ///< by kind, as reported last
   std::optional<Control> record;
   std::map<std::uint64_t, TimeNs> asked;  ///< sequence of a command -> stamp of the state that it answers
   std::uint64_t asked_epoch = 0, asked_boot = 0, last_arrived = 0, last_transition = 0, transition_boot = 0;
@@ -90,7 +90,7 @@ struct Refusals {
   Moment first;
 };
 
-/// What a channel tells of its drones: who held and commanded them, who stopped them, what their failsafes did, how
+/// What a channel shows of its drones: who held and commanded them, who stopped them, what their failsafes did, how
 /// long a command took, where they flew. Everything is bounded or counted. Pure; one thread.
 class Story {
  public:
@@ -98,7 +98,7 @@ class Story {
 
   /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
   /// follow from what its creator signed and from the record before, though its endorsers let it pass.
-  Status take(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator);
+  Status take(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator);
 
   static constexpr std::size_t max_drones = 1'000, max_refusals = 1'000, max_people = 1'000;
   struct RefusalKey {
@@ -119,9 +119,9 @@ class Story {
  private:
   DroneStory* drone(const std::string& name);
   void take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
-  void take_command(const Judged& judged, const fabric::Transaction& tx, const belief::Creator& creator);
+  void take_command(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator);
   void take_set(const fabric::Transaction& tx, const Moment& when);
-  Status take_control(const fabric::Transaction& tx, const belief::Creator& creator, const Moment& when);
+  Status take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when);
   void take_record(const Control& after, const std::string& by, const Moment& when);
 
   std::string contract_;

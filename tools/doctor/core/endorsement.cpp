@@ -10,8 +10,8 @@
 namespace ledgerline::doctor {
 namespace {
 
-// Of whose signatures each set is tried: 4,096 policies at most. A channel with more that are missing is told all of
-// them.
+// Of whose signatures each set is tried: 4,096 policies at most. For a channel with more that are missing all of
+// them are reported.
 constexpr std::size_t max_tried = 12;
 
 using Names = std::vector<std::string>;
@@ -104,11 +104,11 @@ Finding judge(const EndorsementFacts& facts) {
         fmt::format("{}; a peer of each organisation of the channel would not do{}", what, who_signed_not(facts)),
         "commit a definition with a policy that a peer of each of the channel's organisations can satisfy, such "
         "as a majority (docs/fabric.md)");
-  std::set<std::string> told;
+  std::set<std::string> reported;
   Names cures;
   for (const Names& names : sets)
     for (const std::string& msp_id : names)
-      if (told.insert(msp_id).second) cures.push_back(cure_of(facts, msp_id));
+      if (reported.insert(msp_id).second) cures.push_back(cure_of(facts, msp_id));
   return found(Problem::policy_unreachable, check,
                fmt::format("{}, and the signature of {} is missing{}", what, words_of(sets), who_signed_not(facts)),
                fmt::format("{}", fmt::join(cures, sets.size() > 1 ? "; or " : "; and ")));

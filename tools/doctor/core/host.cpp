@@ -21,7 +21,7 @@ std::string user_of(const std::string& folder) {
 
 }  // namespace
 
-Findings judge(const FolderFacts& facts) {
+Findings judge(const DirectoryFacts& facts) {
   constexpr const char* check = "disk";
   if (facts.read_only)
     return {
@@ -42,7 +42,7 @@ Findings judge(const FolderFacts& facts) {
 
 Finding judge(const ClockFacts& facts) {
   constexpr const char* check = "clock";
-  if (!facts.known) return found(Problem::clock_unsynchronised, check, "the kernel does not tell");
+  if (!facts.known) return found(Problem::clock_unsynchronised, check, "the kernel does not report it");
   if (!facts.synchronised) return found(Problem::clock_unsynchronised, check, "by the kernel's own word");
   return fine(check, fmt::format("synchronised within {:.1f} ms, by the kernel's own word", facts.max_error_ms));
 }
@@ -122,7 +122,7 @@ Findings judge(const DroneFacts& facts) {
                           port)));
   }
   if (!facts.battery) {
-    out.push_back(fine(check, what + " answers, and does not tell its battery"));
+    out.push_back(fine(check, what + " answers, and does not report its battery"));
     return out;
   }
   const std::string share = fmt::format("{}: {:.0f} %", what, 100 * *facts.battery);

@@ -11,13 +11,13 @@
 namespace ledgerline::doctor {
 
 /// A folder that a program writes to.
-struct FolderFacts {
+struct DirectoryFacts {
   std::string path;
   bool writable = false;
   std::optional<std::uint64_t> free_bytes{};
   bool read_only = false;  ///< its file system is
 };
-Findings judge(const FolderFacts& facts);
+Findings judge(const DirectoryFacts& facts);
 
 struct ClockFacts {
   bool known = false, synchronised = false;  ///< as the kernel says

@@ -21,7 +21,7 @@ std::string serialized(const std::string& msp_id, const std::string& pem) {
 }
 
 /// Why its organisation does not know it, whenever it is asked; empty: it does.
-std::string stranger(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+std::string outsider(const IdentityFacts& facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
   std::vector<crypto::MspRoot> roots;
   for (const AuthorityFacts& one : authorities) roots.push_back({one.msp_id, one.pem});
   const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots));
@@ -53,7 +53,7 @@ std::string issuer_of(const IdentityFacts& facts, const std::vector<AuthorityFac
   for (const AuthorityFacts& one : authorities) {
     IdentityFacts as = facts;
     as.msp_id = one.msp_id;
-    if (one.msp_id != facts.msp_id && stranger(as, authorities, now_s).empty()) return one.msp_id;
+    if (one.msp_id != facts.msp_id && outsider(as, authorities, now_s).empty()) return one.msp_id;
   }
   return "";
 }
@@ -133,7 +133,7 @@ Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authoriti
     out.push_back(found(Problem::identity_ends, check, fmt::format("{}, in {} days", who, left_days)));
   }
   if (!authorities.empty() && in_date) {
-    if (const std::string why = stranger(facts, authorities, now_s); !why.empty()) {
+    if (const std::string why = outsider(facts, authorities, now_s); !why.empty()) {
       const std::string issuer = issuer_of(facts, authorities, now_s);
       out.push_back(
           found(Problem::identity_foreign, check,
@@ -193,7 +193,7 @@ Findings judge(const TrustFacts& facts) {
       out.push_back(found(Problem::organisation_missing, check, fmt::format("{} of {}", one.msp_id, facts.program)));
   }
   if (out.empty())
-    out.push_back(fine(check, fmt::format("{} believes {} organisations", facts.program, facts.msps.size())));
+    out.push_back(fine(check, fmt::format("{} trusts {} organisations", facts.program, facts.msps.size())));
   return out;
 }
 

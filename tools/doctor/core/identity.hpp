@@ -6,7 +6,7 @@
 #include "common/crypto/crypto.hpp"
 #include "tools/doctor/core/finding.hpp"
 
-/// Whether an identity is one that the ledger takes, and whom this host believes. Pure.
+/// Whether an identity is one that the ledger takes, and whom this host trusts. Pure.
 namespace ledgerline::doctor {
 
 struct IdentityFacts {

@@ -9,12 +9,12 @@
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
-#include "tools/deployment/patience.hpp"
+#include "tools/deployment/timeouts.hpp"
 
 namespace ledgerline::doctor {
 namespace {
 
-// As agent believes stamps of motion capture; and what a block takes on a slow ledger.
+// As agent accepts stamps of motion capture; and what a block takes on a slow ledger.
 constexpr TimeNs max_ahead_ns = 20 * ns_per_ms, max_behind_ns = 5 * ns_per_s;
 // Peers of one channel are a block or two apart.
 constexpr std::uint64_t max_lag = 5;
@@ -25,10 +25,10 @@ std::string ms(TimeNs ns) { return fmt::format("{:.0f} ms", to_ms(ns)); }
 
 }  // namespace
 
-Finding judge(const fabric::Batching& batching, const PatienceFacts& facts) {
+Finding judge(const fabric::Batching& batching, const TimeoutInputs& facts) {
   constexpr const char* check = "blocks";
   const TimeNs longer_ns = fabric::both_ways_ns(batching.timeout_ns, batching.max_messages);
-  const deployment::Patience needed = deployment::patience_with(longer_ns);
+  const deployment::Timeouts needed = deployment::timeout_with(longer_ns);
   const std::string what = fmt::format("{} transactions or {} a block", batching.max_messages, ms(batching.timeout_ns));
   std::string cure;
   const auto want = [&](const char* key, std::optional<TimeNs> is_ns, TimeNs needed_ns) {
@@ -43,7 +43,7 @@ Finding judge(const fabric::Batching& batching, const PatienceFacts& facts) {
   if (cure.empty()) return fine(check, fmt::format("{}, for which {} waits long enough", what, facts.program));
   return found(
       Problem::blocks_late, check, fmt::format("{}: {}", facts.program, what),
-      fmt::format("in {}: {}; or [ledger] patience = \"auto\"; or a shorter BatchTimeout", facts.program, cure));
+      fmt::format("in {}: {}; or [ledger] timeouts = \"auto\"; or a shorter BatchTimeout", facts.program, cure));
 }
 
 Findings judge(const ContractFacts& facts) {

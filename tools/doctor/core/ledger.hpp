@@ -15,13 +15,13 @@
 namespace ledgerline::doctor {
 
 /// What agent.toml and ground.toml say of time.
-struct PatienceFacts {
+struct TimeoutInputs {
   std::string program;
   std::optional<TimeNs> max_age_ns{}, silent_after_ns{};  ///< of agent alone
   TimeNs deadline_ns = 0;
-  bool of_channel = false;  ///< [ledger] patience = "auto": they grow by themselves
+  bool of_channel = false;  ///< [ledger] timeouts = "auto": they grow by themselves
 };
-Finding judge(const fabric::Batching& batching, const PatienceFacts& facts);
+Finding judge(const fabric::Batching& batching, const TimeoutInputs& facts);
 
 /// The definition that is committed.
 struct ContractFacts {

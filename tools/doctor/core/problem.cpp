@@ -32,20 +32,21 @@ constexpr std::array<Words, problem_count> table{{
     {certificate_missing, "certificate_missing", broken, "msp_dir has no signcerts/*.pem that can be read",
      "let the authority sign the request, then `ledgerline init --certificate FILE`"},
     {certificate_wrong, "certificate_wrong", broken, "what lies in signcerts/ is no certificate of P-256 or P-384",
-     "let the authority sign the request anew, then `ledgerline init --certificate FILE`"},
+     "let the authority sign the request again, then `ledgerline init --certificate FILE`"},
     {certificate_order, "certificate_order", broken,
      "the certificate's file has another one, its authority's, in front of the own: the first one counts",
      "`ledgerline init --certificate FILE`, with the file itself, puts the own one first"},
     {key_missing, "key_missing", broken, "msp_dir has no keystore/*_sk that this user can read",
      "run doctor as the user of the programs; else `ledgerline init --request NAME` makes a key"},
     {key_open, "key_open", broken, "others than its owner may read the key: no program takes it",
-     "`chmod 600` it; if strangers have accounts here, make a new one and revoke the certificate"},
+     "`chmod 600` it; if outsiders have accounts here, make a new one and revoke the certificate"},
     {key_locked, "key_locked", broken, "a pass phrase locks the key: a program that starts by itself has nobody to ask",
      "`openssl pkey -in KEY -out KEY.open && cp KEY.open KEY && rm KEY.open`"},
     {key_misfit, "key_misfit", broken, "key and certificate do not belong together",
      "put the certificate there that was made of this key's request: `ledgerline init --certificate FILE`"},
     {identity_expired, "identity_expired", broken, "the identity's certificate has expired",
-     "let the authority sign the request again, then `ledgerline init --certificate FILE`, and start the program anew"},
+     "let the authority sign the request again, then `ledgerline init --certificate FILE`, and start the program "
+     "again"},
     {identity_not_yet, "identity_not_yet", broken, "the identity's certificate is not valid yet, by this host's clock",
      "set the clock (`chronyc tracking`, `timedatectl`); else the authority's was ahead"},
     {identity_ends, "identity_ends", warning, "the identity's certificate ends within 30 days",
@@ -58,17 +59,17 @@ constexpr std::array<Words, problem_count> table{{
      "sign a request"},
 
     {anchor_missing, "anchor_missing", warning,
-     "no config_block is set: the peer is believed about blocks, whoever signed them",
+     "no config_block is set: the peer is trusted about blocks, without checking who signed them",
      "copy CHANNEL.block from the ledger's host and set [ledger] config_block"},
     {anchor_wrong, "anchor_wrong", broken, "config_block cannot be read, or is not a configuration of this channel",
-     "copy CHANNEL.block from the ledger's host anew (`ledgerline init --collect`)"},
+     "copy CHANNEL.block from the ledger's host again (`ledgerline init --collect`)"},
     {authority_unreadable, "authority_unreadable", broken, "the file of an [[msp]]'s authority cannot be read",
      "copy the organisation's authority to the path that the config names (`ledgerline init --collect`)"},
     {authority_foreign, "authority_foreign", broken,
-     "an [[msp]] has another authority than the channel: what that organisation signs is not believed here",
+     "an [[msp]] has another authority than the channel: what that organisation signs is not trusted here",
      "copy the authority's certificate of that organisation from the ledger's host"},
     {organisation_missing, "organisation_missing", warning,
-     "an organisation of the channel has no [[msp]]: whatever it signs is not believed here",
+     "an organisation of the channel has no [[msp]]: whatever it signs is not trusted here",
      "add an [[msp]] with its id and authority"},
 
     {endpoint_wrong, "endpoint_wrong", broken, "an endpoint is not HOST:PORT",
@@ -85,7 +86,7 @@ constexpr std::array<Words, problem_count> table{{
     {server_mute, "server_mute", broken, "the port takes connections, and no TLS comes back: long packets may be lost",
      "`ping -M do -s 1400 HOST`: where long ones fail and short ones pass, `ip link set dev INTERFACE mtu` to what "
      "passes; else it is no server of TLS, or it hangs"},
-    {no_tls, "no_tls", broken, "whoever listens at the port does not speak TLS with HTTP/2",
+    {no_tls, "no_tls", broken, "the listener at the port does not speak TLS with HTTP/2",
      "set the endpoint to the peer's or orderer's own port, not to its chaincode or operations port"},
     {tls_ca_unreadable, "tls_ca_unreadable", broken, "the file tls_ca cannot be read, or has no certificate",
      "copy the TLS authority's certificate to that path (`ledgerline init --collect`)"},
@@ -96,7 +97,7 @@ constexpr std::array<Words, problem_count> table{{
      "the server's TLS certificate does not have the name that it is asked by",
      "set server_name to a name that the certificate has, or the endpoint to such a name"},
     {tls_expired, "tls_expired", broken, "the server's TLS certificate, or its authority's, has expired",
-     "renew it on the server's host and start the server anew; if it is in date, set this host's clock"},
+     "renew it on the server's host and start the server again; if it is in date, set this host's clock"},
     {tls_not_yet, "tls_not_yet", broken, "the server's TLS certificate is not valid yet, by this host's clock",
      "set the clock of this host, or of the authority's"},
     {tls_client_certificate, "tls_client_certificate", broken, "the server wants a TLS certificate from its clients",
@@ -109,7 +110,7 @@ constexpr std::array<Words, problem_count> table{{
      "the server does not take the TLS certificate that the program shows: out of date, or of an authority that it "
      "does "
      "not know",
-     "let an authority of the server's clients sign it anew (a peer's peer.tls.clientRootCAs, ledgerline-node's "
+     "let an authority of the server's clients sign it again (a peer's peer.tls.clientRootCAs, ledgerline-node's "
      "--tls-client-ca), or add its authority there"},
 
     {ledger_refuses, "ledger_refuses", broken, "the peer answers, and refuses what it is asked",
@@ -129,7 +130,7 @@ constexpr std::array<Words, problem_count> table{{
      "start the peer of the organisation that the line names, or name it in an [[endorser]]; else define the contract "
      "with a policy that the channel's peers can satisfy (docs/fabric.md)"},
     {blocks_late, "blocks_late", broken, "the channel cuts its blocks so late that commands are too old when they come",
-     "set `patience = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout"},
+     "set `timeouts = \"auto\"` in [ledger], or the times that the line names, or a shorter BatchTimeout"},
 
     {not_enrolled, "not_enrolled", broken, "the ledger has no record of the drone",
      "its organisation's administrator: `ledgerline control --config admin.toml enroll --msp MSPID --cert FILE NAME`"},
@@ -143,7 +144,7 @@ constexpr std::array<Words, problem_count> table{{
      "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of "
      "one who is gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`"},
     {stopped, "stopped", warning, "the drone is stopped: it does not take off",
-     "whoever stopped it resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
+     "its stopper resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
 
     {clock_unsynchronised, "clock_unsynchronised", warning,
      "the kernel says that this host's clock is not synchronised",
@@ -187,7 +188,7 @@ constexpr std::array<Words, problem_count> table{{
     {battery_low, "battery_low", broken, "link takes off only above battery_low", "charge or change the battery"},
     {pose_silent, "pose_silent", broken, "no pose of motion capture comes for a drone that flies by it",
      "start motion capture; `ros2 topic list -t` shows what it publishes, which [mocap] topic and type of agent.toml "
-     "must say, and [dds] interfaces must reach it; or set [pose] source of link.toml to the drone's own senses"},
+     "must say, and [dds] interfaces must reach it; or set [pose] source of link.toml to onboard odometry"},
 }};
 
 constexpr bool in_order() {

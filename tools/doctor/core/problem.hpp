@@ -31,7 +31,7 @@ enum class Problem : std::uint8_t {
   identity_not_yet,
   identity_ends,
   identity_foreign,
-  // whom to believe
+  // whom to trust
   anchor_missing,
   anchor_wrong,
   authority_unreadable,

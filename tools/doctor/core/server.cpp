@@ -55,7 +55,7 @@ Finding judge(const ServerFacts& facts) {
   if (!facts.tls && facts.wants_certificate) return found(Problem::tls_client_certificate, check, what);
   if (!facts.tls && facts.mute) return found(Problem::server_mute, check, what);
   if (!facts.tls) return found(Problem::no_tls, check, what);
-  // By the authority first: of a stranger's certificate neither dates nor names mean anything.
+  // By the authority first: of an outsider's certificate neither dates nor names mean anything.
   if (!facts.trusted) {
     return found(Problem::tls_wrong_authority, check,
                  fmt::format("{}: it is of \"{}\", which {} does not have", what, facts.issuer, facts.tls_ca));

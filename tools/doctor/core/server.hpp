@@ -19,7 +19,7 @@ struct ServerFacts {
   enum class Reached : std::uint8_t { yes, malformed, name_unknown, no_route, silent, closed };
   Reached reached = Reached::yes;
   std::string why{};  ///< it was not reached, in the system's words
-  bool tls = false;   ///< the handshake went through, whoever it was with
+  bool tls = false;   ///< the handshake succeeded, with any server
   bool http2 = false;
   bool mute = false;                  ///< it took the connection and then said nothing in time
   bool wants_certificate = false;     ///< and has not got one

@@ -14,21 +14,21 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "tools/configuration/reference.hpp"
-#include "tools/deployment/patience.hpp"
+#include "tools/deployment/timeouts.hpp"
 
 namespace ledgerline::doctor {
 namespace {
 
 /// The file is NAME.toml; of control's, which is on one channel, there are NAME-CHANNEL.toml of further ones.
-struct Known {
+struct ConfigKind {
   const char *program, *name, *role;
 };
 // net.toml is of a network that `ledgerline fabric` runs, and only there.
-constexpr Known all_known[] = {{"link", "link", "drone-host"},  {"agent", "agent", "drone-host"},
-                               {"ground", "ground", "ground"},  {"control", "operator", ""},
-                               {"control", "admin", "admin"},   {"bridge", "bridge", "bridge"},
-                               {"endorser", "endorser", ""},    {"fabric", "net", ""},
-                               {"deployment", "deployment", ""}};
+constexpr ConfigKind all_known[] = {{"link", "link", "drone-host"},  {"agent", "agent", "drone-host"},
+                                    {"ground", "ground", "ground"},  {"control", "operator", ""},
+                                    {"control", "admin", "admin"},   {"bridge", "bridge", "bridge"},
+                                    {"endorser", "endorser", ""},    {"fabric", "net", ""},
+                                    {"deployment", "deployment", ""}};
 
 ServerKeys server_keys(Config& config, const std::string& table) {
   return {"",
@@ -60,7 +60,7 @@ LedgerKeys ledger_keys(Config& config, const std::string& program) {
   keys.certificate = config.text("ledger.certificate", "");
   keys.private_key = config.text("ledger.private_key", "");
   keys.config_block = config.text("ledger.config_block", "");
-  keys.patient = config.text("ledger.patience", "fixed") == "auto";
+  keys.patient = config.text("ledger.timeouts", "fixed") == "auto";
   const bool hurried = program == "agent" || program == "ground";
   keys.deadline_ns = config.integer("ledger.deadline_ms", hurried ? 1'000 : 5'000, 100, 600'000) * ns_per_ms;
   keys.orderers = all_servers(config, "orderer", false);
@@ -97,7 +97,7 @@ void read_keys(Config& config, ProgramConfig& out) {
   }
   for (std::string& name : config.texts("dds.interfaces", dds::max_interfaces))
     out.interfaces.push_back(std::move(name));
-  const deployment::Patience usual;
+  const deployment::Timeouts usual;
   if (out.program == "agent") {
     out.pose_topic = config.text("mocap.topic", usual_pose_topic);
     out.pose_type = config.text("mocap.type", name(PoseMessage::pose_stamped));
@@ -113,7 +113,7 @@ void read_keys(Config& config, ProgramConfig& out) {
 }
 
 /// Its file, NAME.toml, where it is there; and of control's, which is on one channel, those of further ones behind it.
-std::vector<std::string> names_there(const std::string& dir, const Known& known) {
+std::vector<std::string> names_there(const std::string& dir, const ConfigKind& known) {
   std::vector<std::string> names;
   std::error_code error;
   const std::string usual = std::string(known.name) + ".toml", further = std::string(known.name) + "-";
@@ -170,7 +170,7 @@ Result<ProgramConfig> read_config(const std::string& program, const std::string&
 
 Configs read_configs(const std::string& dir, const std::string& role) {
   Configs configs;
-  for (const Known& known : all_known) {
+  for (const ConfigKind& known : all_known) {
     const std::vector<std::string> names = names_there(dir, known);
     const std::string usual = std::string(known.name) + ".toml";
     if (!role.empty() && role == known.role && (names.empty() || names.front() != usual))

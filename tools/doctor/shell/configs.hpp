@@ -18,7 +18,7 @@ struct LedgerKeys {
   ServerKeys peer;
   std::string channel, contract, msp_id, msp_dir, certificate, private_key, config_block;
   TimeNs deadline_ns = 0;
-  bool patient = false;  ///< patience = "auto"
+  bool patient = false;  ///< timeouts = "auto"
   std::vector<ServerKeys> orderers, endorsers, peers;
   std::vector<std::pair<std::string, std::string>> msps;  ///< id, file
 };

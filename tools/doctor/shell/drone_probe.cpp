@@ -40,10 +40,10 @@ std::optional<link::Descriptor> listen_to_states(const std::string& listen, cons
 
 /// Whether a state text of that drone has come, or comes now.
 bool hears_states(const link::Descriptor& socket, std::uint32_t drone) {
-  // A Tello tells its state ten times a second: with half of them lost, one of a thousand is not heard within one.
-  constexpr TimeNs patience_ns = 1'500 * ns_per_ms;
+  // A Tello sends its state ten times a second: with half of them lost, one of a thousand is not heard within one.
+  constexpr TimeNs timeout_ns = 1'500 * ns_per_ms;
   bool heard = false;
-  for (const TimeNs end = monotonic_ns() + patience_ns; !heard && monotonic_ns() < end;) {
+  for (const TimeNs end = monotonic_ns() + timeout_ns; !heard && monotonic_ns() < end;) {
     tello::wait({socket.get()});
     tello::read_all(socket.get(), [&](std::uint32_t from, std::string_view) { heard = heard || from == drone; });
   }
@@ -77,16 +77,16 @@ Findings ask_drones(const ProgramConfig& link) {
 
 Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   constexpr std::chrono::milliseconds listen_for{2'500};  // writers on other hosts are found within two
-  struct Heard {
+  struct PoseListener {
     PoseFacts facts;
     std::atomic<unsigned> poses{0};
     std::optional<dds::RawReader> reader{};
   };
-  std::list<Heard> all;
+  std::list<PoseListener> all;
   const auto type = from_name<PoseMessage>(agent.pose_type);
   for (const DroneKeys& drone : link.drones) {
     if (!drone.by_mocap || !type) continue;  // the program's own reader has said so of a wrong type
-    Heard& one = all.emplace_back();
+    PoseListener& one = all.emplace_back();
     one.facts = {.drone = drone.name,
                  .topic = pose_topic_of(agent.pose_topic, drone.name),
                  .type = agent.pose_type,
@@ -102,7 +102,7 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   } else {
     participant = std::move(*made);
   }
-  for (Heard& one : all) {
+  for (PoseListener& one : all) {
     one.facts.why = why;
     if (!participant) continue;
     auto reader = dds::RawReader::create(participant, one.facts.topic, one.facts.type, {.reliable = false},
@@ -118,7 +118,7 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   }
   if (participant) std::this_thread::sleep_for(listen_for);
   Findings out;
-  for (Heard& one : all) {
+  for (PoseListener& one : all) {
     if (one.reader) one.facts.writers = one.reader->writers();
     one.reader.reset();
     one.facts.poses = one.poses;

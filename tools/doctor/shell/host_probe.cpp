@@ -136,9 +136,9 @@ bool is_beside(const std::string& interface, const in_addr& address) {
 
 }  // namespace
 
-FolderFacts look_at_folder_of(const std::string& file) {
+DirectoryFacts look_at_folder_of(const std::string& file) {
   fs::path folder = fs::absolute(file).parent_path();
-  FolderFacts facts{.path = folder};
+  DirectoryFacts facts{.path = folder};
   facts.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
   facts.read_only = !facts.writable && errno == EROFS;
   if (auto free = free_bytes(folder)) facts.free_bytes = *free;

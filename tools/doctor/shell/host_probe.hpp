@@ -7,7 +7,7 @@
 namespace ledgerline::doctor {
 
 /// Where `file` is written, or would be.
-FolderFacts look_at_folder_of(const std::string& file);
+DirectoryFacts look_at_folder_of(const std::string& file);
 ClockFacts look_at_clock();
 RealTimeFacts look_at_real_time(bool wanted);
 SharedMemoryFacts look_at_shared_memory();

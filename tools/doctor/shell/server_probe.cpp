@@ -58,9 +58,9 @@ std::pair<std::string, std::string> host_and_port(const std::string& endpoint) {
   return {host, endpoint.substr(colon + 1)};
 }
 
-bool ready(int fd, short events, std::chrono::milliseconds patience) {
+bool ready(int fd, short events, std::chrono::milliseconds timeout) {
   pollfd one{fd, events, 0};
-  return ::poll(&one, 1, static_cast<int>(patience.count())) == 1;
+  return ::poll(&one, 1, static_cast<int>(timeout.count())) == 1;
 }
 
 ServerFacts::Reached reached_by(int error) {
@@ -71,10 +71,10 @@ ServerFacts::Reached reached_by(int error) {
 }
 
 /// 0: connected; else errno.
-int connect_within(int fd, const addrinfo& to, std::chrono::milliseconds patience) {
+int connect_within(int fd, const addrinfo& to, std::chrono::milliseconds timeout) {
   if (::connect(fd, to.ai_addr, to.ai_addrlen) == 0) return 0;
   if (errno != EINPROGRESS) return errno;
-  if (!ready(fd, POLLOUT, patience)) return ETIMEDOUT;
+  if (!ready(fd, POLLOUT, timeout)) return ETIMEDOUT;
   int error = 0;
   socklen_t size = sizeof error;
   return ::getsockopt(fd, SOL_SOCKET, SO_ERROR, &error, &size) == 0 ? error : errno;
@@ -126,18 +126,18 @@ void take_certificate(const SSL* ssl, ServerFacts& facts) {
 
 /// Goes on with what OpenSSL waits for; false: it failed, or nothing came in time, which `mute` says.
 template <typename Step>
-bool go_on(SSL* ssl, int fd, std::chrono::milliseconds patience, bool& mute, Step step) {
+bool go_on(SSL* ssl, int fd, std::chrono::milliseconds timeout, bool& mute, Step step) {
   for (;;) {
     const int result = step();
     if (result > 0) return true;
     const int why = SSL_get_error(ssl, result);
     if (why != SSL_ERROR_WANT_READ && why != SSL_ERROR_WANT_WRITE) return false;
-    mute = !ready(fd, why == SSL_ERROR_WANT_READ ? POLLIN : POLLOUT, patience);
+    mute = !ready(fd, why == SSL_ERROR_WANT_READ ? POLLIN : POLLOUT, timeout);
     if (mute) return false;
   }
 }
 
-/// The connection is over: what that says of a certificate of ours. Go's servers tell by an alert that there must be
+/// The connection is over: what that says of a certificate of ours. Go's servers report by an alert that there must be
 /// one, or that the one shown does not do; gRPC's own close the connection without a word behind the handshake, where
 /// they had `asked` for one.
 void take_end(bool asked, bool shown, ServerFacts& facts) {
@@ -162,7 +162,7 @@ void take_end(bool asked, bool shown, ServerFacts& facts) {
 // The preface of HTTP/2 (RFC 9113, 3.4): 24 bytes, and empty SETTINGS.
 constexpr char hello[] = "PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n\0\0\0\4\0\0\0\0\0";
 
-void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, ServerFacts& facts) {
+void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds timeout, ServerFacts& facts) {
   const bool shown = SSL_CTX_get0_certificate(context) != nullptr;
   const SslPtr ssl(SSL_new(context));
   if (!ssl) return;
@@ -181,7 +181,7 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   SSL_set_fd(ssl.get(), fd);
   facts.trusted = facts.right_name = true;
   ERR_clear_error();
-  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_connect(ssl.get()); })) {
+  if (!go_on(ssl.get(), fd, timeout, facts.mute, [&] { return SSL_connect(ssl.get()); })) {
     take_end(asked, shown, facts);
     return;
   }
@@ -195,8 +195,8 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds patience, S
   ERR_clear_error();
   // A server that refuses has its alert on the way when it closes the connection, so it is read even where nothing can
   // be written any more.
-  (void)go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); });
-  if (!go_on(ssl.get(), fd, patience, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
+  (void)go_on(ssl.get(), fd, timeout, facts.mute, [&] { return SSL_write(ssl.get(), hello, sizeof hello - 1); });
+  if (!go_on(ssl.get(), fd, timeout, facts.mute, [&] { return SSL_read(ssl.get(), answer, sizeof answer); }))
     take_end(asked, shown, facts);
 }
 
@@ -228,7 +228,7 @@ ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
 
 }  // namespace
 
-ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds patience) {
+ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout) {
   using Reached = ServerFacts::Reached;
   ServerFacts facts{.what = what, .endpoint = keys.endpoint, .name = keys.server_name, .tls_ca = keys.tls_ca};
   if (!is_endpoint(keys.endpoint)) {
@@ -249,13 +249,13 @@ ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std:
   // As programs do, which go on to the next where one address of a name does not answer.
   for (const addrinfo* one = addresses.get(); one; one = one->ai_next) {
     const Socket socket(::socket(one->ai_family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
-    const int error = socket.fd() < 0 ? errno : connect_within(socket.fd(), *one, patience);
+    const int error = socket.fd() < 0 ? errno : connect_within(socket.fd(), *one, timeout);
     facts.reached = reached_by(error);
     facts.why = error == 0 ? "" : std::strerror(error);
     if (error != 0) continue;
     const ContextPtr context = context_for(keys, facts);
     if (context && facts.no_authority.empty() && facts.no_pair.empty())
-      shake_hands(context.get(), socket.fd(), patience, facts);
+      shake_hands(context.get(), socket.fd(), timeout, facts);
     return facts;
   }
   return facts;

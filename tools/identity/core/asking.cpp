@@ -81,7 +81,7 @@ Result<std::vector<Command>> revoke(const Authority& authority, const std::strin
 Result<std::string> subject_parts(const std::string& subject) {
   if (subject.find_first_of("\\\"+#") != std::string::npos)
     return Error{
-        fmt::format("the subject {} has a part that fabric-ca-client cannot be told: give --subject", subject)};
+        fmt::format("the subject {} has a part that fabric-ca-client cannot express: give --subject", subject)};
   std::string out;
   for (std::size_t at = 0; at < subject.size();) {
     const std::size_t end = std::min(subject.find(',', at), subject.size());

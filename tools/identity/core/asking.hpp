@@ -5,7 +5,7 @@
 #include "chaincode/network/commands.hpp"
 #include "common/base/result.hpp"
 
-/// What fabric-ca-client is run with. Pure: whoever runs it is tools/identity/shell.
+/// What fabric-ca-client is run with. Pure: tools/identity/shell runs it.
 namespace ledgerline::identity {
 
 using fabric_network::Command;

@@ -27,7 +27,7 @@ Status make_folder(const fs::path& folder, fs::perms permissions) {
   return done;
 }
 
-/// A new key for who read the old one: whoever renews may be root, and the service a user of its own.
+/// A new key for the user that read the old one: the renewing user may be root, and the service a user of its own.
 Status give_to_owner_of(const std::string& before, const std::string& key) {
   struct stat info {};
   if (::stat(before.c_str(), &info) != 0) return done;  // there was none

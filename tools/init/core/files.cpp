@@ -68,7 +68,7 @@ std::vector<std::string> channels_of(const HostPlan& plan, const std::vector<Hos
 }
 
 std::string block_of(const HostPlan& plan, const std::string& channel) {
-  const Folders& folders = plan.folders;
+  const Directories& folders = plan.folders;
   return channel == plan.channel && !folders.config_block.empty() ? folders.config_block
                                                                   : fmt::format("{}/{}.block", folders.config, channel);
 }
@@ -93,8 +93,8 @@ void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const 
       add_server(values, reads, "[[channel]]", i - 1, other);
   }
   if (!follows) return;
-  if (plan.patience.deadline_ns != deployment::Patience{}.deadline_ns)
-    values.add("[ledger]", "deadline_ms", fmt::format("{:.0f}", to_ms(plan.patience.deadline_ns)));
+  if (plan.timeouts.deadline_ns != deployment::Timeouts{}.deadline_ns)
+    values.add("[ledger]", "deadline_ms", fmt::format("{:.0f}", to_ms(plan.timeouts.deadline_ns)));
   for (std::size_t i = 0; i < plan.orderers.size(); ++i) add_server(values, reads, "[[orderer]]", i, plan.orderers[i]);
   for (std::size_t i = 0; !plan.orderers.empty() && i < plan.peers.size(); ++i) {
     values.text("[[endorser]]", "msp_id", plan.peers[i].msp_id, i);
@@ -150,9 +150,9 @@ class Files {
     add_ledger(values, keys, plan_, channels, true);
     add_drones(values, plan_, plan_.drones, false, &channels[0]);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline") + "/agent.checkpoint");
-    if (plan_.patience.max_age_ns != deployment::Patience{}.max_age_ns) {
-      values.add("[check]", "max_age_ms", fmt::format("{:.0f}", to_ms(plan_.patience.max_age_ns)));
-      values.add("[agent]", "ledger_silent_after_ms", fmt::format("{:.0f}", to_ms(plan_.patience.silent_after_ns)));
+    if (plan_.timeouts.max_age_ns != deployment::Timeouts{}.max_age_ns) {
+      values.add("[check]", "max_age_ms", fmt::format("{:.0f}", to_ms(plan_.timeouts.max_age_ns)));
+      values.add("[agent]", "ledger_silent_after_ms", fmt::format("{:.0f}", to_ms(plan_.timeouts.silent_after_ns)));
     }
     values.add("[dds]", "local_only", "true");
     write("agent", "agent.toml", keys, values);

@@ -12,7 +12,7 @@
 /// The config files of a host by its role. Pure.
 namespace ledgerline::init {
 
-/// admin: whoever enrols drones and gives grants, from any host.
+/// admin: the identity that enrols drones and gives grants, from any host.
 enum class Role : std::uint8_t { drone_host, ground, ledger, chaincode, bridge, admin };
 inline constexpr std::array roles{"drone-host", "ground", "ledger", "chaincode", "bridge", "admin"};
 static_assert(roles.size() == enum_count<Role>);

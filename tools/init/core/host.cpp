@@ -108,7 +108,7 @@ Status add_channels(HostPlan& plan, const std::vector<std::string>& texts) {
   return done;
 }
 
-Result<HostPlan> plan_of(const Deployment& deployment, const std::string& name, const Folders& folders) {
+Result<HostPlan> plan_of(const Deployment& deployment, const std::string& name, const Directories& folders) {
   const Host* host = deployment.host(name);
   if (!host) return Error{fmt::format("there is no [[host]] \"{}\": {}", name, known_hosts(deployment))};
   if (deployment.ledger == LedgerKind::none) return Error{"a deployment without a ledger has no configs of hosts"};

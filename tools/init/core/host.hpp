@@ -7,13 +7,13 @@
 
 #include "common/base/result.hpp"
 #include "tools/deployment/deployment.hpp"
-#include "tools/deployment/patience.hpp"
+#include "tools/deployment/timeouts.hpp"
 
 /// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric. Pure.
 namespace ledgerline::init {
 
 /// Where a host has the files that its configs name.
-struct Folders {
+struct Directories {
   std::string config = "/etc/ledgerline";    ///< the configs, msp/, authorities/, tls/, CHANNEL.block
   std::string state{};                       ///< what programs remember; empty: the folder of each one's service
   std::string msp_dir{};                     ///< of the identity; empty: `config`/msp
@@ -61,14 +61,14 @@ struct HostPlan {
   std::vector<HostDrone> drones{};           ///< that this host flies
   std::vector<HostDrone> all_drones{};       ///< that ground commands
   std::vector<deployment::Endpoint> network_peers{}, network_orderers{};  ///< by address, for net.toml
-  deployment::Patience patience{};
-  Folders folders;
+  deployment::Timeouts timeouts{};
+  Directories folders;
 
   const Server& own_of(const std::string& of_channel) const;
 };
 
 /// An error names what is missing: the host, its organisation, a port.
-Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Folders& folders);
+Result<HostPlan> plan_of(const deployment::Deployment& deployment, const std::string& host, const Directories& folders);
 
 /// Further channels, each as "NAME=DRONE,DRONE": sets which drone is on which; a bare NAME is the first one's. An error
 /// names what does not fit.
@@ -88,6 +88,6 @@ struct ProfilePlan {
 /// profile names several that none of them gives drones to, a bare NAME says which one is the first, else an error
 /// does.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
-                                    const Folders& folders, const std::vector<std::string>& channels = {});
+                                    const Directories& folders, const std::vector<std::string>& channels = {});
 
 }  // namespace ledgerline::init

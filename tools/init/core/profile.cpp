@@ -32,7 +32,7 @@ Result<std::string> endpoint_of(const std::string& name, const std::string& url)
 
 class Reader {
  public:
-  Reader(const json& profile, const Folders& folders) : profile_(profile), folders_(folders) {}
+  Reader(const json& profile, const Directories& folders) : profile_(profile), folders_(folders) {}
 
   /// Each of them once, so that its authority is one file.
   Result<Server> server(const char* kind, const std::string& name, const std::string& msp_id) {
@@ -73,7 +73,7 @@ class Reader {
   }
 
   const json& profile_;
-  const Folders& folders_;
+  const Directories& folders_;
   std::vector<PublicFile> files_;
   std::map<std::pair<std::string, std::string>, Server> servers_;  ///< by kind and name
 };
@@ -136,7 +136,7 @@ Status read_channels(const json& profile, const std::vector<std::string>& own_pe
 }  // namespace
 
 Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::string& msp_id, const std::string& host,
-                                    const Folders& folders, const std::vector<std::string>& channels) {
+                                    const Directories& folders, const std::vector<std::string>& channels) {
   const json profile = json::parse(profile_json, nullptr, false);
   if (!profile.is_object()) return Error{"the profile is no JSON object"};
   HostPlan plan{.host = host, .msp_id = msp_id, .ledger = deployment::LedgerKind::fabric, .folders = folders};

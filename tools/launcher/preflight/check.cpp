@@ -16,14 +16,14 @@ namespace {
 // Enough for a flight of minutes and the way home; a Tello loses 1 % in eight seconds. A warning alone: link has the
 // limit that counts.
 constexpr double good_battery = 0.5;
-// On the ground nothing cools it, and users tell of Tellos that switched themselves off there (docs/sources.md).
+// On the ground nothing cools it, and users report Tellos that switched themselves off there (docs/sources.md).
 constexpr double warm_c = 85;
 // A Tello sends ten a second. Below half of that every second one is lost, and so are setpoints on the same Wi-Fi.
 constexpr double good_state_hz = 8, least_state_hz = 4;
 // Two poses within the time after which one counts as lost: with fewer a single lost one stops the flight.
 constexpr double poses_in_time = 2;
 constexpr double good_pose_hz = 30;
-// What agent believes of a stamp (mocap_clock.hpp).
+// The stamps that agent accepts (mocap_clock.hpp).
 constexpr double max_ahead_ms = 20, max_behind_ms = 1000;
 
 constexpr const char* clock_cure =
@@ -101,7 +101,7 @@ void judge_state(const DroneFacts& drone, Lines& lines) {
   const std::string rate = fmt::format("{:.1f} state texts a second", *drone.state_hz);
   if (*drone.state_hz == 0) {
     lines.bad("state", "no state text comes to UDP port 8890",
-              "let UDP 8890 through this computer's firewall; end whoever else speaks to the drone");
+              "let UDP 8890 through this computer's firewall; end every other program that speaks to the drone");
   } else if (*drone.state_hz < least_state_hz) {
     lines.bad("state", rate + ", of ten", wifi_cure);
   } else if (*drone.state_hz < good_state_hz) {
@@ -138,9 +138,9 @@ void judge_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
 }
 
 void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines) {
-  const std::string by = fmt::format("by its own senses ({})", facts.pose_source);
-  if (!drone.velocity_told || drone.refusal == "velocity_lost" || drone.refusal == "height_lost") {
-    lines.bad("pose", by + ", and it tells no velocity that link believes", senses_cure);
+  const std::string by = fmt::format("by onboard odometry ({})", facts.pose_source);
+  if (!drone.has_velocity || drone.refusal == "velocity_lost" || drone.refusal == "height_lost") {
+    lines.bad("pose", by + ", and it reports no velocity that link accepts", senses_cure);
   } else if (drone.refusal == "position_uncertain") {
     lines.bad("pose", by + ": too uncertain for the fence", "put it on its mark and switch it off and on");
   } else {
@@ -154,19 +154,19 @@ void judge_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   if (facts.pose_source == "none") return lines.ok("pose", "none: it is flown by hand");
   const auto source = from_name<link::PoseSource>(facts.pose_source);
   if (!source || !link::uses_mocap(*source)) return judge_own_senses(facts, drone, lines);
-  // By its own senses it may have landed, and no pose has come since.
+  // By onboard odometry it may have landed, and no pose has come since.
   if (drone.refusal == "velocity_lost" || drone.refusal == "height_lost" || drone.refusal == "position_uncertain") {
-    lines.bad("pose", "its newest place is of its own senses, not of motion capture",
+    lines.bad("pose", "its newest position is of onboard odometry, not of motion capture",
               "look whether motion capture sees the drone");
   } else {
     judge_mocap(facts, drone, lines);
   }
-  if (link::uses_own_senses(*source) && !drone.velocity_told) {
-    lines.warn("senses", "it tells no velocity: nothing stands in for motion capture", senses_cure);
+  if (link::uses_own_senses(*source) && !drone.has_velocity) {
+    lines.warn("senses", "it reports no velocity: nothing stands in for motion capture", senses_cure);
   }
 }
 
-// What other lines do not tell of a refusal of link's.
+// What other lines do not report of a refusal of link's.
 void judge_refusal(const DroneFacts& drone, Lines& lines) {
   if (!drone.phase.empty()) {
     return lines.bad("link", "it is not on the ground: " + drone.phase,
@@ -180,15 +180,16 @@ void judge_refusal(const DroneFacts& drone, Lines& lines) {
       {"state_stale", wifi_cure},
       {"agent_silent", "look why agent does not run: its log"},
       {"ledger_silent", "look whether the ledger's peer is reached: agent's log"},
-      {"ledger_doubted", "agent's log says what of the ledger contradicts itself (docs/failsafe.md)"},
+      {"ledger_untrusted", "agent's log says what of the ledger contradicts itself (docs/failsafe.md)"},
       {"tilted", "put it on level ground"},
       {"too_near", "put the drones further apart"},
       {"other_client",
        "end the other program that commands it: link of another host with its address, or `ledgerline tello`"},
       {"fence", "put it inside the fence, or let [fence] be the room's"}};
-  const std::string told_elsewhere[] = {
+  const std::string reported_elsewhere[] = {
       "", "none", "battery_low", "pose_lost", "velocity_lost", "height_lost", "position_uncertain"};
-  if (std::find(std::begin(told_elsewhere), std::end(told_elsewhere), drone.refusal) != std::end(told_elsewhere))
+  if (std::find(std::begin(reported_elsewhere), std::end(reported_elsewhere), drone.refusal) !=
+      std::end(reported_elsewhere))
     return;
   const auto* known =
       std::find_if(std::begin(cures), std::end(cures), [&](const Cure& one) { return drone.refusal == one.cause; });

@@ -27,13 +27,14 @@ FaultSwitches::FaultSwitches(const std::vector<std::string>& drones) {
     all_.push_back({.name = "silent-" + drone,
                     .drone = drone,
                     .label = "Drone silent",
-                    .words = "Nothing that it says arrives: it is braked, hovers unseen, and lands after 5 s.",
+                    .words = "Nothing that it says arrives: it is braked, hovers without state, and lands after 5 s.",
                     .line = fmt::format("drone {} from partition", drone)});
     all_.push_back(
         {.name = "commands-lost-" + drone,
          .drone = drone,
          .label = "Commands lost",
-         .words = "It hears nothing, a stop neither: it flies on as it was told last, and lands by itself after 15 s.",
+         .words =
+             "It hears nothing, a stop neither: it flies on with its last command, and lands by itself after 15 s.",
          .line = fmt::format("drone {} to partition", drone)});
   }
 }

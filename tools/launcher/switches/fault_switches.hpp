@@ -26,10 +26,10 @@ class FaultSwitches {
     bool on = false;
     std::string line;  ///< a command of hil/proxy/switches.hpp
   };
-  /// Nothing: the command changes nothing. What is on already is told to the proxy again: somebody else may have
+  /// Nothing: the command changes nothing. What is on already is sent to the proxy again: somebody else may have
   /// cleared it.
   Result<std::optional<Step>> step_of(std::string_view command) const;
-  /// The proxy is told: it may act on what it does not answer in time.
+  /// The proxy gets the command: it may act on what it does not answer in time.
   void tell(const Step& step) { all_[step.which].may_be_on |= step.on; }
   /// The proxy has done it.
   void done_with(const Step& step) { all_[step.which].on = all_[step.which].may_be_on = step.on; }

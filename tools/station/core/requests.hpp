@@ -12,7 +12,7 @@ struct Request {
   std::string target;  ///< below /api/v1/
   std::string body{};
   std::string content_type = "application/json";
-  bool anybodys = true;  ///< is answered to whoever knows the page's token: what looks on, lands and stops
+  bool anybodys = true;  ///< any client that knows the page's token gets an answer: what reads, lands and stops
 };
 
 struct Answer {

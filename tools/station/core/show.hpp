@@ -44,7 +44,7 @@ Result<std::vector<ShownEvent>> events_from(std::string_view body);
 /// "12:00:01  alarm    tello1  stopped by ...".
 std::string event_line(const ShownEvent& event, const std::string& time);
 
-/// What is in the air, and the missions that are under way.
+/// What is in the air, and the missions in progress.
 struct Flown {
   std::string what{};     ///< "mission", "path" or "hand"
   std::string mission{};  ///< its id, of a mission

@@ -55,7 +55,7 @@ const char* const shared_notes =
     "and\n"
     "LEDGERLINE_TOKEN_FILE. With https:// its certificate must be of --ca, else of LEDGERLINE_CA, else of an authority "
     "that\n"
-    "this computer believes; with --config alone it is the one that the config names.\n"
+    "this computer trusts; with --config alone it is the one that the config names.\n"
     "Exit codes: 0 done; 1 the station refused, or is not reached; 2 bad usage.";
 
 void add_options(CommandLine& line, Options& options) {

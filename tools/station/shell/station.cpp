@@ -25,7 +25,7 @@ namespace http = beast::http;
 namespace websocket = beast::websocket;
 using asio::ip::tcp;
 
-constexpr std::chrono::seconds patience{15};  // unlocking an operator's key takes a part of a second
+constexpr std::chrono::seconds timeout{15};  // unlocking an operator's key takes a part of a second
 constexpr std::size_t max_answer_bytes = 16 * 1024 * 1024;
 constexpr int max_messages = 1'000;  // of the stream before the first state: hello, blocks, events, paths
 
@@ -69,14 +69,14 @@ struct Station::Client {
     const auto found =
         resolver.resolve(place.at.host, std::to_string(place.at.port), tcp::resolver::numeric_service, error);
     if (error) return words_of(error);
-    to.tcp().expires_after(patience);
+    to.tcp().expires_after(timeout);
     error = wait([&](auto ended) { to.tcp().async_connect(found, ended); });
     if (error || !tls) return words_of(error);
     web::expect_host(to.tls(), place.at.host);
     error = wait([&](auto ended) { to.async_handshake(asio::ssl::stream_base::client, ended); });
     if (!error) return "";
     const std::string fault = web::certificate_fault(to.tls());
-    return fault.empty() ? "TLS: " + words_of(error) : "its certificate is not believed: " + fault;
+    return fault.empty() ? "TLS: " + words_of(error) : "its certificate is not trusted: " + fault;
   }
 };
 
@@ -115,7 +115,7 @@ Result<Answer> Station::send(const Request& request, const std::string& token) {
   http::response_parser<http::string_body> parser;
   parser.body_limit(max_answer_bytes);
   web::Wire& wire = *client_->wire;
-  wire.tcp().expires_after(patience);
+  wire.tcp().expires_after(timeout);
   beast::error_code error = client_->wait([&](auto ended) { http::async_write(wire, message, ended); });
   if (!error) error = client_->wait([&](auto ended) { http::async_read(wire, client_->buffer, parser, ended); });
   if (error || !parser.get().keep_alive()) client_->wire.reset();
@@ -144,7 +144,7 @@ Result<double> Station::now_ms() {
   websocket::stream<web::Wire> stream(client_->io, client_->tls.get());
   if (const Trouble trouble = client_->connect(place_, stream.next_layer()); !trouble.empty())
     return not_reached(place_, trouble);
-  stream.next_layer().tcp().expires_after(patience);
+  stream.next_layer().tcp().expires_after(timeout);
   stream.set_option(websocket::stream_base::decorator([&](websocket::request_type& request) {
     request.set(http::field::sec_websocket_protocol, "ledgerline.v1, token." + credentials_.token);
   }));
@@ -161,7 +161,7 @@ Result<double> Station::now_ms() {
     if (t_ms.is_number()) return t_ms.get<double>();
     return Error{"the station's state does not say its time"};
   }
-  if (!error) return Error{"the station's stream tells no state"};
+  if (!error) return Error{"the station's stream sends no state"};
   if (error == websocket::error::upgrade_declined)
     return Error{fmt::format("the station at {} does not take the token for its stream", text_of(place_))};
   return not_reached(place_, words_of(error));

@@ -9,7 +9,7 @@
 
 namespace ledgerline::station {
 
-/// How a client shows who it is, and whom it believes.
+/// How a client shows who it is, and whom it trusts.
 struct Credentials {
   std::string token;         ///< of the page; 64 hex digits
   std::string session;       ///< of an operator; empty: nobody is signed in
@@ -17,7 +17,7 @@ struct Credentials {
   web::TlsFiles tls{};       ///< of a station with TLS
 };
 
-/// A client of one station: requests one after the other over one connection, which is made anew where the station has
+/// A client of one station: requests one after the other over one connection, which is reopened where the station has
 /// closed it. Each call waits, some seconds at most. One thread.
 class Station {
  public:
@@ -28,7 +28,7 @@ class Station {
   /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps
   /// nobody from landing or stopping a drone: what is anybody's is then asked with the page's token.
   Result<std::string> ask(const Request& request);
-  /// Ground's clock, as the stream tells it.
+  /// Ground's clock, as the stream reports it.
   Result<double> now_ms();
   /// How many connections were made for requests: one more, and the station may be another than before.
   unsigned connections() const;

@@ -12,7 +12,7 @@
 
 namespace ledgerline::station {
 
-void print_anew(const std::string& text) {
+void print_refreshed(const std::string& text) {
   fmt::print("{}{}", ::isatty(STDOUT_FILENO) == 1 ? "\x1b[H\x1b[J" : "", text);
   std::fflush(stdout);
 }

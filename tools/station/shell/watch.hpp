@@ -6,7 +6,7 @@
 namespace ledgerline::station {
 
 /// Prints a table, on a terminal in the place of what was there.
-void print_anew(const std::string& text);
+void print_refreshed(const std::string& text);
 /// Sleeps; less when a signal asks to end.
 void rest(TimeNs duration_ns);
 /// "14:05:09" of the ground's clock, by this computer's.

@@ -7,7 +7,7 @@
 #include "common/rt/clock.hpp"
 #include "tools/status/core/process.hpp"
 
-/// What `ledgerline status` tells. Pure.
+/// What `ledgerline status` reports. Pure.
 namespace ledgerline::status {
 
 struct Peer {

@@ -1,13 +1,13 @@
 #include "tools/status/shell/ledgers.hpp"
 
 #include "chaincode/endorser/core/core.hpp"
-#include "common/belief/control_records.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/control_records.hpp"
 #include "tools/doctor/core/ledger.hpp"
 #include "tools/doctor/shell/ledger/channels.hpp"
 
@@ -19,7 +19,7 @@ std::string text_of(const Identity& identity) {
 }
 
 /// When the drone's newest state was taken; each brings a battery, also without a pose. None: the ledger has none.
-std::optional<TimeNs> newest_stamp(const std::string& drone, const belief::Evaluate& evaluate) {
+std::optional<TimeNs> newest_stamp(const std::string& drone, const verification::Evaluate& evaluate) {
   QueryCall query;
   query.set_id(drone + "/battery");
   const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
@@ -29,9 +29,9 @@ std::optional<TimeNs> newest_stamp(const std::string& drone, const belief::Evalu
   return battery ? std::optional(battery->header.stamp_ns) : std::nullopt;
 }
 
-Drone ask_drone(const std::string& name, const belief::Evaluate& evaluate) {
+Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate) {
   Drone drone{.name = name};
-  const auto control = belief::read_control(name, evaluate);
+  const auto control = verification::read_control(name, evaluate);
   if (!control) {
     drone.why = control.error().what;
     return drone;
@@ -58,11 +58,11 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
 
 }  // namespace
 
-Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds patience) {
+Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds timeout) {
   Ledger ledger{.config = one.path, .channel = one.ledger->channel};
   auto config = Config::load(one.path);
   auto client = config ? doctor::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
-  if (client) client->deadline = patience;
+  if (client) client->deadline = timeout;
   auto questions =
       client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
   if (!questions) {
@@ -78,7 +78,9 @@ Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds pa
   if (!height) return ledger;
   const auto block = (*questions)->block(*height - 1);
   if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block, realtime_ns());
-  const belief::Evaluate evaluate = [&](const fabric::Call& call) { return (*questions)->ask(client->where, call); };
+  const verification::Evaluate evaluate = [&](const fabric::Call& call) {
+    return (*questions)->ask(client->where, call);
+  };
   for (const doctor::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
   return ledger;
 }

@@ -7,7 +7,7 @@
 namespace ledgerline::status {
 
 /// What the peers of a program's config say of its channel and drones, asked as its identity; `one.ledger` is there.
-/// Waits `patience` at most for each answer. Nothing is written on the ledger.
-Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds patience);
+/// Waits `timeout` at most for each answer. Nothing is written on the ledger.
+Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::status

@@ -10,7 +10,7 @@
 namespace ledgerline::tello {
 namespace {
 
-constexpr std::size_t max_answer = 40;  // the longest that is asked for has 18 letters
+constexpr std::size_t max_answer = 40;  // no expected answer has more than 18 characters
 
 bool number_within(std::string_view text, int low, int high) {
   int value = 0;
@@ -21,9 +21,9 @@ bool number_within(std::string_view text, int low, int high) {
 // A word such as TELLO, RMTT or v01.04.91.01: no sentence, and no bare figure, which is another question's.
 bool word(std::string_view text) {
   const bool printed = std::all_of(text.begin(), text.end(), [](char c) { return c > ' ' && c <= '~'; });
-  const bool letters = std::any_of(text.begin(), text.end(),
-                                   [](char c) { return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.'; });
-  return !text.empty() && text.size() <= max_answer && printed && letters &&
+  const bool alphabetic = std::any_of(
+      text.begin(), text.end(), [](char c) { return (c >= 'A' && c <= 'Z') || (c >= 'a' && c <= 'z') || c == '.'; });
+  return !text.empty() && text.size() <= max_answer && printed && alphabetic &&
          link::parse_answer(text) == link::Answer::unknown;
 }
 
@@ -47,7 +47,7 @@ bool fits(std::string_view question, std::string_view text) {
   return question != "command" && explained_ok(text);
 }
 
-Asking::Asking(const std::vector<std::string>& questions, Patience patience) : patience_(patience) {
+Asking::Asking(const std::vector<std::string>& questions, Timeouts timeout) : timeout_(timeout) {
   questions_.push_back({"command", "", false});
   for (const std::string& text : questions) questions_.push_back({text, "", false});
 }
@@ -58,8 +58,8 @@ void Asking::next() {
 }
 
 std::string Asking::due(TimeNs now) {
-  if (over() || (tries_ > 0 && now - asked_ns_ < patience_.answer_ns)) return "";
-  if (tries_ >= patience_.tries) {
+  if (over() || (tries_ > 0 && now - asked_ns_ < timeout_.answer_ns)) return "";
+  if (tries_ >= timeout_.tries) {
     if (current_ == 0) {
       current_ = questions_.size();
       return "";
@@ -83,7 +83,7 @@ void Asking::on_answer(std::string_view bytes) {
   // A question that was asked twice may be answered twice.
   const bool late = asks(open.text) && std::any_of(questions_.begin(), questions_.end(), same);
   if (!refused && (!fits(open.text, text) || late)) return;
-  // A Tello refuses nothing before `command`, so whoever does is there, but in no state to be asked.
+  // A Tello refuses nothing before `command`, so one that does is there, but in no state to be asked.
   if (current_ == 0 && refused) return;
   present_ = true;
   open.refused = refused;

@@ -8,7 +8,7 @@
 namespace ledgerline::tello {
 
 /// How long an answer is waited for, and how often a question is asked at most.
-struct Patience {
+struct Timeouts {
   TimeNs answer_ns = 500 * ns_per_ms;  ///< a Tello answers within tens of ms; double makes an empty room twice as slow
   int tries = 3;                       ///< with one datagram of five lost, 95 % get through
 };
@@ -20,12 +20,12 @@ struct Question {
   bool refused = false;  ///< its firmware does not know the question
 };
 
-/// Asks one Tello one question after the other, the first of them always `command`: whoever does not answer that is no
-/// Tello. Answers carry no id, so one that cannot be to the question that is open (of another shape, as a late answer
-/// to the one before) is dropped. Any bytes may come. Core: no I/O, no clock; one thread.
+/// Asks one Tello one question after the other, the first of them always `command`: a host that does not answer that is
+/// no Tello. Answers carry no id, so one that cannot be to the question that is open (of another shape, as a late
+/// answer to the one before) is dropped. Any bytes may come. Core: no I/O, no clock; one thread.
 class Asking {
  public:
-  explicit Asking(const std::vector<std::string>& questions, Patience patience = {});
+  explicit Asking(const std::vector<std::string>& questions, Timeouts timeout = {});
 
   /// What is to be sent now; empty: nothing.
   std::string due(TimeNs now);
@@ -42,7 +42,7 @@ class Asking {
   void next();
 
   std::vector<Question> questions_;
-  Patience patience_;
+  Timeouts timeout_;
   std::size_t current_ = 0;
   int tries_ = 0;
   TimeNs asked_ns_ = 0;

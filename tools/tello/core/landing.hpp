@@ -8,9 +8,9 @@
 
 namespace ledgerline::tello {
 
-/// Brings a Tello down, whoever flew it: `command` until it is answered, a zero (it goes on with the last rc that it
-/// got), and `land`, again each second until it is down. Down is what it says by `ok` to `land`, unless its state text
-/// shows it aloft, or what its state text shows for a second. Answers carry no id: `command` and `land` both are
+/// Brings a Tello down, no matter who flew it: `command` until it is answered, a zero (it goes on with the last rc that
+/// it got), and `land`, again each second until it is down. Down is what it says by `ok` to `land`, unless its state
+/// text shows it aloft, or what its state text shows for a second. Answers carry no id: `command` and `land` both are
 /// answered `ok`, so one more of them than `command`s were sent is the landing's. Core: no I/O, no clock; one thread.
 class Landing {
  public:

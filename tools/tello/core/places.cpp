@@ -11,7 +11,7 @@ namespace ledgerline::tello {
 namespace {
 
 constexpr int max_prefix = 32, min_prefix = 24;
-// IEEE 802.11: a name has up to 32 bytes, a WPA2 password 8 to 63 letters.
+// IEEE 802.11: a name has up to 32 bytes, a WPA2 password 8 to 63 characters.
 constexpr std::size_t max_ssid = 32, min_password = 8, max_password = 63;
 
 bool one_word(const std::string& text) {
@@ -43,11 +43,11 @@ Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr) {
 std::string wifi_refusal(const std::string& ssid, const std::string& password) {
   if (ssid.empty() || ssid.size() > max_ssid || !one_word(ssid))
     return fmt::format(
-        "the network's name must be 1 to {} letters without blanks, since the drone takes a blank for its "
+        "the network's name must be 1 to {} characters without blanks, since the drone takes a blank for its "
         "end",
         max_ssid);
   if (password.size() < min_password || password.size() > max_password || !one_word(password))
-    return fmt::format("the password must be {} to {} letters without blanks", min_password, max_password);
+    return fmt::format("the password must be {} to {} characters without blanks", min_password, max_password);
   return "";
 }
 

@@ -20,7 +20,7 @@
 namespace ledgerline::tello {
 namespace {
 
-// Beyond it a stamp is of another clock: a mocap's latency is tens of ms, and only a clock that is set by NTP tells
+// Beyond it a stamp is of another clock: a mocap's latency is tens of ms, and only a clock that is set by NTP shows
 // them.
 constexpr TimeNs max_stamp_error_ns = 200 * ns_per_ms;
 using PoseRing = SpscRing<PoseSample, 256>;  // a second at 250 Hz; the loop empties it each 4 ms

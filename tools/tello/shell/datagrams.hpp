@@ -16,7 +16,7 @@ namespace ledgerline::tello {
 
 inline constexpr std::uint16_t command_port = 8889, state_port = 8890;
 inline constexpr TimeNs pace_ns = 4 * ns_per_ms;  // between two datagrams: a subnet of 254 is asked within a second
-inline constexpr std::size_t max_reads = 64;      // of one turn, so that a flood ends no patience
+inline constexpr std::size_t max_reads = 64;      // of one turn, so that a flood ends no timeout
 inline constexpr std::size_t max_bytes = 1024;    // what Tello clients receive with
 
 sockaddr_in place(std::uint32_t address, std::uint16_t port);

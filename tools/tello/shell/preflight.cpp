@@ -36,9 +36,9 @@ namespace fs = std::filesystem;
 
 // A peer answers within the 5 s that control gives it, or not at all.
 constexpr TimeNs records_limit_ns = 10 * ns_per_s;
-constexpr TimeNs patience_ns = ns_per_s;
+constexpr TimeNs timeout_ns = ns_per_s;
 
-using Ring = SpscRing<HeardPose, 256>;  // a second at 250 Hz; the loop empties it each 4 ms
+using Ring = SpscRing<ReceivedPose, 256>;  // a second at 250 Hz; the loop empties it each 4 ms
 
 /// The topic of one drone's poses.
 struct Poses {
@@ -62,7 +62,7 @@ Result<std::vector<Poses>> subscribe(const fly::Options& flight) {
         [ring = poses.ring.get()](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
           const auto pose = pose_from_cdr(dds::text_of(cdr));
           // One that does not fit is as one that DDS lost.
-          if (pose) (void)ring->push(HeardPose::of(realtime_ns(), *pose));
+          if (pose) (void)ring->push(ReceivedPose::of(realtime_ns(), *pose));
         });
     if (!made) return made.error();
     poses.reader.emplace(std::move(*made));
@@ -107,7 +107,7 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
   std::vector<Listening> listening(facts.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
   for (Poses& of_one : poses)
-    for (HeardPose old; of_one.ring->pop(old);) continue;
+    for (ReceivedPose old; of_one.ring->pop(old);) continue;
   for (const TimeNs end = monotonic_ns() + from_seconds(options.listen_s); monotonic_ns() < end && !stop_requested;) {
     wait({});
     for (auto& [interface, side] : sides) {
@@ -117,11 +117,11 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
       });
     }
     for (std::size_t i = 0; i < poses.size(); ++i)
-      for (HeardPose heard; poses[i].ring->pop(heard);) listening[i].on_pose(heard);
+      for (ReceivedPose heard; poses[i].ring->pop(heard);) listening[i].on_pose(heard);
   }
   for (std::size_t i = 0; i < listening.size(); ++i) {
     listening[i].tell(monotonic_ns(), realtime_ns(), facts.stamps_count, facts.drones[i]);
-    // By its own senses a drone is where the file says that it stands.
+    // By onboard odometry a drone is where the file says that it stands.
     const auto source = from_name<link::PoseSource>(facts.pose_source);
     if (source && !link::uses_mocap(*source))
       facts.drones[i].pose = fly::PoseFacts{.position_m = options.flight.own->drones[i].start_m};
@@ -168,7 +168,7 @@ Status read_records(const PreflightOptions& options, fly::Facts& facts) {
     children.poll(50 * ns_per_ms);
   }
   if (children.running(name)) {
-    (void)children.stop(name, patience_ns);
+    (void)children.stop(name, timeout_ns);
     return Error{fmt::format("it did not answer within {:.0f} s", to_seconds(records_limit_ns))};
   }
   if (!children.ended_well(name)) return Error{printable(children.log_tail(name, 1))};

@@ -23,7 +23,7 @@ Status ask(std::vector<Found>& drones, const std::string& interface) {
   std::size_t next = 0;
   const auto over = [](const Found& drone) { return drone.asking.over(); };
   while (!stop_requested && !std::all_of(drones.begin(), drones.end(), over)) {
-    // One datagram a turn, of whoever is due next.
+    // One datagram a turn, for the drone that is due next.
     for (std::size_t i = 0; i < drones.size(); ++i) {
       Found& drone = drones[next++ % drones.size()];
       const std::string text = drone.asking.due(monotonic_ns());
@@ -48,7 +48,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
   if (!states) return states.error();
   // Where another client listens already the answers alone must do.
   if (!link::listen_alone(*states, place(INADDR_ANY, state_port)))
-    spdlog::info("another program listens to state text here: the drone's answers alone tell when it is down");
+    spdlog::info("another program listens to state text here: the drone's answers alone show when it is down");
   Landing landing;
   bool sent = true;
   for (const TimeNs end = monotonic_ns() + from_seconds(seconds); monotonic_ns() < end && !stop_requested;) {
@@ -66,7 +66,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
   if (!sent) spdlog::error("nothing can be sent to {}: is this computer in the drone's Wi-Fi?", where);
   if (!landing.heard()) {
     spdlog::error(
-        "{} does not answer: it was told to land, blindly; a Tello lands by itself 15 s after the last "
+        "{} does not answer: it was commanded to land without state; a Tello lands by itself 15 s after the last "
         "command",
         where);
   } else {

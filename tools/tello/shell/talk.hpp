@@ -15,7 +15,7 @@ Status ask(std::vector<Found>& drones, const std::string& interface);
 /// True once it is down; false when it was not seen down within `seconds`. Says on the log what came of it.
 Result<bool> land(std::uint32_t address, const std::string& interface, double seconds);
 
-/// From a file (its first line), or asked for at the terminal, unseen.
+/// From a file (its first line), or asked for at the terminal, without echo.
 Result<std::string> read_password(const std::string& file);
 
 }  // namespace ledgerline::tello

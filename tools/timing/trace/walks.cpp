@@ -5,7 +5,7 @@
 namespace ledgerline::timing {
 namespace {
 
-constexpr TimeNs calls_kept_ns = 60 * ns_per_s;  // no call is under way for longer
+constexpr TimeNs calls_kept_ns = 60 * ns_per_s;  // no call is in flight for longer
 
 constexpr TimeNs max_turn_ns = ns_per_ms;
 

@@ -68,7 +68,7 @@ class Walks {
     std::uint64_t doubled = 0, strays = 0, backwards = 0;
   };
 
-  /// `life`: counts up when the writer was started again, since the numbers of its transactions begin anew with it.
+  /// `life`: counts up when the writer was started again, since the numbers of its transactions restart with it.
   void add(Writer writer, std::span<const TraceRecord> records, std::uint32_t life = 0);
   /// The walks sampled before that time, in order of it; they are then forgotten.
   std::vector<Walk> take(TimeNs sampled_before_ns = INT64_MAX);

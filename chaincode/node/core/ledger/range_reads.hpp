@@ -12,8 +12,8 @@ namespace ledgerline::node {
 /// one key beyond those that it gave, if there is one.
 std::size_t keys_read_by_peer(std::size_t wanted);
 
-/// `reads`: the keys that were read, in order; `exhausted`: there are no more before `end`. Many are told as a tree of
-/// hashes (Fabric's rwsetutil, of degree 50).
+/// `reads`: the keys that were read, in order; `exhausted`: there are no more before `end`. Many are recorded as a tree
+/// of hashes (Fabric's rwsetutil, of degree 50).
 kvrwset::RangeQueryInfo range_of_peer(const std::string& start, const std::string& end,
                                       std::vector<kvrwset::KVRead> reads, bool exhausted);
 

@@ -12,7 +12,7 @@ namespace ledgerline::node {
 /// Finds a written value in a block, with its transaction's id and time.
 using ReadVersion = std::function<Result<chaincode::KeyVersion>(const std::string& key, Version version)>;
 
-/// How a range that was read is told.
+/// How a range that was read is recorded.
 enum class Ranges {
   as_wanted,  ///< with the keys that the contract got
   as_fabric,  ///< with those that a peer of Fabric reads for it (range_reads.hpp)
@@ -22,8 +22,8 @@ enum class Ranges {
 class Simulation final : public chaincode::Stub {
  public:
   Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller,
-             Ranges ranges_told = Ranges::as_wanted)
-      : state_(state), read_version_(read_version), caller_(caller), ranges_told_(ranges_told) {}
+             Ranges ranges_reported = Ranges::as_wanted)
+      : state_(state), read_version_(read_version), caller_(caller), ranges_reported_(ranges_reported) {}
 
   Result<std::optional<std::string>> get_state(const std::string& key) override;
   Status put_state(const std::string& key, const std::string& value) override;
@@ -48,7 +48,7 @@ class Simulation final : public chaincode::Stub {
   const State& state_;
   const ReadVersion& read_version_;
   const crypto::MspRegistry::Member& caller_;
-  const Ranges ranges_told_;
+  const Ranges ranges_reported_;
   std::map<std::string, std::optional<Version>> reads_;
   std::map<std::string, std::string> writes_;
   std::map<std::string, std::string> policies_;  ///< common.SignaturePolicyEnvelope

@@ -101,8 +101,8 @@ std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_by
   return envelopes;
 }
 
-/// Whoever has nothing waiting and its whole allowance is as one who never came, but for a tag ahead of the clock,
-/// which is no more than it has sent in its last allowance.
+/// A sender with nothing waiting and its whole allowance equals one that never sent, but for a tag ahead of the clock.
+/// That tag is no more than it has sent in its last allowance.
 void Waiting::forget_idle(TimeNs now_ns) {
   std::erase_if(members_, [&](const auto& one) {
     const Member& member = one.second;

@@ -29,7 +29,7 @@ struct Sender {
 
 /// Envelopes that wait for a block, with a share for each organisation and each identity. Of five that leave four may
 /// be urgent, stops first; one is not, so that no flood of one kind keeps the other out. A quarter of all places is for
-/// urgent ones alone. In each lane whoever sends much waits behind who sends little (FairLane). One thread at a time.
+/// urgent ones alone. In each lane, senders of much wait behind senders of little (FairLane). One thread at a time.
 /// `config` must outlive it.
 class Waiting {
  public:
@@ -47,7 +47,7 @@ class Waiting {
   std::size_t bytes() const { return bytes_; }
   /// Identities that have an entry here.
   std::size_t remembered() const { return members_.size(); }
-  /// When that one came which has waited longest. Only where one waits.
+  /// Arrival time of the oldest waiting envelope. Only while one waits.
   TimeNs oldest_ns() const { return *arrivals_.begin(); }
 
  private:

@@ -10,17 +10,17 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr TimeNs unbelievable_period_ns = 60 * ns_per_s;  // a peer may send thousands; a log must not fill a disk
+constexpr TimeNs invalid_period_ns = 60 * ns_per_s;       // a peer may send thousands; a log must not fill a disk
 constexpr TimeNs contradiction_period_ns = 1 * ns_per_s;  // below what agent's integrity hold lasts
 constexpr TimeNs max_connecting_ns = 10 * ns_per_s;
 constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's thread may be behind on a busy machine
 
 }  // namespace
 
-Result<Continuation> BlockHandOver::continue_chain(const Believed& believed, const common::Block& newest,
+Result<Continuation> BlockHandOver::continue_chain(const LastVerified& trusted, const common::Block& newest,
                                                    const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
-  return intake_.continue_chain(believed, newest, fetch);
+  return intake_.continue_chain(trusted, newest, fetch);
 }
 
 bool BlockHandOver::misses_definition() const {
@@ -44,15 +44,15 @@ void BlockHandOver::peer_connected() {
   intake_.begin();
 }
 
-BlockHandOver::Told BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
+BlockHandOver::Report BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
   if (!intake_.contradiction().empty()) {
     read_on(message, now);
     return {};
   }
-  Told told = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
-  if (!told.problem.empty()) refuse(message);
-  return told;
+  Report reported = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
+  if (!reported.problem.empty()) refuse(message);
+  return reported;
 }
 
 std::string BlockHandOver::contradiction() const {
@@ -74,7 +74,7 @@ void BlockHandOver::refuse(const common::Block& message) const {
   if (block) handlers_.on_refused(*block);
 }
 
-BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
+BlockHandOver::Report BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
   // "From the next new one on": the newest block that the peer sends first only says where that is.
   const bool wanted = intake_.next().has_value();
   NotedFetch noted(fetch);
@@ -94,14 +94,14 @@ BlockHandOver::Told BlockHandOver::take(const common::Block& message, TimeNs now
   return {.end_orderer = !lie.empty() || !take_ordered(now).empty() || withholds(block->number, now)};
 }
 
-BlockHandOver::Told BlockHandOver::confirm(const common::Block& message, TimeNs now) {
+BlockHandOver::Report BlockHandOver::confirm(const common::Block& message, TimeNs now) {
   const auto confirmed = intake_.confirm(message);
   if (!confirmed) {
     tell_contradiction(confirmed.error().what);
     return {.problem = confirmed.error().what};
   }
-  if (*confirmed > 0 && handlers_.on_unbelievable)
-    handlers_.on_unbelievable(fmt::format(
+  if (*confirmed > 0 && handlers_.on_invalid)
+    handlers_.on_invalid(fmt::format(
         "block {}: {} of its transactions, taken as they were ordered, are invalid: their ids were used before; "
         "their creators' clocks are wrong, or they did it on purpose",
         message.header().number(), *confirmed));
@@ -171,7 +171,7 @@ std::string BlockHandOver::take_ordered(TimeNs now) {
 
 void BlockHandOver::hand_over(Block& block, const common::Block& message, TimeNs now) {
   block.received_ns = now;
-  tell_unbelievable(block);
+  report_invalid(block);
   if (handlers_.on_block) handlers_.on_block(block, message.SerializeAsString());
   commits_->block(block);
 }
@@ -185,20 +185,19 @@ void BlockHandOver::contradicted(const std::string& what) const {
   tell_contradiction(what);
 }
 
-void BlockHandOver::tell_unbelievable(const std::string& what) const {
+void BlockHandOver::report_invalid(const std::string& what) const {
   const std::lock_guard lock(mutex_);
-  if (handlers_.on_unbelievable) handlers_.on_unbelievable(what);
+  if (handlers_.on_invalid) handlers_.on_invalid(what);
 }
 
-void BlockHandOver::tell_unbelievable(const Block& block) {
+void BlockHandOver::report_invalid(const Block& block) {
   for (const Transaction& transaction : block.transactions) {
     if (transaction.problem.empty()) continue;
-    ++unbelievable_;
-    if (!handlers_.on_unbelievable || (unbelievable_ > 1 && block.received_ns < next_word_ns_)) continue;
-    next_word_ns_ = block.received_ns + unbelievable_period_ns;
-    handlers_.on_unbelievable(
-        fmt::format("block {}: transaction {}: its flag is not believed: {}; left out ({} so far)", block.number,
-                    printable(transaction.tx_id), transaction.problem, unbelievable_));
+    ++invalid_;
+    if (!handlers_.on_invalid || (invalid_ > 1 && block.received_ns < next_word_ns_)) continue;
+    next_word_ns_ = block.received_ns + invalid_period_ns;
+    handlers_.on_invalid(fmt::format("block {}: transaction {}: its flag is not trusted: {}; left out ({} so far)",
+                                     block.number, printable(transaction.tx_id), transaction.problem, invalid_));
   }
 }
 

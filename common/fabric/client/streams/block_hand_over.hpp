@@ -29,9 +29,9 @@ class NotedFetch {
   bool failed_ = false;
 };
 
-/// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whoever told
-/// it first. Any thread; on_block, on_confirmed, on_unbelievable and on_contradiction are called under its mutex, so
-/// that none of them comes beside another.
+/// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whichever
+/// stream delivered it first. Any thread; on_block, on_confirmed, on_invalid and on_contradiction are called under its
+/// mutex, so that none of them comes beside another.
 class BlockHandOver {
  public:
   BlockHandOver(BlockIntake intake, std::shared_ptr<Commits> commits, Client::StreamHandlers handlers)
@@ -42,7 +42,7 @@ class BlockHandOver {
   // Of the peer's stream.
 
   /// As BlockIntake::continue_chain.
-  Result<Continuation> continue_chain(const Believed& believed, const common::Block& newest, const Fetch& fetch);
+  Result<Continuation> continue_chain(const LastVerified& trusted, const common::Block& newest, const Fetch& fetch);
   bool misses_definition() const;
   void define(const std::string& policy);
   /// What a connection begins with; none: with the peer's newest.
@@ -53,11 +53,11 @@ class BlockHandOver {
   /// Its first block is here.
   void peer_connected();
   /// In words why the stream cannot go on; empty: it can.
-  struct Told {
+  struct Report {
     std::string problem{};
     bool end_orderer = false;  ///< it lies or withholds blocks
   };
-  Told peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch);
+  Report peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch);
 
   // Of an orderer's stream.
 
@@ -69,18 +69,18 @@ class BlockHandOver {
   // For what the readers find out themselves.
 
   void contradicted(const std::string& what) const;
-  void tell_unbelievable(const std::string& what) const;
+  void report_invalid(const std::string& what) const;
 
  private:
   void tell_contradiction(const std::string& what) const;
   void refuse(const common::Block& message) const;
   void read_on(const common::Block& message, TimeNs now);
-  Told take(const common::Block& message, TimeNs now, const Fetch& fetch);
-  Told confirm(const common::Block& message, TimeNs now);
+  Report take(const common::Block& message, TimeNs now, const Fetch& fetch);
+  Report confirm(const common::Block& message, TimeNs now);
   std::string take_ordered(TimeNs now);
   bool withholds(std::uint64_t number, TimeNs now);
   void hand_over(Block& block, const common::Block& message, TimeNs now);
-  void tell_unbelievable(const Block& block);
+  void report_invalid(const Block& block);
 
   mutable std::mutex mutex_;
   BlockIntake intake_;
@@ -91,9 +91,9 @@ class BlockHandOver {
   std::string withheld_;                        ///< what this orderer did
   const std::shared_ptr<Commits> commits_;
   const Client::StreamHandlers handlers_;
-  std::uint64_t unbelievable_ = 0;
+  std::uint64_t invalid_ = 0;
   TimeNs next_word_ns_ = 0;
-  TimeNs next_contradiction_ns_ = 0;  ///< it is told once a second while it lasts
+  TimeNs next_contradiction_ns_ = 0;  ///< it is reported once a second while it lasts
 };
 
 }  // namespace ledgerline::fabric

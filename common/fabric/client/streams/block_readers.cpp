@@ -59,7 +59,7 @@ std::string BlockReader::follow(Follower& follower) {
     std::string problem = take(response, follower);
     const std::string contradiction = blocks_->contradiction();
     if (seeing && problem.empty())
-      problem = contradiction;  // an orderer's block told it: this connection is lost by it
+      problem = contradiction;  // an orderer's block showed it: this connection is lost by it
     if (!problem.empty() || follower.stopping()) {
       context.TryCancel();
       (void)stream->Finish();
@@ -75,31 +75,31 @@ std::string BlockReader::follow(Follower& follower) {
 
 /// Finds the place behind the checkpoint, where there is one; once.
 std::string BlockReader::continue_chain(Follower& follower) {
-  if (!believed_) return {};
+  if (!trusted_) return {};
   const auto newest = fetch_block(*connection_, follower, std::nullopt);
   if (!newest) return newest.error().what;
   NotedFetch noted(fetcher(*connection_, follower));
-  const auto on = blocks_->continue_chain(*believed_, *newest, std::ref(noted));
+  const auto on = blocks_->continue_chain(*trusted_, *newest, std::ref(noted));
   if (!on) {
     // A peer that lags behind may be honest, for a moment.
-    const bool lags = newest->header().number() < believed_->last.number;
+    const bool lags = newest->header().number() < trusted_->last.number;
     lagged_ = lags ? lagged_ + 1 : 0;
     if ((!lags || lagged_ >= max_lags) && !noted.failed()) blocks_->contradicted(on.error().what);
     return on.error().what;
   }
-  believed_.reset();
+  trusted_.reset();
   if (on_continued_) on_continued_(*on);
   return {};
 }
 
 /// Whose endorsement the contract needs lies behind the first block that is read: the peer is asked. What it says may
 /// confirm a transaction, not refuse one. A peer that is busy or has just started may be late: it is asked again a few
-/// times, since an endorser ends where it is not told. Where that was in vain once, each further connection asks once.
+/// times, since an endorser ends without the answer. After these tries have failed, each further connection asks once.
 void BlockReader::ask_definition(Follower& follower) {
   if (!blocks_->misses_definition()) return;
   BackOff back_off(first_question_pause_ns, max_question_pause_ns);
   Random random(random_seed());
-  const int tries = definition_problem_told_ ? 1 : max_questions;
+  const int tries = definition_problem_reported_ ? 1 : max_questions;
   DefinitionAnswer answer;
   int tried = 0;
   do {
@@ -108,10 +108,10 @@ void BlockReader::ask_definition(Follower& follower) {
     ++tried;
     if (answer.policy) return blocks_->define(*answer.policy);
   } while (answer.may_pass && tried < tries && !follower.stopping());
-  if (follower.stopping() || std::exchange(definition_problem_told_, true)) return;
-  blocks_->tell_unbelievable(fmt::format(
+  if (follower.stopping() || std::exchange(definition_problem_reported_, true)) return;
+  blocks_->report_invalid(fmt::format(
       "the peer does not say whose endorsement contract {} needs, asked {} ({}): of what makes new keys the flags are "
-      "believed",
+      "trusted",
       connection_->config.where.contract, tried == 1 ? "once" : fmt::format("{} times", tried),
       printable(answer.problem)));
 }
@@ -144,9 +144,10 @@ std::string BlockReader::take(const protos::DeliverResponse& response, Follower&
   if (response.Type_case() == protos::DeliverResponse::kStatus)
     return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
   if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
-  BlockHandOver::Told told = blocks_->peer_tells(response.block(), monotonic_ns(), fetcher(*connection_, follower));
-  if (told.end_orderer && interrupt_ordered_) interrupt_ordered_();
-  return std::move(told.problem);
+  BlockHandOver::Report reported =
+      blocks_->peer_tells(response.block(), monotonic_ns(), fetcher(*connection_, follower));
+  if (reported.end_orderer && interrupt_ordered_) interrupt_ordered_();
+  return std::move(reported.problem);
 }
 
 std::string OrderedReader::follow(Follower& follower) {

@@ -14,10 +14,10 @@ namespace ledgerline::fabric {
 /// Reads the own peer's blocks, one connection a call of follow(). One thread.
 class BlockReader {
  public:
-  BlockReader(std::shared_ptr<const Connection> connection, std::optional<Believed> believed,
+  BlockReader(std::shared_ptr<const Connection> connection, std::optional<LastVerified> trusted,
               std::shared_ptr<BlockHandOver> blocks, std::function<void(const Continuation&)> on_continued)
       : connection_(std::move(connection)),
-        believed_(std::move(believed)),
+        trusted_(std::move(trusted)),
         blocks_(std::move(blocks)),
         on_continued_(std::move(on_continued)) {}
 
@@ -37,15 +37,15 @@ class BlockReader {
   std::string take(const protos::DeliverResponse& response, Follower& follower);
 
   const std::shared_ptr<const Connection> connection_;
-  std::optional<Believed> believed_;  ///< until the chain goes on behind it
+  std::optional<LastVerified> trusted_;  ///< until the chain goes on behind it
   const std::shared_ptr<BlockHandOver> blocks_;
   const std::function<void(const Continuation&)> on_continued_;
   std::function<void()> interrupt_ordered_;
   int lagged_ = 0;  ///< connections in a row in which the peer's chain ended before the checkpoint
-  bool definition_problem_told_ = false;
+  bool definition_problem_reported_ = false;
 };
 
-/// Reads an orderer's blocks; the next orderer's when one goes away or is not to be believed. One thread.
+/// Reads an orderer's blocks; the next orderer's when one goes away or delivers invalid blocks. One thread.
 class OrderedReader {
  public:
   OrderedReader(std::shared_ptr<const Connection> connection, std::shared_ptr<BlockHandOver> blocks)

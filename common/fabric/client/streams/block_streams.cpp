@@ -30,7 +30,7 @@ class BlockStreams final : public Client::Stream {
     const auto blocks = std::make_shared<BlockHandOver>(make_intake(*connection, from.number), connection->commits,
                                                         std::move(handlers));
     const auto reader =
-        std::make_shared<BlockReader>(connection, std::move(from.believed), blocks, std::move(on_continued));
+        std::make_shared<BlockReader>(connection, std::move(from.trusted), blocks, std::move(on_continued));
     if (!connection->channels()->stream_orderers.empty()) {
       ordered_ = run_follower(std::make_shared<OrderedReader>(connection, blocks), std::move(on_orderers));
       reader->interrupt_ordered_by([this] { ordered_->interrupt(); });

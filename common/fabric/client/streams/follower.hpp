@@ -16,7 +16,7 @@
 
 namespace ledgerline::fabric {
 
-/// Runs one kind of stream on a thread of its own, again and again with back-off and jitter, until it is destroyed. The
+/// Runs one kind of stream on a thread of its own, repeatedly with back-off and jitter, until it is destroyed. The
 /// thread reads with gRPC's blocking calls, which wake it directly; destruction cancels the call that it waits in.
 class Follower final : public Client::Stream {
  public:
@@ -26,7 +26,7 @@ class Follower final : public Client::Stream {
   ~Follower() override;
   /// Ends it; the destructor waits for its thread.
   void stop();
-  /// The call under way is cancelled, as if the stream had ended. Any thread.
+  /// The call in progress is cancelled, as if the stream had ended. Any thread.
   void interrupt();
 
   // For `follow`, on its thread.
@@ -63,7 +63,7 @@ class Follower final : public Client::Stream {
   std::mutex mutex_;
   std::condition_variable wake_;
   bool stopping_ = false;
-  grpc::ClientContext* context_ = nullptr;  ///< of the call under way
+  grpc::ClientContext* context_ = nullptr;  ///< of the call in progress
   std::thread thread_;
 };
 

@@ -22,8 +22,8 @@ SIDE_M, SPEED_MPS, HEIGHT_M = 1.5, 0.4, 1.0
 P, I = 1.2, 0.15  # of the place: 1/s, 1/s^2
 LEASH_M = 0.5  # the reference waits for a drone that is farther behind
 MAX_MPS = 0.8
-LONGEST_STEP_S = 0.1  # between two states: in a longer gap the drone hovers, and nobody knows what the error was
-PATIENCE_S = 60
+MAX_STEP_S = 0.1  # between two states: in a longer gap the drone hovers, and nobody knows what the error was
+TIMEOUT_S = 60
 
 
 class Controller:
@@ -42,7 +42,7 @@ class Controller:
     def step(self, stamp_s: float, at: tuple) -> list:
         """The velocity to fly, by a new place of the drone."""
         dt_s = 0.0 if self.before_s is None else stamp_s - self.before_s
-        dt_s = min(dt_s, LONGEST_STEP_S)
+        dt_s = min(dt_s, MAX_STEP_S)
         self.before_s = stamp_s
         before = self.reference()
         if math.dist(before, at) < LEASH_M:
@@ -75,13 +75,13 @@ class Topics:
         return Topic(self.participant, "rt" + name, kind, qos=self.qos)
 
     def next_odom(self) -> Odometry:
-        deadline = time.monotonic() + PATIENCE_S
+        deadline = time.monotonic() + TIMEOUT_S
         while time.monotonic() < deadline:
             for sample in self.odom.take(1):
                 if isinstance(sample, Odometry):
                     return sample
             time.sleep(0.005)
-        sys.exit(f"no odometry for {PATIENCE_S} s")
+        sys.exit(f"no odometry for {TIMEOUT_S} s")
 
 
 def place(odom: Odometry) -> tuple:
@@ -94,7 +94,7 @@ def fly(topics: Topics) -> None:
     origin = place(odom)
     asked_s = 0.0
     while odom.pose.pose.position.z < HEIGHT_M - 0.2:
-        if time.monotonic() > asked_s + 3:  # whoever hears it may still have to be found
+        if time.monotonic() > asked_s + 3:  # the reader may not be discovered yet
             topics.words["takeoff"].write(Empty())
             asked_s = time.monotonic()
         odom = topics.next_odom()

@@ -6,7 +6,7 @@ import time
 
 from djitellopy import Tello, TelloException
 
-PATIENCE_S = 20
+TIMEOUT_S = 20
 
 
 def until_flown(move, centimetres: int) -> None:
@@ -18,7 +18,7 @@ def until_flown(move, centimetres: int) -> None:
             move(centimetres)
             return
         except TelloException as error:
-            if time.monotonic() > begin + PATIENCE_S:
+            if time.monotonic() > begin + TIMEOUT_S:
                 raise
             print(error, flush=True)
             time.sleep(0.5)

@@ -9,15 +9,15 @@ AlarmSender::AlarmSender(const BatchConfig& config, const std::vector<DroneName>
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
-bool AlarmSender::due(const Slot& slot, TimeNs now, const Said& truth) const {
+bool AlarmSender::due(const Slot& slot, TimeNs now, const ReportedAlarm& truth) const {
   const bool rested = now >= slot.rest_until_ns;
   if (slot.refused && !rested) return false;
   return truth.stands != slot.said.stands || (truth.count != slot.said.count && rested);
 }
 
-std::optional<AlarmSender::Sending> AlarmSender::next(TimeNs now, const Doubt& doubt) {
-  if (call_ != 0 || !pause_.over(now) || doubt.count() == 0) return std::nullopt;
-  const Said truth{doubt.stands(now), doubt.count()};
+std::optional<AlarmSender::Sending> AlarmSender::next(TimeNs now, const IntegrityMonitor& integrity) {
+  if (call_ != 0 || !pause_.over(now) || integrity.count() == 0) return std::nullopt;
+  const ReportedAlarm truth{integrity.stands(now), integrity.count()};
   Sending sending;
   for (Slot& slot : slots_) {
     if ((alone_ && !sending.drones.empty()) || !due(slot, now, truth)) continue;

@@ -65,8 +65,8 @@ class Batcher {
   /// How frame `number` ended. Returns it; nothing if it is not in flight (then nothing changes).
   std::optional<Frame> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
-  /// When next() may have a frame if nothing else comes, so that nobody has to ask again and again; INT64_MAX: not
-  /// before something comes. As of `now`, which next() was asked with last.
+  /// When next() may have a frame if nothing else comes, so that nobody has to poll; INT64_MAX: not before something
+  /// comes. As of `now`, which next() was asked with last.
   TimeNs due_ns(TimeNs now) const;
 
   std::size_t in_flight() const { return in_flight_.size(); }

@@ -11,7 +11,7 @@
 namespace ledgerline::agent {
 
 /// Folds stops: a stop writes nothing that commands read, so the drone's host says `fold` until the ledger has it. From
-/// then on the contract refuses the holder's commands, and those under way are invalid. Likewise a holder's revocation,
+/// then on the contract refuses the holder's commands, and those in flight are invalid. Likewise a holder's revocation,
 /// which writes nothing but his role: the fold ends his lease. Agent itself obeys both at once, whatever becomes of its
 /// fold. And a contract of a newer version: the fold renews the drone's records, without which no frame is valid. That
 /// has a pause of its own, with back-off, since a frame may lack endorsements for other reasons, for as long as those

@@ -2,9 +2,9 @@
 #include <cmath>
 #include <limits>
 
-#include "common/belief/calls.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/ros.hpp"
+#include "common/verification/calls.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
@@ -39,7 +39,7 @@ Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real
 void add_drone(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
   BatteryState battery;
   battery.header = {sample.stamp_ns + real_offset_ns, drone + "/base_link"};
-  battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not tell
+  battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not report it
   battery.percentage = sample.battery;
   if (sample.pose_stamp_ns != 0) {
     add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
@@ -62,8 +62,8 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
   }
   return fabric::Call{.function = contract::set,
                       .args = {call.SerializeAsString()},
-                      .told_by_block = true,
-                      .need = belief::frame_need()};
+                      .reported_by_block = true,
+                      .need = verification::frame_need()};
 }
 
 fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs real_offset_ns) {
@@ -76,13 +76,15 @@ fabric::Call encode_transitions(const TransitionSender::Sending& sending, TimeNs
   return fabric::Call{.function = contract::set, .args = {call.SerializeAsString()}};
 }
 
-fabric::Call encode_alarm(const AlarmSender::Sending& sending, const Doubt& doubt, TimeNs now, TimeNs real_offset_ns) {
+fabric::Call encode_alarm(const AlarmSender::Sending& sending, const IntegrityMonitor& integrity, TimeNs now,
+                          TimeNs real_offset_ns) {
   std::vector<Alarm> alarms;
-  for (std::size_t i = 0; i < doubt_kinds; ++i) {
-    const auto kind = static_cast<DoubtKind>(i);
-    const Doubt::Reason& reason = doubt.of(kind);
+  for (std::size_t i = 0; i < violation_kinds; ++i) {
+    const auto kind = static_cast<IntegrityViolation>(i);
+    const IntegrityMonitor::Reason& reason = integrity.of(kind);
     if (reason.count > 0)
-      alarms.push_back({std::string(name(kind)), doubt.stands(now, kind), reason.count, reason.words, reason.block});
+      alarms.push_back(
+          {std::string(name(kind)), integrity.stands(now, kind), reason.count, reason.words, reason.block});
   }
   SetCall call;
   for (const DroneName* drone : sending.drones) {

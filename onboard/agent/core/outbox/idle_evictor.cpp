@@ -20,7 +20,7 @@ IdleEvictor::Slot* IdleEvictor::find(DroneNumber drone) {
   return slot == slots_.end() ? nullptr : &*slot;
 }
 
-void IdleEvictor::count_anew(TimeNs now, Slot& slot) {
+void IdleEvictor::restart_count(TimeNs now, Slot& slot) {
   slot.idle_since_ns = now;
   slot.repeat.reset();
 }
@@ -28,14 +28,14 @@ void IdleEvictor::count_anew(TimeNs now, Slot& slot) {
 void IdleEvictor::see(TimeNs now, DroneNumber drone, const View& view) {
   Slot* slot = find(drone);
   if (!slot) return;
-  if (view.lease != slot->lease || !view.on_ground) count_anew(now, *slot);
+  if (view.lease != slot->lease || !view.on_ground) restart_count(now, *slot);
   slot->lease = view.lease;
   slot->ledger_heard = view.ledger_heard;
   if (!view.ledger_heard) slot->idle_since_ns = std::max(slot->idle_since_ns, now - idle_ns_ + catch_up_ns);
 }
 
 void IdleEvictor::heard(TimeNs now, DroneNumber drone) {
-  if (Slot* slot = find(drone)) count_anew(now, *slot);
+  if (Slot* slot = find(drone)) restart_count(now, *slot);
 }
 
 std::optional<IdleEvictor::Sending> IdleEvictor::next(TimeNs now) {
@@ -71,7 +71,7 @@ std::optional<IdleEvictor::Ended> IdleEvictor::finished(TimeNs now, std::uint64_
   ++(*ended.next == Next::on_ledger ? counters_.evicted
      : *ended.next == Next::refused ? counters_.refused
                                     : counters_.given_up);
-  count_anew(now, *slot);
+  restart_count(now, *slot);
   return ended;
 }
 

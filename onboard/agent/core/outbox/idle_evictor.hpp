@@ -19,10 +19,11 @@ inline constexpr TimeNs usual_idle_ns = 600 * ns_per_s;
 /// was seen on the ground, under this lease and without a command under it, for the idle time by this host's monotonic
 /// clock. Then `evict` goes out, one call at a time:
 ///
-///     counting -> idle -> in flight -> committed: counts anew, mostly nobody holds it now
-///        ^          ^        |      -> refused by the contract: counts anew
-///        |          +--------+ anything else, behind a back-off with jitter: ten calls within 30 s, then counts anew
-///        +- from anywhere: another lease, a command under it, the drone in the air or unseen
+///     counting -> idle -> in flight -> committed: restarts the count, mostly nobody holds it now
+///        ^          ^        |      -> refused by the contract: restarts the count
+///        |          +--------+ anything else, behind a back-off with jitter: ten calls within 30 s, then restarts the
+///        count
+///        +- from anywhere: another lease, a command under it, the drone in the air or without state
 ///
 /// While the ledger is silent commands may be on their way: nothing is sent, nor before what came meanwhile has had
 /// `catch_up_ns` to get here. One thread; the same inputs and seed give the same calls.
@@ -38,7 +39,7 @@ class IdleEvictor {
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame, of transitions or of a fold
     const DroneName* drone = nullptr;
-    std::uint64_t lease = 0;  ///< its epoch: whoever has acquired the drone since keeps it
+    std::uint64_t lease = 0;  ///< its epoch: a client that has acquired the drone since keeps it
   };
   struct Ended {
     const DroneName* drone = nullptr;
@@ -77,7 +78,7 @@ class IdleEvictor {
     std::uint64_t call = 0;  ///< in flight; 0: none
   };
   Slot* find(DroneNumber drone);
-  static void count_anew(TimeNs now, Slot& slot);
+  static void restart_count(TimeNs now, Slot& slot);
 
   TimeNs idle_ns_;
   std::vector<Slot> slots_;

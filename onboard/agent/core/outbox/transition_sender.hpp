@@ -19,7 +19,7 @@ namespace ledgerline::agent {
 /// another. Where a call's fate is unknown (Outcome::Kind::unavailable) its transitions may be on the ledger twice: the
 /// same boot id and number is the same transition.
 ///
-///     link -> waiting -> in flight -> committed: told to link, which forgets them
+///     link -> waiting -> in flight -> committed: reported to link, which forgets them
 ///                ^           |
 ///                +-----------+ anything else
 ///

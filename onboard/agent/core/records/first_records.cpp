@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/verification/identity.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -22,7 +22,7 @@ void add(Assets& assets, const char* id, const std::string& data) {
 std::string to_bytes(const FirstRecords& records) {
   Assets assets;
   for (const Control& control : records.controls) add(assets, control_id, control.SerializeAsString());
-  const belief::Organisations followed = records.roles.followed();
+  const verification::Organisations followed = records.roles.followed();
   for (const std::string& msp_id : followed) {  // without a subject: its roles are here, if it has some
     EnrollCall organisation;
     organisation.mutable_identity()->set_msp_id(msp_id);
@@ -31,7 +31,7 @@ std::string to_bytes(const FirstRecords& records) {
   for (const auto& [who, role] : records.roles.all()) {
     if (!followed.contains(who.msp_id)) continue;
     EnrollCall record;
-    *record.mutable_identity() = belief::to_message(who);
+    *record.mutable_identity() = verification::to_message(who);
     record.set_role(role);
     add(assets, role_id, record.SerializeAsString());
   }

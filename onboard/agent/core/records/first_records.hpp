@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/belief/roles.hpp"
+#include "common/verification/roles.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::agent {
@@ -12,7 +12,7 @@ namespace ledgerline::agent {
 /// Who may do what with which drone, at one block of the chain: the blocks change it from then on.
 struct FirstRecords {
   std::vector<Control> controls;
-  belief::Roles roles;
+  verification::Roles roles;
 };
 
 /// For a checkpoint: Assets as the ledger's own `get` would answer, so that nothing new has to be read back.

@@ -23,7 +23,7 @@ std::string in_short(const Control& record) {
 
 // An identity without a role and one that is not known may do the same. Of organisations that one of the two does not
 // follow, or has left out, nothing is compared.
-std::map<crypto::IdentityName, Role> given(const belief::Roles& roles, const belief::Roles& others) {
+std::map<crypto::IdentityName, Role> given(const verification::Roles& roles, const verification::Roles& others) {
   std::map<crypto::IdentityName, Role> out = roles.all();
   const auto followed = roles.followed(), followed_there = others.followed();
   std::erase_if(out, [&](const auto& one) {
@@ -42,11 +42,11 @@ std::string text_of(const std::map<crypto::IdentityName, Role>& roles) {
 
 }  // namespace
 
-void SecondOpinion::compare(const Difference& in_short, Seen now, Verdict& verdict) {
+void SecondOpinion::compare(const Difference& in_short, ComparedRecord now, Verdict& verdict) {
   const auto known = seen_.find(in_short.what);
   if (now.ours == now.theirs) {
     if (known == seen_.end()) return;
-    if (known->second.told) verdict.cleared.push_back(in_short.what);
+    if (known->second.reported) verdict.cleared.push_back(in_short.what);
     seen_.erase(known);
     return;
   }
@@ -55,10 +55,10 @@ void SecondOpinion::compare(const Difference& in_short, Seen now, Verdict& verdi
     verdict.again_soon = true;
     return;
   }
-  Seen& before = known->second;
-  if (before.told) return;
+  ComparedRecord& before = known->second;
+  if (before.reported) return;
   if (before.ours == now.ours && before.theirs == now.theirs) {
-    before.told = true;
+    before.reported = true;
     ++alarms_;
     verdict.alarms.push_back(in_short);
     return;
@@ -70,11 +70,11 @@ void SecondOpinion::compare(const Difference& in_short, Seen now, Verdict& verdi
 std::vector<SecondOpinion::Pair> SecondOpinion::pairs(const FirstRecords& ours, const FirstRecords& theirs) {
   std::vector<Pair> pairs;
   for (const Control& control : ours.controls) {
-    const auto told = std::find_if(theirs.controls.begin(), theirs.controls.end(),
-                                   [&](const Control& one) { return one.drone() == control.drone(); });
-    const bool there = told != theirs.controls.end();
-    pairs.push_back({{control.drone(), in_short(control), there ? in_short(*told) : "no record"},
-                     {bytes_of(control), there ? bytes_of(*told) : ""}});
+    const auto reported = std::find_if(theirs.controls.begin(), theirs.controls.end(),
+                                       [&](const Control& one) { return one.drone() == control.drone(); });
+    const bool there = reported != theirs.controls.end();
+    pairs.push_back({{control.drone(), in_short(control), there ? in_short(*reported) : "no record"},
+                     {bytes_of(control), there ? bytes_of(*reported) : ""}});
   }
   const auto our_roles = given(ours.roles, theirs.roles), their_roles = given(theirs.roles, ours.roles);
   pairs.push_back(
@@ -100,7 +100,7 @@ std::vector<SecondOpinion::Difference> SecondOpinion::differences(const FirstRec
 }
 
 bool SecondOpinion::differs() const {
-  return std::any_of(seen_.begin(), seen_.end(), [](const auto& one) { return one.second.told; });
+  return std::any_of(seen_.begin(), seen_.end(), [](const auto& one) { return one.second.reported; });
 }
 
 }  // namespace ledgerline::agent

@@ -8,7 +8,7 @@
 
 namespace ledgerline::agent {
 
-/// Compares the records that agent believes with those that a peer of another organisation tells. The two may be read
+/// Compares the records that agent trusts with those that a peer of another organisation reports. The two may be read
 /// on either side of a block, so a difference counts once the very same two records differ in two comparisons in a row.
 /// Pure; one thread.
 class SecondOpinion {
@@ -33,18 +33,18 @@ class SecondOpinion {
   std::uint64_t comparisons() const { return compared_; }
 
  private:
-  struct Seen {
+  struct ComparedRecord {
     std::string ours, theirs;  ///< bytes
-    bool told = false;
+    bool reported = false;
   };
   struct Pair {
     Difference in_short;
-    Seen seen;
+    ComparedRecord seen;
   };
   static std::vector<Pair> pairs(const FirstRecords& ours, const FirstRecords& theirs);
-  void compare(const Difference& in_short, Seen now, Verdict& verdict);
+  void compare(const Difference& in_short, ComparedRecord now, Verdict& verdict);
 
-  std::map<std::string, Seen> seen_;  ///< what differs, by its name
+  std::map<std::string, ComparedRecord> seen_;  ///< what differs, by its name
   std::uint64_t alarms_ = 0, compared_ = 0;
 };
 

@@ -6,7 +6,7 @@
 namespace ledgerline::link {
 namespace {
 
-bool believable(const Setpoint& setpoint) noexcept {
+bool plausible(const Setpoint& setpoint) noexcept {
   return std::all_of(setpoint.velocity_mps.begin(), setpoint.velocity_mps.end(),
                      [](float v) { return std::isfinite(v) && std::abs(v) <= absurd_speed; }) &&
          std::isfinite(setpoint.yaw_rate_radps) && std::abs(setpoint.yaw_rate_radps) <= absurd_speed;
@@ -27,7 +27,7 @@ DropReason PlanAdmission::check(TimeNs now, const Plan& plan) const noexcept {
   if (plan.count == 0 && !is_empty_plan(plan)) return DropReason::bad_value;
   for (std::uint32_t i = 0; i < plan.count; ++i) {
     const Setpoint& setpoint = plan.setpoints[i];
-    if (!believable(setpoint) || setpoint.at_ns < 0 || setpoint.at_ns > now + settings_.max_ahead_ns)
+    if (!plausible(setpoint) || setpoint.at_ns < 0 || setpoint.at_ns > now + settings_.max_ahead_ns)
       return DropReason::bad_value;
     if (i > 0 && setpoint.at_ns <= plan.setpoints[i - 1].at_ns) return DropReason::bad_value;
   }

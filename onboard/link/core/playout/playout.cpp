@@ -29,7 +29,7 @@ void Playout::add(TimeNs now, const Plan& plan) noexcept {
     return;
   }
   if (waiting_.full()) {
-    // What waits longest is flown soonest; the newest one waiting speaks of the time that this plan speaks of, too.
+    // The oldest plan waiting is flown first; the newest one waiting covers the time that this plan covers, too.
     finish(waiting_[waiting_.size() - 1], DropReason::queue_full);
     waiting_.pop_back();
   }

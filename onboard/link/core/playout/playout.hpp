@@ -15,7 +15,7 @@ namespace ledgerline::link {
 /// setpoint is zero, and the limiter ramps down to it. Core: no allocation; one thread.
 class Playout {
  public:
-  /// `admission`: told how each plan ends; outlives this.
+  /// `admission`: gets how each plan ends; outlives this.
   Playout(const PlayoutSettings& settings, PlanAdmission& admission) noexcept
       : settings_(settings), admission_(admission), margin_(settings) {}
 

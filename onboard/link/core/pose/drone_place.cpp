@@ -6,7 +6,7 @@
 #include "onboard/link/core/drone_link.hpp"
 #include "onboard/link/core/tello/axes.hpp"
 
-/// Where a drone is, as link takes it: by the poses that come, or by its own senses.
+/// The position of a drone that link uses: from the poses that come, or from onboard odometry.
 namespace ledgerline::link {
 namespace {
 
@@ -28,7 +28,7 @@ Odometry::Fix on_map(const PadSettings& pad, const TelloState& state) noexcept {
   Odometry::Fix fix{.sigma_m = pad_sigma_m, .sigma_rad = pad_sigma_rad};
   fix.position_m = {pad.position_m[0] + c * x - s * y, pad.position_m[1] + s * x + c * y,
                     pad.position_m[2] + static_cast<double>(state.on_pad_m[2])};
-  fix.yaw_rad = pad.yaw_rad - static_cast<double>(state.on_pad_yaw_deg * rad_per_deg);  // told clockwise
+  fix.yaw_rad = pad.yaw_rad - static_cast<double>(state.on_pad_yaw_deg * rad_per_deg);  // reported clockwise
   return fix;
 }
 
@@ -52,7 +52,7 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   motion_watch_.lean({lean.x(), lean.y()});
   if (phase == FlightPhase::flying) {
     battery_watch_.take(now, state.battery);
-    if (state.velocity_told) {
+    if (state.has_velocity) {
       flow_watch_.update(now, state,
                          {.expected = motion_watch_.expected(),
                           .sent_mps = {double(sent_.mps[0]), double(sent_.mps[1])},
@@ -62,10 +62,10 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
     battery_watch_.reset();
     flow_watch_.reset();
   }
-  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  TelloState believed = state;
-  believed.velocity_told = state.velocity_told && !flow_watch_.blind();
-  odometry_.take(now, believed, session_.seen_standing(now));
+  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  TelloState trusted = state;
+  trusted.has_velocity = state.has_velocity && !flow_watch_.blind();
+  odometry_.take(now, trusted, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
@@ -74,7 +74,7 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
   if (!uses_mocap(source_)) {
     accept_pose(now, odometry_.pose());
   } else if (source_ == PoseSource::mocap_then_tello && failover_.missing(now) && in_flight(phase)) {
-    accept_pose(now, odometry_.pose());  // who stands may be carried away unseen
+    accept_pose(now, odometry_.pose());  // who stands may be carried away unnoticed
   }
 }
 
@@ -119,7 +119,7 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
       .lag_s = odometry_.settings().velocity_lag_s,
       .lag_sigma_s = odometry_.settings().velocity_lag_sigma_s,
       .height_m = static_cast<double>(state.height_m),
-      .heading_rad = told_yaw_rad_,
+      .heading_rad = reported_yaw_rad_,
       .barometer_m = state.barometer_m,
       .usable = velocity_known_ && own.stamp_ns == now && !fades,
       .position_m = {own.position_m[0], own.position_m[1]},
@@ -156,21 +156,21 @@ bool DroneLink::by_own_senses() const noexcept {
 
 void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
   if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
-  pose_ = told_pose_ = pose;
+  pose_ = reported_pose_ = pose;
   if (source_ == PoseSource::mocap_then_tello) {
     const auto by = failover_.missing(now) ? Failover::Source::own : Failover::Source::mocap;
-    told_pose_ = failover_.tell(by, pose, in_flight(session_.phase()));
+    reported_pose_ = failover_.tell(by, pose, in_flight(session_.phase()));
   }
   pose_came_ns_ = now;
   moved_m_ = {};
-  told_yaw_at_pose_rad_ = told_yaw_rad_;
+  reported_yaw_at_pose_rad_ = reported_yaw_rad_;
   motion_watch_.see(now, pose.velocity_mps);
 }
 
-// A pose that is missing for long takes the heading along: the drone's own tells how it has turned since.
+// A pose that is missing for long takes the heading along: the drone's own shows how it has turned since.
 double DroneLink::yaw_rad(TimeNs now) const noexcept {
   if (now - pose_.stamp_ns <= failsafe_settings_.pose_lost_ns) return pose_.yaw_rad;
-  return pose_.yaw_rad + told_yaw_rad_ - told_yaw_at_pose_rad_;
+  return pose_.yaw_rad + reported_yaw_rad_ - reported_yaw_at_pose_rad_;
 }
 
 Velocity DroneLink::in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept {
@@ -181,9 +181,10 @@ void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
   playout_.clear(DropReason::too_old);
   const auto age = [&](TimeNs& stamp) { stamp = stamp == 0 ? 0 : std::max<TimeNs>(1, stamp - slept_ns); };
   age(pose_.stamp_ns);
-  age(told_pose_.stamp_ns);
+  age(reported_pose_.stamp_ns);
   age(mocap_pose_.stamp_ns);
   odometry_.grow_older(slept_ns);
+  session_.grow_older(slept_ns);
   takeoff_after_ns_ = now;
 }
 

@@ -5,10 +5,10 @@
 
 namespace ledgerline::link {
 
-/// Joins two sources of one drone's place: motion capture, and the drone's own senses while motion capture is missing.
-/// The place and heading that are told never jump under whoever flies by them: what lies between the two at a change is
-/// let in at correction_mps and 10 degrees a second, and until then is part of the variance. Where nobody can have
-/// followed, on the ground or behind a gap without either, the new source counts at once.
+/// Joins two sources of one drone's position: motion capture, and onboard odometry while motion capture is missing. The
+/// reported position and heading never jump under the controller that uses them. The difference between the two at a
+/// change is let in at correction_mps and 10 degrees a second, and until then is part of the variance. Where nobody can
+/// have followed, on the ground or behind a gap without either, the new source counts at once.
 ///
 /// Core: no I/O, no clock, no allocation; one thread.
 class Failover {
@@ -23,9 +23,9 @@ class Failover {
   /// It spoke once, and is missing now.
   bool missing(TimeNs now) const noexcept { return heard_ns_ != 0 && now - heard_ns_ > after_ns_; }
 
-  /// What is told when `source` says `pose`. `flies`: the drone is in the air.
+  /// The pose to report when `source` says `pose`. `flies`: the drone is in the air.
   Pose tell(Source source, const Pose& pose, bool flies) noexcept;
-  /// Whose pose was told last.
+  /// Whose pose was reported last.
   Source source() const noexcept { return source_; }
 
  private:
@@ -33,8 +33,8 @@ class Failover {
   double correction_mps_;
   Source source_ = Source::none;
   TimeNs heard_ns_ = 0;
-  Pose told_;
-  Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< what is told, less what the source says
+  Pose reported_;
+  Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< what is reported, less what the source says
   double ahead_rad_ = 0;
 };
 

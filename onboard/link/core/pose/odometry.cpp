@@ -10,7 +10,7 @@
 namespace ledgerline::link {
 namespace {
 
-// Standard deviation of what is told in whole steps.
+// Standard deviation of a value that is reported in whole steps.
 constexpr double rounding(double step) { return step * std::numbers::inv_sqrt3 / 2; }
 constexpr double velocity_step_mps = 0.1, h_step_m = 0.1, tof_step_m = 0.01;
 constexpr double yaw_step_rad = std::numbers::pi / 180;
@@ -22,17 +22,17 @@ constexpr double min_tof_m = 0.15, max_tof_m = 6.0;
 // A tof that is off by more than this, and by more than chance, has come over something else: half takes a tilt's error
 // for a table, with double a drone climbs by a stair's height.
 constexpr double new_floor_m = 0.15, new_floor_sigmas = 4;
-// Of the drone's own senses [A]: the tof sensor, the barometer, and how fast h and the barometer drift. Halved, the
-// height follows the barometer's noise; doubled, it is tof's alone.
+// Of onboard odometry [A]: the tof sensor, the barometer, and how fast h and the barometer drift. Halved, the height
+// follows the barometer's noise; doubled, it is tof's alone.
 constexpr double tof_sigma_m = 0.015, barometer_sigma_m = 0.2, drift_m_per_sqrt_s = 0.03;
-// One text in ten seconds may be that late. What is flown unseen for longer is not known any more.
+// One text in ten seconds may be that late. What is flown unmeasured for longer is not known any more.
 constexpr double max_gap_s = 1.0;
-// A fix is believed within so many standard deviations: beyond is one in 16,000. One that goes on saying the same is
-// believed all the same: the third is within a second. A heading that turns in flight is five seconds' worth of fixes:
+// A fix is accepted within so many standard deviations: beyond is one in 16,000. One that is repeated is accepted all
+// the same: the third is within a second. A heading that turns in flight is five seconds' worth of fixes:
 // a pad that lies askew or another body is not seen for as long, and a gyroscope does not drift by that.
 constexpr double fix_sigmas = 4;
 constexpr int places_that_agree = 3, headings_that_agree = 50;
-// Two fixes of one place, a text apart: what a drone moves by otherwise than it tells meanwhile.
+// Two fixes of one place, a text apart: what a drone moves by meanwhile beyond what it reports.
 constexpr double moved_between_m = 0.05;
 
 constexpr int px = 0, flow = 2, scale = 4, heading = 5;  // of the plane
@@ -70,25 +70,25 @@ void Odometry::start(const TelloState& state, bool at_start) noexcept {
   height_cov_.setZero();
   height_cov_.diagonal() << square(at_start ? settings_.start_sigma_m : 1.0), square(settings_.start_sigma_m), 0,
       square(barometer_sigma_m);
-  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  frame_yaw_rad_ = settings_.start_yaw_rad - told_yaw_rad_;
+  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  frame_yaw_rad_ = settings_.start_yaw_rad - reported_yaw_rad_;
   takeoff_z_m_ = start_z;
   held_back_m_.setZero();
 }
 
-Eigen::Vector3d Odometry::told_velocity(const TelloState& state) const noexcept {
-  Eigen::Vector3d told;
+Eigen::Vector3d Odometry::reported_velocity(const TelloState& state) const noexcept {
+  Eigen::Vector3d velocity;
   for (int i = 0; i < 3; ++i) {
     const auto at = static_cast<std::size_t>(i);
     const double reported = static_cast<double>(settings_.velocity_signs[at] * state.velocity_dmps[at]) / 10;
     const double cut_off = settings_.velocity_truncated && reported != 0 ? velocity_step_mps / 2 : 0;
-    told[i] = (i < 2 ? settings_.velocity_scale : 1) * (reported + std::copysign(cut_off, reported));
+    velocity[i] = (i < 2 ? settings_.velocity_scale : 1) * (reported + std::copysign(cut_off, reported));
   }
   if (settings_.velocity_in_body) {
-    const double c = std::cos(told_yaw_rad_), s = std::sin(told_yaw_rad_);
-    told = {c * told.x() - s * told.y(), s * told.x() + c * told.y(), told.z()};
+    const double c = std::cos(reported_yaw_rad_), s = std::sin(reported_yaw_rad_);
+    velocity = {c * velocity.x() - s * velocity.y(), s * velocity.x() + c * velocity.y(), velocity.z()};
   }
-  return told;
+  return velocity;
 }
 
 Eigen::Vector3d Odometry::in_map(const Eigen::Vector3d& velocity) const noexcept {
@@ -105,7 +105,7 @@ Eigen::Vector2d Odometry::velocity_mps() const noexcept {
 double Odometry::scale_sigma() const noexcept { return std::sqrt(plane_cov_(scale, scale)); }
 
 double Odometry::yaw() const noexcept {
-  return std::remainder(frame_yaw_rad_ + plane_[heading] + told_yaw_rad_, 2 * std::numbers::pi);
+  return std::remainder(frame_yaw_rad_ + plane_[heading] + reported_yaw_rad_, 2 * std::numbers::pi);
 }
 
 void Odometry::predict(double seconds, const Eigen::Vector3d& velocity, bool stands) noexcept {
@@ -161,8 +161,7 @@ void Odometry::measure_height(const TelloState& state) noexcept {
   }
   const double h = takeoff_z_m_ + static_cast<double>(state.height_m);
   update_height(Height(1, 0, -1, 0), h, rounding(h_step_m));
-  if (state.barometer_told)
-    update_height(Height(1, 0, 0, 1), static_cast<double>(state.barometer_m), barometer_sigma_m);
+  if (state.has_barometer) update_height(Height(1, 0, 0, 1), static_cast<double>(state.barometer_m), barometer_sigma_m);
 }
 
 void Odometry::widen(double metres) noexcept {
@@ -184,15 +183,15 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   if (silence_s > max_gap_s && !(stands && stood_)) widen((speed_mps + 1) * silence_s);
   stood_ = stands;
   text_ns_ = now;
-  told_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  const bool usable = state.velocity_told && state.tof_m < static_cast<float>(max_tof_m);
+  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  const bool usable = state.has_velocity && state.tof_m < static_cast<float>(max_tof_m);
   // Without a usable velocity it is taken to fly on as it did, and may as well not.
   const Eigen::Vector3d velocity = stands   ? Eigen::Vector3d::Zero()
-                                   : usable ? told_velocity(state)
+                                   : usable ? reported_velocity(state)
                                             : last_velocity_mps_;
-  const double unseen_m = usable || stands ? 0 : unseen_m_ + (speed_mps + 0.5) * seconds;
-  if (unseen_m > 0) widen(std::sqrt(square(unseen_m) - square(unseen_m_)));  // as much as it may be by now
-  unseen_m_ = unseen_m;
+  const double unmeasured_m = usable || stands ? 0 : unmeasured_m_ + (speed_mps + 0.5) * seconds;
+  if (unmeasured_m > 0) widen(std::sqrt(square(unmeasured_m) - square(unmeasured_m_)));  // as much as it may be by now
+  unmeasured_m_ = unmeasured_m;
   predict(seconds, (last_velocity_mps_ + velocity) / 2, stands);
   last_velocity_mps_ = velocity;
   if (stands) {
@@ -246,12 +245,12 @@ Eigen::Matrix2d Odometry::place_variance(const Fix& fix) const noexcept {
 void Odometry::fix(const Fix& fix) noexcept {
   if (text_ns_ == 0) return;
   const Eigen::Vector2d off = beside(fix);
-  const bool believable = off.dot(place_variance(fix).inverse() * off) < square(fix_sigmas);
+  const bool plausible = off.dot(place_variance(fix).inverse() * off) < square(fix_sigmas);
   const double apart_m = fix_sigmas * std::numbers::sqrt2 * fix.sigma_m + moved_between_m;
-  if (!believable && !refused_places_.holds(off, apart_m)) return;
+  if (!plausible && !refused_places_.holds(off, apart_m)) return;
   refused_places_.reset();
   placed_ = true;
-  if (!believable) widen(off.norm());
+  if (!plausible) widen(off.norm());
   const auto place_now = [this] { return Eigen::Vector3d(place().x(), place().y(), height_[z]); };
   const Eigen::Vector3d before = place_now();
   if (heading_fits(fix)) fix_heading(fix);
@@ -264,7 +263,7 @@ void Odometry::fix(const Fix& fix) noexcept {
   update_height(Height(1, 0, 0, 0), fix.position_m[2], fix.sigma_m);
   plane_.head<2>() += settings_.velocity_lag_s * speed_change();
   last_fix_ = {.velocity_mps = last_fix_.velocity_mps + speed_change()};
-  // On the ground nothing follows what is told, so nothing can jump.
+  // On the ground nothing follows the reported pose, so nothing can jump.
   if (!stood_) held_back_m_ += before - place_now();
   tell(last_velocity_mps_);
 }

@@ -8,7 +8,7 @@
 
 namespace ledgerline::link {
 
-/// A fix that is far off what a filter expects may be right all the same: it is believed when so many in a row agree
+/// A fix that is far off what a filter expects may be right all the same: it is accepted when so many in a row agree
 /// with each other, not only in being off.
 class FixAgreement {
  public:
@@ -22,17 +22,17 @@ class FixAgreement {
   Eigen::Vector2d off_ = Eigen::Vector2d::Zero();
 };
 
-/// Where a drone is by its own senses: velocities from its optical flow, yaw, height above what is below it (tof),
-/// above where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with
+/// The position of a drone by onboard odometry: velocities from its optical flow, yaw, height above what is below it
+/// (tof), above where it took off (h) and by air pressure, fused by two Kalman filters (Bar-Shalom, Estimation with
 /// Applications, 5.2), one of the plane and one of the height. Its place is known where it starts, and less with each
 /// metre and second: the pose's variance says how well. Absolute fixes (a mission pad, motion capture before it went
 /// away) bring it back.
 ///
-/// The place that is told never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until
-/// then is part of the variance. A fix that is far beyond what the variance allows is believed when three in a row
+/// The reported position never jumps: what a fix corrects is let in at OdometrySettings::correction_mps, and until
+/// then is part of the variance. A fix that is far beyond what the variance allows is accepted when three in a row
 /// agree, a heading when fifty do: the filter's own is a gyroscope's.
 ///
-///   plane:  x, y | slow error of the flow in x, y | its scale | heading of the frame that velocities are told in
+///   plane:  x, y | slow error of the flow in x, y | its scale | heading of the frame that velocities are reported in
 ///   height: z | height of what is below | drift of h | zero of the barometer
 ///
 /// Core: no I/O, no clock, no allocation; one thread.
@@ -63,7 +63,7 @@ class Odometry {
   Eigen::Vector2d velocity_mps() const noexcept;
   double scale_sigma() const noexcept;
   const OdometrySettings& settings() const noexcept { return settings_; }
-  /// It has flown for too long, or too far, since its place was known by more than its own senses.
+  /// It has flown for too long, or too far, since its position was last known by more than onboard odometry.
   bool overdue() const noexcept {
     return last_fix_.flown_s > settings_.max_unfixed_s || last_fix_.flown_m > settings_.max_unfixed_m;
   }
@@ -90,7 +90,7 @@ class Odometry {
   void predict(double seconds, const Eigen::Vector3d& velocity_mps, bool stands) noexcept;
   void measure_height(const TelloState& state) noexcept;
   void update_height(const Height& by, double measured, double sigma) noexcept;
-  Eigen::Vector3d told_velocity(const TelloState& state) const noexcept;
+  Eigen::Vector3d reported_velocity(const TelloState& state) const noexcept;
   Eigen::Vector3d in_map(const Eigen::Vector3d& velocity_mps) const noexcept;
   double yaw() const noexcept;
   void tell(const Eigen::Vector3d& velocity_mps) noexcept;
@@ -100,13 +100,13 @@ class Odometry {
   PlaneMatrix plane_cov_ = PlaneMatrix::Zero();
   Height height_ = Height::Zero();
   HeightMatrix height_cov_ = HeightMatrix::Zero();
-  double frame_yaw_rad_ = 0;  ///< of the frame at power on, in the map
-  double told_yaw_rad_ = 0;   ///< the newest, counter-clockwise since power on
-  double takeoff_z_m_ = 0;    ///< h is 0 there
-  int motor_s_ = 0;           ///< grows while it is switched on
-  bool placed_ = false;       ///< it was seen standing at its start, or has been fixed
-  bool stood_ = false;        ///< at the newest text
-  double unseen_m_ = 0;       ///< how far it may have gone since its velocity was usable
+  double frame_yaw_rad_ = 0;     ///< of the frame at power on, in the map
+  double reported_yaw_rad_ = 0;  ///< the newest, counter-clockwise since power on
+  double takeoff_z_m_ = 0;       ///< h is 0 there
+  int motor_s_ = 0;              ///< grows while it is switched on
+  bool placed_ = false;          ///< it was seen standing at its start, or has been fixed
+  bool stood_ = false;           ///< at the newest text
+  double unmeasured_m_ = 0;      ///< how far it may have gone since its velocity was usable
   FixAgreement refused_places_, refused_headings_;
   struct {
     Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< then
@@ -114,7 +114,7 @@ class Odometry {
   } last_fix_;                                               ///< when its place was known last
   TimeNs text_ns_ = 0;                                       ///< the newest text
   Eigen::Vector3d last_velocity_mps_ = Eigen::Vector3d::Zero();
-  Eigen::Vector3d held_back_m_ = Eigen::Vector3d::Zero();  ///< of corrections, not yet told
+  Eigen::Vector3d held_back_m_ = Eigen::Vector3d::Zero();  ///< of corrections, not yet reported
   Pose pose_;
 };
 

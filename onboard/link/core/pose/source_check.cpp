@@ -7,14 +7,14 @@
 namespace ledgerline::link {
 namespace {
 
-constexpr double max_text_gap_s = 1.0;      // as the odometry has it: what is flown unseen for longer is not known
+constexpr double max_text_gap_s = 1.0;      // as the odometry has it: what is flown unmeasured for longer is not known
 constexpr double max_extrapolated_s = 0.2;  // two texts
 constexpr TimeNs max_pose_age_ns = 300 * ns_per_ms;  // as pose_lost_ns
 // A drone that is pushed flies 3 m/s before its own velocity says so, for a text at most; below 0.3 m it may be noise.
 constexpr double jump_m = 0.3, pushed_mps = 3, pushed_s = 0.1;
 constexpr double kick_mps = 1.5;       // from one text to the next: at 4 m/s2 0.4 m/s, and three times that
 constexpr double drift_mps = 0.1;      // of its own velocity, as gusts and rounding have it
-constexpr double unseen_mps = 1;       // whose own velocity is not usable flies as fast as rc tells it at most
+constexpr double unmeasured_mps = 1;   // whose own velocity is not usable flies as fast as rc tells it at most
 constexpr double climb_mps = 1;        // PlayoutSettings::max_vertical_mps
 constexpr double height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
 constexpr double turn_rad = 0.09, turn_rad_per_s = 2.2;  // 5 degrees of noise; a Tello turns by 100 degrees/s
@@ -24,7 +24,7 @@ constexpr int max_texts_unusable = 3;
 constexpr double scale_sigmas = 1.5, rounded_mps = 0.15;
 constexpr double lag_sigmas = 1.5;     // 0.3 s of a drone that nobody measured
 constexpr int max_texts_repeated = 3;  // nothing that flies has the same air pressure, to a centimetre, for longer
-constexpr double alike_share = 0.5;    // what was apart must do better to be trusted again
+constexpr double alike_share = 0.5;    // what was apart must do better to be accepted again
 constexpr TimeNs alike_for_ns = 2 * ns_per_s;
 constexpr double one_place_m = 0.15, one_place_sigmas = 3;
 
@@ -53,7 +53,7 @@ void OwnPath::advance(TimeNs now, const OwnMotion& own) noexcept {
     length_m += moved.norm();
     velocity_mps = velocity;
   } else {
-    unseen_s += seconds;
+    unmeasured_s += seconds;
     velocity_mps.setZero();
   }
   height_m = own.height_m;
@@ -70,7 +70,8 @@ bool PoseGate::accepts(const Pose& pose, const OwnPath& own, double scale_sigma,
     const double seconds = to_seconds(pose.stamp_ns - last_.stamp_ns);
     const double share = std::max(SourceCheck::apart_share, scale_sigmas * scale_sigma);
     const double allowed = jump_m + pushed_mps * std::clamp(seconds, 0.0, pushed_s) + drift_mps * seconds +
-                           share * (own.length_m - own_.length_m) + unseen_mps * (own.unseen_s - own_.unseen_s);
+                           share * (own.length_m - own_.length_m) +
+                           unmeasured_mps * (own.unmeasured_s - own_.unmeasured_s);
     const Eigen::Vector2d by_own = own.position_at(pose.stamp_ns) - own_.position_at(last_.stamp_ns);
     const Eigen::Vector2d moved = in_plane(pose) - in_plane(last_);
     // Poses that follow each other closely need no other sense: one of those may say nonsense.

@@ -7,14 +7,14 @@
 
 namespace ledgerline::link {
 
-/// What a drone's own senses report with a state text.
+/// What a drone's onboard sensors report with a state text.
 struct OwnMotion {
   Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< map frame
   double scale_sigma = 0;                                  ///< of that velocity
   double lag_s = 0, lag_sigma_s = 0;                       ///< it is late by that
   double height_m = 0;                                     ///< above where it took off
   double heading_rad = 0;                                  ///< as its text has it, counter-clockwise
-  float barometer_m = 0;                                   ///< its noise tells one text from the next
+  float barometer_m = 0;                                   ///< its noise distinguishes one text from the next
   bool usable = false;
   Eigen::Vector2d position_m = Eigen::Vector2d::Zero();  ///< by its odometry ...
   double sigma_m = 0;                                    ///< ... to so much
@@ -26,7 +26,7 @@ struct OwnPath {
   Eigen::Vector2d unlikely_mps = Eigen::Vector2d::Zero();  ///< what texts say that nobody flies, and how many did
   int unlikely = 0;
   Eigen::Vector2d pushed_m = Eigen::Vector2d::Zero();  ///< how far it flew if they are right
-  double length_m = 0, unseen_s = 0;                   ///< without a usable velocity
+  double length_m = 0, unmeasured_s = 0;               ///< without a usable velocity
   double height_m = 0, heading_rad = 0;
   TimeNs text_ns = 0;
 
@@ -50,7 +50,7 @@ class PoseGate {
 };
 
 /// Whether motion capture and a drone's own velocity report the same motion: over 1.8 s they may be apart by 0.15 m and
-/// 15 % of the path. Which of them is wrong nobody can tell, so neither is used:
+/// 15 % of the path. Which of them is wrong cannot be determined, so neither is used:
 ///
 ///          apart for three texts         for 2 s
 ///   agree ───────────────────────▶ differ ───────▶ unresolved

@@ -46,21 +46,21 @@ Course course(const Motion& motion, const Braking& braking) noexcept {
   out.blur_m = motion.blur_m;
   const double kept = std::exp(-motion.age_s / braking.response_s);
   for (std::size_t i = 0; i < 3; ++i) {
-    // What it is told now stands for what it was told while the pose was on its way: to the centimetre, since the
+    // What it is sent now stands for what it was sent while the pose was on its way: to the centimetre, since the
     // limiter changes it by 0.4 m/s in 0.1 s.
-    const double position = motion.position_m[i] + motion.told_mps[i] * motion.late_s;
-    const double velocity = motion.told_mps[i] + (motion.velocity_mps[i] - motion.told_mps[i]) * kept;
+    const double position = motion.position_m[i] + motion.sent_mps[i] * motion.late_s;
+    const double velocity = motion.sent_mps[i] + (motion.velocity_mps[i] - motion.sent_mps[i]) * kept;
     out.coasted_m[i] = position + braking.response_s * motion.velocity_mps[i];
     out.at_m[i] = out.coasted_m[i] - braking.response_s * velocity;
   }
   return out;
 }
 
-Capsule until_rest(const Course& course, const Braking& braking, const Vec3& told_mps) noexcept {
-  const double ramp_s = length(told_mps) / (2 * braking.acceleration_mps2);
+Capsule until_rest(const Course& course, const Braking& braking, const Vec3& sent_mps) noexcept {
+  const double ramp_s = length(sent_mps) / (2 * braking.acceleration_mps2);
   const Vec3 &at = course.at_m, &coasted = course.coasted_m;
   Vec3 rest{};
-  for (std::size_t i = 0; i < 3; ++i) rest[i] = coasted[i] + told_mps[i] * (braking.reaction_s + ramp_s);
+  for (std::size_t i = 0; i < 3; ++i) rest[i] = coasted[i] + sent_mps[i] * (braking.reaction_s + ramp_s);
   const auto [low, high] = std::minmax({at[2], coasted[2], rest[2]});
   const double turn = std::sqrt(squared_to_segment({coasted[0], coasted[1]}, {at[0], at[1]}, {rest[0], rest[1]}));
   return {.from_m = {at[0], at[1]},

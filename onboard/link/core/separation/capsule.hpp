@@ -20,39 +20,39 @@ struct Capsule {
 /// Negative where both overlap. Any point of one is at least so far from any of the other. Pure.
 double gap_m(const Capsule& one, const Capsule& other) noexcept;
 
-/// What is known of a flying drone, and the model that carries it on: it is told velocities, and follows them as a
+/// What is known of a flying drone, and the model that carries it on: it is sent velocities, and follows them as a
 /// first-order response of `response_s`.
 struct Motion {
-  Vec3 position_m{};    ///< the newest pose's, moved on by what was told since it came
+  Vec3 position_m{};    ///< the newest pose's, moved on by what was sent since it came
   Vec3 velocity_mps{};  ///< of that pose
-  Vec3 told_mps{};      ///< what it is told now
+  Vec3 sent_mps{};      ///< what it is sent now
   double late_s = 0;    ///< so old was the pose when it came
   double age_s = 0;     ///< so old is it now
   double blur_m = 0;    ///< it may be so far from there
 };
 
-/// What the limiter does with what a drone is told, and what comes of it.
+/// What the limiter does with what a drone is sent, and what comes of it.
 struct Braking {
   double acceleration_mps2;  ///< of the limiter
   double response_s;         ///< of the drone
-  double reaction_s;         ///< until a word that is told anew is heard
+  double reaction_s;         ///< until a new command takes effect
 };
 
-/// Where a drone is, and where it would come to rest if it were told zero at once: x and x + T·v.
+/// Where a drone is, and where it would come to rest if it were sent zero at once: x and x + T·v.
 ///
 /// With v' = (u - v)/T the way from now on is ∫v = T·v + ∫u, so the place that it comes to rest at is known from place,
-/// velocity and what it is told: x + T·v + u·|u|/2a, where u is ramped to zero by a. For the same reason x + T·v moves
-/// by what is told alone: that of an old pose needs no guess of how the velocity went since.
+/// velocity and what it is sent: x + T·v + u·|u|/2a, where u is ramped to zero by a. For the same reason x + T·v moves
+/// by what is sent alone: that of an old pose needs no guess of how the velocity went since.
 struct Course {
   Vec3 at_m{}, coasted_m{};
   double blur_m = 0;
 };
 Course course(const Motion& motion, const Braking& braking) noexcept;
 
-/// Where it is until it hovers, if it is told `told_mps` now and to stop from the next step on. On its way to rest a
+/// Where it is until it hovers, if it is sent `sent_mps` now and to stop from the next step on. On its way to rest a
 /// drone stays in the triangle of x, x + T·v and its rest, since the answer to u lags the decay of v; the capsule has
-/// that triangle in it. Told to stop it shrinks into itself, which is what separation.hpp's invariant rests on.
-Capsule until_rest(const Course& course, const Braking& braking, const Vec3& told_mps) noexcept;
+/// that triangle in it. Commanded to stop it shrinks into itself, which is what separation.hpp's invariant rests on.
+Capsule until_rest(const Course& course, const Braking& braking, const Vec3& sent_mps) noexcept;
 
 /// The capsule, stretched by a way: where it goes on.
 Capsule stretched(const Capsule& capsule, const Vec3& way_m) noexcept;

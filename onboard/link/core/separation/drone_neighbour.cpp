@@ -7,13 +7,13 @@
 namespace ledgerline::link {
 namespace {
 
-// Two standard deviations cover 19 of 20 places. With three, two drones that fly by their own senses would soon hold
-// each other up across a room.
+// Two standard deviations cover 19 of 20 positions. With three, two drones that fly by onboard odometry would soon
+// block each other across a room.
 constexpr double blur_sigmas = 2;
 // Of a drone that may be anywhere (first seen in the air, without motion capture) nobody can keep away, and who tried
 // would never move again.
 constexpr double max_sigma_m = 2;
-// Down to whoever is below: as a Tello lands by itself.
+// Down onto what is below: as a Tello lands by itself.
 constexpr float landing_mps = 0.5F;
 
 }  // namespace
@@ -51,7 +51,7 @@ bool DroneLink::among_others(TimeNs now, Neighbour& out) noexcept {
   out.motion.position_m = place_m;
   out.motion.blur_m = blur_sigmas * sigma_m;
   if (flying) {
-    for (std::size_t i = 0; i < 3; ++i) out.motion.told_mps[i] = static_cast<double>(limiter_.output().mps[i]);
+    for (std::size_t i = 0; i < 3; ++i) out.motion.sent_mps[i] = static_cast<double>(limiter_.output().mps[i]);
   }
   if (!steered) return true;
   const Velocity inside = clip_at_fence(drawn_fence_, place_m, session_.state().height_m, in_map(setpoint, now));

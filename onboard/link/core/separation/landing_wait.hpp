@@ -28,7 +28,7 @@ class LandingWait {
 };
 
 /// Whether a drone that is to land can still be steered to a place with room below: its position is known, it does as
-/// it is told, and nobody asked for it to be down at once. A brake has no usable position or state text.
+/// commanded, and nobody asked for it to be down at once. A brake has no usable position or state text.
 inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts& facts) noexcept {
   if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
   const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||

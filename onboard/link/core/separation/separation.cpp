@@ -11,7 +11,7 @@ namespace {
 constexpr double moving_mps = 0.1;
 // Without a parting: who has the right of way over the other, and who has not. The one behind waits for less, so that
 // mostly it alone moves; four times its time is enough for it to be away.
-constexpr double patience_s = 3.0, short_patience_s = 0.7;
+constexpr double timeout_s = 3.0, short_timeout_s = 0.7;
 // On one way round: a layer's height takes half of it.
 constexpr double way_for_s = 3.0;
 // A way that leads no further is left after this.
@@ -66,12 +66,12 @@ void Separation::see(std::size_t i) noexcept {
   Drone& seen = drones_[i];
   const bool steered = drone.kind == Neighbour::Kind::steered;
   seen.course = course(drone.motion, braking_);
-  seen.now = until_rest(seen.course, braking_, limited(drone.motion.told_mps, {}));
+  seen.now = until_rest(seen.course, braking_, limited(drone.motion.sent_mps, {}));
   if (drone.kind == Neighbour::Kind::rising)
     seen.now.high_m = std::max(seen.now.high_m, drone.floor_m + takeoff_height_m);
   if (drone.kind == Neighbour::Kind::sinking) seen.now.low_m = below_all_m;
   const Memory& memory = memory_[std::min(drone.number, max_drones)];
-  const Vec3& way = memory.way == Way::none ? drone.desired_mps : drone.motion.told_mps;
+  const Vec3& way = memory.way == Way::none ? drone.desired_mps : drone.motion.sent_mps;
   seen.moves = steered && moves(drone.desired_mps);
   seen.claim = seen.now;
   if (seen.moves) {
@@ -99,13 +99,13 @@ void Separation::find_near() noexcept {
   }
 }
 
-Vec3 Separation::limited(const Vec3& told_mps, const Vec3& desired_mps) const noexcept {
+Vec3 Separation::limited(const Vec3& sent_mps, const Vec3& desired_mps) const noexcept {
   Vec3 change{};
-  for (std::size_t k = 0; k < 3; ++k) change[k] = desired_mps[k] - told_mps[k];
+  for (std::size_t k = 0; k < 3; ++k) change[k] = desired_mps[k] - sent_mps[k];
   const double wanted = length(change);
   const double allowed = braking_.acceleration_mps2 * passed_s_;
   if (wanted <= allowed) return desired_mps;
-  Vec3 out = told_mps;
+  Vec3 out = sent_mps;
   for (std::size_t k = 0; k < 3; ++k) out[k] += change[k] * allowed / wanted;
   return out;
 }
@@ -115,7 +115,7 @@ bool Separation::has_way_over(std::size_t j, std::size_t i) const noexcept {
 }
 
 std::size_t Separation::hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept {
-  const Capsule mine = until_rest(drones_[i].course, braking_, limited(in_[i].motion.told_mps, velocity_mps));
+  const Capsule mine = until_rest(drones_[i].course, braking_, limited(in_[i].motion.sent_mps, velocity_mps));
   std::size_t worst = i;
   double least = apart_m_;
   for (std::size_t j = 0; j < in_.size(); ++j) {
@@ -142,7 +142,7 @@ bool Separation::try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind 
 void Separation::fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept {
   verdicts_[i].kind = kind;
   verdicts_[i].velocity_mps = velocity_mps;
-  drones_[i].now = until_rest(drones_[i].course, braking_, limited(in_[i].motion.told_mps, velocity_mps));
+  drones_[i].now = until_rest(drones_[i].course, braking_, limited(in_[i].motion.sent_mps, velocity_mps));
 }
 
 void Separation::decide(std::size_t i) noexcept {
@@ -160,7 +160,7 @@ void Separation::decide(std::size_t i) noexcept {
     if (j == i || !drones_[i].near.test(j)) continue;
     double gap = apart_m_;
     if (has_way_over(j, i)) gap = gap_m(drones_[i].now, drones_[j].claim) - headroom_m / 2;
-    // Within half of the margin something moved them that was not told to.
+    // Within half of the margin something moved them without a command.
     if (in_[j].kind != Neighbour::Kind::steered || in_[j].number < drone.number)
       gap = std::min(gap, gap_m(drones_[i].now, drones_[j].now) + settings_.margin_m / 2);
     if (gap < least) {
@@ -180,12 +180,12 @@ void Separation::decide(std::size_t i) noexcept {
   verdicts_[i].other = in_[other].number;
   memory.clear_s = 0;
   memory.waited_s += passed_s_;
-  const double patience = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_patience_s : patience_s;
+  const double timeout = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_timeout_s : timeout_s;
   if (hindered == i && leads_away(i, pressing)) {
     fly(i, drone.desired_mps, Verdict::Kind::part);
     return;
   }
-  if (memory.way == Way::none && pressing == i && memory.waited_s <= patience) {
+  if (memory.way == Way::none && pressing == i && memory.waited_s <= timeout) {
     fly(i, {}, Verdict::Kind::hold);
     return;
   }
@@ -214,7 +214,7 @@ void Separation::watch_wash(std::size_t i) noexcept {
     drones_[i].stacked_with = j;
   }
   const std::size_t j = drones_[i].stacked_with;
-  const Vec3 &mine = in_[i].motion.told_mps, &others = in_[j].motion.told_mps;
+  const Vec3 &mine = in_[i].motion.sent_mps, &others = in_[j].motion.sent_mps;
   const bool still =
       length({mine[0] - others[0], mine[1] - others[1], mine[2] - others[2]}) < DownwashWatch::passing_mps;
   wash.step(passed_s_, j != i && least < beside_m, still, j != i && !moves(others));

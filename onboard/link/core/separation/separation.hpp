@@ -14,8 +14,8 @@ namespace ledgerline::link {
 /// A drone as the others must take it.
 struct Neighbour {
   enum class Kind : std::uint8_t {
-    steered,   ///< flies what it is told; only such a one is told anything here
-    held,      ///< in the air, and told zero whatever its setpoint is: a failsafe has it
+    steered,   ///< flies what it is sent; only such a one is commanded here
+    held,      ///< in the air, and sent zero whatever its setpoint is: a failsafe has it
     rising,    ///< taking off: all heights up to its own take-off's end are its
     sinking,   ///< landing, or motors off: all below it is its
     standing,  ///< on the ground
@@ -44,22 +44,22 @@ struct Verdict {
 
 /// Keeps drones of one host apart: never nearer than `min_m`, and nobody waits for ever.
 ///
-/// Never nearer. Each drone has a capsule that it does not leave if it is told to stop (capsule.hpp). All are apart by
-/// min + margin; a setpoint is flown only if they still are with the next step's capsule of who flies it, against the
-/// new ones of those who were asked before and the present ones of those who come behind. To stop is always allowed,
-/// since it shrinks the own capsule into itself: so whoever decides what, all stay apart. Where something moved a drone
-/// that was not told to, nothing is flown that brings the two nearer.
+/// Never nearer. Each drone has a capsule that it does not leave if it is commanded to stop (capsule.hpp). All are
+/// apart by min + margin; a setpoint is flown only if they still are with the next step's capsule of who flies it,
+/// against the new ones of those who were asked before and the present ones of those who come behind. To stop is always
+/// allowed, since it shrinks the own capsule into itself: so whatever each drone decides, all stay apart. Where
+/// something moved a drone without a command, nothing is flown that brings the two nearer.
 ///
 /// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
 /// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers:
-/// whoever moves goes round it. Whoever was in vain kept waiting for longer than `patience` goes round as well,
-/// whatever its number, and who found no way tries the next direction.
+/// the moving drone goes round it. A drone that has waited without result for longer than `timeout` goes round as
+/// well, whatever its number. One that found no way tries the next direction.
 ///
 /// Nobody hovers in another's wash (downwash_watch.hpp): above or below another two may pass, but of two that stay so
 /// the higher number gets beside the lower one, or the one that can.
 ///
-/// A landing is not steered any more, and all below it is its: so it is begun with room for it. Until then who is to
-/// land comes down as any setpoint leads, and goes round whoever is there.
+/// A landing is not steered any more and reserves everything below it, so it begins only with room for it. Until then a
+/// drone that must land descends as any setpoint leads, and goes round drones in its way.
 ///
 ///   unchanged ──setpoint leads too near──▶ hold ──in the way, or waited enough──▶ part ──setpoint is clear──▶
 ///   unchanged
@@ -86,7 +86,7 @@ class Separation {
     bool aside = false;    ///< that way is out of another's wash
   };
   struct Drone {
-    Capsule now;         ///< until rest: first of who is told to stop, then of what was decided
+    Capsule now;         ///< until rest: first as if commanded to stop, then of what was decided
     Capsule claim;       ///< where it will be if nobody hinders it
     double reach_m = 0;  ///< how far either of them goes, level
     bool moves = false;
@@ -114,8 +114,8 @@ class Separation {
   std::size_t hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept;
   bool try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind, bool yields) noexcept;
   void fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept;
-  /// What it is told in the next step, if this is its desired.
-  Vec3 limited(const Vec3& told_mps, const Vec3& desired_mps) const noexcept;
+  /// What it is sent in the next step, if this is the desired velocity.
+  Vec3 limited(const Vec3& sent_mps, const Vec3& desired_mps) const noexcept;
   bool has_way_over(std::size_t j, std::size_t i) const noexcept;
   void refuse_takeoffs() noexcept;
   void delay_landings() noexcept;

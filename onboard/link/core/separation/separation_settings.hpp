@@ -18,10 +18,10 @@ struct SeparationSettings {
   /// makes the one with the right of way brake, double makes others yield to who will turn before.
   double lookahead_s = 2;
   /// Out of another's way in height. A landing's speed, the half of max_vertical: half keeps others waiting for 3 s,
-  /// double climbs 0.4 m beyond where it is told to stop.
+  /// double climbs 0.4 m beyond where it is commanded to stop.
   double part_mps = 0.5;
   /// A landing that was asked for waits so long until nobody is below, then it is begun all the same. Half ends within
-  /// the patience and one way round, 6 s; double goes beyond the 20 s in which ground sees it land, or says that it did
+  /// the timeout and one way round, 6 s; double goes beyond the 20 s in which ground sees it land, or says that it did
   /// not.
   double landing_wait_s = 10;
 };

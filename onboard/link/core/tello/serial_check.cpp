@@ -9,8 +9,9 @@ namespace {
 
 // An answer takes tens of ms: half would ask twice on a slow radio, double delays a first take-off by a lost datagram.
 constexpr TimeNs repeat_ns = 500 * ns_per_ms;
-// One may be the late answer to what link said blindly before; double delays a take-off of such a drone by as much.
-constexpr int refusals_believed = 3;
+// One may be the late answer to what link sent without state before; double delays a take-off of such a drone by as
+// much.
+constexpr int refusals_trusted = 3;
 constexpr std::size_t min_serial = 4;
 
 SerialText copy(std::string_view text) noexcept {
@@ -48,7 +49,7 @@ bool SerialCheck::on_answer(std::string_view bytes) noexcept {
   if (verdict_ != Verdict::open || asked_ns_ == 0) return false;
   const std::string_view text = without_line_end(bytes);
   if (parse_answer(text) == Answer::refused) {
-    if (++refusals_ >= refusals_believed) verdict_ = Verdict::untold;
+    if (++refusals_ >= refusals_trusted) verdict_ = Verdict::unreported;
     return true;
   }
   if (!is_serial(text)) return false;

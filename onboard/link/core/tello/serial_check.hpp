@@ -7,33 +7,33 @@
 
 namespace ledgerline::link {
 
-/// A Tello's serial number as `sn?` tells it: letters and digits, such as 0TQDG00EDPMV39. No allocation.
+/// A Tello's serial number as `sn?` reports it: a-z, A-Z and 0-9, such as 0TQDG00EDPMV39. No allocation.
 struct SerialText {
   std::array<char, 24> bytes{};
   std::uint8_t size = 0;
   std::string_view view() const noexcept { return {bytes.data(), size}; }
 };
 
-/// True for what can be a serial: 4 to 24 letters and digits. So no `ok`, no figure of a battery, no refusal.
+/// True for what can be a serial: 4 to 24 a-z, A-Z and 0-9. So no `ok`, no figure of a battery, no refusal.
 bool is_serial(std::string_view text) noexcept;
 
 /// Whether the drone that answers is the one that the config means. Behind an access point addresses are lent: after a
 /// change of batteries one drone's address may be another's, which would be flown by the first one's poses.
 ///
 ///   open ── the serial ──▶ same: it may take off
-///    │  └── another ─────▶ other: it may not, until it connects anew
+///    │  └── another ─────▶ other: it may not, until it reconnects
 ///    └── refused thrice ─▶ untold: its firmware knows no `sn?`, so nothing can be checked, and it may
 ///
-/// Answers carry no id and any may be late, so one refusal is not taken for the answer to `sn?`, and whoever answers
-/// nothing is asked without an end. Core: no I/O, no allocation; one thread.
+/// Answers carry no id and any may be late, so one refusal is not taken for the answer to `sn?`, and a drone that
+/// answers nothing is asked without end. Core: no I/O, no allocation; one thread.
 class SerialCheck {
  public:
-  enum class Verdict : std::uint8_t { unwanted, open, same, other, untold };
+  enum class Verdict : std::uint8_t { unwanted, open, same, other, unreported };
 
   /// `wanted` empty: nothing is ever asked.
   explicit SerialCheck(std::string_view wanted) noexcept;
 
-  /// It is connected anew: whoever answers now is to be asked.
+  /// It has reconnected: the drone that answers now must be asked.
   void begin() noexcept;
   /// True when `sn?` is to be sent now. To be called only on the ground, while no other answer is waited for.
   bool due(TimeNs now) noexcept;

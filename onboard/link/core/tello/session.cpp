@@ -1,6 +1,7 @@
 #include "onboard/link/core/tello/session.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <cstddef>
 
 #include "onboard/link/core/watch/held.hpp"
@@ -14,13 +15,13 @@ constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
 constexpr TimeNs grounded_for_ns = 1 * ns_per_s;
 // Less descent than this between two `land` means that it does not come down.
 constexpr float descent_m = 0.1F;
-// What is believed to be on the ground but seen aloft this long is in flight, whatever the answers said.
+// A drone taken to be on the ground but seen aloft this long is in flight, whatever the answers said.
 constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
-// `time` is in whole seconds, and a text may come late.
-constexpr double motor_time_slack_s = 2;
-// So many odd texts in a row that follow each other are right: what was believed before them was not.
-constexpr int odd_texts_believed = 10;
-// What is believed to fly but seen on the ground this long has come down by itself.
+// `time` is in whole seconds, and a text may come late: so far ahead of what is known it may be.
+constexpr double motor_time_step_s = 1.2, motor_time_slack_s = 2;
+// So many odd texts in a row whose `time` goes on as time does are right: what was accepted before them was not.
+constexpr int odd_texts_needed = 10;
+// A drone taken to be in flight but seen on the ground this long has come down by itself.
 constexpr TimeNs down_for_ns = 3 * ns_per_s;
 
 }  // namespace
@@ -33,14 +34,14 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   if (phase == FlightPhase::flying) has_flown_ = true;
   if (phase == FlightPhase::disconnected) {
     handshake_ok_ = false;
-    asked_ = Asked::nothing;
+    asked_ = PendingCommand::nothing;
     blind_.seek();
     serial_.begin();
   }
 }
 
-void TelloSession::ask(TimeNs now, Asked what) noexcept {
-  if (what == Asked::emergency && asked_ != what) cut_since_ns_ = now;
+void TelloSession::ask(TimeNs now, PendingCommand what) noexcept {
+  if (what == PendingCommand::emergency && asked_ != what) cut_since_ns_ = now;
   asked_ = what;
   asked_at_ns_ = now;
   send_ = true;
@@ -57,22 +58,34 @@ bool TelloSession::seen_grounded(TimeNs now) const noexcept {
 }
 
 bool TelloSession::of_now(TimeNs now, const TelloState& said) noexcept {
-  const auto follows = [&](int motor_s, TimeNs at_ns) {
-    return said.motor_s >= motor_s && said.motor_s <= motor_s + to_seconds(now - at_ns) + motor_time_slack_s;
-  };
-  const bool odd = phase_ != FlightPhase::disconnected && !follows(state_.motor_s, state_at_ns_);
-  odd_texts_ = !odd ? 0 : follows(odd_motor_s_, odd_at_ns_) ? odd_texts_ + 1 : 1;
-  odd_motor_s_ = said.motor_s;
-  odd_at_ns_ = now;
-  return !odd || odd_texts_ >= odd_texts_believed;
+  if (!said.has_motor_time) return true;
+  const double lead_s = said.motor_s - to_seconds(now);
+  const bool follows = said.motor_s >= motor_s_ && lead_s <= motor_lead_s_ + motor_time_slack_s;
+  if (follows || phase_ == FlightPhase::disconnected) {
+    motor_lead_s_ = follows ? std::max(motor_lead_s_, lead_s) : lead_s;
+  } else {
+    odd_texts_ = odd_texts_ > 0 && std::abs(lead_s - odd_lead_s_) < motor_time_step_s ? odd_texts_ + 1 : 1;
+    if (odd_texts_ == 1) odd_lead_s_ = lead_s;
+    if (odd_texts_ < odd_texts_needed) return false;
+    motor_lead_s_ = lead_s;
+  }
+  motor_s_ = said.motor_s;
+  odd_texts_ = 0;
+  return true;
+}
+
+void TelloSession::grow_older(TimeNs slept_ns) noexcept {
+  motor_lead_s_ += to_seconds(slept_ns);
+  odd_texts_ = 0;
 }
 
 bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   TelloState said = state_;
-  if (!parse_state(bytes, said) || !of_now(now, said)) {
+  if (!parse_state(bytes, said)) {
     ++states_refused_;
     return false;
   }
+  if (!of_now(now, said)) return false;
   state_ = said;
   take_battery(state_.battery);
   if (!fresh(now)) down_since_ns_ = 0;  // who knows what it did meanwhile
@@ -85,14 +98,15 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   return true;
 }
 
-void TelloSession::take_battery(float told) noexcept {
-  if (batteries_told_.size() == SessionSettings::battery_texts) batteries_told_.erase_front(1);
-  batteries_told_.push(told);
-  const auto needed = static_cast<std::ptrdiff_t>(std::min(SessionSettings::battery_says_so, batteries_told_.size()));
+void TelloSession::take_battery(float reported) noexcept {
+  if (batteries_reported_.size() == SessionSettings::battery_texts) batteries_reported_.erase_front(1);
+  batteries_reported_.push(reported);
+  const auto needed =
+      static_cast<std::ptrdiff_t>(std::min(SessionSettings::battery_says_so, batteries_reported_.size()));
   state_.battery = 1;
-  for (const float low : batteries_told_) {
+  for (const float low : batteries_reported_) {
     const auto says_so = [low](float battery) { return battery <= low; };
-    if (std::count_if(batteries_told_.begin(), batteries_told_.end(), says_so) >= needed)
+    if (std::count_if(batteries_reported_.begin(), batteries_reported_.end(), says_so) >= needed)
       state_.battery = std::min(state_.battery, low);
   }
 }
@@ -101,7 +115,7 @@ void TelloSession::take_battery(float told) noexcept {
 bool TelloSession::asks_for_pads(TimeNs now) noexcept {
   constexpr TimeNs pause_ns = 2 * ns_per_s;
   constexpr int not_looking = -2;
-  if (pad_requests_left_ == 0 || !seen_standing(now) || asked_ != Asked::nothing || !serial_.allows_takeoff())
+  if (pad_requests_left_ == 0 || !seen_standing(now) || asked_ != PendingCommand::nothing || !serial_.allows_takeoff())
     return false;
   if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
   if (state_.pad != not_looking) {
@@ -121,39 +135,39 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
     handshake_ok_ = true;  // whatever it answers: a Tello answers nothing before `command`
     return;
   }
-  if (asked_ == Asked::nothing && on_ground(phase_) && serial_.on_answer(bytes)) return;
-  if (answer == Answer::unknown || asked_ == Asked::nothing || send_) {
+  if (asked_ == PendingCommand::nothing && on_ground(phase_) && serial_.on_answer(bytes)) return;
+  if (answer == Answer::unknown || asked_ == PendingCommand::nothing || send_) {
     ++answers_unasked_;
     return;
   }
   switch (asked_) {
-    case Asked::takeoff:
+    case PendingCommand::takeoff:
       if (answer == Answer::refused) {
-        asked_ = Asked::nothing;
+        asked_ = PendingCommand::nothing;
         takeoff_not_before_ns_ = now + settings_.refused_pause_ns;
         enter(now, seen_airborne(now) ? FlightPhase::flying : FlightPhase::on_ground);
       } else if (seen_airborne(now) || !fresh(now)) {
-        asked_ = Asked::nothing;
+        asked_ = PendingCommand::nothing;
         enter(now, FlightPhase::flying);
       } else {
         ++answers_unasked_;  // still seen on the ground: the answer to an earlier command
       }
       break;
-    case Asked::land:
+    case PendingCommand::land:
       // A refusal changes nothing: the command goes out again until the drone is down. While a take-off may still lift
       // it, an ok may be the take-off's.
       if (answer == Answer::ok && !seen_airborne(now) && now >= rising_until_ns_) {
-        asked_ = Asked::nothing;
+        asked_ = PendingCommand::nothing;
         enter(now, FlightPhase::landed);
       }
       break;
-    case Asked::emergency:
+    case PendingCommand::emergency:
       if (answer == Answer::ok && !seen_airborne(now)) {
-        asked_ = Asked::nothing;
+        asked_ = PendingCommand::nothing;
         enter(now, FlightPhase::landed);
       }
       break;
-    case Asked::nothing:
+    case PendingCommand::nothing:
       break;
   }
 }
@@ -162,46 +176,47 @@ bool TelloSession::request_takeoff(TimeNs now) noexcept {
   if (phase_ != FlightPhase::on_ground && phase_ != FlightPhase::landed) return false;
   // A late refusal of `mon` would be taken for the take-off's.
   if (pad_request_ns_ != 0 && now - pad_request_ns_ < settings_.answer_timeout_ns) return false;
-  if (now < takeoff_not_before_ns_ || asked_ != Asked::nothing || !serial_.allows_takeoff()) return false;
-  ask(now, Asked::takeoff);
+  if (now < takeoff_not_before_ns_ || asked_ != PendingCommand::nothing || !serial_.allows_takeoff()) return false;
+  ask(now, PendingCommand::takeoff);
   rising_until_ns_ = now + settings_.takeoff_timeout_ns;
   enter(now, FlightPhase::taking_off);
   return true;
 }
 
 void TelloSession::request_land(TimeNs now) noexcept {
-  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::land);
+  if (may_be_airborne()) blind_.land(now, LostLinkProtocol::Word::land);
   if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
-  ask(now, Asked::land);
+  ask(now, PendingCommand::land);
   lowest_m_ = state_.height_m;
   enter(now, FlightPhase::landing);
 }
 
 void TelloSession::request_cut(TimeNs now) noexcept {
-  if (may_fly_unseen()) blind_.land(now, BlindTalk::Word::emergency);
-  if (asked_ == Asked::emergency || phase_ == FlightPhase::disconnected) return;
+  if (may_be_airborne()) blind_.land(now, LostLinkProtocol::Word::emergency);
+  if (asked_ == PendingCommand::emergency || phase_ == FlightPhase::disconnected) return;
   if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
-  ask(now, Asked::emergency);
+  ask(now, PendingCommand::emergency);
   lowest_m_ = state_.height_m;
   grounded_since_ns_ = 0;
   if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
 }
 
-void TelloSession::land_again(TimeNs now, BlindTalk::Asker asker) noexcept {
-  if (may_fly_unseen()) blind_.land_again(now, asker);
+void TelloSession::land_again(TimeNs now, LostLinkProtocol::Asker asker) noexcept {
+  if (may_be_airborne()) blind_.land_again(now, asker);
 }
 
-bool TelloSession::told_to_land(TimeNs now) const noexcept {
-  return may_fly_unseen() && blind_.said_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
+bool TelloSession::commanded_to_land(TimeNs now) const noexcept {
+  return may_be_airborne() &&
+         blind_.said_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
 }
 
 void TelloSession::connect(TimeNs now) noexcept {
   const bool down = seen_grounded(now), lands = blind_.lands();
-  const bool cut = blind_.word() == BlindTalk::Word::emergency;
+  const bool cut = blind_.word() == LostLinkProtocol::Word::emergency;
   // A link that starts again finds the drone where it is, maybe in the air. A landing is not taken back there.
   enter(now, down ? FlightPhase::on_ground : lands ? FlightPhase::landing : FlightPhase::flying);
   if (down || !lands) return;
-  ask(now, cut ? Asked::emergency : Asked::land);
+  ask(now, cut ? PendingCommand::emergency : PendingCommand::land);
   lowest_m_ = state_.height_m;
 }
 
@@ -214,22 +229,23 @@ void TelloSession::watch_connection(TimeNs now) noexcept {
 }
 
 // In its order, and at once: the first datagram after `command` is the zero.
-void TelloSession::talk_blindly(TimeNs now) noexcept {
+void TelloSession::talk_without_state(TimeNs now) noexcept {
   if (phase_ != FlightPhase::disconnected) {
-    says_blindly_.clear();
+    lost_link_commands_.clear();
     return;
   }
-  if (!says_blindly_.empty()) return;
-  const BlindTalk::Due due = blind_.due(now, may_fly_unseen());
-  if (due.command) says_blindly_.push(command_text("command"));
-  if (due.zero) says_blindly_.push(rc_text({}));
-  if (due.word) says_blindly_.push(command_text(blind_.word() == BlindTalk::Word::emergency ? "emergency" : "land"));
+  if (!lost_link_commands_.empty()) return;
+  const LostLinkProtocol::Due due = blind_.due(now, may_be_airborne());
+  if (due.command) lost_link_commands_.push(command_text("command"));
+  if (due.zero) lost_link_commands_.push(rc_text({}));
+  if (due.word)
+    lost_link_commands_.push(command_text(blind_.word() == LostLinkProtocol::Word::emergency ? "emergency" : "land"));
 }
 
 void TelloSession::watch_takeoff(TimeNs now) noexcept {
   if (phase_ != FlightPhase::taking_off || now - phase_since_ns_ < settings_.takeoff_timeout_ns) return;
   // The answer is lost. What is seen decides; without sight it may be up, and flying is the phase that can land.
-  asked_ = Asked::nothing;
+  asked_ = PendingCommand::nothing;
   enter(now, seen_grounded(now) ? FlightPhase::on_ground : FlightPhase::flying);
 }
 
@@ -239,7 +255,7 @@ void TelloSession::watch_sight(TimeNs now) noexcept {
     request_land(now);  // does no harm where the sight is wrong
   } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
     if (!held(now, seen_airborne(now) && state_.tof_m > settings_.grounded_m, aloft_since_ns_, aloft_for_ns)) return;
-    asked_ = Asked::nothing;
+    asked_ = PendingCommand::nothing;
     enter(now, FlightPhase::flying);
   }
 }
@@ -248,20 +264,20 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
   if (phase_ != FlightPhase::landing) return;
   // `land` is ignored during a take-off, which begins on the ground: seen there, it may yet rise.
   if (held(now, seen_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
-    asked_ = Asked::nothing;
+    asked_ = PendingCommand::nothing;
     enter(now, FlightPhase::landed);
     return;
   }
   if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
-    const bool cut = asked_ == Asked::emergency;
+    const bool cut = asked_ == PendingCommand::emergency;
     enter(now, FlightPhase::disconnected);
-    blind_.be_silent(now, cut ? BlindTalk::Word::emergency : BlindTalk::Word::land);
+    blind_.be_silent(now, cut ? LostLinkProtocol::Word::emergency : LostLinkProtocol::Word::land);
     return;
   }
-  if (asked_ == Asked::emergency) {
+  if (asked_ == PendingCommand::emergency) {
     const bool falls = now - cut_since_ns_ < settings_.cut_often_for_ns;
     const TimeNs gap_ns = falls ? settings_.cut_repeat_ns : settings_.land_repeat_ns;
-    if (!send_ && now - asked_at_ns_ >= gap_ns) ask(now, Asked::emergency);
+    if (!send_ && now - asked_at_ns_ >= gap_ns) ask(now, PendingCommand::emergency);
     return;
   }
   if (!send_ && now - asked_at_ns_ >= settings_.land_repeat_ns) {
@@ -270,7 +286,7 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
     if (descends) {
       asked_at_ns_ = now;
     } else {
-      ask(now, Asked::land);
+      ask(now, PendingCommand::land);
     }
   }
 }
@@ -280,13 +296,13 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   watch_takeoff(now);
   watch_sight(now);
   watch_landing(now);
-  talk_blindly(now);
-  if (!says_blindly_.empty()) {
-    out = says_blindly_[0];
-    says_blindly_.erase_front(1);
+  talk_without_state(now);
+  if (!lost_link_commands_.empty()) {
+    out = lost_link_commands_[0];
+    lost_link_commands_.erase_front(1);
     return true;
   }
-  if (asked_ == Asked::nothing && on_ground(phase_) && serial_.due(now)) {
+  if (asked_ == PendingCommand::nothing && on_ground(phase_) && serial_.due(now)) {
     out = command_text("sn?");
     return true;
   }
@@ -294,20 +310,20 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
     out = command_text("mon");
     return true;
   }
-  if (asked_ == Asked::nothing || !send_) return false;
+  if (asked_ == PendingCommand::nothing || !send_) return false;
   send_ = false;
   asked_at_ns_ = now;
   switch (asked_) {
-    case Asked::takeoff:
+    case PendingCommand::takeoff:
       out = command_text("takeoff");
       break;
-    case Asked::land:
+    case PendingCommand::land:
       out = command_text("land");
       break;
-    case Asked::emergency:
+    case PendingCommand::emergency:
       out = command_text("emergency");
       break;
-    case Asked::nothing:
+    case PendingCommand::nothing:
       return false;
   }
   return true;

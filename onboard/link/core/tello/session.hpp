@@ -4,7 +4,7 @@
 
 #include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/tello/blind_talk.hpp"
+#include "onboard/link/core/tello/lost_link_protocol.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
@@ -21,11 +21,11 @@ namespace ledgerline::link {
 /// Answers carry no id and may be lost, doubled or late, so an answer alone never moves the state while fresh state
 /// text says otherwise: an `ok` counts as take-off only when the drone is seen in the air. `land` is repeated until it
 /// is down. `disconnected` says nothing about where the drone is: until it was seen on the ground it may fly, and is
-/// spoken to as blind_talk.hpp says. Core: no I/O, no allocation; one thread.
+/// spoken to as lost_link_protocol.hpp says. Core: no I/O, no allocation; one thread.
 class TelloSession {
  public:
-  /// `serial`: the drone that is meant; whoever answers with another does not take off. Empty: whichever answers.
-  /// `pads`: it is asked to look for mission pads.
+  /// `serial`: the drone that is meant; one that answers with another does not take off. Empty: any drone. `pads`: it
+  /// is asked to look for mission pads.
   explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
       : settings_(settings), blind_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
 
@@ -34,26 +34,29 @@ class TelloSession {
   /// grows as time does while the motors run.
   bool on_state(TimeNs now, std::string_view bytes) noexcept;
 
+  /// The host was suspended for so long while its clock stood still.
+  void grow_older(TimeNs slept_ns) noexcept;
+
   /// False when the phase, the pause after a refusal or the serial does not allow it.
   bool request_takeoff(TimeNs now) noexcept;
-  /// In the air, and where it may be in the air. May be called at every step: what is under way goes on.
+  /// In the air, and where it may be in the air. May be called at every step: a landing in progress continues.
   void request_land(TimeNs now) noexcept;
   /// Motors off at once, wherever it is. The same.
   void request_cut(TimeNs now) noexcept;
-  /// Somebody asked anew: to a drone that is not seen the word is said again though it was before (BlindTalk). No
-  /// effect on one that is seen.
-  void land_again(TimeNs now, BlindTalk::Asker asker) noexcept;
+  /// Somebody asked again: to a drone that is not seen the word is said again though it was before (LostLinkProtocol).
+  /// No effect on one that is seen.
+  void land_again(TimeNs now, LostLinkProtocol::Asker asker) noexcept;
 
   /// What is to be sent now, one command at a time; called until it returns false.
   bool next_send(TimeNs now, CommandText& out) noexcept;
 
   FlightPhase phase() const noexcept { return phase_; }
   /// Nobody knows: it is not connected, and what was seen last was not that it stands on the ground. From link's start.
-  bool may_fly_unseen() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
-  /// All handshakes with such a one were in vain, or it is told to land already.
-  bool blind(TimeNs now) const noexcept { return may_fly_unseen() && (blind_.in_vain(now) || blind_.lands()); }
-  /// Such a one was told to land long enough for link to end: to the end, or briefly where nobody was ever heard.
-  bool told_to_land(TimeNs now) const noexcept;
+  bool may_be_airborne() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
+  /// All handshakes with such a one failed, or it is already commanded to land.
+  bool blind(TimeNs now) const noexcept { return may_be_airborne() && (blind_.in_vain(now) || blind_.lands()); }
+  /// Such a one was commanded to land long enough for link to end: to the end, or briefly where nobody was ever heard.
+  bool commanded_to_land(TimeNs now) const noexcept;
   /// Anything that can be read came from it.
   bool heard() const noexcept { return heard_; }
   /// It is not in flight, and the newest text shows it on the ground.
@@ -69,12 +72,12 @@ class TelloSession {
   std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
 
  private:
-  enum class Asked : std::uint8_t { nothing, takeoff, land, emergency };
+  enum class PendingCommand : std::uint8_t { nothing, takeoff, land, emergency };
 
   void enter(TimeNs now, FlightPhase phase) noexcept;
-  void ask(TimeNs now, Asked what) noexcept;
+  void ask(TimeNs now, PendingCommand what) noexcept;
   /// Of the newest text.
-  void take_battery(float told) noexcept;
+  void take_battery(float reported) noexcept;
   bool of_now(TimeNs now, const TelloState& said) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
@@ -85,29 +88,31 @@ class TelloSession {
   bool seen_grounded(TimeNs now) const noexcept;
 
   void connect(TimeNs now) noexcept;
-  void talk_blindly(TimeNs now) noexcept;
+  void talk_without_state(TimeNs now) noexcept;
   bool asks_for_pads(TimeNs now) noexcept;
 
   /// A firmware that knows no pads goes on saying that it does not look for them.
   static constexpr int max_pad_requests = 5;
 
   SessionSettings settings_;
-  BlindTalk blind_;
+  LostLinkProtocol blind_;
   SerialCheck serial_;
   int pad_requests_left_;
-  TimeNs pad_request_ns_ = 0;                 ///< the newest; 0: none yet
-  FixedVector<CommandText, 3> says_blindly_;  ///< what is still to be sent of it
+  TimeNs pad_request_ns_ = 0;                       ///< the newest; 0: none yet
+  FixedVector<CommandText, 3> lost_link_commands_;  ///< what is still to be sent of it
   bool heard_ = false;
-  bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to believe it
+  bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to accept it
   FlightPhase phase_ = FlightPhase::disconnected;
   TimeNs phase_since_ns_ = 0;
   TelloState state_;
-  FixedVector<float, SessionSettings::battery_texts> batteries_told_;  ///< oldest first
+  FixedVector<float, SessionSettings::battery_texts> batteries_reported_;  ///< oldest first
   TimeNs state_at_ns_ = 0;
-  int odd_texts_ = 0, odd_motor_s_ = 0;  ///< texts in a row that are not of now, and the newest one's `time` ...
-  TimeNs odd_at_ns_ = 0;                 ///< ... and when it came
-  Asked asked_ = Asked::nothing;  ///< the command whose answer is waited for
-  bool send_ = false;             ///< asked_ has still to be sent
+  int motor_s_ = 0;                                 ///< `time` of the newest text ...
+  double motor_lead_s_ = -1e18;                     ///< ... and by how much one was ahead of the clock at most
+  int odd_texts_ = 0;                               ///< in a row that are not of now
+  double odd_lead_s_ = 0;                           ///< of the first of them
+  PendingCommand asked_ = PendingCommand::nothing;  ///< the command whose answer is waited for
+  bool send_ = false;                               ///< asked_ has still to be sent
   bool handshake_ok_ = false;
   bool has_flown_ = false;
   TimeNs asked_at_ns_ = 0;

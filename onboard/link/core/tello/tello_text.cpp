@@ -47,7 +47,8 @@ char* append(char* at, char* end, int number) noexcept {
 
 bool parse_state(std::string_view bytes, TelloState& state) noexcept {
   TelloState parsed = state;
-  parsed.barometer_told = false;
+  parsed.has_barometer = false;
+  parsed.has_motor_time = false;
   parsed.pad = -2;
   bool height = false, tof = false, battery = false, warm = false;
   std::array<bool, 3> velocity{};
@@ -90,12 +91,13 @@ bool parse_state(std::string_view bytes, TelloState& state) noexcept {
       warm = true;
     } else if (key == "baro" && std::abs(value) < 20'000) {
       parsed.barometer_m = value;
-      parsed.barometer_told = true;
+      parsed.has_barometer = true;
     } else if (key == "time" && value >= 0 && value < 1e6F) {
       parsed.motor_s = static_cast<int>(value);
+      parsed.has_motor_time = true;
     }
   }
-  parsed.velocity_told = velocity[0] && velocity[1] && velocity[2];
+  parsed.has_velocity = velocity[0] && velocity[1] && velocity[2];
   if (!height || !tof || !battery) return false;
   state = parsed;
   return true;
@@ -129,7 +131,7 @@ CommandText rc_text(const Rc& rc) noexcept {
   CommandText text = command_text("rc");
   char* const begin = text.bytes.data();
   char* at = begin + text.size;
-  // Longest: "rc -100 -100 -100 -100", 22 bytes.
+  // Max: "rc -100 -100 -100 -100", 22 bytes.
   for (const int channel : rc) at = append(at, begin + text.bytes.size(), std::clamp(channel, -100, 100));
   text.size = static_cast<std::uint8_t>(at - begin);
   return text;

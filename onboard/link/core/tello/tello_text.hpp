@@ -14,11 +14,13 @@ struct TelloState {
   /// Roll (right), pitch (up) and yaw (clockwise, since power on); positive as in the brackets.
   std::array<float, 3> attitude_deg{};
   std::array<float, 3> acceleration_mg{};  ///< forward, right, down, with gravity: about 0, 0, -1000 at rest
-  std::array<float, 3> velocity_dmps{};    ///< vgx, vgy, vgz as they are told: in which frame is for the reader to know
-  bool velocity_told = false;              ///< all three are in the newest packet
-  float barometer_m = 0;                   ///< from an arbitrary zero
-  bool barometer_told = false;
-  float temperature_c = 0;  ///< the hotter one of templ and temph; 0: not told
+  std::array<float, 3>
+      velocity_dmps{};        ///< vgx, vgy, vgz as they are reported: in which frame is for the reader to know
+  bool has_velocity = false;  ///< all three are in the newest packet
+  float barometer_m = 0;      ///< from an arbitrary zero
+  bool has_barometer = false;
+  float temperature_c = 0;  ///< the hotter one of templ and temph; 0: not reported
+  bool has_motor_time = false;
   int motor_s = 0;  ///< `time`: with running motors since power on, so that it falls when the drone was switched off
   /// The mission pad below: -1 none is seen, -2 it does not look for them, or the firmware knows none.
   int pad = -2;
@@ -26,7 +28,7 @@ struct TelloState {
   float on_pad_yaw_deg = 0;         ///< the third of mpry
 };
 
-/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a believable range,
+/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a plausible range,
 /// with the semicolon behind that ends each field.
 bool parse_state(std::string_view bytes, TelloState& state) noexcept;
 
@@ -35,7 +37,7 @@ std::string_view without_line_end(std::string_view bytes) noexcept;
 
 enum class Answer : std::uint8_t { ok, refused, unknown };
 /// `ok` alone (any case, CR LF stripped) is ok; what begins with error, out of range or unknown command is a refusal;
-/// anything else is unknown, and no answer at all to whoever waits for one.
+/// anything else is unknown, and does not count as an answer.
 Answer parse_answer(std::string_view bytes) noexcept;
 
 /// A command as it goes to the drone.

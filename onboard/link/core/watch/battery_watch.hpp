@@ -3,8 +3,8 @@
 
 namespace ledgerline::link {
 
-/// What share of its battery a drone needs to land from where it is, by how fast it has emptied of late. A Tello tells
-/// whole percents, so the rate is taken over seconds. Core; one thread.
+/// What share of its battery a drone needs to land from where it is, by how fast it has emptied recently. A Tello
+/// reports whole percents, so the rate is taken over seconds. Core; one thread.
 class BatteryWatch {
  public:
   /// Kept for behind the landing: at 5 % a Tello lands by itself, or falls.

@@ -5,8 +5,8 @@
 
 namespace ledgerline::link {
 
-/// Whether another client commands this drone as well: a Tello sends its state texts to whoever said `command` last, so
-/// a link of another host with this drone's address, or a tool, takes them away without a word. Two signs, of which
+/// Whether another client commands this drone as well: a Tello sends its state texts to the client that sent `command`
+/// last, so a link of another host with this drone's address, or a tool, silently takes them away. Two signs, of which
 /// neither is a proof:
 ///
 ///     contested   twice within a minute its texts, away for seconds, came back with link's own `command`. Radio that

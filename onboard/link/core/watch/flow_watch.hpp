@@ -49,7 +49,7 @@ class FlowWatch {
   void reset() noexcept { *this = {}; }
   /// It is suspected to see nothing.
   bool blind() const noexcept { return since_ns_ != 0; }
-  TimeNs since_ns() const noexcept { return since_ns_; }  ///< 0: it sees, as far as anybody can tell
+  TimeNs since_ns() const noexcept { return since_ns_; }  ///< 0: it sees, as far as is known
 
  private:
   struct Text {

@@ -4,7 +4,7 @@
 namespace ledgerline::link {
 
 /// Whether a drone is too hot. In flight its rotors cool it and it says up to 88 degrees; on the ground nothing does,
-/// and users tell of Tellos that switched themselves off there after some minutes (docs/sources.md). Core; one thread.
+/// and users report Tellos that switched themselves off there after some minutes (docs/sources.md). Core; one thread.
 class HeatWatch {
  public:
   static constexpr float warm_c = 85;         ///< beyond it on the ground: half of the way is what a room does

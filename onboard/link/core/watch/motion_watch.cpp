@@ -22,9 +22,9 @@ double length_without(const std::array<double, 2>& v, const std::array<double, 2
   return std::hypot(v[0] - share * part[0], v[1] - share * part[1]);
 }
 
-void MotionWatch::tell(double seconds, const std::array<float, 3>& told_mps) noexcept {
+void MotionWatch::tell(double seconds, const std::array<float, 3>& sent_mps) noexcept {
   const double share = follow(seconds, response_s);
-  for (std::size_t i = 0; i < 2; ++i) expected_mps_[i] += share * (static_cast<double>(told_mps[i]) - expected_mps_[i]);
+  for (std::size_t i = 0; i < 2; ++i) expected_mps_[i] += share * (static_cast<double>(sent_mps[i]) - expected_mps_[i]);
   learn_drift(seconds);
 }
 

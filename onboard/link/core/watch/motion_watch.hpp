@@ -18,7 +18,7 @@ class MotionWatch {
   static constexpr double response_s = 0.3;  ///< as the simulator's drone, assumed (docs/sources.md)
   /// Three times what gusts do (0.1 m/s). Double would miss the usual 0.5 m/s; half would land for a windy day.
   static constexpr double limit_mps = 0.3;
-  /// Of what it was told: a fast drone is slower than it is told by its drag.
+  /// Of the commanded velocity: drag makes a fast drone slower than commanded.
   static constexpr double limit_share = 0.6;
   /// Of a drone whose flow is blind, as seen last: filtered, or double, it is noticed at 2.5 m/s where the stick says 1
   /// m/s. Half lands every flight in the dark that ground can steer by motion capture.
@@ -38,8 +38,8 @@ class MotionWatch {
     std::array<double, 2> response_mps{}, drift_mps{};
   };
 
-  /// Time passed since the last call: `told` all the while.
-  void tell(double seconds, const std::array<float, 3>& told_mps) noexcept;
+  /// Time passed since the last call: `sent_mps` all the while.
+  void tell(double seconds, const std::array<float, 3>& sent_mps) noexcept;
   /// The level part of its thrust, by its attitude: until the next one.
   void lean(const std::array<double, 2>& lean_mps2) noexcept { lean_mps2_ = lean_mps2; }
   /// A new pose came: its velocity.

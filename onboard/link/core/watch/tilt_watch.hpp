@@ -5,8 +5,8 @@
 namespace ledgerline::link {
 
 /// Whether a drone in the air is tilted beyond what flying needs, and whether it lies on its back or side: then its
-/// motors only do harm. The two are told apart by gravity: a flying drone's accelerometer feels its thrust, along its
-/// own up, however it is tilted; a lying one feels the ground's push, which is not. Core; one thread.
+/// motors only do harm. The two are distinguished by gravity: a flying drone's accelerometer feels its thrust, along
+/// its own up, however it is tilted; a lying one feels the ground's push, which is not. Core; one thread.
 class TiltWatch {
  public:
   /// A Tello tilts by 0.5 rad at most when it is flown hard, and its own controller gives up near 1.2.

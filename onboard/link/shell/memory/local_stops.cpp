@@ -17,7 +17,7 @@ namespace {
 constexpr std::string_view first_line = "ledgerline-link local stops 1\n";
 constexpr std::string_view sum_word = "sum ";
 
-// FNV-1a: tells a torn or overwritten file, not one that somebody forged, who could as well write the right one.
+// FNV-1a: detects a torn or overwritten file, not one that somebody forged, who could as well write the right one.
 std::uint64_t sum_of(std::string_view text) {
   std::uint64_t sum = 0xcbf29ce484222325U;
   for (const char c : text) sum = (sum ^ static_cast<unsigned char>(c)) * 0x100000001b3U;
@@ -51,7 +51,7 @@ Result<DroneSet> LocalStopsFile::read() {
   std::error_code error;
   const bool missing = std::filesystem::symlink_status(path_, error).type() == std::filesystem::file_type::not_found;
   if (path_.empty() || missing) return DroneSet{};
-  kept_.clear();  // to be written anew, if it is not whole
+  kept_.clear();  // to be rewritten, if it is not whole
   const auto text = read_file(path_);
   if (!text) return Error{fmt::format("output.local_stops: {}", text.error().what)};
   const auto names = names_in(*text);

@@ -8,7 +8,7 @@ ShimTransport::ShimTransport(drone_shim::Memory& memory, const std::vector<Drone
 
 std::span<const Received> ShimTransport::receive() noexcept {
   std::size_t count = 0;
-  // Strangers' count as well: they must not hold the loop.
+  // Outsiders' count as well: they must not hold the loop.
   for (std::size_t taken = 0; taken < max_received; ++taken) {
     drone_shim::Datagram& datagram = datagrams_[count];
     if (!memory_.to_link.pop(datagram)) break;

@@ -14,7 +14,7 @@ namespace ledgerline::link {
 /// Drones that are reached through the shim's memory, by their numbers. No system call.
 class ShimTransport final : public Transport {
  public:
-  /// Of a drone that is none of `drones`, nothing is believed.
+  /// Data of a drone that is not in `drones` is ignored.
   ShimTransport(drone_shim::Memory& memory, const std::vector<DroneSettings>& drones);
   std::span<const Received> receive() noexcept override;
   bool send(const ToSend& message) noexcept override;

@@ -19,7 +19,7 @@ struct LinkEnds {
   std::unique_ptr<ipc::LinkEnd> agent;
   bool needs_roudi = true;
 
-  /// The drones' alone. Over UDP each of them is told `command` and zero sticks at once.
+  /// The drones' alone. Over UDP each of them is sent `command` and zero sticks at once.
   static Result<LinkEnds> open_drones(const ShellSettings& settings);
   /// An error, too, when `is_asked_to_end` says so while RouDi does not answer.
   Status connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end);

@@ -93,14 +93,15 @@ std::size_t TelloSockets::read(int fd, sockaddr_in& from, bool& more) noexcept {
   return n < 0 ? 0 : static_cast<std::size_t>(n);
 }
 
-// Strangers' datagrams count as reads too: a flood must not hold the loop, nor one socket starve the others.
+// Outsiders' datagrams count as reads too: a flood must not hold the loop, nor one socket starve the others.
 void TelloSockets::receive_answers(std::size_t drone) noexcept {
   const std::size_t reads = max_received / 2 / drones_.size();
   bool more = true;
   for (std::size_t i = 0; i < reads && more; ++i) {
     sockaddr_in from{};
     const std::size_t bytes = read(drones_[drone].commands.get(), from, more);
-    // As long as no way to the drone is found, its socket is connected to nobody, and hears whoever finds its port.
+    // As long as no way to the drone is found, its socket is not connected, and receives from any sender that finds its
+    // port.
     const sockaddr_in& meant = drones_[drone].address;
     if (bytes == 0 || from.sin_addr.s_addr != meant.sin_addr.s_addr || from.sin_port != meant.sin_port) continue;
     received_[count_] = {drones_[drone].number, Port::answer, {buffers_[count_].data(), bytes}};
@@ -165,9 +166,9 @@ std::vector<std::string> TelloSockets::tend() {
   for (StateText& states : states_) tend(states, news);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     const std::uint16_t port = (*strange_ports_)[i].load(std::memory_order_relaxed);
-    if (port == 0 || std::exchange(drones_[i].told_port, true)) continue;
+    if (port == 0 || std::exchange(drones_[i].reported_port, true)) continue;
     news.push_back(
-        fmt::format("{}: what comes to its state port from port {} of its address is not believed, but from "
+        fmt::format("{}: what comes to its state port from port {} of its address is not trusted, but from "
                     "port {} alone ([tello] state_port)",
                     drones_[i].name, port, state_port_));
   }
@@ -178,9 +179,9 @@ void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
   auto probe = open_udp(drone.interface);
   const bool found = probe && connect_to(*probe, drone.address);
   const std::string trouble = !probe ? probe.error().what : found ? "" : "no route leads to " + text(drone.address);
-  if (trouble != drone.told) {
+  if (trouble != drone.reported) {
     if (!trouble.empty()) news.push_back(fmt::format("{}: {}; tried again each second", drone.name, trouble));
-    drone.told = trouble;
+    drone.reported = trouble;
   }
   const int commands = drone.commands.get();
   if (!found || (drone.reached && same_interface(commands, probe->get()) && same_address(commands, probe->get())))

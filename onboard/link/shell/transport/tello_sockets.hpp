@@ -20,8 +20,8 @@ namespace ledgerline::link {
 /// The UDP sockets toward all drones. Commands: one for each drone, behind its interface where it has one, connected to
 /// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface,
 /// since drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port,
-/// and through its interface. Whoever is in the drone's network can write both as the sender: it is a fence against
-/// mistakes and mere neighbours.
+/// and through its interface. A host in the drone's network can forge both: it is a fence against mistakes and mere
+/// neighbours.
 class TelloSockets final : public Transport {
  public:
   /// Fails where one drone has no socket, or the port of the state texts is taken. In the first case send_first_zero()
@@ -38,8 +38,8 @@ class TelloSockets final : public Transport {
   std::span<const AtDevice> at_device() noexcept override;
 
   /// A connected socket keeps the address and the interface that it
-  /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or anew, an adapter
-  /// plugged in again). Returns what changed, and which drones' state text comes from a port that is not believed, for
+  /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or again, an adapter
+  /// plugged in again). Returns what changed, and which drones' state text comes from a port that is not accepted, for
   /// people.
   std::vector<std::string> tend() override;
 
@@ -54,8 +54,8 @@ class TelloSockets final : public Transport {
     std::string interface;
     Descriptor commands;
     bool reached = false;  ///< a way to it was found; tend()'s
-    std::string told;      ///< the newest trouble; tend()'s
-    bool told_port = false;
+    std::string reported;  ///< the newest trouble; tend()'s
+    bool reported_port = false;
     TimeNs sent_ns = 0;  ///< CLOCK_REALTIME before the newest datagram was sent, until its stamp is read; the loop's
   };
   struct StateText {

@@ -33,7 +33,7 @@ std::string text(const sockaddr_in& address);
 Result<Descriptor> open_udp(const std::string& interface);
 
 /// Fails where any other socket has a part of this, and lets none in behind it: of two sockets that share a port
-/// (SO_REUSEADDR, whoever's they are) the newer or more exact one gets the datagrams.
+/// (SO_REUSEADDR, of any process) the newer or more exact one gets the datagrams.
 Status listen_alone(const Descriptor& socket, const sockaddr_in& address);
 /// The same, but beside sockets of this program, `own`, which share the port for the moment of the bind alone.
 Status listen_beside(std::span<const int> own, const Descriptor& socket, const sockaddr_in& address);
@@ -41,7 +41,7 @@ Status listen_beside(std::span<const int> own, const Descriptor& socket, const s
 /// From now on the kernel drops what does not come from exactly there. False where no route leads there yet.
 bool connect_to(const Descriptor& socket, const sockaddr_in& address) noexcept;
 
-/// From now on sent_at() tells of what this socket sends.
+/// From now on sent_at() reports what this socket sends.
 Status stamp_sends(const Descriptor& socket);
 /// When the network device had a datagram of this socket that was sent at `since_ns` or later: CLOCK_REALTIME, from the
 /// kernel's software stamp. None: no device had one yet, or its driver does not stamp. Does not wait; the loop's.
@@ -49,10 +49,10 @@ std::optional<TimeNs> sent_at(const Descriptor& socket, TimeNs since_ns) noexcep
 
 /// By its index: an adapter that was unplugged and plugged in again has another, by the same name.
 bool same_interface(int one, int other) noexcept;
-/// Of their own: a Wi-Fi that is joined anew may lend another.
+/// Of their own: a Wi-Fi that is joined again may lend another.
 bool same_address(int one, int other) noexcept;
 
-/// In one step, for whoever reads and writes `old` meanwhile: its number now names the other one.
+/// In one step, for threads that read and write `old` meanwhile: its number now names the other one.
 Status put_in_place_of(int old, Descriptor replacement);
 
 }  // namespace ledgerline::link

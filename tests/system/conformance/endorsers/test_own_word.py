@@ -31,9 +31,9 @@ def until_all_have(ledger, folder: pathlib.Path, drone: str, record: dict) -> No
     """A peer may be a block behind the one that was asked first."""
     for organisation in ORGANISATIONS:
         for _ in range(50):
-            if (told := control(ledger, folder, organisation, drone)) == record:
+            if (reported := control(ledger, folder, organisation, drone)) == record:
                 break
-        assert told == record, organisation
+        assert reported == record, organisation
 
 
 @contextlib.contextmanager
@@ -48,13 +48,13 @@ def asleep(ledger, organisation: int):
 
 
 def test_each_organisations_peer_tells_another_ones_member_the_record(tmp_path, ledger, enroll, drone_host, operator):
-    enroll("told")
-    before = drone_host.read("get", "control/told")
-    until_all_have(ledger, tmp_path, "told", before)
-    operator.submit("acquire", "told")
-    after = drone_host.read("get", "control/told")
+    enroll("reported")
+    before = drone_host.read("get", "control/reported")
+    until_all_have(ledger, tmp_path, "reported", before)
+    operator.submit("acquire", "reported")
+    after = drone_host.read("get", "control/reported")
     assert after != before
-    until_all_have(ledger, tmp_path, "told", after)
+    until_all_have(ledger, tmp_path, "reported", after)
     for organisation in ORGANISATIONS:
         done = ask(ledger, tmp_path, organisation, "get", "control/nobodys")
         assert done.returncode == 1 and "control/nobodys: not found" in done.stderr, done

@@ -10,11 +10,11 @@ const { Timestamp } = require('google-protobuf/google/protobuf/timestamp_pb.js')
 const { common, gateway: gatewayProtos, ledger, msp, orderer, peer } = require('@hyperledger/fabric-protos');
 
 const [gatewayEndpoint, gatewayCa, ordererEndpoint, ordererCa, channelName, contractName] = process.argv.slice(2);
-const patience = 20_000; // ms; nothing on a quiet machine takes a tenth of it
+const timeout = 20_000; // ms; nothing on a quiet machine takes a tenth of it
 const dial = (endpoint, ca) => new grpc.Client(endpoint, grpc.credentials.createSsl(fs.readFileSync(ca)));
 const rpc = dial(gatewayEndpoint, gatewayCa);
 const ordererRpc = dial(ordererEndpoint, ordererCa);
-const within = () => ({ deadline: Date.now() + patience });
+const within = () => ({ deadline: Date.now() + timeout });
 const base64 = (bytes) => Buffer.from(bytes ?? []).toString('base64');
 const bytesOf = (text) => Buffer.from(text, 'base64');
 
@@ -62,7 +62,7 @@ async function statusOf(submitted) {
 
 async function take(stream, count, each) {
   const found = [];
-  const timer = setTimeout(() => stream.close(), patience);
+  const timer = setTimeout(() => stream.close(), timeout);
   try {
     if (count === 0) return found;
     for await (const item of stream) {
@@ -218,7 +218,7 @@ async function forge(request, endorsedTransaction) {
 }
 
 const toBuffer = (message) => Buffer.from(message.serializeBinary());
-const unary = (method, message, Response, ms = patience) => new Promise((resolve, reject) => {
+const unary = (method, message, Response, ms = timeout) => new Promise((resolve, reject) => {
   rpc.makeUnaryRequest(method, toBuffer, Response.deserializeBinary, message, { deadline: Date.now() + ms },
     (error, answer) => (error ? reject(error) : resolve(answer)));
 });

@@ -150,7 +150,7 @@ TEST_F(AssetsTest, OneAssetInJsonHasASingleForm) {
   EXPECT_EQ(parsed<Assets>(stub.call(other, "get", {R"({"id":"tello1/*"})"}).payload).assets_size(), 1);
 }
 
-TEST_F(AssetsTest, ManyAssetsInJsonAndUnknownFieldsAreTold) {
+TEST_F(AssetsTest, ManyAssetsInJsonAndUnknownFieldsAreReported) {
   EXPECT_EQ(stub.call(host, "set", {R"({"assets":[{"id":"tello1/a","msgType":"t"},{"id":"tello1/b","msgType":"t"}]})"})
                 .status,
             200);
@@ -326,7 +326,7 @@ TEST_F(AssetsTest, ManyIdsInOneOldFrameCostAsMuchAsOne) {
   EXPECT_EQ(stub.looked, 3U) << "with the empty one that enroll made";
 }
 
-TEST_F(AssetsTest, HistoryPagesHaveNoGapAndNoDoubletWhileNewVersionsArrive) {
+TEST_F(AssetsTest, HistoryPagesHaveNoGapAndNoDuplicateWhileNewVersionsArrive) {
   std::vector<std::string> expected;
   for (int i = 0; i < 300; ++i) {
     set(host, {asset("tello1/odom", std::to_string(i)), asset("tello2/odom")}, true);

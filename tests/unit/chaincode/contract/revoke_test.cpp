@@ -59,7 +59,7 @@ TEST_F(RevokeTest, WhoIsRevokedTakesStopsResumesAndEvictsNothing) {
     for (const char* function : {"acquire", "stop", "resume", "evict"}) {
       if (function == std::string("evict") && who == pilot) continue;  // who may not in any case
       EXPECT_THAT(stub.call(who, function, {"tello1"}).message,
-                  HasSubstr(" is revoked; an administrator of " + who.msp_id + " may enroll it anew"))
+                  HasSubstr(" is revoked; an administrator of " + who.msp_id + " may enroll it again"))
           << function;
     }
   }

@@ -279,7 +279,7 @@ class World {
     };
     switch (random_.next() % 10) {
       case 0:
-        as(people().stranger);
+        as(people().outsider);
         break;
       case 1:
         as(people().expired);

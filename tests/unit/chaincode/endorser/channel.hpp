@@ -35,7 +35,7 @@ struct People {
   /// Each has a drone. The last is the one who is revoked.
   const std::vector<Member> hosts{issue(first, "host0", "client"), issue(first, "host1", "client"),
                                   issue(first, "leaver", "client")};
-  const Member foreigner = issue(second, "pilot", "client"), stranger = issue(impostors, "host0", "client"),
+  const Member foreigner = issue(second, "pilot", "client"), outsider = issue(impostors, "host0", "client"),
                expired = issue(first, "old", "client", 1);
   /// Certificates of the organisation's own endorser, used one after the other; and one that ends early.
   const std::vector<Member> endorsers{issue(first, "endorser0", "peer"), issue(first, "endorser1", "peer"),

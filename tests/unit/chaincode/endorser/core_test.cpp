@@ -234,8 +234,8 @@ TEST_F(OwnEndorserTest, ASnapshotThatIsNotWholeIsRefused) {
 
 TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
   Core client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
-  Core stranger{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
-  for (Core* one : {&client, &stranger}) {
+  Core outsider{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
+  for (Core* one : {&client, &outsider}) {
     for (const std::string& raw : net.chain) ASSERT_TRUE(one->take(*fabric::decode_block(raw), raw).ok());
     const Reply reply = one->process_proposal(net.propose(net.host, "set", note("tello1/a")).signed_proposal, net.now);
     EXPECT_EQ(reply.code, Code::unavailable);
@@ -243,10 +243,10 @@ TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
   }
 }
 
-TEST_F(OwnEndorserTest, StrangersWrongSignaturesAndDuplicatesAreRefusedInThePeersWords) {
-  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
-  EXPECT_EQ(beside_the_node(net.propose(stranger, "get", "tello1/a")), Comparison::same);
-  EXPECT_EQ(ask(net.propose(stranger, "get", "tello1/a")).code, Code::unknown);
+TEST_F(OwnEndorserTest, OutsidersWrongSignaturesAndDuplicatesAreRefusedInThePeersWords) {
+  const auto outsider = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  EXPECT_EQ(beside_the_node(net.propose(outsider, "get", "tello1/a")), Comparison::same);
+  EXPECT_EQ(ask(net.propose(outsider, "get", "tello1/a")).code, Code::unknown);
   protos::SignedProposal wrong;
   wrong.ParseFromString(net.propose(net.host, "set", note("tello1/a")).signed_proposal);
   wrong.set_signature("wrong");

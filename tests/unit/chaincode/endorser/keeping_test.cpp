@@ -7,45 +7,45 @@ namespace {
 
 fabric::Checkpoint of(std::uint64_t number, const std::string& hash = "h") { return {"c", number, hash, "records"}; }
 
-TEST(Keeping, WhatThePeerHasToldIsWrittenAtOnce) {
+TEST(Keeping, WhatThePeerHasReportedIsWrittenAtOnce) {
   Keeping keeping;
-  EXPECT_FALSE(keeping.told(4, "h"));
+  EXPECT_FALSE(keeping.reported(4, "h"));
   const auto due = keeping.offer(of(4));
   ASSERT_TRUE(due);
   EXPECT_EQ(due->number, 4U);
-  EXPECT_FALSE(keeping.told(5, "h")) << "once";
+  EXPECT_FALSE(keeping.reported(5, "h")) << "once";
 }
 
-TEST(Keeping, WhatAnOrdererAloneHasToldWaitsForThePeer) {
+TEST(Keeping, WhatAnOrdererAloneHasReportedWaitsForThePeer) {
   Keeping keeping;
   EXPECT_FALSE(keeping.offer(of(5))) << "the peer has told nothing yet";
-  EXPECT_FALSE(keeping.told(4, "h"));
-  const auto due = keeping.told(5, "h");
+  EXPECT_FALSE(keeping.reported(4, "h"));
+  const auto due = keeping.reported(5, "h");
   ASSERT_TRUE(due);
   EXPECT_EQ(due->number, 5U);
-  EXPECT_FALSE(keeping.told(6, "h")) << "once";
+  EXPECT_FALSE(keeping.reported(6, "h")) << "once";
 }
 
 TEST(Keeping, ANewerOneTakesThePlaceOfOneThatWaits) {
   Keeping keeping;
-  EXPECT_FALSE(keeping.told(1, "h"));
+  EXPECT_FALSE(keeping.reported(1, "h"));
   EXPECT_FALSE(keeping.offer(of(5)));
   EXPECT_FALSE(keeping.offer(of(9)));
-  EXPECT_FALSE(keeping.told(5, "h"));
-  EXPECT_TRUE(keeping.told(9, "h"));
+  EXPECT_FALSE(keeping.reported(5, "h"));
+  EXPECT_TRUE(keeping.reported(9, "h"));
 }
 
 TEST(Keeping, OneOfAnotherBlockThanThePeersIsNeverWritten) {
   Keeping keeping;
   EXPECT_FALSE(keeping.offer(of(5, "forged")));
-  EXPECT_FALSE(keeping.told(5, "h"));
-  EXPECT_FALSE(keeping.told(6, "h"));
+  EXPECT_FALSE(keeping.reported(5, "h"));
+  EXPECT_FALSE(keeping.reported(6, "h"));
 }
 
-TEST(Keeping, ABlockThatIsToldAgainTakesNothingBack) {
+TEST(Keeping, ABlockThatIsReportedAgainTakesNothingBack) {
   Keeping keeping;
-  EXPECT_FALSE(keeping.told(7, "h"));
-  EXPECT_FALSE(keeping.told(3, "h"));
+  EXPECT_FALSE(keeping.reported(7, "h"));
+  EXPECT_FALSE(keeping.reported(3, "h"));
   EXPECT_TRUE(keeping.offer(of(6)));
 }
 

@@ -70,7 +70,7 @@ std::vector<crypto::SigningIdentity> wrong_creators(const crypto::SigningIdentit
   // Of an authority that has the organisation's name, and not its key.
   const auto authority = crypto::make_ca("ca.org1.ledgerline", "org1.ledgerline");
   const auto made =
-      crypto::issue(*authority, {.common_name = "stranger", .organization = "", .unit = "client", .sans = {}});
+      crypto::issue(*authority, {.common_name = "outsider", .organization = "", .unit = "client", .sans = {}});
   msp::SerializedIdentity of_nobody = own;
   of_nobody.set_id_bytes(made->certificate_pem);
   return {{one.name, of_another_msp.SerializeAsString(), one.signer},

@@ -61,7 +61,7 @@ class RandomProposals : public ::testing::Test {
         Core::Setup{{}, people().endorsers[0].identity, fabric::BlockJudge::registry_of(library)});
   }
   /// With what the peer's snapshot of now says, in place of all blocks.
-  void begin_anew() {
+  void restart() {
     const auto said = read_peer_snapshot(snapshot_of(*snapshot_from(core_->snapshot())), {}, {});
     ASSERT_TRUE(said.ok()) << said.error().what;
     auto judge = fabric::BlockJudge::from(channel_.blocks[0], "teleop", library);
@@ -198,7 +198,7 @@ TEST_F(RandomProposals, BehindAPeersSnapshotAreAnsweredAsByThePeer) {
   const int count = slow ? 60 : seeds(200, 2'000);
   for (int snapshots = 0; snapshots < 3 && !HasFatalFailure(); ++snapshots) {
     ask_many(count);
-    begin_anew();
+    restart();
   }
   ask_many(count);
   EXPECT_GT(tallies_[Kind::command].endorsed, 0);

@@ -188,7 +188,7 @@ TEST_F(WithinTest, AFirstStartGoesOnBehindAPeersSnapshot) {
   EXPECT_EQ(other["restored"], 0) << other;
 }
 
-TEST_F(WithinTest, WithBlocksAsTheyAreOrderedItsCheckpointIsOfABlockThatThePeerHasTold) {
+TEST_F(WithinTest, WithBlocksAsTheyAreOrderedItsCheckpointIsOfABlockThatThePeerHasReported) {
   const auto identity = organisation() / "peers/peer0.org1.ledgerline/msp";
   const std::string file = organisation() / "endorser.checkpoint";
   const auto first = send_states(identity, fabric::BlockSource::ordered, file);

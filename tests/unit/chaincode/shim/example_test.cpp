@@ -175,7 +175,7 @@ TEST_F(ExampleTest, WithAClientCaOnlyPeersWithItsCertificateAreServed) {
   EXPECT_TRUE(Peer(endpoint, grpc::SslCredentials(tls)).registers());
 }
 
-TEST_F(ExampleTest, OfThatAuthoritysCertificatesOnlyThoseWithANameThatItIsToldAreServed) {
+TEST_F(ExampleTest, OfThatAuthoritysCertificatesOnlyThoseWithAKnownNameAreServed) {
   const auto ca = crypto::make_ca("tlsca", "org1");
   ASSERT_TRUE(ca);
   const auto issue = [&](const std::string& name, const std::vector<std::string>& sans) {

@@ -104,11 +104,11 @@ TEST_F(DownlinkTest, NothingEchoes) {
   EXPECT_THAT(take({set({own}, org1)}), ElementsAre("/a=1"));
 }
 
-TEST_F(DownlinkTest, DoubletsAreDroppedByOriginTopicAndSequence) {
+TEST_F(DownlinkTest, DuplicatesAreDroppedByOriginTopicAndSequence) {
   take({set({asset("Org2MSP/a", 1), asset("Org2MSP/a", 2)})});
   EXPECT_THAT(take({set({asset("Org2MSP/a", 1), asset("Org2MSP/a", 2), asset("Org2MSP/a", 3), asset("Org2MSP/b", 1)})}),
               ElementsAre("/a=3", "/b=1"));
-  EXPECT_EQ(refused(Refusal::doublet), 1U);
+  EXPECT_EQ(refused(Refusal::duplicate), 1U);
   EXPECT_EQ(refused(Refusal::repeated), 1U) << "the newest one again, as frames carry it along";
 }
 
@@ -120,7 +120,7 @@ TEST_F(DownlinkTest, GapsInASequenceAreCounted) {
 TEST_F(DownlinkTest, ABridgeThatWasStartedAgainCountsAnewAndItsFormerLifeIsOver) {
   take({set({asset("Org2MSP/a", 5, 1)})});
   EXPECT_THAT(take({set({asset("Org2MSP/a", 1, 2), asset("Org2MSP/a", 6, 1)})}), ElementsAre("/a=1"));
-  EXPECT_EQ(refused(Refusal::doublet), 1U);
+  EXPECT_EQ(refused(Refusal::duplicate), 1U);
 }
 
 TEST_F(DownlinkTest, TwoWritersOfOneTopicHaveSequencesOfTheirOwn) {
@@ -143,8 +143,8 @@ TEST_F(DownlinkTest, AnIdOfAnOrganisationByAnotherIsNotPublished) {
 TEST_F(DownlinkTest, WithoutAGoodSignatureOfAMemberNothingIsPublished) {
   auto forged = set({asset("Org2MSP/a", 1)});
   forged.spoil.creator_signature = true;
-  EXPECT_THAT(take({forged, set({asset("Org9MSP/a", 1)}, {"Org9MSP", "CN=stranger"})}), IsEmpty());
-  EXPECT_EQ(refused(Refusal::unbelieved), 2U);
+  EXPECT_THAT(take({forged, set({asset("Org9MSP/a", 1)}, {"Org9MSP", "CN=outsider"})}), IsEmpty());
+  EXPECT_EQ(refused(Refusal::unverified), 2U);
 }
 
 TEST_F(DownlinkTest, InvalidTransactionsAndOtherContractsSayNothing) {
@@ -196,16 +196,16 @@ TEST_F(DownlinkTest, TopicsOfPilotsMocapAndDronesAreNeverTakenByAWildcard) {
 
 TEST_F(DownlinkTest, AnotherIdsTypeDoesNotTakeATopicFromTheOneThatHasIt) {
   take({set({asset("Org2MSP/a", 1)})});
-  const crypto::IdentityName stranger{"Org1MSP", "CN=stranger"};
+  const crypto::IdentityName outsider{"Org1MSP", "CN=outsider"};
   Asset foreign = asset("Org1MSP/a", 1);
   foreign.set_msg_type("p/msg/B");
   foreign.mutable_origin()->set_writer(99);
-  EXPECT_THAT(take({set({foreign}, stranger), set({asset("Org2MSP/a", 2)})}), ElementsAre("/a=2"));
+  EXPECT_THAT(take({set({foreign}, outsider), set({asset("Org2MSP/a", 2)})}), ElementsAre("/a=2"));
   EXPECT_EQ(refused(Refusal::wrong_type), 1U);
   Asset changed = asset("Org2MSP/a", 3);
   changed.set_msg_type("p/msg/B");
   foreign.mutable_origin()->set_sequence(2);
-  EXPECT_THAT(take({set({changed}), set({foreign}, stranger)}), ElementsAre("/a=3", "/a=1"))
+  EXPECT_THAT(take({set({changed}), set({foreign}, outsider)}), ElementsAre("/a=3", "/a=1"))
       << "the one that has it may change it, and who follows is taken";
 }
 
@@ -273,7 +273,7 @@ TEST_F(DownlinkTest, AnIdThatTheContractRefusesIsNotKeptAndSpoilsNoReport) {
     downlink->on_values(real_now, values, out);
   }
   EXPECT_EQ(downlink->topics().size(), 1U);
-  EXPECT_EQ(downlink->unbelievable_transactions(), 3U);
+  EXPECT_EQ(downlink->invalid_transactions(), 3U);
   EXPECT_NO_THROW((void)report(*downlink).dump());
 }
 
@@ -296,13 +296,13 @@ TEST_F(DownlinkTest, LatchedValuesAreReadByThoseWhoComeLateAndNotTwice) {
 }
 
 TEST_F(DownlinkTest, WhoMayNotWriteAnOrganisationsIdsLeavesItRoomForThem) {
-  const crypto::IdentityName rival{"Org1MSP", "CN=rival"}, stranger{"Org9MSP", "CN=stranger"};
+  const crypto::IdentityName rival{"Org1MSP", "CN=rival"}, outsider{"Org9MSP", "CN=outsider"};
   for (std::size_t i = 0; i < Downlink::max_ids_of_one; ++i) {
-    for (const auto& by : {rival, stranger}) take({set({asset("Org2MSP/t" + std::to_string(i), 1)}, by)});
+    for (const auto& by : {rival, outsider}) take({set({asset("Org2MSP/t" + std::to_string(i), 1)}, by)});
   }
   EXPECT_THAT(take({set({asset("Org2MSP/a", 1), asset("Org2MSP/t1", 1)})}), ElementsAre("/a=1", "/t1=1"));
   EXPECT_EQ(refused(Refusal::wrong_writer), Downlink::max_ids_of_one);
-  EXPECT_EQ(refused(Refusal::unbelieved), Downlink::max_ids_of_one);
+  EXPECT_EQ(refused(Refusal::unverified), Downlink::max_ids_of_one);
 }
 
 TEST_F(DownlinkTest, IdsAndWritersAreBounded) {

@@ -289,7 +289,7 @@ TEST_F(UplinkTest, OfARefusedCallTheOthersGoAgainAndTheRefusedTopicPauses) {
   expect_sums();
 }
 
-TEST_F(UplinkTest, AStrangersNameInARefusalIsNoTopics) {
+TEST_F(UplinkTest, AnOutsidersNameInARefusalIsNoTopics) {
   make({rule("/*")});
   const auto a = open("/a"), b = open("/tello1/b");
   add(a, "1");

@@ -91,6 +91,11 @@ TEST(Config, AKeyThatNobodyAskedForIsAnErrorWithItsLine) {
   EXPECT_EQ(what.find("rate_hz:"), std::string::npos) << what;
 }
 
+TEST(Config, AKeyOfTheReleaseBeforeIsRefusedWithItsNewName) {
+  auto config = config_of("[ledger]\npatience = \"auto\"\n");
+  EXPECT_EQ(problems(config), "link.toml:2: ledger.patience: is ledger.timeouts now");
+}
+
 TEST(Config, NotANumberIsNoNumberInRange) {
   auto config = config_of("a = nan\nb = inf\n");
   EXPECT_EQ(config.number("a", 1.0, 0, 2), 1.0);

@@ -87,7 +87,7 @@ TEST_F(Msp, RenewalKeepsTheName) {
   EXPECT_EQ(first->name, second->name);
 }
 
-TEST_F(Msp, StrangersAreRefusedWithTheReason) {
+TEST_F(Msp, OutsidersAreRefusedWithTheReason) {
   const auto user = user_of(ca_, "User1@org1", "client");
   EXPECT_EQ(refusal(serialized("Org9MSP", user.certificate_pem)), "MSP Org9MSP is unknown");
   EXPECT_NE(refusal(serialized("Org1MSP", user_of(other_ca_, "User1@org1", "client").certificate_pem))

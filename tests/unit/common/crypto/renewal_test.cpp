@@ -97,7 +97,7 @@ TEST(EndOfACertificate, IsCountedInWholeDays) {
   EXPECT_EQ(ends(end_s, end_s + 1), Ends::over);
 }
 
-TEST(EndOfACertificate, IsToldOnceADayFromAMonthBefore) {
+TEST(EndOfACertificate, IsReportedOnceADayFromAMonthBefore) {
   Renewal renewal("raven", "CN=raven", end_s);
   EXPECT_FALSE(renewal.look(end_s - 31 * day_s));
   const auto first = renewal.look(end_s - 30 * day_s + 1);

@@ -115,7 +115,7 @@ TEST_F(Revocation, AnEntryOfAConfigurationIsReadAsFabricReadsIt) {
   }
 }
 
-TEST_F(Revocation, WhoHandsListsOverIsToldWhoseTheyAreAndWhichIsNone) {
+TEST_F(Revocation, WhoHandsListsOverIsReportedWhoseTheyAreAndWhichIsNone) {
   const std::vector<MspRoot> roots{{"Org2MSP", other_ca_.certificate_pem}, {"Org1MSP", ca_.certificate_pem}};
   const auto why = [&](const std::string& text) { return read_revocation_lists(text, roots).error().what; };
   const std::string list = list_of(ca_, peer_.certificate_pem), other = list_of(other_ca_, peer_.certificate_pem);

@@ -28,7 +28,7 @@ class Topics : public testing::Test {
   Discovery watch(std::size_t bound = 100) {
     auto made = Discovery::create(
         own_,
-        [this](const TopicSeen& seen) {
+        [this](const DiscoveredTopic& seen) {
           if (seen.topic.starts_with("/seen/")) seen_.add(seen);
         },
         bound);
@@ -46,29 +46,29 @@ class Topics : public testing::Test {
     return std::move(*made);
   }
   /// What was told n-th.
-  TopicSeen told(std::size_t n) {
+  DiscoveredTopic reported(std::size_t n) {
     if (!seen_.wait_for(n + 1)) throw std::runtime_error("nothing more was told");
     return seen_.items()[n];
   }
 
   ParticipantPtr own_, other_;
-  Inbox<TopicSeen> seen_;
+  Inbox<DiscoveredTopic> seen_;
 };
 
-TEST_F(Topics, AreToldAsTheyAppearChangeAndVanish) {
+TEST_F(Topics, AreReportedAsTheyAppearChangeAndVanish) {
   const auto before = writer(other_, "/seen/early", nested, {.transient_local = true, .depth = 3});
   const Discovery discovery = watch();
-  EXPECT_EQ(told(0), (TopicSeen{"/seen/early", nested, {true, true, 3}, 1, 0, false}));
+  EXPECT_EQ(reported(0), (DiscoveredTopic{"/seen/early", nested, {true, true, 3}, 1, 0, false}));
   {
     const auto reads = reader(other_, "/seen/late", nested, {.reliable = false});
-    EXPECT_EQ(told(1), (TopicSeen{"/seen/late", nested, told(1).qos, 0, 1, false}));
-    EXPECT_FALSE(told(1).qos.reliable);
+    EXPECT_EQ(reported(1), (DiscoveredTopic{"/seen/late", nested, reported(1).qos, 0, 1, false}));
+    EXPECT_FALSE(reported(1).qos.reliable);
     const auto writes = writer(other_, "/seen/late");
-    EXPECT_EQ(told(2), (TopicSeen{"/seen/late", nested, {true, false, 10}, 1, 1, false}));
+    EXPECT_EQ(reported(2), (DiscoveredTopic{"/seen/late", nested, {true, false, 10}, 1, 1, false}));
   }
-  EXPECT_EQ(told(3).writers, 0);
-  EXPECT_EQ(told(3).readers, 1);
-  EXPECT_EQ(told(4), (TopicSeen{"/seen/late", nested, {}, 0, 0, false}));
+  EXPECT_EQ(reported(3).writers, 0);
+  EXPECT_EQ(reported(3).readers, 1);
+  EXPECT_EQ(reported(4), (DiscoveredTopic{"/seen/late", nested, {}, 0, 0, false}));
 }
 
 TEST_F(Topics, ATypeThatChangesVanishesAndAppears) {
@@ -77,29 +77,29 @@ TEST_F(Topics, ATypeThatChangesVanishesAndAppears) {
     const auto writes = writer(other_, "/seen/changing", type);
     ASSERT_TRUE(seen_.wait_for(type == nested ? 1 : 3));
   }
-  EXPECT_EQ(told(0).type, nested);
-  EXPECT_EQ(told(1), (TopicSeen{"/seen/changing", nested, {}, 0, 0, false}));
-  EXPECT_EQ(told(2).type, other_type);
-  EXPECT_EQ(told(2).writers, 1);
-  EXPECT_FALSE(told(2).clash);
-  EXPECT_EQ(told(3), (TopicSeen{"/seen/changing", other_type, {}, 0, 0, false}));
+  EXPECT_EQ(reported(0).type, nested);
+  EXPECT_EQ(reported(1), (DiscoveredTopic{"/seen/changing", nested, {}, 0, 0, false}));
+  EXPECT_EQ(reported(2).type, other_type);
+  EXPECT_EQ(reported(2).writers, 1);
+  EXPECT_FALSE(reported(2).clash);
+  EXPECT_EQ(reported(3), (DiscoveredTopic{"/seen/changing", other_type, {}, 0, 0, false}));
 }
 
-TEST_F(Topics, ATypeClashWithOthersOrWithUsIsTold) {
+TEST_F(Topics, ATypeClashWithOthersOrWithUsIsReported) {
   const Discovery discovery = watch();
   const auto one = writer(other_, "/seen/clash");
-  EXPECT_FALSE(told(0).clash);
+  EXPECT_FALSE(reported(0).clash);
   {
     const auto two = writer(other_, "/seen/clash", other_type);
     ASSERT_TRUE(seen_.wait_for(3));
-    EXPECT_TRUE(told(1).clash);
-    EXPECT_TRUE(told(2).clash);
-    EXPECT_NE(told(1).type, told(2).type);
+    EXPECT_TRUE(reported(1).clash);
+    EXPECT_TRUE(reported(2).clash);
+    EXPECT_NE(reported(1).type, reported(2).type);
   }
-  EXPECT_EQ(told(3), (TopicSeen{"/seen/clash", other_type, {}, 0, 0, false}));
-  EXPECT_EQ(told(4), (TopicSeen{"/seen/clash", nested, {}, 1, 0, false}));
+  EXPECT_EQ(reported(3), (DiscoveredTopic{"/seen/clash", other_type, {}, 0, 0, false}));
+  EXPECT_EQ(reported(4), (DiscoveredTopic{"/seen/clash", nested, {}, 1, 0, false}));
   const auto ours = reader(own_, "/seen/clash", other_type);
-  EXPECT_EQ(told(5), (TopicSeen{"/seen/clash", nested, {}, 1, 0, true}));
+  EXPECT_EQ(reported(5), (DiscoveredTopic{"/seen/clash", nested, {}, 1, 0, true}));
   EXPECT_EQ(ours.writers(), 0);
 }
 
@@ -110,8 +110,8 @@ TEST_F(Topics, TheQosIsOneThatHearsAllWritersAndSatisfiesAllReaders) {
   const auto d = reader(other_, "/seen/wanted", nested, {.reliable = false, .transient_local = true});
   const Discovery discovery = watch();
   const auto last_of = [&](const std::string& topic) {
-    TopicSeen last;
-    for (const TopicSeen& seen : seen_.items()) {
+    DiscoveredTopic last;
+    for (const DiscoveredTopic& seen : seen_.items()) {
       if (seen.topic == topic) last = seen;
     }
     return last;
@@ -130,7 +130,7 @@ TEST_F(Topics, ServicesTopicsAndOurOwnAreLeftOut) {
   ASSERT_TRUE(service.open_writer(other_->handle(), "rq/seen/serviceRequest", "made_up::srv::dds_::Add_Request_", {}));
   const auto ours = writer(own_, "/seen/ours");
   const auto theirs = writer(other_, "/seen/theirs");
-  EXPECT_EQ(told(0).topic, "/seen/theirs");
+  EXPECT_EQ(reported(0).topic, "/seen/theirs");
   EXPECT_EQ(seen_.items().size(), 1u);
 }
 
@@ -161,8 +161,8 @@ class NodeReader {
   bool opened() const { return opened_; }
   bool sees(const Node& node) {
     return eventually([&] {
-      const auto told = nodes_.items();
-      return !told.empty() && told.back() == node;
+      const auto reported = nodes_.items();
+      return !reported.empty() && reported.back() == node;
     });
   }
 

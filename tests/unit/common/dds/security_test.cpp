@@ -131,14 +131,14 @@ class SecurityOfDds : public testing::Test {
 
 TEST_F(SecurityOfDds, MembersHearEachOtherAndOutsidersNeitherReadNorSend) {
   make_members(folder_ / "org1", {"host1", "host2"});
-  make_members(folder_ / "strangers", {"host2"});
+  make_members(folder_ / "outsiders", {"host2"});
   const auto met = meet(
       folder_ / "org1/host1",
-      {{"member", folder_ / "org1/host2"}, {"stranger", folder_ / "strangers/host2"}, {"insecure", ""}}, {"member"});
+      {{"member", folder_ / "org1/host2"}, {"outsider", folder_ / "outsiders/host2"}, {"insecure", ""}}, {"member"});
   EXPECT_TRUE(met.at("member").matched);
   EXPECT_EQ(met.at("member").heard, messages);
   EXPECT_EQ(met.at("member").got, static_cast<int>(messages));
-  for (const char* outsider : {"stranger", "insecure"}) {
+  for (const char* outsider : {"outsider", "insecure"}) {
     EXPECT_EQ(met.at(outsider).heard, 0u) << outsider;
     EXPECT_EQ(met.at(outsider).got, 0) << outsider;
   }
@@ -195,10 +195,10 @@ TEST_F(SecurityOfDds, AFileThatIsMissingOrAKeyThatOthersMayReadIsNamed) {
 
 TEST_F(SecurityOfDds, DocumentsThatTheAuthorityDidNotSignAreRefused) {
   make_members(folder_ / "org1", {"host1"});
-  make_members(folder_ / "strangers", {"host1"});
+  make_members(folder_ / "outsiders", {"host1"});
   ParticipantOptions options = on_own_domain();
   options.security = files_in(folder_ / "org1/host1");
-  options.security->permissions = folder_ / "strangers/host1/permissions.p7s";
+  options.security->permissions = folder_ / "outsiders/host1/permissions.p7s";
   EXPECT_FALSE(Participant::create(options));
 }
 

@@ -52,7 +52,7 @@ TEST(PoseMessages, AnOdometryAndAPoseAreTakenAsTheyAre) {
   EXPECT_EQ((*of_pose)->position_m[2], 6);
 }
 
-TEST(PoseMessages, WhatIsCutOrToldToBeEndlessIsRefused) {
+TEST(PoseMessages, WhatIsCutOrOrderedToBeEndlessIsRefused) {
   const std::string good = named_poses({"tello1", "tello2"});
   for (std::size_t cut = 0; cut < good.size(); ++cut)
     EXPECT_FALSE(pose_from_message(PoseMessage::named_pose_array, good.substr(0, cut), "tello2")) << cut;

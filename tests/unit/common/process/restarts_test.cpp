@@ -9,7 +9,7 @@ namespace {
 
 constexpr Restarts::Limits restart_limits{3, 60 * ns_per_s, 100 * ns_per_ms, 300 * ns_per_ms};
 
-TEST(Restarts, WaitsAreDoubledUpToTheLongestAndAtMostAHalfIsLeftOut) {
+TEST(Restarts, WaitsAreDoubledUpToTheMaximumAndAtMostAHalfIsLeftOut) {
   Restarts restarts(restart_limits, 1);
   TimeNs now = 5 * ns_per_s;
   for (const TimeNs wait : {100 * ns_per_ms, 200 * ns_per_ms, 300 * ns_per_ms}) {

@@ -17,7 +17,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-TEST(WatchdogPace, SpeaksAtHalfTheManagersPatience) {
+TEST(WatchdogPace, SpeaksAtHalfTheManagersTimeout) {
   WatchdogPace pace(2 * ns_per_s);
   EXPECT_TRUE(pace.due(10 * ns_per_s, 1));
   EXPECT_FALSE(pace.due(10'999 * ns_per_ms, 2));
@@ -73,7 +73,7 @@ class ServiceManagerTest : public ::testing::Test {
   std::string path_;
 };
 
-TEST_F(ServiceManagerTest, IsToldByOneDatagramEach) {
+TEST_F(ServiceManagerTest, IsReportedByOneDatagramEach) {
   listen(::testing::TempDir() + "/notify_" + std::to_string(::getpid()));
   ::setenv("WATCHDOG_USEC", "2000000", 1);
   auto manager = ServiceManager::from_environment();
@@ -137,9 +137,9 @@ TEST_F(ServiceManagerTest, ThatIsGoneIsAnErrorThatNamesTheMessage) {
   ::setenv("NOTIFY_SOCKET", (::testing::TempDir() + "/notify_of_nobody").c_str(), 1);
   auto manager = ServiceManager::from_environment();
   ASSERT_TRUE(manager.ok());
-  const Status told = manager->ready();
-  ASSERT_FALSE(told.ok());
-  EXPECT_THAT(told.error().what, HasSubstr("not told READY=1: No such file"));
+  const Status reported = manager->ready();
+  ASSERT_FALSE(reported.ok());
+  EXPECT_THAT(reported.error().what, HasSubstr("not sent READY=1: No such file"));
 }
 
 TEST_F(ServiceManagerTest, VariablesThatCannotBeMeantAreRefused) {

@@ -31,7 +31,7 @@ TEST(Mailbox, WakesTheLoopWhileThereIsSomethingToTake) {
   EXPECT_FALSE(readable(box));
 }
 
-TEST(Mailbox, ItsLoopIsWokenWithoutALetterToo) {
+TEST(Mailbox, ItsLoopIsWokenWithoutAnEventToo) {
   Box box;
   box.wait(0);
   box.wake();
@@ -40,7 +40,7 @@ TEST(Mailbox, ItsLoopIsWokenWithoutALetterToo) {
   EXPECT_FALSE(readable(box));
 }
 
-TEST(Mailbox, LettersComeInOrderAndNoneIsLostHoweverSlowTheLoopIs) {
+TEST(Mailbox, EventsComeInOrderAndNoneIsLostHoweverSlowTheLoopIs) {
   Box box(4);
   constexpr std::uint64_t count = 5000;
   std::thread stream([&] {
@@ -49,15 +49,15 @@ TEST(Mailbox, LettersComeInOrderAndNoneIsLostHoweverSlowTheLoopIs) {
   std::uint64_t next = 0;
   std::size_t most = 0;
   while (next < count) {
-    const auto letters = box.take_all();
-    most = std::max(most, letters.size());
-    for (const std::uint64_t letter : letters) EXPECT_EQ(letter, next++);
+    const auto events = box.take_all();
+    most = std::max(most, events.size());
+    for (const std::uint64_t event : events) EXPECT_EQ(event, next++);
   }
   stream.join();
   EXPECT_LE(most, 4U) << "a full box makes the stream wait";
 }
 
-TEST(Mailbox, OtherLettersNeverWaitForRoom) {
+TEST(Mailbox, OtherEventsNeverWaitForRoom) {
   Box box(1);
   box.put_in_turn(1);
   for (int i = 0; i < 10; ++i) box.put(9);
@@ -74,15 +74,15 @@ TEST(Mailbox, ClosingLetsTheStreamGoAndThrowsAwayWhatComesLater) {
   EXPECT_EQ(box.take_all().size(), 1U);
 }
 
-TEST(Mailbox, LettersThatNobodyTookEndWithTheBox) {
-  const auto letter = std::make_shared<int>(1);
+TEST(Mailbox, EventsThatNobodyTookEndWithTheMailbox) {
+  const auto event = std::make_shared<int>(1);
   {
     Mailbox<std::shared_ptr<int>> box;
-    box.put(letter);
-    box.put_in_turn(letter);
-    EXPECT_EQ(letter.use_count(), 3);
+    box.put(event);
+    box.put_in_turn(event);
+    EXPECT_EQ(event.use_count(), 3);
   }
-  EXPECT_EQ(letter.use_count(), 1);
+  EXPECT_EQ(event.use_count(), 1);
 }
 
 /// As in agent and ground: a stream that waits for room, others that never wait, a loop that sleeps until it is woken.
@@ -110,8 +110,8 @@ TEST(Mailbox, OfManyThreadsNothingIsLostDoubledOrOutOfOrderAndNoWakeIsMissed) {
     const TimeNs before = monotonic_ns();
     box.wait(5 * ns_per_s);
     missed += monotonic_ns() - before >= 5 * ns_per_s ? 1 : 0;
-    for (const std::uint64_t letter : box.take_all()) {
-      wrong += letter / threads == next[letter % threads]++ ? 0 : 1;
+    for (const std::uint64_t event : box.take_all()) {
+      wrong += event / threads == next[event % threads]++ ? 0 : 1;
       ++taken;
     }
   }
@@ -129,9 +129,9 @@ TEST(Mailbox, WhoWaitsForRoomIsLetInByEachTake) {
   });
   for (std::uint64_t k = 0; k < 100;) {
     std::this_thread::sleep_for(std::chrono::microseconds(200));  // it waits by now
-    const auto letters = box.take_all();
-    ASSERT_LE(letters.size(), 1U);
-    for (const std::uint64_t letter : letters) EXPECT_EQ(letter, k++);
+    const auto events = box.take_all();
+    ASSERT_LE(events.size(), 1U);
+    for (const std::uint64_t event : events) EXPECT_EQ(event, k++);
   }
   stream.join();
 }

@@ -108,8 +108,8 @@ TEST_F(TlsFromFiles, AreKeptWhereTheNewOnesAreBad) {
   EXPECT_EQ(&tls.context(), first);
   write(issue());
   tls.look();
-  const auto mended = tls.look();
-  EXPECT_TRUE(mended && *mended);
+  const auto repaired = tls.look();
+  EXPECT_TRUE(repaired && *repaired);
 }
 
 }  // namespace

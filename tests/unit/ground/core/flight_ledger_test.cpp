@@ -66,7 +66,7 @@ class FlightByHand : public testing::Test {
     (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   }
   /// What tello1 will be told then, upward, as the predictor has it.
-  double told_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).told_mps().z(); }
+  double sent_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).sent_mps().z(); }
   FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "", bool more = false) {
     const fabric::Outcome outcome = fabric::Outcome::failed(kind, message);
     FlightInputs inputs;
@@ -149,7 +149,7 @@ TEST_F(FlightByHand, ACallRefusedForOneDroneIsSentAgainAtOnceWithoutIt) {
   EXPECT_EQ(core.transactions().refused, 1u);
 }
 
-TEST_F(FlightByHand, AStrangersNameInARefusalIsNoDrones) {
+TEST_F(FlightByHand, AnOutsidersNameInARefusalIsNoDrones) {
   const auto first = states({1, 2});
   const auto again = outcome(first.submissions[0].id, Kind::refused,
                              "chaincode response 500, tello1: the lease is held by Org2MSP CN=a tello2: b");
@@ -217,7 +217,7 @@ TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
 }
 
 TEST_F(FlightByHand, AnAlarmOfADronesAgentIsNewsAndIsSaidAndCounted) {
-  const auto told = [&](bool stands) {
+  const auto reported = [&](bool stands) {
     SetCall call;
     Asset* asset = call.add_assets();
     asset->set_id("tello2/alarm");
@@ -225,15 +225,16 @@ TEST_F(FlightByHand, AnAlarmOfADronesAgentIsNewsAndIsSaidAndCounted) {
     asset->set_msg_data(alarms_to_cdr({}, "tello2", {{"chain_broken", stands, 3, "block 9 came where 8 was due", 9}}));
     return block(event("set", call.SerializeAsString()));
   };
-  const auto begins = told(true);
+  const auto begins = reported(true);
   ASSERT_EQ(begins.news.size(), 1U);
   EXPECT_FALSE(begins.news[0].alarm.empty());
-  EXPECT_THAT(begins.notes, testing::ElementsAre("tello2: its agent doubts the ledger: chain_broken (3 times): block 9 "
-                                                 "came where 8 was due"));
-  EXPECT_TRUE(core.status(1).ledger_doubted);
-  EXPECT_FALSE(core.status(0).ledger_doubted);
-  EXPECT_THAT(told(false).notes, testing::ElementsAre("tello2: its agent believes the ledger again"));
-  EXPECT_FALSE(core.status(1).ledger_doubted);
+  EXPECT_THAT(begins.notes,
+              testing::ElementsAre("tello2: its agent does not trust the ledger: chain_broken (3 times): block 9 "
+                                   "came where 8 was due"));
+  EXPECT_TRUE(core.status(1).ledger_untrusted);
+  EXPECT_FALSE(core.status(0).ledger_untrusted);
+  EXPECT_THAT(reported(false).notes, testing::ElementsAre("tello2: its agent trusts the ledger again"));
+  EXPECT_FALSE(core.status(1).ledger_untrusted);
   EXPECT_EQ(core.status(1).alarms, 2U);
 }
 
@@ -292,7 +293,7 @@ TEST_F(FlightByHand, AStopAsJsonCountsToo) {
 TEST_F(FlightByHand, ALostLeaseIsAFailure) {
   (void)states({1});
   Controls controls;
-  *controls.add_controls() = control_record("tello1", stranger_name, 2);
+  *controls.add_controls() = control_record("tello1", outsider_name, 2);
   (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   EXPECT_EQ(core.status(0).phase, DronePhase::failed);
   EXPECT_THAT(core.why(), HasSubstr("lost its lease to CN=User1@org3"));
@@ -300,7 +301,7 @@ TEST_F(FlightByHand, ALostLeaseIsAFailure) {
 
 TEST_F(FlightByHand, AnOlderRecordDoesNotUndoANewerOne) {
   Controls controls;
-  *controls.add_controls() = control_record("tello1", stranger_name, 0);
+  *controls.add_controls() = control_record("tello1", outsider_name, 0);
   (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   EXPECT_EQ(states({1}).submissions.size(), 1u);
 }
@@ -440,9 +441,9 @@ TEST_F(FlightByHand, APlanThatWaitsIsForgottenWithItsLease) {
   while (now_ns < first_ns + 90 * ns_per_ms) EXPECT_TRUE(flying({1}, 0).submissions.empty());
   // The plan on its way ends 0.6 s behind its beginning, the one that waits 90 ms later.
   const TimeNs end_ns = now_ns + 610 * ns_per_ms;
-  EXPECT_GT(told_mps(end_ns), 0.45);
+  EXPECT_GT(sent_mps(end_ns), 0.45);
   new_lease_of_tello1();
-  EXPECT_LT(told_mps(end_ns), 0.3);
+  EXPECT_LT(sent_mps(end_ns), 0.3);
 }
 
 TEST_F(FlightByHand, APlanOfAnEarlierLeaseThatWouldBeSentAgainIsForgotten) {
@@ -456,9 +457,9 @@ TEST_F(FlightByHand, APlanOfAnEarlierLeaseThatWouldBeSentAgainIsForgotten) {
   const auto later = call_of(flying({1}, 0));
   EXPECT_EQ(later.plans(0).epoch(), 3u);
   const TimeNs before_ns = later.plans(0).setpoints(0).at_ns() - ns_per_ms;
-  EXPECT_GT(told_mps(before_ns), 0.03);  // by the earlier plan
+  EXPECT_GT(sent_mps(before_ns), 0.03);  // by the earlier plan
   (void)outcome(earlier.submissions[0].id, Kind::refused, "chaincode response 500, tello2: not the holder");
-  EXPECT_EQ(told_mps(before_ns), 0);
+  EXPECT_EQ(sent_mps(before_ns), 0);
 }
 
 TEST_F(FlightByHand, TracesSayWhenStatesCameAndPlansWereMade) {

@@ -48,7 +48,7 @@ TEST(ManualFlight, StandsOnTheGroundUntilItsPilotSaysTakeOff) {
 
 TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
   Flying world;
-  ASSERT_TRUE(world.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  ASSERT_TRUE(world.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   world.run(2);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::waiting);
   EXPECT_THAT(world.core.why(), HasSubstr("lost its lease to CN=User1@org3"));
@@ -202,7 +202,7 @@ TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsSaidAndMayBeAskedAgain) {
 
 TEST(ManualFlight, ATakeOffThatCannotBeIsRefusedAndSaysWhy) {
   FlightWorld other(manual_config(1));
-  ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  ASSERT_TRUE(other.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   other.run(1);
   for (int i = 0; i < 100; ++i) other.say(takeoff());
   ASSERT_EQ(other.notes.size(), 1U) << "a flood of commands is no flood of the log";

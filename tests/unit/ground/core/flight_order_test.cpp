@@ -300,7 +300,7 @@ TEST(PilotOrder, APoseAgesWhileNoStateComes) {
 TEST(PilotOrder, WhileItsFailsafeBrakesItNoPathIsBegun) {
   InAir world;
   world.drones[0].mode = FailsafeMode::brake;
-  world.drones[0].cause = FailsafeCause::ledger_doubted;
+  world.drones[0].cause = FailsafeCause::ledger_untrusted;
   world.run(0.2);
   world.say(path({at(1, 1)}));
   EXPECT_THAT(last_note(world), HasSubstr("no path: its failsafe brakes it"));
@@ -506,7 +506,7 @@ TEST(PilotOrder, WhileItsPoseIsLostThePathWaits) {
 TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndAWordAboutIt) {
   FlightConfig config = order_config();
   config.path_factor = 0;  // half a minute
-  config.controller.told_mps = 0.1;
+  config.controller.full_scale_mps = 0.1;
   InAir world(config);
   world.say(path({at(50, 1)}, true));
   world.run(29);
@@ -523,7 +523,7 @@ TEST(PilotOrder, ALostLeaseEndsThePathAndHandedBackTheDroneHovers) {
   InAir world;
   world.say(path({at(4, 1)}));
   world.run(2);
-  ASSERT_TRUE(world.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  ASSERT_TRUE(world.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   world.run(1);
   EXPECT_EQ(world.phase(), DronePhase::waiting);
   EXPECT_TRUE(world.status().planned.empty());

@@ -102,7 +102,7 @@ TEST(Flight, WaitingTooLongNamesWhatIsMissing) {
   EXPECT_TRUE(empty.calls.empty());  // what link would refuse is not asked
 
   FlightWorld other(config_for(1));
-  ASSERT_TRUE(other.core.set_control(control_record("tello1", stranger_name, 2).SerializeAsString()));
+  ASSERT_TRUE(other.core.set_control(control_record("tello1", outsider_name, 2).SerializeAsString()));
   other.run(60);
   EXPECT_THAT(other.core.why(), HasSubstr("its lease is held by CN=User1@org3"));
 }

@@ -12,7 +12,7 @@ namespace ledgerline::ground {
 
 inline const crypto::IdentityName host_name{"Org1MSP", "CN=User1@org1"};
 inline const crypto::IdentityName operator_name{"Org2MSP", "CN=User1@org2"};
-inline const crypto::IdentityName stranger_name{"Org3MSP", "CN=User1@org3"};
+inline const crypto::IdentityName outsider_name{"Org3MSP", "CN=User1@org3"};
 
 inline Stop stop_of(const std::string& drone, const crypto::IdentityName& stopper, bool cut = false) {
   Stop stop;
@@ -182,7 +182,7 @@ class FlightWorld {
   void give(const FlightInputs& inputs) {
     FlightOutputs out = core.step(now_ns, inputs);
     traces.insert(traces.end(), out.traces.begin(), out.traces.end());
-    for (const DroneNews& one : out.news) news += one.odometry.empty() ? 0 : 1;
+    for (const DroneUpdate& one : out.news) news += one.odometry.empty() ? 0 : 1;
     notes.insert(notes.end(), out.notes.begin(), out.notes.end());
     for (const Submission& submission : out.submissions) {
       if (submission.call.function == "stop") {
@@ -236,7 +236,7 @@ class FlightWorld {
       }
       sample.yaw_rad = drone.model.motion.yaw_rad;
       for (std::size_t i = 0; i < 3; ++i)
-        sample.sent_velocity_mps[i] = static_cast<float>(drone.model.told_mps[static_cast<int>(i)]);
+        sample.sent_velocity_mps[i] = static_cast<float>(drone.model.full_scale_mps[static_cast<int>(i)]);
       if (!drone.plans.empty()) sample.arrived_sequence = drone.plans.back().sequence();
       sample.arrived_ns = drone.arrived_ns;
       for (const DronePlan& plan : drone.plans) {

@@ -28,8 +28,8 @@ Odometry sample_odometry() {
   return odometry;
 }
 
-DroneNews sample_news() {
-  DroneNews news;
+DroneUpdate sample_news() {
+  DroneUpdate news;
   news.state.emplace();
   news.state->sdk_state_fresh = true;
   news.state->attitude_rad = {0, 0, std::numbers::pi_v<float> / 2};
@@ -48,7 +48,7 @@ TEST(Topics, NamesAreTheDronesExceptWhereOneServesAll) {
 }
 
 TEST(Topics, WhatTheLedgerHasGoesOnAsItIs) {
-  const DroneNews news = sample_news();
+  const DroneUpdate news = sample_news();
   EXPECT_EQ(*topic("/odom").make(news, "tello1"), news.odometry);
   EXPECT_EQ(*topic("/battery").make(news, "tello1"), news.battery);
   EXPECT_EQ(*topic("/diagnostics").make(news, "tello1"), news.transitions);
@@ -57,7 +57,7 @@ TEST(Topics, WhatTheLedgerHasGoesOnAsItIs) {
 }
 
 TEST(Topics, PoseAndTransformAreTheOdometrys) {
-  const DroneNews news = sample_news();
+  const DroneUpdate news = sample_news();
   const Odometry odometry = sample_odometry();
   EXPECT_EQ(*topic("/pose").make(news, "tello1"),
             to_cdr(PoseStamped{odometry.header, odometry.position_m, odometry.orientation}));
@@ -78,17 +78,17 @@ TEST(Topics, TheImuHasTheMomentOfItsState) {
 }
 
 TEST(Topics, AnImuOfATelloThatIsSilentIsNotMadeUp) {
-  DroneNews news = sample_news();
+  DroneUpdate news = sample_news();
   news.state->sdk_state_fresh = false;
   EXPECT_EQ(*topic("/imu").make(news, "tello1"), "");
 }
 
 TEST(Topics, NoNewsAreNoMessages) {
-  for (const DroneTopic& one : drone_topics) EXPECT_EQ(*one.make(DroneNews{}, "tello1"), "") << one.name;
+  for (const DroneTopic& one : drone_topics) EXPECT_EQ(*one.make(DroneUpdate{}, "tello1"), "") << one.name;
 }
 
 TEST(Topics, WhatIsNoSuchMessageIsAnErrorAndGoesNowhere) {
-  DroneNews news = sample_news();
+  DroneUpdate news = sample_news();
   news.odometry.resize(100);
   news.battery.resize(20);
   news.transitions.resize(20);

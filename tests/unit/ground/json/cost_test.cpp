@@ -42,7 +42,7 @@ struct Reader {
 const std::vector<std::string> names{"tello1"};
 const std::deque<service::Event> events;
 const std::vector<service::Operator> operators;
-const service::Known known{names, "[]", "{}", events, operators};
+const service::ApiContext known{names, "[]", "{}", events, operators};
 
 std::vector<Reader> readers() {
   return {{"request",
@@ -138,7 +138,7 @@ TEST(CostOfReading, EndsAtTheFirstValueTooMany) {
   EXPECT_TRUE(json::object_from(text(2'900), "the body", bounds));
 }
 
-TEST(CostOfReading, TheLongestMissionAndPathAreWithinTheBounds) {
+TEST(CostOfReading, TheLargestMissionAndPathAreWithinTheBounds) {
   std::string waypoints;
   for (std::size_t i = 0; i < motion::max_waypoints; ++i)
     waypoints += fmt::format(R"({}{{"x":{},"y":2,"z":1,"speed":0.5}})", i > 0 ? "," : "", i % 2);

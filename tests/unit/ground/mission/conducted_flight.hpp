@@ -104,7 +104,7 @@ struct Flight {
     }
     return words;
   }
-  std::vector<std::string> told() const {
+  std::vector<std::string> reported() const {
     std::vector<std::string> words;
     for (const RunEvent& event : events) words.push_back(event.drone + (event.drone.empty() ? "" : ": ") + event.text);
     return words;

@@ -76,7 +76,7 @@ TEST(MissionRestored, ItGoesOnWithTheRestOfEachPathInOneStepWhenAllAreFound) {
   EXPECT_THAT(flight.ordered.at("tello1").waypoints, SizeIs(1));
   EXPECT_THAT(flight.ordered.at("tello2").waypoints, SizeIs(1));
   EXPECT_TRUE(flight.ordered.at("tello2").land_behind);
-  EXPECT_THAT(flight.told(), Contains("mission survey goes on after a restart"));
+  EXPECT_THAT(flight.reported(), Contains("mission survey goes on after a restart"));
   flight.ends_path("tello1");
   flight.ends_path("tello2");
   flight.step();
@@ -95,7 +95,7 @@ TEST(MissionRestored, WhatTheCheckForbidsByNowHoversUntilSomebodyResumes) {
   flight.step();
   EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
-  EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: tello1: its battery is for 20 s")));
+  EXPECT_THAT(flight.reported(), Contains(HasSubstr("all hover: tello1: its battery is for 20 s")));
   ASSERT_TRUE(flight.run.resume());
   flight.step();
   EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
@@ -166,7 +166,7 @@ TEST(MissionRestored, ItHoversIfItsApprovalsCannotBeRead) {
   flight.step(31);
   EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
-  EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
+  EXPECT_THAT(flight.reported(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
 }
 
 // Whoever can write the kept file must not fly a path that nobody has approved.
@@ -178,7 +178,7 @@ TEST(MissionRestored, WhatIsNotApprovedHovers) {
   flight.step();
   EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
-  EXPECT_THAT(flight.told(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
+  EXPECT_THAT(flight.reported(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
   EXPECT_THAT(flight.run.resume().error().what, HasSubstr("0 of 1 approvals"));
   flight.approve();
   EXPECT_TRUE(flight.run.resume());
@@ -232,11 +232,11 @@ TEST(MissionRestored, WhoeverIsFoundOnTheGroundOrIsNotFoundIsLost) {
   Killed flight(AfterRestart::go_on, {.on_loss = OnLoss::go_on});
   flight.lands("tello1");
   flight.step();
-  EXPECT_THAT(flight.told(), Contains("tello1: mission survey lost it: it was found on the ground"));
+  EXPECT_THAT(flight.reported(), Contains("tello1: mission survey lost it: it was found on the ground"));
   flight.step(29);
   EXPECT_THAT(flight.commands, IsEmpty());
   flight.step(2);
-  EXPECT_THAT(flight.told(), Contains("tello2: mission survey lost it: it was not found in the air"));
+  EXPECT_THAT(flight.reported(), Contains("tello2: mission survey lost it: it was not found in the air"));
   EXPECT_EQ(flight.run.phase(), RunPhase::aborted);
 }
 
@@ -260,7 +260,7 @@ TEST(MissionRestored, OneThatWasLandingAtItsEndAndHasLandedIsNoLoss) {
   flight.rises("tello1");
   flight.step();
   EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path"));
-  EXPECT_THAT(flight.told(), Contains("tello2: mission survey: it has landed"));
+  EXPECT_THAT(flight.reported(), Contains("tello2: mission survey: it has landed"));
 }
 
 TEST(MissionRestored, AnAbortedOneLandsWhoeverIsStillInTheAir) {

@@ -48,7 +48,7 @@ TEST(MissionRun, AllTakeOffAndBeginTheirPathsInTheSameStepWhenAllHover) {
   flight.lands("tello2");
   flight.step();
   EXPECT_EQ(flight.run.phase(), RunPhase::done);
-  EXPECT_THAT(flight.told(), Contains("mission survey is done"));
+  EXPECT_THAT(flight.reported(), Contains("mission survey is done"));
   flight.step(100);
   EXPECT_THAT(flight.commands, IsEmpty());
 }
@@ -159,7 +159,7 @@ TEST(MissionRun, OneThatIsPausedByHandPausesAll) {
   flight.step();
   EXPECT_THAT(flight.commanded(), ElementsAre("tello2 pause"));
   EXPECT_TRUE(flight.run.paused());
-  EXPECT_THAT(flight.told(), Contains("mission survey: all hover: tello1 was paused"));
+  EXPECT_THAT(flight.reported(), Contains("mission survey: all hover: tello1 was paused"));
 }
 
 TEST(MissionRun, EndedAllLand) {
@@ -201,7 +201,7 @@ TEST(MissionRun, ALossIsAnsweredByItsRule) {
       flight.to_paths();
       loss.happens(flight, flight.drone("tello1"));
       flight.step();
-      EXPECT_THAT(flight.told(),
+      EXPECT_THAT(flight.reported(),
                   Contains(testing::AllOf(HasSubstr("tello1: mission survey lost it"), HasSubstr(loss.words))))
           << loss.what;
       const bool ours = flight.run.phase() == RunPhase::aborted;
@@ -222,7 +222,7 @@ TEST(MissionRun, ALossIsAnsweredByItsRule) {
   }
 }
 
-TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndToldAgain) {
+TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndCommandedAgain) {
   Flight flight;
   ASSERT_TRUE(flight.run.start({}));
   flight.step();
@@ -251,7 +251,7 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   flight.step(2);
   EXPECT_FALSE(flight.run.paused());
   flight.step(2);
-  EXPECT_THAT(flight.told(), Contains("tello1: mission survey lost it: it did not take off"));
+  EXPECT_THAT(flight.reported(), Contains("tello1: mission survey lost it: it did not take off"));
   EXPECT_TRUE(flight.run.paused());
   flight.rises("tello2");
   ASSERT_TRUE(flight.run.resume());
@@ -266,7 +266,7 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   other.deaf = "tello2";
   other.step();
   other.step(4);
-  EXPECT_THAT(other.told(), Contains("tello2: mission survey lost it: it did not begin its path"));
+  EXPECT_THAT(other.reported(), Contains("tello2: mission survey lost it: it did not begin its path"));
   EXPECT_THAT(other.commanded(), ElementsAre("tello1 pause"));
 }
 
@@ -278,7 +278,7 @@ TEST(MissionRun, WhoeverWasFlownElsewhereWhileItWaitedIsLost) {
   flight.step();
   ++flight.drone("tello1").paths;  // to a place of its pilot's, where it hovers now
   flight.step();
-  EXPECT_THAT(flight.told(), Contains("tello1: mission survey lost it: somebody else flies it"));
+  EXPECT_THAT(flight.reported(), Contains("tello1: mission survey lost it: somebody else flies it"));
 }
 
 TEST(MissionRun, ATakeOffThatNeverEndsIsALoss) {
@@ -289,7 +289,7 @@ TEST(MissionRun, ATakeOffThatNeverEndsIsALoss) {
   flight.step(39);
   EXPECT_FALSE(flight.run.paused());
   flight.step(2);
-  EXPECT_THAT(flight.told(), Contains("tello2: mission survey lost it: it did not take off"));
+  EXPECT_THAT(flight.reported(), Contains("tello2: mission survey lost it: it did not take off"));
 }
 
 TEST(MissionRun, WithNoDroneLeftItIsAborted) {

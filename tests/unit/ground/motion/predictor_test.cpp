@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "tests/unit/ground/motion/told_drone.hpp"
+#include "tests/unit/ground/motion/reported_drone.hpp"
 
 namespace ledgerline::motion {
 namespace {
@@ -16,7 +16,7 @@ PredictorConfig knowing(const Response& response) {
   PredictorConfig config;
   config.first = response;
   config.learn = false;
-  config.told_acceleration_mps2 = 1e3;  // the drone of these tests is told in steps
+  config.sent_acceleration_mps2 = 1e3;  // the drone of these tests is told in steps
   return config;
 }
 
@@ -59,7 +59,7 @@ struct World {
       }
       // What is flown is the same for every plan: what is told at a moment depends on that moment alone.
       const TimeNs meant_ns = (drone.now_ns - late_ns) / (50 * ns_per_ms) * (50 * ns_per_ms);
-      drone.told =
+      drone.sent =
           drone.now_ns - late_ns < 100 * ns_per_s + delay_ns ? Eigen::Vector3d(0, 0, 0) : around_a_square(meant_ns);
       drone.step();
       while (!expected.empty() && expected.front().at_ns <= drone.now_ns) {
@@ -73,7 +73,7 @@ struct World {
     return std::sqrt(squares / std::max(1, count));
   }
 
-  ToldDrone drone;
+  ReportedDrone drone;
   Predictor predictor;
 };
 
@@ -137,7 +137,7 @@ TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   EXPECT_EQ(one.until(3 * ns_per_s).effect().position_m, two.until(3 * ns_per_s).effect().position_m);
 }
 
-TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
+TEST(Predictor, WhatTheDroneWasSentCountsWithoutANewPose) {
   Predictor predictor(knowing(known));
   const auto flying_on = steady(ns_per_s, 0.7F, 100);
   TimeNs t = ns_per_s;
@@ -163,7 +163,7 @@ TEST(Predictor, WhatTheDroneWasToldCountsWithoutANewPose) {
   EXPECT_GT(on_m, 0.7 * known.lag_s);
 }
 
-TEST(Predictor, WhatTheDroneWasToldToTurnSinceItsPoseIsInItsHeading) {
+TEST(Predictor, WhatTheDroneWasOrderedToTurnSinceItsPoseIsInItsHeading) {
   constexpr TimeNs old_ns = 200 * ns_per_ms;
   constexpr float rate_radps = 1.75F;
   Predictor predictor(knowing(known));
@@ -207,7 +207,7 @@ TEST(Predictor, ANewerPlanReplacesTheOlderFromItsFirstSetpointOn) {
   EXPECT_NEAR(later - when_stopped, known.lag_s, 0.05);  // what a drone of 1 m/s still rolls on
 }
 
-TEST(Predictor, BehindAPlansEndTheDroneIsToldToStopAsLinkDoes) {
+TEST(Predictor, BehindAPlansEndTheDroneIsOrderedToStopAsLinkDoes) {
   struct Case {
     std::vector<Setpoint> plan;
     TimeNs hold_ns;  // of the last setpoint
@@ -226,14 +226,14 @@ TEST(Predictor, BehindAPlansEndTheDroneIsToldToStopAsLinkDoes) {
   }
 }
 
-TEST(Predictor, ToldVelocitiesChangeNoFasterThanLinkLetsThem) {
+TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
   PredictorConfig slow = knowing(known);
-  slow.told_acceleration_mps2 = 1;
+  slow.sent_acceleration_mps2 = 1;
   Predictor predictor(slow);
   predictor.observe(at(ns_per_s, 0), 0);
   auto rollout = predictor.until(ns_per_s);
   rollout.tell({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms);
-  EXPECT_NEAR(rollout.told_mps().x(), 0.5, 1e-6);
+  EXPECT_NEAR(rollout.sent_mps().x(), 0.5, 1e-6);
 }
 
 TEST(Predictor, AJumpOrALongPauseStartsTheFilterAnew) {
@@ -250,7 +250,7 @@ TEST(Predictor, TimesYearsApartCostNoMoreThanOthers) {
   Predictor predictor(knowing(known));
   predictor.observe(at(ns_per_s, 0), 0);
   constexpr TimeNs years = INT64_MAX / 4;
-  EXPECT_LE(predictor.until(years).told_until_ns(), ns_per_s + Predictor::max_ns + ns_per_s);
+  EXPECT_LE(predictor.until(years).sent_until_ns(), ns_per_s + Predictor::max_ns + ns_per_s);
   predictor.observe(at(years, 0), INT64_MAX / 8);
   EXPECT_TRUE(predictor.until(years).effect().position_m.allFinite());
   EXPECT_TRUE(predictor.until(0).effect().position_m.allFinite());

@@ -3,19 +3,19 @@
 #include <gtest/gtest.h>
 
 #include "ground/motion/predictor.hpp"
-#include "tests/unit/ground/motion/told_drone.hpp"
+#include "tests/unit/ground/motion/reported_drone.hpp"
 
 namespace ledgerline::motion {
 namespace {
 
 /// What is learned in so many seconds around a square.
 Response learned(const Response& truth, double seconds, double gust_mps, double noise_m, bool moves = true) {
-  ToldDrone drone(truth, gust_mps, noise_m);
+  ReportedDrone drone(truth, gust_mps, noise_m);
   Predictor predictor{PredictorConfig{}};
   const TimeNs end_ns = drone.now_ns + from_seconds(seconds);
   for (TimeNs t = drone.now_ns; t < end_ns; t += state_period_ns) {
     while (drone.now_ns < t) {
-      if (moves) drone.told = around_a_square(drone.now_ns);
+      if (moves) drone.sent = around_a_square(drone.now_ns);
       drone.step();
     }
     predictor.observe(drone.state(), 0);
@@ -50,20 +50,20 @@ TEST(Response, NothingIsLearnedFromADroneThatHoversInTheWind) {
 
 TEST(Response, ADroneThatChangesIsLearnedAnew) {
   ResponseEstimator estimator({});
-  ToldDrone first({1.0, 0.3, 0.1}), second({0.7, 0.3, 0.1});
-  std::deque<std::pair<TimeNs, Eigen::Vector2d>> told;
-  const auto told_at = [&](TimeNs t) -> Eigen::Vector2d { return around_a_square(t).head<2>(); };
-  for (ToldDrone* drone : {&first, &second}) {
+  ReportedDrone first({1.0, 0.3, 0.1}), second({0.7, 0.3, 0.1});
+  std::deque<std::pair<TimeNs, Eigen::Vector2d>> sent;
+  const auto sent_at = [&](TimeNs t) -> Eigen::Vector2d { return around_a_square(t).head<2>(); };
+  for (ReportedDrone* drone : {&first, &second}) {
     estimator.interrupt();
     const TimeNs end_ns = drone->now_ns + 60 * ns_per_s;
     for (TimeNs t = drone->now_ns; t < end_ns; t += state_period_ns) {
       while (drone->now_ns < t) {
-        drone->told = around_a_square(drone->now_ns);
+        drone->sent = around_a_square(drone->now_ns);
         drone->step();
       }
       // The second flight comes after the first.
       const TimeNs offset_ns = drone == &second ? 60 * ns_per_s : 0;
-      estimator.add(drone->now_ns + offset_ns, drone->position.head<2>(), told_at);
+      estimator.add(drone->now_ns + offset_ns, drone->position.head<2>(), sent_at);
     }
     EXPECT_NEAR(estimator.response().gain, drone == &first ? 1.0 : 0.7, 0.1);
   }

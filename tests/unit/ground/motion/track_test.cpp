@@ -11,9 +11,9 @@ namespace {
 constexpr double a = TrackLimits{}.acceleration_mps2;
 const double radius_m = TrackLimits{}.cut_m / (std::sqrt(2.0) - 1);  // of a corner of 90 degrees
 
-Track track_of(Shape shape, double side_m, double told_mps = 3) {
+Track track_of(Shape shape, double side_m, double full_scale_mps = 3) {
   TrackLimits limits;
-  limits.told_mps = told_mps;
+  limits.full_scale_mps = full_scale_mps;
   return {waypoints_of(shape, side_m), {0.5, -0.25}, 1.0, limits};
 }
 

@@ -102,7 +102,7 @@ TEST(Plugin, WhatIsNoControllerIsRefusedByName) {
   const std::pair<std::string, const char*> cases[] = {
       {"/nowhere/my.so", "there is no file /nowhere/my.so"},
       {text, "no_library.so cannot be loaded"},
-      {OLD_CONTROLLER, "is made for version 0 of the interface, this program has version 1: build it anew"},
+      {OLD_CONTROLLER, "is made for version 0 of the interface, this program has version 1: build it again"},
       {LACKING_CONTROLLER, "lacks its name or one of create, start, observe, plan, destroy"},
       {NO_CONTROLLER, "has no ledgerline_controller()"},
   };

@@ -25,12 +25,12 @@ fabric::Block block_of(std::uint64_t number, std::vector<fabric::Transaction> tr
   return block;
 }
 
-json told(const BlockSummary& block) { return json::parse(blocks_message({block}, 0))["blocks"][0]; }
+json reported(const BlockSummary& block) { return json::parse(blocks_message({block}, 0))["blocks"][0]; }
 
 TEST(Blocks, CountsWhatABlockHolds) {
   const auto block = block_of(7, {call("set", "host"), call("set", "host"), call("command", "us"),
-                                  call("command", "us", 11), call("stop", "stranger")});
-  const json said = told(summary_of(block, 5 * ns_per_ms, "us", "ledgerline"));
+                                  call("command", "us", 11), call("stop", "client")});
+  const json said = reported(summary_of(block, 5 * ns_per_ms, "us", "ledgerline"));
   EXPECT_EQ(said["n"], 7);
   EXPECT_EQ(said["t_ms"], 5);
   EXPECT_EQ(said["txs"], 5);
@@ -44,7 +44,7 @@ TEST(Blocks, WhoeverNamesAFunctionAsHeLikesIsOneOfTheOthers) {
   elsewhere.contract = "another";
   config.config = true;
   const auto block = block_of(1, {call("<script>", "x"), call("config", "x"), elsewhere, config});
-  const json said = told(summary_of(block, 0, "us", "ledgerline"));
+  const json said = reported(summary_of(block, 0, "us", "ledgerline"));
   EXPECT_EQ(said["kinds"], json({{"other", 3}, {"config", 1}}));
 }
 
@@ -61,7 +61,7 @@ TEST(Blocks, EveryFunctionThatWritesWhoMayDoWhatIsAKind) {
     EXPECT_NE(std::find(block_kinds.begin(), block_kinds.end(), function), block_kinds.end()) << function;
 }
 
-TEST(Blocks, AMessageHasThoseThatAreNotTold) {
+TEST(Blocks, AMessageHasThoseThatAreNotReported) {
   const std::deque<BlockSummary> blocks{{.number = 4}, {.number = 5}, {.number = 6}};
   const json said = json::parse(blocks_message(blocks, 4));
   EXPECT_EQ(said["op"], "blocks");

@@ -41,7 +41,7 @@ class CertificateEndsOfAgents : public testing::Test {
   CertificateEnds ends_;
 };
 
-TEST_F(CertificateEndsOfAgents, AreToldByWhatTheyWrite) {
+TEST_F(CertificateEndsOfAgents, AreReportedByWhatTheyWrite) {
   ends_.note(block_of("set", identity_of("raven", 20)));
   ends_.note(block_of("set", identity_of("crow", 100)));
   const auto words = ends_.look(now_s_);

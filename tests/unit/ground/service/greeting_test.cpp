@@ -7,12 +7,12 @@
 namespace ledgerline::ground::service {
 namespace {
 
-nlohmann::json told(const Greeting& greeting) {
+nlohmann::json reported(const Greeting& greeting) {
   return nlohmann::json::parse(Hub({"tello1"}, greeting, {}, ns_per_s).greeting());
 }
 
 TEST(Greeting, SaysHowItIsFlown) {
-  const auto hello = told({.manual = true, .speed_mps = 0.5, .cmd_timeout_ns = 500 * ns_per_ms});
+  const auto hello = reported({.manual = true, .speed_mps = 0.5, .cmd_timeout_ns = 500 * ns_per_ms});
   EXPECT_EQ(hello["op"], "hello");
   EXPECT_GT(hello["started_ms"], 0);
   EXPECT_EQ(hello["manual"], true);
@@ -21,9 +21,9 @@ TEST(Greeting, SaysHowItIsFlown) {
 }
 
 TEST(Greeting, SaysTheFenceOrThatNoneIsKnown) {
-  EXPECT_EQ(told({.fence = mission::Fence{.min_m = {-5, -4.25, 0}, .max_m = {5, 4, 2.5}}})["fence"],
+  EXPECT_EQ(reported({.fence = mission::Fence{.min_m = {-5, -4.25, 0}, .max_m = {5, 4, 2.5}}})["fence"],
             nlohmann::json::parse(R"({"min_m":[-5,-4.25,0],"max_m":[5,4,2.5]})"));
-  EXPECT_TRUE(told({}).at("fence").is_null());
+  EXPECT_TRUE(reported({}).at("fence").is_null());
 }
 
 }  // namespace

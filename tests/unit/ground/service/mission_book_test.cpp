@@ -57,7 +57,7 @@ class Book : public testing::Test {
       world.run(0.05);
       auto out = book.step(world.now_ns, world.core);
       for (const PilotCommand& command : out.commands) world.say(command);
-      for (const auto& event : out.events) told.push_back(event.text);
+      for (const auto& event : out.events) reported.push_back(event.text);
       kept.insert(kept.end(), out.kept.begin(), out.kept.end());
       ended.insert(ended.end(), out.ended.begin(), out.ended.end());
     }
@@ -70,7 +70,7 @@ class Book : public testing::Test {
 
   FlightWorld world{config_of(3)};
   MissionBook book{{}, operator_name};
-  std::vector<std::string> told, kept, ended;
+  std::vector<std::string> reported, kept, ended;
 };
 
 TEST_F(Book, AMissionIsAddedApprovedFlownAndRecorded) {
@@ -87,7 +87,7 @@ TEST_F(Book, AMissionIsAddedApprovedFlownAndRecorded) {
   EXPECT_EQ(one(id)["reached"]["tello2"], 2);
   EXPECT_THAT(ended, ElementsAre(id));
   EXPECT_THAT(kept, Contains(id));
-  EXPECT_THAT(told, Contains("mission survey is done"));
+  EXPECT_THAT(reported, Contains("mission survey is done"));
   EXPECT_FALSE(book.busy());
   const json record = json::parse(book.record(id, 1'700'000'000));
   EXPECT_EQ(record["phase"], "done");
@@ -101,7 +101,7 @@ TEST_F(Book, WithoutApprovalsByTheRightOrganisationNothingStarts) {
   const auto id = add(mission_of("survey", {"tello1"}));
   ASSERT_TRUE(id);
   EXPECT_THAT(start(*id).error().what, HasSubstr("0 of 1 approvals"));
-  book.set_signers(*id, {stranger_name});
+  book.set_signers(*id, {outsider_name});
   EXPECT_FALSE(start(*id)) << "anybody may anchor a digest";
   EXPECT_TRUE(one(*id)["approvals"].empty());
   book.set_signers(*id, {operator_name});
@@ -112,7 +112,7 @@ TEST_F(Book, WhoStartsItHoldsAllOfItsDrones) {
   world.run(1);
   const std::string id = approved("survey", {"tello1", "tello2"});
   EXPECT_THAT(start(id, alice).error().what, HasSubstr("tello1: its lease is held by CN=User1@org2: take control"));
-  (void)world.core.set_control(control_record("tello2", stranger_name, 2).SerializeAsString());
+  (void)world.core.set_control(control_record("tello2", outsider_name, 2).SerializeAsString());
   EXPECT_THAT(start(id).error().what, HasSubstr("tello2: its lease is held by"));
 }
 
@@ -138,7 +138,7 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   EXPECT_FALSE(book.has(first));
 }
 
-TEST_F(Book, WhatForbidsItIsToldAndForbidsIt) {
+TEST_F(Book, WhatForbidsItIsReportedAndForbidsIt) {
   world.run(1);
   const std::string id = approved("survey", {"tello1"});
   mission::Finding finding;
@@ -210,7 +210,7 @@ TEST_F(Book, ADroneThatIsHandedOverIsLostForItsMissionAndHovers) {
   ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
   run(0.5);
   EXPECT_EQ(world.core.status(0).phase, DronePhase::manual) << "a path is its giver's";
-  EXPECT_THAT(told, Contains(HasSubstr("lost it: ")));
+  EXPECT_THAT(reported, Contains(HasSubstr("lost it: ")));
   run(2);
   EXPECT_TRUE(one(id)["paused"].get<bool>());
   EXPECT_EQ(world.core.status(1).phase, DronePhase::manual) << "all hover";

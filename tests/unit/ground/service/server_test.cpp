@@ -191,7 +191,7 @@ TEST_F(StationServer, AClientHearsTheNewestBlocksAndWhatItHasIsNotSaidAgain) {
     return said["blocks"];
   };
   const json first = next();
-  ASSERT_EQ(first.size(), max_told_blocks);
+  ASSERT_EQ(first.size(), max_reported_blocks);
   EXPECT_EQ(first[0]["n"], 71) << "those before are nobody's news any more";
   server->publish_blocks({{.number = 121}});
   const json second = next();
@@ -303,15 +303,15 @@ TEST_F(StationServer, TheLastEventsReachEveryoneBeforeItEnds) {
   EXPECT_EQ(read(*client)["op"], "hello");
   publish_event(1);
   std::jthread ending([&] { server->end(); });
-  bool told = false;
+  bool reported = false;
   beast::flat_buffer buffer;
   beast::error_code error;
   while (!error) {
     client->read(buffer, error);
-    told = told || beast::buffers_to_string(buffer.data()).find("\"events\"") != std::string::npos;
+    reported = reported || beast::buffers_to_string(buffer.data()).find("\"events\"") != std::string::npos;
     buffer.clear();
   }
-  EXPECT_TRUE(told);
+  EXPECT_TRUE(reported);
   EXPECT_EQ(client->reason().code, websocket::close_code::going_away);
 }
 
@@ -390,7 +390,7 @@ TEST_F(StationWithOperators, ASessionThatIsOverStillStopsAndLands) {
     for (const std::string& of : {first, second}) {
       const auto taken = ask(http::verb::post, target, of);
       EXPECT_EQ(taken.result_int(), 202U) << target;
-      EXPECT_FALSE(taken.keep_alive()) << "it is a stranger's connection";
+      EXPECT_FALSE(taken.keep_alive()) << "it is an unauthenticated client's connection";
     }
     EXPECT_EQ(ask(http::verb::post, target, guessed).result_int(), 401U) << target;
   }
@@ -450,22 +450,22 @@ TEST_F(StationServer, AMissionMayBeLongFromWhoKnowsTheTokenAlone) {
   }
 }
 
-TEST_F(StationServer, MissionsAreToldWhenTheyChange) {
+TEST_F(StationServer, MissionsAreReportedWhenTheyChange) {
   const auto client = stream();
   EXPECT_EQ(read(*client)["op"], "hello");
   server->publish_missions(R"([{"id":"1"}])");
-  const json told = read(*client);
-  EXPECT_EQ(told["op"], "missions");
-  EXPECT_EQ(told["missions"][0]["id"], "1");
+  const json reported = read(*client);
+  EXPECT_EQ(reported["op"], "missions");
+  EXPECT_EQ(reported["missions"][0]["id"], "1");
 }
 
-TEST_F(StationServer, FaultsAreToldWhenTheyChangeAndSwitchedBesideTheFlight) {
+TEST_F(StationServer, FaultsAreReportedWhenTheyChangeAndSwitchedBesideTheFlight) {
   EXPECT_EQ(ask(http::verb::get, "/api/v1/faults", token).result_int(), 503U) << "nothing is known yet";
   const auto client = stream();
   server->publish_faults({.switches = {{.name = "silent", .drone = "tello1", .label = "Silent", .words = "w"}}});
-  json told = json::object();
-  while (told.value("op", "") != "faults") told = read(*client);
-  EXPECT_EQ(told["faults"][0]["name"], "silent");
+  json reported = json::object();
+  while (reported.value("op", "") != "faults") reported = read(*client);
+  EXPECT_EQ(reported["faults"][0]["name"], "silent");
   const std::string on = R"({"name":"silent","on":true})";
   EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", "", on).result_int(), 401U);
   EXPECT_EQ(ask(http::verb::post, "/api/v1/faults", token, on).body(), "on silent");
@@ -491,7 +491,7 @@ TEST_F(StationServer, AnAnswerBehindTheServersEndIsDropped) {
       << "its connection ends with the server";
 }
 
-TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
+TEST_F(StationServer, APathIsReportedWhenItChangesAndToWhoComesLater) {
   const auto early = stream();
   EXPECT_EQ(read(*early)["op"], "hello");
   server->publish({.drones = "[]", .state = R"({"op":"state"})", .paths = R"({"tello1":[[1,2,3]]})"});
@@ -504,9 +504,9 @@ TEST_F(StationServer, APathIsToldWhenItChangesAndToWhoComesLater) {
   EXPECT_EQ(read(*late)["op"], "paths");
 }
 
-TEST_F(StationServer, StrangersKeepNobodyOut) {
+TEST_F(StationServer, OutsidersKeepNobodyOut) {
   std::vector<tcp::socket> silent;
-  for (std::size_t i = 0; i < max_strangers + 50; ++i) silent.push_back(dial());
+  for (std::size_t i = 0; i < max_unauthenticated + 50; ++i) silent.push_back(dial());
   EXPECT_EQ(ask(http::verb::post, "/api/v1/stop", token).result_int(), 202U);
   EXPECT_EQ(heard(), 1U);
   // Nor does one who asks again and again on one connection.

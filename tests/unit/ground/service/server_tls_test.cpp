@@ -54,7 +54,7 @@ class StationServerWithTls : public testing::Test {
                                   .tell =
                                       [this](Level level, const std::string& words) {
                                         const std::lock_guard lock(mutex);
-                                        told.emplace_back(level, words);
+                                        reported.emplace_back(level, words);
                                       }});
     ASSERT_TRUE(started) << started.error().what;
     server = std::move(*started);
@@ -73,7 +73,7 @@ class StationServerWithTls : public testing::Test {
     EXPECT_TRUE(replace_file(settings.tls.certificate, one.certificate_pem));
     EXPECT_TRUE(replace_file(settings.tls.key, one.key_pem, 0600));
   }
-  /// Of a client that believes the authority, and has that certificate.
+  /// Of a client that trusts the authority, and has that certificate.
   web::TlsContext client(const std::optional<crypto::KeyAndCertificate>& own = {}) {
     web::TlsFiles files{.authority = directory.path + "/ca.pem"};
     if (own) {
@@ -115,11 +115,11 @@ class StationServerWithTls : public testing::Test {
     return ask(stream, "/api/v1/drones", host, origin).result_int();
   }
   /// Waits for what the server tells next.
-  std::pair<Level, std::string> next_told() {
+  std::pair<Level, std::string> next_reported() {
     for (const TimeNs until = monotonic_ns() + renewal_limit_ns; monotonic_ns() < until;) {
       {
         const std::lock_guard lock(mutex);
-        if (told.size() > read_of_told) return told[read_of_told++];
+        if (reported.size() > read_of_reported) return reported[read_of_reported++];
       }
       std::this_thread::sleep_for(std::chrono::milliseconds(10));
     }
@@ -137,8 +137,8 @@ class StationServerWithTls : public testing::Test {
   boost::asio::io_context io;
   ServiceSettings settings;
   std::mutex mutex;
-  std::vector<std::pair<Level, std::string>> told;
-  std::size_t read_of_told = 0;
+  std::vector<std::pair<Level, std::string>> reported;
+  std::size_t read_of_reported = 0;
   std::atomic<int> heard{0};
   std::unique_ptr<Server> server;
   std::uint16_t port = 0;
@@ -200,8 +200,8 @@ TEST_F(StationServerWithTls, OfBothSidesServesNobodyWithoutACertificateOfItsAuth
     // In TLS 1.3 a client hears of it behind its own last word of the handshake.
     EXPECT_THROW(
         {
-          Secure stranger = secure(client(own));
-          ask(stranger, "/api/v1/stop", place, "", http::verb::post);
+          Secure other = secure(client(own));
+          ask(other, "/api/v1/stop", place, "", http::verb::post);
         },
         std::exception);
   }
@@ -212,7 +212,7 @@ TEST_F(StationServerWithTls, HandshakesThatDoNotEndKeepNobodyOut) {
   start();
   std::vector<tcp::socket> silent, half;
   const std::string hello("\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", 11);  // a ClientHello's first bytes
-  for (std::size_t i = 0; i < max_strangers / 2 + 50; ++i) {
+  for (std::size_t i = 0; i < max_unauthenticated / 2 + 50; ++i) {
     silent.push_back(dial());
     half.push_back(dial());
     beast::error_code gone;  // as soon as there are enough of them
@@ -228,12 +228,12 @@ TEST_F(StationServerWithTls, TakesARenewedCertificateAndKeepsTheOldOneWhereItIsB
   Secure before = secure(client());
   const auto next = issue(authority);
   write_own(next);
-  EXPECT_EQ(next_told(), std::pair(Level::info, std::string("ground's page has a new TLS certificate")));
+  EXPECT_EQ(next_reported(), std::pair(Level::info, std::string("ground's page has a new TLS certificate")));
   Secure after = secure(client());
   EXPECT_NE(serial_of(before), serial_of(after));
   EXPECT_EQ(ask(before, "/api/v1/drones", place).result_int(), 200U) << "who is connected stays so";
   ASSERT_TRUE(replace_file(settings.tls.key, issue(authority).key_pem, 0600));
-  const auto [level, words] = next_told();
+  const auto [level, words] = next_reported();
   EXPECT_EQ(level, Level::warning);
   EXPECT_THAT(words, HasSubstr("keeps its old TLS certificate: " + settings.tls.key));
   Secure still = secure(client());
@@ -247,10 +247,10 @@ TEST_F(StationServerWithTls, SaysThatItsCertificateRunsOut) {
   };
   write_own(issued_for(10));
   start();
-  EXPECT_THAT(next_told().second, HasSubstr("runs out in 9 days"));
+  EXPECT_THAT(next_reported().second, HasSubstr("runs out in 9 days"));
   write_own(issued_for(-1));
-  EXPECT_THAT(next_told().second, HasSubstr("new TLS certificate"));
-  EXPECT_THAT(next_told().second, HasSubstr("has run out"));
+  EXPECT_THAT(next_reported().second, HasSubstr("new TLS certificate"));
+  EXPECT_THAT(next_reported().second, HasSubstr("has run out"));
 }
 
 TEST_F(StationServerWithTls, OfEveryAddressTakesIpv4AndIpv6) {

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/contract.hpp"
+#include "common/verification/identity.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ledgerline.pb.h"
 
@@ -86,9 +86,10 @@ TEST(SignIns, WhoIsDismissedLosesHisSessionAndBeginsNone) {
 TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
   const auto one = [](const char* name) { return Operator{name, {"Org2MSP", std::string("CN=") + name}}; };
   const std::vector<Operator> operators{one("alice"), one("bob"), one("carol"), one("dave"), one("eve")};
-  belief::Roles roles;
+  verification::Roles roles;
   const Role given[] = {OPERATOR, REVOKED, SUPERVISOR, AUDITOR};
-  for (std::size_t i = 0; i < std::size(given); ++i) roles.take({belief::to_message(operators[i].identity), given[i]});
+  for (std::size_t i = 0; i < std::size(given); ++i)
+    roles.take({verification::to_message(operators[i].identity), given[i]});
   EXPECT_THAT(dismissed(operators, roles), ElementsAre(1U, 3U));
 }
 
@@ -141,7 +142,7 @@ TEST(OperatorCalls, ALeaseLetsTheGroundCommandAndAReleaseNamesNobody) {
   ASSERT_TRUE(lease.ParseFromString(call.args.at(0)));
   EXPECT_EQ(lease.drones(0), "tello1");
   EXPECT_EQ(lease.priority(), 7U);
-  EXPECT_EQ(belief::to_name(lease.delegate()), ground);
+  EXPECT_EQ(verification::to_name(lease.delegate()), ground);
   ASSERT_TRUE(lease.ParseFromString(
       contract_call({.kind = OperatorCall::Kind::release, .drone = 0}, "tello1", ground).args.at(0)));
   EXPECT_FALSE(lease.has_delegate());

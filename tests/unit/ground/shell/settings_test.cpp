@@ -81,7 +81,7 @@ TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
   ASSERT_TRUE(write_file(file, "0,0\n1,0\n1,1\n"));
   auto config = Config::parse("[flight]\nshape = \"waypoints\"\nwaypoints = \"" + file +
                                   "\"\npredict = false\nramp_start_mps = 0.5\nramp_step_mps = 0.1\n"
-                                  "told_mps2 = 3\npose_lost_ms = 200\n",
+                                  "max_acceleration_mps2 = 3\npose_lost_ms = 200\n",
                               "ground.toml");
   ASSERT_TRUE(config);
   const FlightConfig flight = flight_config(*config);
@@ -89,7 +89,7 @@ TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
   EXPECT_EQ(flight.waypoints.size(), 3u);
   EXPECT_FALSE(flight.controller.predict);
   EXPECT_EQ(flight.controller.ramp.start_mps, 0.5);
-  EXPECT_EQ(flight.controller.told_mps2, 3);
+  EXPECT_EQ(flight.controller.max_acceleration_mps2, 3);
   EXPECT_EQ(flight.controller.pose_lost_ns, 200 * ns_per_ms);
   EXPECT_EQ(flight.controller.ramp.step_mps, 0.1);
 

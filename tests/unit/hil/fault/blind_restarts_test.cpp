@@ -71,7 +71,7 @@ TimeNs death_of(const RunResult& result) {
 struct Flown {
   double down_s = 0;    ///< from the death until it is down for good
   double moved_m = 0;   ///< from the place of the death
-  double told_mps = 0;  ///< at the death
+  double sent_mps = 0;  ///< at the death
 };
 
 Flown flown(const RunResult& result) {
@@ -80,7 +80,7 @@ Flown flown(const RunResult& result) {
   const TimelinePoint* at_death = nullptr;
   for (const TimelinePoint& point : result.timeline[0]) {
     if (point.t_ns < death) {
-      flown.told_mps = static_cast<double>(point.told_mps);  // its successor may be there by the next point
+      flown.sent_mps = static_cast<double>(point.sent_mps);  // its successor may be there by the next point
       continue;
     }
     if (!at_death) at_death = &point;
@@ -116,7 +116,7 @@ TEST(BlindRestarts, EveryDroneIsLandedWithin25SecondsInsideTheFencePlusHalfAMetr
                                     << text_of(flight.script) << broken_text(*result);
         const Flown how = flown(*result);
         // On its last rc for 15 s; and what it needs to stop, and gusts.
-        const double max_m = one.flies_on() ? 15 * how.told_mps + 1.5 : 100;
+        const double max_m = one.flies_on() ? 15 * how.sent_mps + 1.5 : 100;
         EXPECT_LE(how.moved_m, max_m) << text_of(flight.script);
         Sum& sum = sums[i / static_cast<std::size_t>(all)][static_cast<std::size_t>(one.deaf)];
         ++sum.flights;

@@ -42,7 +42,7 @@ TEST(FaultScript, WhatIsNotImplementedIsRefusedNeverIgnored) {
                            "ledger agent lies",
                            "ledger agent lies twice",
                            "operator errs badly",
-                           "stranger errs boot",
+                           "outsider errs boot",
                            "supervisor dance tello1",
                            "sensor tello1 speed stuck",
                            "sensor tello1 h wild",

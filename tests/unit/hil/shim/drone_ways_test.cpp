@@ -16,7 +16,7 @@ class Ways : public ::testing::Test {
   }
   std::vector<std::string> heard_by_drones(TimeNs now) {
     std::vector<std::string> all;
-    while (const auto told = ways.to_drone(now)) all.push_back(std::to_string(told->drone) + told->bytes);
+    while (const auto sent = ways.to_drone(now)) all.push_back(std::to_string(sent->drone) + sent->bytes);
     return all;
   }
   std::vector<std::string> heard_by_client(TimeNs now) {

@@ -5,8 +5,8 @@
 #include <map>
 
 #include "common/base/random.hpp"
-#include "common/belief/control_records.hpp"
 #include "common/msg/contract.hpp"
+#include "common/verification/control_records.hpp"
 #include "hil/virtual/ledger/ground_news.hpp"
 #include "hil/virtual/world.hpp"
 #include "tests/unit/campaign.hpp"
@@ -22,7 +22,7 @@ class OtherGround {
   OtherGround(VirtualWorld& world, const WorldConfig& config)
       : world_(world), port_(world.ledger(), supervisor_name, config.seed + 77), core_(flight(world, config)) {
     port_.begin();
-    const auto control = belief::read_control(
+    const auto control = verification::read_control(
         drone_name(1), [&](const fabric::Call& call) { return port_.evaluate(world_.now(), call); });
     EXPECT_TRUE(control && core_.set_control(control->SerializeAsString()));
   }

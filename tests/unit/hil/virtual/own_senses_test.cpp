@@ -13,7 +13,7 @@
 namespace ledgerline::hil {
 namespace {
 
-struct Told {
+struct Report {
   double normalised_squared = 0;  ///< sum over x and y
   int samples = 0, inside = 0;    ///< of each axis; within three sigmas
   double max_error_m = 0, last_error_m = 0, last_sigma_m = 0;
@@ -35,12 +35,12 @@ WorldConfig square(std::uint64_t seed, int laps, link::PoseSource source) {
   return config;
 }
 
-Told fly(const WorldConfig& config) {
+Report fly(const WorldConfig& config) {
   auto world = VirtualWorld::create(config);
-  Told told;
+  Report sent;
   if (!world) {
-    told.why = world.error().what;
-    return told;
+    sent.why = world.error().what;
+    return sent;
   }
   TimeNs last_ns = 0;
   while (!(*world)->ground_done() && (*world)->now() < 300 * ns_per_s) {
@@ -53,17 +53,17 @@ Told fly(const WorldConfig& config) {
     for (std::size_t i = 0; i < 2; ++i) {
       error[i] = pose.position_m[i] - truth.position_m[i];
       const double normalised = error[i] * error[i] / static_cast<double>(pose.variance[i]);
-      told.normalised_squared += normalised;
-      told.inside += normalised < 9 ? 1 : 0;
-      ++told.samples;
+      sent.normalised_squared += normalised;
+      sent.inside += normalised < 9 ? 1 : 0;
+      ++sent.samples;
     }
-    told.last_error_m = std::hypot(error[0], error[1]);
-    told.last_sigma_m = std::sqrt(static_cast<double>(pose.variance[0] + pose.variance[1]));
-    told.max_error_m = std::max(told.max_error_m, told.last_error_m);
+    sent.last_error_m = std::hypot(error[0], error[1]);
+    sent.last_sigma_m = std::sqrt(static_cast<double>(pose.variance[0] + pose.variance[1]));
+    sent.max_error_m = std::max(sent.max_error_m, sent.last_error_m);
   }
-  told.ok = (*world)->ok();
-  told.why = (*world)->why();
-  return told;
+  sent.ok = (*world)->ok();
+  sent.why = (*world)->why();
+  return sent;
 }
 
 TEST(OwnSenses, ASquareByTheDronesOwnOdometryAndAVarianceThatIsTrue) {
@@ -71,13 +71,13 @@ TEST(OwnSenses, ASquareByTheDronesOwnOdometryAndAVarianceThatIsTrue) {
   double sum = 0;
   int samples = 0, inside = 0;
   for (int seed = 1; seed <= count; ++seed) {
-    const Told told = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::tello));
-    EXPECT_TRUE(told.ok) << seed << ": " << told.why;
+    const Report sent = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::tello));
+    EXPECT_TRUE(sent.ok) << seed << ": " << sent.why;
     std::printf("seed %d: error at most %.2f m, at the end %.2f m of sigma %.2f m; normalised squared error %.2f\n",
-                seed, told.max_error_m, told.last_error_m, told.last_sigma_m, told.normalised_squared / told.samples);
-    sum += told.normalised_squared;
-    samples += told.samples;
-    inside += told.inside;
+                seed, sent.max_error_m, sent.last_error_m, sent.last_sigma_m, sent.normalised_squared / sent.samples);
+    sum += sent.normalised_squared;
+    samples += sent.samples;
+    inside += sent.inside;
   }
   std::printf("inside three sigmas %.1f %%, normalised squared error %.2f\n", 100.0 * inside / samples, sum / samples);
   if (slow) return;  // statistics want more than a lap
@@ -89,11 +89,11 @@ TEST(OwnSenses, ASquareByTheDronesOwnOdometryAndAVarianceThatIsTrue) {
 TEST(OwnSenses, WithFourPadsTheErrorStaysSmall) {
   const int count = seeds(slow ? 1 : 5, 100), laps = slow ? 1 : 3;
   for (int seed = 1; seed <= count; ++seed) {
-    const Told told = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::pads));
-    EXPECT_TRUE(told.ok) << seed << ": " << told.why;
-    std::printf("seed %d, four pads: error at most %.2f m, normalised squared error %.2f\n", seed, told.max_error_m,
-                told.normalised_squared / told.samples);
-    EXPECT_LT(told.max_error_m, 0.15) << seed;
+    const Report sent = fly(square(static_cast<std::uint64_t>(seed), laps, link::PoseSource::pads));
+    EXPECT_TRUE(sent.ok) << seed << ": " << sent.why;
+    std::printf("seed %d, four pads: error at most %.2f m, normalised squared error %.2f\n", seed, sent.max_error_m,
+                sent.normalised_squared / sent.samples);
+    EXPECT_LT(sent.max_error_m, 0.15) << seed;
   }
 }
 

@@ -35,7 +35,7 @@ TEST_P(RelayLies, NothingIsFlownThatNobodySigned) {
   }
 }
 
-// Some of them with sanitizers: what is compared is tested whole in tests/unit/common/belief and
+// Some of them with sanitizers: what is compared is tested whole in tests/unit/common/verification and
 // tests/unit/onboard/agent.
 INSTANTIATE_TEST_SUITE_P(Each, RelayLies, testing::ValuesIn(some_of(relay_lie_names())), test_name);
 

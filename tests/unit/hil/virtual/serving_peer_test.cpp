@@ -17,7 +17,7 @@ bool is_silence(const std::string& lie, bool restart) {
 
 /// Flags an orderer's blocks have none of; and what it keeps to itself, the peer tells.
 bool says_nothing(const std::string& lie) {
-  return is_silence(lie, false) || lie.starts_with("hides") || lie == "believes-own" || lie == "no-flags";
+  return is_silence(lie, false) || lie.starts_with("hides") || lie == "trusts-own" || lie == "no-flags";
 }
 
 /// Whether what a fold has read is current, agent judges once it has seen one that counts.
@@ -39,7 +39,7 @@ std::string script_of(const std::string& lie, std::uint64_t seed) {
       restart ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 4s\"\nfor = \"700ms\"\n" : "",
       is_silence(lie, restart)             ? "hold is seen"
       : lie == "hides-controls" && restart ? "land is seen"  // a new agent has not seen one yet
-                                           : "the ledger is doubted",
+                                           : "the ledger is not trusted",
       lie == "hides-controls" ? seen_before + both : both);
 }
 
@@ -56,11 +56,11 @@ TEST_P(PeerLies, NothingIsFlownThatNobodySignedAndAStopLands) {
 INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
 
 /// Flights in which nobody lies; `flight`: more of the script's [flight].
-void expect_no_doubt(const std::string& flight) {
+void expect_no_violation(const std::string& flight) {
   for (int seed = 1; seed <= seeds(slow ? 2 : 8, 1000); ++seed) {
     const auto number = static_cast<std::uint64_t>(seed);
     const std::string text = fmt::format(
-        "title = \"Nobody lies\"\nmust = [\"the ledger is never doubted\"]\n[flight]\ndrones = {}\nlaps = 1\n{}"
+        "title = \"Nobody lies\"\nmust = [\"the ledger is always trusted\"]\n[flight]\ndrones = {}\nlaps = 1\n{}"
         "[[fault]]\nwhat = \"ledger both delay {}ms\"\nat = \"path + 500ms\"\nfor = \"2s\"\n{}{}",
         1 + seed % 3, flight, 5 + seed % 60,
         seed % 4 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 2s\"\nfor = \"700ms\"\n" : "",
@@ -69,7 +69,7 @@ void expect_no_doubt(const std::string& flight) {
   }
 }
 
-TEST(PeerLies, AnHonestPeerIsNeverDoubted) { expect_no_doubt(""); }
+TEST(PeerLies, AnHonestPeerIsAlwaysTrusted) { expect_no_violation(""); }
 
 /// An orderer that has an orderer's key, and an honest peer that finds it out: agent goes on over the peer, or holds.
 std::string ordered_script_of(const std::string& lie, std::uint64_t seed) {
@@ -80,7 +80,7 @@ std::string ordered_script_of(const std::string& lie, std::uint64_t seed) {
       "[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 6s\"\n{2}",
       lie, 500 + 300 * (seed % 9),
       seed % 3 == 0 ? "[[fault]]\nwhat = \"agent kill\"\nat = \"path + 4s\"\nfor = \"700ms\"\n" : "",
-      says_nothing(lie) ? "land is seen" : "the ledger is doubted");
+      says_nothing(lie) ? "land is seen" : "the ledger is not trusted");
 }
 
 class OrdererLies : public testing::TestWithParam<std::string> {};
@@ -94,7 +94,7 @@ TEST_P(OrdererLies, NothingIsFlownThatNobodySignedAndAStopLands) {
 
 INSTANTIATE_TEST_SUITE_P(Each, OrdererLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
 
-TEST(OrdererLies, HonestOnesAreNeverDoubted) { expect_no_doubt("blocks = \"ordered\"\n"); }
+TEST(OrdererLies, HonestOnesAreAlwaysTrusted) { expect_no_violation("blocks = \"ordered\"\n"); }
 
 }  // namespace
 }  // namespace ledgerline::hil

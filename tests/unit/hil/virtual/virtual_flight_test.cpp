@@ -13,7 +13,7 @@ VirtualFlightResult fly(const VirtualFlightConfig& config) {
   auto flight = fly_virtually(config);
   EXPECT_TRUE(flight.ok()) << flight.error().what;
   if (!flight) return {};
-  EXPECT_EQ(flight->doubts, 0U) << "nobody lies here";
+  EXPECT_EQ(flight->violations, 0U) << "nobody lies here";
   return *flight;
 }
 

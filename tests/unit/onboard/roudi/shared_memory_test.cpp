@@ -10,9 +10,9 @@ using testing::HasSubstr;
 
 constexpr std::uint64_t mb = 1ULL << 20;
 
-TEST(SharedMemory, ADeskHasRoom) { EXPECT_TRUE(check_shared_memory(96 * mb, 72 * mb)); }
+TEST(SharedMemory, AServiceHasRoom) { EXPECT_TRUE(check_shared_memory(96 * mb, 72 * mb)); }
 
-TEST(SharedMemory, AContainersDefaultIsTooSmallAndTheCureIsTold) {
+TEST(SharedMemory, AContainersDefaultIsTooSmallAndTheCureIsReported) {
   const Status room = check_shared_memory(64 * mb, 64 * mb);
   ASSERT_FALSE(room);
   EXPECT_THAT(room.error().what, HasSubstr("/dev/shm has 64 MB, 96 MB are needed"));

@@ -61,7 +61,7 @@ TEST_F(ShimDronesEnd, ATurnIsOverWhenLinkSaysSo) {
   for (int i = 1; i <= 100; ++i) EXPECT_EQ(turns[static_cast<std::size_t>(i) - 1], i * ns_per_ms);
 }
 
-TEST_F(ShimDronesEnd, ALinkThatIsGoneIsToldFromOneThatStandsStill) {
+TEST_F(ShimDronesEnd, ALinkThatIsGoneIsDistinguishedFromOneThatStandsStill) {
   EXPECT_EQ(turn(ns_per_ms, 50 * ns_per_ms), DronesEnd::Turn::no_link);
   const auto link = Mapping::open(path, End::link);
   ASSERT_TRUE(link);

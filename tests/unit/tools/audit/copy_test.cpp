@@ -82,7 +82,7 @@ TEST_F(CopyTest, AFolderOfBlocksIsReadInTheirOrder) {
   EXPECT_EQ(blocks[10], "10");
 }
 
-TEST_F(CopyTest, AGapInAFolderIsToldAndNotPassedOver) {
+TEST_F(CopyTest, AGapInAFolderIsReportedAndNotPassedOver) {
   for (const std::uint64_t i : {0, 1, 3}) ASSERT_TRUE(save_block(folder, i, std::to_string(i)));
   const auto reading = read(folder);
   ASSERT_TRUE(reading);

@@ -19,8 +19,8 @@ class PeerTest : public ::testing::Test {
     while (gateway_->chain().size() < height) gateway_->add_block("set", "");
     client_ = std::move(fabric::Client::create(gateway_->client_config())).value();
   }
-  Result<Reading> read(std::chrono::milliseconds patience, std::uint64_t blocks = height) {
-    return read_blocks(*client_, blocks, patience, [this](std::string_view bytes) {
+  Result<Reading> read(std::chrono::milliseconds timeout, std::uint64_t blocks = height) {
+    return read_blocks(*client_, blocks, timeout, [this](std::string_view bytes) {
       common::Block block;
       ASSERT_TRUE(block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())));
       numbers_.push_back(block.header().number());
@@ -48,7 +48,7 @@ TEST_F(PeerTest, AnAuditThatEndsEarlierLeavesNobodyWaiting) {
   EXPECT_EQ(numbers_.size(), 3U);
 }
 
-TEST_F(PeerTest, AChainThatBreaksIsToldWhereItDoes) {
+TEST_F(PeerTest, AChainThatBreaksIsReportedWhereItDoes) {
   serve({.deliver = [](const common::Block& block) -> std::optional<common::Block> {
     if (block.header().number() != 5) return std::nullopt;
     common::Block other = block;
@@ -61,7 +61,7 @@ TEST_F(PeerTest, AChainThatBreaksIsToldWhereItDoes) {
   EXPECT_THAT(reading->problem, HasSubstr("block 5"));
 }
 
-TEST_F(PeerTest, APeerThatHasLessThanItSaidIsTold) {
+TEST_F(PeerTest, APeerThatHasLessThanItSaidIsReported) {
   serve({});
   const auto reading = read(std::chrono::seconds(1), height + 1);
   ASSERT_TRUE(reading);

@@ -21,7 +21,7 @@ class StoryTest : public ::testing::Test {
  protected:
   StoryTest() { ledger.enroll(); }
 
-  const DroneStory& told() {
+  const DroneStory& reported() {
     audit = std::make_unique<ChainAudit>(audited(ledger.chain, ledger.trust()));
     EXPECT_THAT(audit->findings(), IsEmpty()) << to_text(audit->findings().front());
     return audit->story().drones().at("tello1");
@@ -46,7 +46,7 @@ TEST_F(StoryTest, WhoHeldADroneFromWhereToWhere) {
   const std::string acquired = ledger.acquire();
   const std::string released = ledger.submit(ledger.pilot, "release", SignedLedger::drones_call());
   ledger.acquire();
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   ASSERT_EQ(drone.holders.all().size(), 2U);
   const Tenure& first = drone.holders.all()[0];
   EXPECT_EQ(first.who, pilot_name);
@@ -65,7 +65,7 @@ TEST_F(StoryTest, CommandsAreCountedByWhomAndByWhatBecameOfThem) {
   ledger.send(ledger.pilot, "release", SignedLedger::drones_call());
   ledger.send(ledger.pilot, "command", ledger.command_call(3, 1, 300));  // the release wrote what it read
   ledger.commit();
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   const Commands& commands = drone.commands.at(pilot_name);
   EXPECT_EQ(commands.valid, 2U);
   EXPECT_EQ(commands.invalid, (std::map<int, std::uint64_t>{{protos::MVCC_READ_CONFLICT, 1}}));
@@ -86,7 +86,7 @@ TEST_F(StoryTest, ACommandInAHoldersPlaceNamesBoth) {
   ledger.send(ledger.pilot, "release", SignedLedger::drones_call());
   ledger.send(ledger.admin2, "command", ledger.command_call(2, 1, 200));
   ledger.commit();
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   const std::string station = "Org2MSP/admin.Org2MSP", both = station + " for " + pilot_name;
   ASSERT_EQ(drone.holders.all().size(), 1U);
   EXPECT_EQ(drone.holders.all()[0].who, pilot_name);
@@ -98,10 +98,10 @@ TEST_F(StoryTest, ACommandInAHoldersPlaceNamesBoth) {
   EXPECT_EQ(to_json(*audit, {})["drones"]["tello1"]["holders"][0]["delegate"], station);
 }
 
-TEST_F(StoryTest, StopsResumesAndRolesAreTold) {
+TEST_F(StoryTest, StopsResumesAndRolesAreReported) {
   ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call());
   ledger.submit(ledger.pilot, "resume", SignedLedger::drones_call());
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   EXPECT_THAT(words(drone), ::testing::ElementsAre("enroll by " + admin_name, "grant by " + admin_name,
                                                    "stop by " + pilot_name, "resume by " + pilot_name));
   ASSERT_EQ(audit->story().roles().all().size(), 1U);
@@ -121,7 +121,7 @@ TEST_F(StoryTest, TwoWayLatencyIsOfOneClock) {
     add(call, "tello1/link", link_status_type, link_status_to_cdr(sample));
     ledger.submit(ledger.host, "set", call.SerializeAsString());
   }
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   EXPECT_EQ(drone.states, 2U);
   EXPECT_EQ(drone.two_way.count(), 1U);
   EXPECT_NEAR(to_ms(drone.two_way.quantile(0.5)), 30, 1);
@@ -150,7 +150,7 @@ TEST_F(StoryTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
   add(over, "tello1/alarm", alarms_type,
       alarms_to_cdr(odometry.header, "tello1", {{"stream_contradicted", false, 2, "block 7: a fork", 7}}));
   ledger.submit(ledger.host, "set", over.SerializeAsString());
-  const DroneStory& drone = told();
+  const DroneStory& drone = reported();
   std::vector<std::string> alarms;
   for (const Word& word : drone.words.all()) {
     if (word.what.starts_with("alarm")) alarms.push_back(word.what);
@@ -207,7 +207,7 @@ class LiesTest : public ::testing::Test {
   std::uint64_t transactions = 0;
 };
 
-TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotTold) {
+TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotReported) {
   ASSERT_TRUE(take("enroll", "CN=admin", record("", 0)));
   ASSERT_TRUE(take("acquire", "CN=pilot", record("CN=pilot", 1)));
   const Status status = take("release", "CN=other", record("", 2));
@@ -222,7 +222,7 @@ TEST_F(LiesTest, AStampThatNoStateCanHaveIsNoLatency) {
   ASSERT_TRUE(take("enroll", "CN=admin", record("", 0)));
   fabric::Transaction tx;
   tx.contract = "ledgerline";
-  const belief::Creator who{{"Org1MSP", "CN=pilot"}, false};
+  const verification::Creator who{{"Org1MSP", "CN=pilot"}, false};
   CommandCall command;
   DronePlan& plan = *command.add_plans();
   plan.set_drone("tello1");

@@ -11,12 +11,12 @@ using testing::HasSubstr;
 using testing::Not;
 
 /// 100 messages, each answered after `ms`; CPU so that a message takes `cpu_ms`.
-Turn run(const std::string& contender, int rate, int alternation, double ms, double cpu_ms) {
-  Turn r{.contender = contender, .rate = rate, .alternation = alternation, .sent = 100, .answered = 100};
+Turn run(const std::string& competitor, int rate, int alternation, double ms, double cpu_ms) {
+  Turn r{.competitor = competitor, .rate = rate, .alternation = alternation, .sent = 100, .answered = 100};
   r.times_ms.assign(100, ms);
   r.answers = 100;
   r.cpu_s = 200 * cpu_ms / 1e3;
-  r.ledger_cpu_s = contender == "ledgerline" ? 0.1 : 0.2;
+  r.ledger_cpu_s = competitor == "ledgerline" ? 0.1 : 0.2;
   return r;
 }
 
@@ -109,7 +109,7 @@ TEST(Summary, EachRateAndBaselineHasItsOwnRatio) {
 }
 
 TEST(Summary, ARunWithoutAnyAnswerGivesNoRatioAndNoZero) {
-  Turn dead{.contender = "gateway", .rate = 1000, .sent = 500, .timed_out = true};
+  Turn dead{.competitor = "gateway", .rate = 1000, .sent = 500, .timed_out = true};
   const Summary s = summarize({dead, run("ledgerline", 1000, 0, 20, 1)});
   ASSERT_EQ(s.ratios.size(), 1u);
   EXPECT_FALSE(s.ratios[0].p50);
@@ -156,10 +156,10 @@ TEST(Turn, JsonKeepsEveryTime) {
   EXPECT_EQ(json["p50_ms"], 1.5);
 }
 
-TEST(Contenders, AreFoundByTheirIds) {
-  EXPECT_EQ(find_contender("polling")->way, Way::polling);
-  EXPECT_TRUE(find_contender("published")->published_settings);
-  EXPECT_EQ(find_contender("nobody"), nullptr);
+TEST(Competitors, AreFoundByTheirIds) {
+  EXPECT_EQ(find_competitor("polling")->way, Way::polling);
+  EXPECT_TRUE(find_competitor("published")->published_settings);
+  EXPECT_EQ(find_competitor("nobody"), nullptr);
 }
 
 }  // namespace

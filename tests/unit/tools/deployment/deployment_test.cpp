@@ -50,7 +50,7 @@ TEST(Deployment, TheSmallestIsOneHostOneOrganisationOneDrone) {
   EXPECT_EQ(error_of("ledger.kind = \"none\"\n" + desk + drone), "");
 }
 
-TEST(Deployment, WhatIsWrongIsToldWithFileLineAndKey) {
+TEST(Deployment, WhatIsWrongIsReportedWithFileLineAndKey) {
   const std::pair<std::string, const char*> cases[] = {
       {"[ledger]\nkind = \"paper\"\n" + desk + organisation + drone,
        "lab.toml:2: ledger.kind: is \"paper\", must be one of"},

@@ -66,7 +66,7 @@ TEST(OwnDrones, WhatIsDangerousHasNoDefault) {
   EXPECT_THAT(own_error(from_mocap + a_fence), HasSubstr("drone: must be 1 to 16 tables"));
 }
 
-TEST(OwnDrones, WhatIsWrongIsToldWithFileLineAndKey) {
+TEST(OwnDrones, WhatIsWrongIsReportedWithFileLineAndKey) {
   const std::string good = a_drone + from_mocap + a_fence;
   EXPECT_EQ(own_error(good), "");
   EXPECT_EQ(own_error(good + "hieght_m = 2\n"), "real.toml:9: fence.hieght_m: unknown key");

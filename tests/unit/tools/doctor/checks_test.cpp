@@ -17,7 +17,7 @@ namespace {
 using testing::HasSubstr;
 
 TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
-  PatienceFacts usual{
+  TimeoutInputs usual{
       .program = "agent.toml", .max_age_ns = 500 * ns_per_ms, .silent_after_ns = ns_per_s, .deadline_ns = ns_per_s};
   const fabric::Batching slow{.timeout_ns = 2 * ns_per_s, .max_messages = 10};
   const Finding late = judge(slow, usual);
@@ -59,7 +59,7 @@ TEST(DoctorServer, TellsEachLayerApart) {
   EXPECT_EQ(server([](auto& f) { f.not_yet = true; }).problem, Problem::tls_not_yet);
   EXPECT_EQ(server([](auto& f) { f.wants_certificate = true; }).problem, Problem::tls_client_certificate);
   EXPECT_EQ(server([](auto& f) { f.trusted = false, f.expired = true; }).problem, Problem::tls_wrong_authority)
-      << "dates of a stranger's certificate mean nothing";
+      << "dates of an outsider's certificate mean nothing";
 }
 
 TEST(DoctorServer, SaysWhatToWriteForAnEndpointThatIsNone) {
@@ -308,9 +308,9 @@ TEST(DoctorContract, TellsNoneAnotherVersionAndAWeakPolicyApart) {
 }
 
 TEST(DoctorHost, WarnsOfADiskBeforeItIsFull) {
-  EXPECT_EQ(judge(FolderFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
-  EXPECT_EQ(judge(FolderFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
-  EXPECT_FALSE(judge(FolderFacts{"/x", true, 5ULL << 30})[0].problem);
+  EXPECT_EQ(judge(DirectoryFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
+  EXPECT_EQ(judge(DirectoryFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
+  EXPECT_FALSE(judge(DirectoryFacts{"/x", true, 5ULL << 30})[0].problem);
 }
 
 TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {

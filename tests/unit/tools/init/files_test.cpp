@@ -64,7 +64,7 @@ HostPlan plan(const std::string& text, const std::string& host) {
   auto config = Config::parse(text, "deployment.toml");
   auto deployment = deployment::read(*config);
   EXPECT_TRUE(deployment) << deployment.error().what;
-  auto plan = plan_of(*deployment, host, Folders{});
+  auto plan = plan_of(*deployment, host, Directories{});
   EXPECT_TRUE(plan) << plan.error().what;
   return *plan;
 }
@@ -259,7 +259,7 @@ TEST(InitFiles, OfChannelsRefuseWhatDoesNotFit) {
 
 TEST(InitFiles, WaitForALedgerThatCutsLate) {
   HostPlan slow = plan(fabric_deployment, "raven");
-  slow.patience = deployment::patience_with(fabric::both_ways_ns(2 * ns_per_s, 10));
+  slow.timeouts = deployment::timeout_with(fabric::both_ways_ns(2 * ns_per_s, 10));
   const std::string agent = text_of(*files_of(Role::drone_host, slow), "agent.toml");
   EXPECT_THAT(agent, HasSubstr("\nmax_age_ms = 4500\n"));
   EXPECT_THAT(agent, HasSubstr("\nledger_silent_after_ms = 5000\n"));
@@ -277,7 +277,7 @@ TEST(InitFiles, RefuseARoleThatAHostDoesNotHave) {
 
 TEST(InitFiles, NameTheHostsThereAreWhereOneIsNot) {
   auto config = Config::parse(fabric_deployment, "");
-  const auto none = plan_of(*deployment::read(*config), "crow", Folders{});
+  const auto none = plan_of(*deployment::read(*config), "crow", Directories{});
   ASSERT_FALSE(none);
   EXPECT_THAT(none.error().what, HasSubstr("no [[host]] \"crow\": raven, tower, desk"));
 }
@@ -290,7 +290,7 @@ constexpr const char* profile = R"({
             "peer0.org2.example.com": {"url": "grpcs://localhost:9051", "tlsCACerts": {"path": "/net/tls2.pem"}}}})";
 
 TEST(InitProfile, GivesThePeerItsNameAndItsAuthority) {
-  const auto planned = plan_of_profile(profile, "Org1MSP", "", Folders{});
+  const auto planned = plan_of_profile(profile, "Org1MSP", "", Directories{});
   ASSERT_TRUE(planned) << planned.error().what;
   EXPECT_EQ(planned->plan.own.endpoint, "localhost:7051");
   EXPECT_EQ(planned->plan.own.server_name, "peer0.org1.example.com");
@@ -310,7 +310,7 @@ constexpr const char* profile_of_two_channels = R"({
   "channels": {"teleop": {"peers": {"a.org1": {}, "a.org2": {}}}, "yard": {"peers": {"b.org1": {}}}, "lake": {"peers": {"a.org2": {}}}}})";
 
 HostPlan of_profile(const std::vector<HostDrone>& flown, const std::vector<std::string>& channels) {
-  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{}, channels);
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Directories{}, channels);
   EXPECT_TRUE(planned) << planned.error().what;
   planned->plan.drones = flown;
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
@@ -352,7 +352,7 @@ TEST(InitProfile, TakesThePeerOfLedgerForAChannelOfWhichItSaysNothing) {
 }
 
 TEST(InitProfile, RefusesAChannelThatNoPeerOfTheOrganisationServes) {
-  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Folders{}, {"teleop"});
+  auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Directories{}, {"teleop"});
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
   const Status added = add_channels(planned->plan, {"lake=tello2"});
   ASSERT_FALSE(added);
@@ -365,7 +365,7 @@ std::string first_channel(const std::string& channels, const std::vector<std::st
     "organizations": {"Org1": {"mspid": "Org1MSP", "peers": ["p"]}, "Org2": {"mspid": "Org2MSP", "peers": ["q"]}},
     "peers": {"p": {"url": "grpcs://p:7051", "tlsCACerts": {"pem": "P"}}, "q": {"url": "grpcs://q:7051", "tlsCACerts": {"pem": "Q"}}},
     "channels": )" + channels + "}",
-                                       "Org1MSP", "", Folders{}, wanted);
+                                       "Org1MSP", "", Directories{}, wanted);
   return planned ? planned->plan.channel : planned.error().what;
 }
 
@@ -403,7 +403,7 @@ TEST(InitProfile, PutsTheFirstChannelIntoEachConfig) {
 
 TEST(InitProfile, RefusesWhatItCannotUse) {
   const auto wrong = [](const std::string& json, const std::string& msp_id) {
-    const auto planned = plan_of_profile(json, msp_id, "", Folders{});
+    const auto planned = plan_of_profile(json, msp_id, "", Directories{});
     return planned ? "" : planned.error().what;
   };
   EXPECT_THAT(wrong(profile, "Org9MSP"), HasSubstr("no peer of an organisation Org9MSP"));

@@ -143,14 +143,14 @@ TEST(PreflightCheck, ADroneThatFliesByItsOwnSensesNeedsToTellAVelocity) {
   Facts facts = good();
   facts.pose_source = "tello";
   for (DroneFacts& drone : facts.drones) drone.pose->frame.clear();
-  expect(facts, "pose", Verdict::ok, "by its own senses (tello): 1.00, -1.00, 0.00 m", "");
+  expect(facts, "pose", Verdict::ok, "by onboard odometry (tello): 1.00, -1.00, 0.00 m", "");
   facts.drones[0].refusal = "position_uncertain";
   expect(facts, "pose", Verdict::bad, "too uncertain for the fence", "on its mark");
   facts.drones[0].refusal = "velocity_lost";
-  expect(facts, "pose", Verdict::bad, "tells no velocity", "light");
+  expect(facts, "pose", Verdict::bad, "reports no velocity", "light");
   facts.drones[0].refusal.clear();
-  facts.drones[0].velocity_told = false;
-  expect(facts, "pose", Verdict::bad, "tells no velocity", "vgx");
+  facts.drones[0].has_velocity = false;
+  expect(facts, "pose", Verdict::bad, "reports no velocity", "vgx");
 }
 
 TEST(PreflightCheck, OwnSensesThatStandInForMotionCaptureNeedBoth) {
@@ -160,9 +160,9 @@ TEST(PreflightCheck, OwnSensesThatStandInForMotionCaptureNeedBoth) {
   for (const char* refusal : {"velocity_lost", "position_uncertain"}) {
     Facts refused = facts;
     refused.drones[0].refusal = refusal;
-    expect(refused, "pose", Verdict::bad, "of its own senses", "motion capture sees the drone");
+    expect(refused, "pose", Verdict::bad, "of onboard odometry", "motion capture sees the drone");
   }
-  facts.drones[0].velocity_told = false;
+  facts.drones[0].has_velocity = false;
   expect(facts, "senses", Verdict::warn, "nothing stands in", "firmware");
 }
 
@@ -175,7 +175,7 @@ TEST(PreflightCheck, TwoFramesAreNoCommonPlace) {
 TEST(PreflightCheck, WhatElseLinkRefusesIsNamedWithACure) {
   Facts facts = good();
   EXPECT_EQ(line_of(facts, "link").what, "no line");
-  for (const char* cause : {"stopped", "state_stale", "agent_silent", "ledger_silent", "ledger_doubted", "tilted",
+  for (const char* cause : {"stopped", "state_stale", "agent_silent", "ledger_silent", "ledger_untrusted", "tilted",
                             "too_near", "other_client", "fence", "of_tomorrow"}) {
     facts.drones[0].refusal = cause;
     expect(facts, "link", Verdict::bad, cause, " ");

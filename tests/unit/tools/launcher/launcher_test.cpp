@@ -25,11 +25,11 @@ using testing::HasSubstr;
 using testing::Not;
 namespace fs = std::filesystem;
 
-constexpr int patience_s = 60;  // not a limit on speed: only how long a broken test may take
+constexpr int timeout_s = 60;  // not a limit on speed: only how long a broken test may take
 
 template <typename Condition>
 bool eventually(Condition condition) {
-  const TimeNs until_ns = monotonic_ns() + patience_s * ns_per_s;
+  const TimeNs until_ns = monotonic_ns() + timeout_s * ns_per_s;
   while (!condition()) {
     if (monotonic_ns() > until_ns) return false;
     std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -241,7 +241,7 @@ TEST_F(FakePrograms, AProxyStandsBetweenBothHostsAndTheLedgerAndBetweenLinkAndTh
   EXPECT_THAT(fly().why, HasSubstr("no such fault"));
 }
 
-TEST_F(FakePrograms, SwitchesOfFaultsAreServedWhileItFliesAndGroundIsToldWhere) {
+TEST_F(FakePrograms, SwitchesOfFaultsAreServedWhileItFliesAndGroundLearnsWhere) {
   write("hil", "echo '{\"ready\":true,\"servers\":{\"agent\":\"127.0.0.1:11\",\"ground\":\"127.0.0.1:12\"}}'\n" + stays,
         false);
   write("ground", "test -S " + files.fault_switches() + " || exit 1; sleep 0.2; exit 0");
@@ -423,7 +423,7 @@ TEST_F(FakePrograms, TheLinkOfRealDronesIsAskedToLandWhereTheLauncherIsKilled) {
     options.own.emplace();
     options.own->pose_source = "mocap";
     options.own->drones.push_back({"tello1", "192.168.10.1", "", ""});
-    options.own->flight.wait_ns = patience_s * ns_per_s;
+    options.own->flight.wait_ns = timeout_s * ns_per_s;
     (void)Launcher(options, files, files.directory, false, interrupts).run();
     ::_exit(0);
   }
@@ -434,13 +434,13 @@ TEST_F(FakePrograms, TheLinkOfRealDronesIsAskedToLandWhereTheLauncherIsKilled) {
   EXPECT_THAT(lines("ended"), testing::UnorderedElementsAre("link", "roudi"));
 }
 
-TEST_F(FakePrograms, ASecondRunIsToldWhoFlies) {
+TEST_F(FakePrograms, ASecondRunLearnsWhoFlies) {
   const std::string file = files.in("lock");
   const auto first = RunLock::take(file, "process 123, into /somewhere");
   ASSERT_TRUE(first);
   const auto second = RunLock::take(file, "process 456, into /elsewhere");
   ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().what, HasSubstr("already: process 123, into /somewhere"));
+  EXPECT_THAT(second.error().what, HasSubstr("in progress: process 123, into /somewhere"));
 }
 
 // Anybody may put a link at a name in /tmp.
@@ -505,7 +505,7 @@ TEST(Children, ASignalThatComesBeforeTheProgramBeginsEndsItAllTheSame) {
   ::sigaction(SIGTERM, &before, nullptr);
 }
 
-TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsPatience) {
+TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsTimeout) {
   write("deaf", "trap '' TERM\necho deaf >> ended\n" + stays);
   Children children({});
   ASSERT_TRUE(children.start({"deaf", {files.in("ledgerline-deaf")}, files.log("deaf"), SIGKILL}));

@@ -78,9 +78,9 @@ TEST(FlyOptions, ADeploymentSaysDronesLedgerAndOrderers) {
   expect_refused({"--deployment", file, "--orderers", "3"}, "--orderers excludes --deployment");
 }
 
-TEST(FlyOptions, ADeploymentBeyondThisDeskIsRefusedWithItsPlace) {
+TEST(FlyOptions, ADeploymentBeyondThisHostIsRefusedWithItsPlace) {
   const std::string file = deployment_file("10.0.0.1");
-  expect_refused({"--deployment", file}, "deployment.toml:5: host.0.address: is 10.0.0.1: a flight on one desk");
+  expect_refused({"--deployment", file}, "deployment.toml:5: host.0.address: is 10.0.0.1: a flight on one host");
   expect_refused({"--deployment", "/no/such/file"}, "/no/such/file");
 }
 

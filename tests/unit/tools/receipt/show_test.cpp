@@ -58,12 +58,12 @@ TEST(ShownReceipt, SaysWhoIsRevokedAndByWhoseLists) {
                               "none was given of: Org2MSP"));
   EXPECT_THAT(text, HasSubstr("certificate of peer Org1MSP CN=peer0: revoked, so its word was not counted"));
   EXPECT_THAT(text, Not(HasSubstr("no revocation list was given")));
-  const auto told = nlohmann::json::parse(json(proven, used_s));
-  EXPECT_EQ(told["certificates"][0]["role"], "peer");
-  EXPECT_EQ(told["certificates"][0]["revoked"], true);
-  EXPECT_EQ(told["certificates"][0]["counted"], false);
-  EXPECT_EQ(told["revocation_lists"][0]["msp_id"], "Org1MSP");
-  EXPECT_EQ(told["without_revocation_list"], nlohmann::json({"Org2MSP"}));
+  const auto reported = nlohmann::json::parse(json(proven, used_s));
+  EXPECT_EQ(reported["certificates"][0]["role"], "peer");
+  EXPECT_EQ(reported["certificates"][0]["revoked"], true);
+  EXPECT_EQ(reported["certificates"][0]["counted"], false);
+  EXPECT_EQ(reported["revocation_lists"][0]["msp_id"], "Org1MSP");
+  EXPECT_EQ(reported["without_revocation_list"], nlohmann::json({"Org2MSP"}));
   proven.certificates[0].role = Role::creator;
   EXPECT_THAT(words(proven, used_s), HasSubstr("revoked by now; the peers judged it when the transaction came"));
   EXPECT_EQ(nlohmann::json::parse(json(proven, used_s))["certificates"][0]["counted"], true);
@@ -74,8 +74,8 @@ TEST(ShownReceipt, AmongSeveralIsOneLine) {
             "a.receipt: proven: transaction ab12 in block 7: VALID, by the word of peers of 2 of 3 organisations");
   const Result<fabric::Proven> none(Error{"it is no receipt"});
   EXPECT_EQ(line("b.receipt", none), "b.receipt: nothing is proven: it is no receipt");
-  const auto told = nlohmann::json::parse(json_line("b.receipt", none, used_s));
-  EXPECT_EQ(told, (nlohmann::json{{"file", "b.receipt"}, {"proven", false}, {"why", "it is no receipt"}}));
+  const auto reported = nlohmann::json::parse(json_line("b.receipt", none, used_s));
+  EXPECT_EQ(reported, (nlohmann::json{{"file", "b.receipt"}, {"proven", false}, {"why", "it is no receipt"}}));
   EXPECT_EQ(nlohmann::json::parse(json_line("a.receipt", proven_by(Role::peer), used_s))["file"], "a.receipt");
 }
 

@@ -210,7 +210,7 @@ TEST_F(RunDirectory, ThePageIsWholeInItselfAndNoTextCanEndItsScript) {
     EXPECT_THAT(*page, testing::Not(HasSubstr(outside)));
 }
 
-TEST_F(RunDirectory, ThePageHasWhatWasToldOfThePositionBesideTheError) {
+TEST_F(RunDirectory, ThePageHasWhatWasReportedOfThePositionBesideTheError) {
   fill();
   const auto truth = [](TimeNs t_ns, double x, std::uint32_t in_flight) {
     TraceRecord r = record(TraceKind::truth, t_ns, 1, 0, 0, x, 2);
@@ -225,19 +225,19 @@ TEST_F(RunDirectory, ThePageHasWhatWasToldOfThePositionBesideTheError) {
   const auto tell = [&](TimeNs t_ms, TimeNs pose_ms, double x, double y, double variance_x_m2, double variance_y_m2) {
     link.push_back(record(TraceKind::state_sampled, t_ms * ns_per_ms, 1, 1, t_ms * ns_per_ms, x, y));
     link.push_back(
-        record(TraceKind::pose_told, t_ms * ns_per_ms, 1, 1, pose_ms * ns_per_ms, variance_x_m2, variance_y_m2));
+        record(TraceKind::pose_reported, t_ms * ns_per_ms, 1, 1, pose_ms * ns_per_ms, variance_x_m2, variance_y_m2));
   };
   tell(1'800, 1'800, 1, 2, 0.01, 0.01);         // on the ground
   tell(2'260, 2'250, 1.25, 2.2, 0.01, 0.0025);  // 0.2 m beside it, where 0.3 is told
   tell(2'760, 2'750, 1.75, 1.5, 0.0025, 0.01);  // 0.5 m
   write_trace("link", link);
   const Results results = read_results(files, options, run);
-  ASSERT_EQ(results.drones.at(0).told.size(), 2u);
-  EXPECT_NEAR(results.drones[0].told[0].t_s, 1.26, 1e-9);
-  EXPECT_NEAR(results.drones[0].told[0].three_sigma_m, 0.3, 1e-9);
-  EXPECT_NEAR(*results.drones[0].told[0].error_m, 0.2, 1e-9);
-  EXPECT_NEAR(*results.drones[0].told[1].error_m, 0.5, 1e-9);
-  const json figures = to_json(results)["drones"][0]["told_position"];
+  ASSERT_EQ(results.drones.at(0).reported.size(), 2u);
+  EXPECT_NEAR(results.drones[0].reported[0].t_s, 1.26, 1e-9);
+  EXPECT_NEAR(results.drones[0].reported[0].three_sigma_m, 0.3, 1e-9);
+  EXPECT_NEAR(*results.drones[0].reported[0].error_m, 0.2, 1e-9);
+  EXPECT_NEAR(*results.drones[0].reported[1].error_m, 0.5, 1e-9);
+  const json figures = to_json(results)["drones"][0]["reported_position"];
   EXPECT_EQ(figures["count"], 2);
   EXPECT_NEAR(figures["max_three_sigma_m"].get<double>(), 0.3, 1e-9);
   EXPECT_NEAR(figures["rms_error_m"].get<double>(), std::sqrt((0.04 + 0.25) / 2), 1e-3);
@@ -247,32 +247,32 @@ TEST_F(RunDirectory, ThePageHasWhatWasToldOfThePositionBesideTheError) {
   write(chart, "/* the chart library */");
   const auto page = to_page(results, chart);
   ASSERT_TRUE(page) << page.error().what;
-  EXPECT_THAT(*page, HasSubstr(R"("told":[[1.26,0.3,0.2],[1.76,0.3,0.5]])"));
+  EXPECT_THAT(*page, HasSubstr(R"("reported":[[1.26,0.3,0.2],[1.76,0.3,0.5]])"));
 }
 
 TEST_F(RunDirectory, WhereNobodyTellsAVarianceThereIsNothingToShow) {
   fill();
   const Results results = read_results(files, options, run);
-  EXPECT_TRUE(results.drones.at(0).told.empty());
-  EXPECT_TRUE(to_json(results)["drones"][0]["told_position"].is_null());
+  EXPECT_TRUE(results.drones.at(0).reported.empty());
+  EXPECT_TRUE(to_json(results)["drones"][0]["reported_position"].is_null());
 }
 
-TEST(Report, WithoutATruthWhatWasToldStandsAlone) {
+TEST(Report, WithoutATruthWhatWasReportedStandsAlone) {
   std::vector<TraceRecord> link;
   for (const double variance_m2 : {0.04, 0.0, std::numeric_limits<double>::infinity(), 0.01}) {
     const TimeNs t_ns = static_cast<TimeNs>(link.size() + 1) * ns_per_s;
     link.push_back(record(TraceKind::state_sampled, t_ns, 1, 1, t_ns));
-    link.push_back(record(TraceKind::pose_told, t_ns, 1, 1, t_ns, variance_m2, 0));
+    link.push_back(record(TraceKind::pose_reported, t_ns, 1, 1, t_ns, variance_m2, 0));
   }
-  EXPECT_TRUE(told_positions(link, {}, 2, 0).empty());
-  const auto told = told_positions(link, {}, 1, 0);
-  ASSERT_EQ(told.size(), 2u);  // no variance, and one that is no number, are not told
-  EXPECT_FALSE(told[0].error_m.has_value());
-  const auto figures = figures_of(told);
+  EXPECT_TRUE(reported_positions(link, {}, 2, 0).empty());
+  const auto reported = reported_positions(link, {}, 1, 0);
+  ASSERT_EQ(reported.size(), 2u);  // no variance, and one that is no number, are not told
+  EXPECT_FALSE(reported[0].error_m.has_value());
+  const auto figures = figures_of(reported);
   ASSERT_TRUE(figures.has_value());
   EXPECT_NEAR(figures->max_three_sigma_m, 0.6, 1e-9);
   EXPECT_FALSE(figures->inside.has_value());
-  EXPECT_EQ(told_positions(link, {}, 1, 3 * ns_per_s).size(), 1u);
+  EXPECT_EQ(reported_positions(link, {}, 1, 3 * ns_per_s).size(), 1u);
 }
 
 TEST_F(RunDirectory, WithoutTheChartLibraryThePageNamesThePackage) {

@@ -150,9 +150,9 @@ TEST(Flights, AreMissionsUnderWayAndDronesBesideThem) {
   EXPECT_EQ(flown->at(1).what, "hand");
   EXPECT_THAT(flown->at(1).drones, ElementsAre("tello3"));
   EXPECT_EQ(flown->at(1).since_s, std::nullopt) << "its take-off is forgotten";
-  const json told = json::parse(flown_json(*flown));
-  EXPECT_EQ(told["flights"][0]["mission"], "3f5a9c01d2e4");
-  EXPECT_TRUE(told["flights"][1]["since_s"].is_null());
+  const json reported = json::parse(flown_json(*flown));
+  EXPECT_EQ(reported["flights"][0]["mission"], "3f5a9c01d2e4");
+  EXPECT_TRUE(reported["flights"][1]["since_s"].is_null());
   EXPECT_THAT(aligned(flown_rows(*flown)), HasSubstr("mission survey (3f5a9c01d2e4)"));
 }
 

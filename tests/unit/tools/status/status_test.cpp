@@ -64,7 +64,7 @@ TEST(StatusTest, TablesSayWhoRunsAndHowOldWhatIs) {
   EXPECT_NE(words({}).find("No program"), std::string::npos);
 }
 
-TEST(StatusTest, AnEndorserThatAnswersIsToldAndIsNoPeerThatDoesNot) {
+TEST(StatusTest, AnEndorserThatAnswersIsReportedAndIsNoPeerThatDoesNot) {
   Status status = one_of_all();
   status.ledgers[0].peers.push_back({.endpoint = "beside:7151", .msp_id = "Org1MSP", .endorser = true});
   EXPECT_TRUE(all_answered(status));
@@ -74,7 +74,7 @@ TEST(StatusTest, AnEndorserThatAnswersIsToldAndIsNoPeerThatDoesNot) {
   EXPECT_FALSE(peers[0]["endorser"].get<bool>());
 }
 
-TEST(StatusTest, APeerThatDoesNotAnswerIsToldAndCounts) {
+TEST(StatusTest, APeerThatDoesNotAnswerIsReportedAndCounts) {
   Status status = one_of_all();
   EXPECT_TRUE(all_answered(status));
   status.ledgers[0].peers.push_back({.endpoint = "far:7051", .msp_id = "Org2MSP", .why = "not reached"});

@@ -55,7 +55,7 @@ TEST_F(AskingATello, ALostAnswerIsAskedForAgainAndAQuestionThatNobodyKnowsIsNot)
   EXPECT_EQ(asked(), "sn?");
   const TimeNs first = now;
   EXPECT_EQ(asked(), "sn?");
-  EXPECT_EQ(now - first, Patience{}.answer_ns);
+  EXPECT_EQ(now - first, Timeouts{}.answer_ns);
   asking.on_answer("unknown command: sn?");
   EXPECT_EQ(asked(), "battery?");
   asking.on_answer("87");

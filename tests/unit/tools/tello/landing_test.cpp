@@ -45,7 +45,7 @@ TEST_F(LandingATello, TheHandshakesOkIsNoLanding) {
   EXPECT_TRUE(said.empty());
 }
 
-TEST_F(LandingATello, WithoutAnswersItIsToldAgainEachSecond) {
+TEST_F(LandingATello, WithoutAnswersItIsReportedAgainEachSecond) {
   pass(10 * ns_per_s);
   EXPECT_EQ(count("land"), 10);
   EXPECT_EQ(count("command"), 10);

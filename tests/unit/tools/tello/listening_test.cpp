@@ -11,11 +11,11 @@ constexpr std::string_view state =
     "pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;templ:60;temph:62;tof:10;h:0;bat:87;baro:1.0;";
 constexpr TimeNs real_ns = 1'800'000'000 * ns_per_s;
 
-HeardPose pose_of(TimeNs stamp_ns, TimeNs arrived_ns) {
+ReceivedPose pose_of(TimeNs stamp_ns, TimeNs arrived_ns) {
   PoseStamped pose;
   pose.header = {stamp_ns, "map"};
   pose.position_m = {1, 2, 3};
-  return HeardPose::of(arrived_ns, pose);
+  return ReceivedPose::of(arrived_ns, pose);
 }
 
 TEST(PreflightListening, SilenceIsNoRateAndNoPose) {
@@ -34,7 +34,7 @@ TEST(PreflightListening, AStateTextsRateIsThatOfItsGaps) {
   listening.tell(4 * ns_per_s, real_ns, true, drone);
   EXPECT_NEAR(*drone.state_hz, 10, 0.01);
   EXPECT_NEAR(*drone.battery, 0.87, 1e-6);
-  EXPECT_TRUE(drone.velocity_told);
+  EXPECT_TRUE(drone.has_velocity);
   EXPECT_EQ(drone.temperature_c, 62);
   listening.tell(14 * ns_per_s, real_ns, true, drone);  // it fell silent
   EXPECT_NEAR(*drone.state_hz, 20.0 / 12, 0.01);
@@ -45,7 +45,7 @@ TEST(PreflightListening, AStateTextWithoutVelocitiesIsSeen) {
   listening.on_state(ns_per_s, "tof:10;h:0;bat:50;");
   fly::DroneFacts drone;
   listening.tell(ns_per_s, real_ns, true, drone);
-  EXPECT_FALSE(drone.velocity_told);
+  EXPECT_FALSE(drone.has_velocity);
   EXPECT_FALSE(drone.temperature_c);
 }
 
@@ -73,7 +73,7 @@ TEST(PreflightListening, AFramesNameIsShortAndPrintable) {
   Listening listening;
   PoseStamped pose;
   pose.header.frame_id = "\x1b[2J" + std::string(500, 'x');
-  listening.on_pose(HeardPose::of(real_ns, pose));
+  listening.on_pose(ReceivedPose::of(real_ns, pose));
   fly::DroneFacts drone;
   listening.tell(ns_per_s, real_ns, true, drone);
   EXPECT_EQ(drone.pose->frame, "?[2J" + std::string(56, 'x'));

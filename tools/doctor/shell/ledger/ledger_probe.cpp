@@ -7,8 +7,6 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/belief/control_records.hpp"
-#include "common/belief/roles.hpp"
 #include "common/common.pb.h"
 #include "common/config/config.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
@@ -17,6 +15,8 @@
 #include "common/fabric/judge/channel_config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
+#include "common/verification/control_records.hpp"
+#include "common/verification/roles.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
 #include "tools/doctor/shell/ledger/channels.hpp"
@@ -37,7 +37,7 @@ class Peer {
     return Peer(std::move(*questions), config.where);
   }
 
-  belief::Evaluate contract() {
+  verification::Evaluate contract() {
     return [this](const fabric::Call& call) { return questions_->ask(where_, call); };
   }
   Result<std::uint64_t> height() { return questions_->height(); }
@@ -78,7 +78,7 @@ void add(Findings& out, Findings more) { out.insert(out.end(), more.begin(), mor
 /// says.
 std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
                                                   bool embedded, Findings& out) {
-  // The newest, where the peer tells it; a change of the times since the anchor counts.
+  // The newest, where the peer reports it; a change of the times since the anchor counts.
   auto newest = peer.config_block();
   const std::string& block = newest ? *newest : anchor;
   common::Block parsed;
@@ -88,7 +88,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
     out.push_back(found(Problem::ledger_refuses, check,
                         "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().what)));
   } else if (one.program == "agent" || one.program == "ground") {
-    PatienceFacts facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
+    TimeoutInputs facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
     if (one.program == "agent") {
       facts.max_age_ns = one.max_age_ns;
       facts.silent_after_ns = one.silent_after_ns;
@@ -121,12 +121,12 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
 std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
                                   const std::vector<std::string>& drones, Findings& out) {
   const Side side = one.program == "agent" ? Side::agent : Side::ground;
-  const auto roles = belief::read_roles(peer.contract(), {self.msp_id});
+  const auto roles = verification::read_roles(peer.contract(), {self.msp_id});
   std::set<std::string> owners;
   for (const std::string& drone : drones) {
     LeaseFacts facts{.drone = drone, .self = self, .side = side};
     if (roles) facts.is_operator = is_operator(roles->of(self));
-    if (auto control = belief::read_control(drone, peer.contract())) {
+    if (auto control = verification::read_control(drone, peer.contract())) {
       owners.insert(control->owner().msp_id());
       facts.control = std::move(*control);
     } else if (!roles) {
@@ -141,13 +141,13 @@ std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const cr
 }  // namespace
 
 Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
-                    const std::vector<std::string>& drones, std::chrono::milliseconds patience) {
+                    const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
   Findings out;
   auto config = Config::load(one.path);
   if (!config) return {found(Problem::config_wrong, check, config.error().what)};
   auto ledger = client_of_channel(*config, one);
   if (!ledger) return {found(Problem::ledger_refuses, check, ledger.error().what)};
-  ledger->deadline = patience;
+  ledger->deadline = timeout;
   auto peer = Peer::create(*ledger);
   if (!peer) return {found(Problem::ledger_refuses, check, peer.error().what)};
   const auto height = peer->height();

@@ -45,10 +45,10 @@ std::vector<Flown> blocks_of(const Record& record, const Times& times) {
     Flown flown;
     flown.channel = block.channel;
     flown.stretch.end_s = times.s(block.end_ns);
-    for (const Told& told : record.told)
-      if (told.sent_ns >= block.begin_ns && told.sent_ns < block.end_ns)
+    for (const Report& reported : record.reported)
+      if (reported.sent_ns >= block.begin_ns && reported.sent_ns < block.end_ns)
         flown.stretch.steps.push_back(
-            {times.s(told.sent_ns), told.rc[static_cast<std::size_t>(block.channel)] / 100.0});
+            {times.s(reported.sent_ns), reported.rc[static_cast<std::size_t>(block.channel)] / 100.0});
     for (const StateSample& state : record.states)
       if (state.came_ns >= block.begin_ns && state.came_ns < block.end_ns) flown.states.push_back(&state);
     for (const PoseSample& pose : record.poses)
@@ -78,10 +78,10 @@ std::vector<Measured> posed(const Flown& flown, const Times& times, std::size_t 
       [&](const PoseSample& a, const PoseSample& b) { return b.position_m[axis] - a.position_m[axis]; });
 }
 
-std::vector<Measured> told_velocity(const Flown& flown, const Times& times, std::size_t axis) {
+std::vector<Measured> reported_velocity(const Flown& flown, const Times& times, std::size_t axis) {
   std::vector<Measured> out;
   for (const StateSample* sample : flown.states)
-    if (sample->state.velocity_told)
+    if (sample->state.has_velocity)
       out.push_back({times.s(sample->came_ns), times.s(sample->came_ns),
                      static_cast<double>(sample->state.velocity_dmps[axis]) / 10});
   return out;
@@ -108,7 +108,7 @@ std::vector<Measured> rising(const Flown& flown, const Times& times) {
       });
 }
 
-Known mean_of(const std::vector<double>& values) {
+Estimate mean_of(const std::vector<double>& values) {
   double sum = 0, squares = 0;
   for (const double value : values) sum += value;
   const auto n = static_cast<double>(values.size());
@@ -117,23 +117,24 @@ Known mean_of(const std::vector<double>& values) {
 }
 
 /// Of angles that lie together.
-Known mean_angle(const std::vector<double>& angles) {
+Estimate mean_angle(const std::vector<double>& angles) {
   std::vector<double> away;
   for (const double angle : angles) away.push_back(std::remainder(angle - angles.front(), 2 * std::numbers::pi));
-  Known mean = mean_of(away);
+  Estimate mean = mean_of(away);
   mean.value = std::remainder(mean.value + angles.front(), 2 * std::numbers::pi);
   return mean;
 }
 
 class Estimator {
  public:
-  explicit Estimator(const Record& record) : times_(record.told.front().sent_ns), blocks_(blocks_of(record, times_)) {
+  explicit Estimator(const Record& record)
+      : times_(record.reported.front().sent_ns), blocks_(blocks_of(record, times_)) {
     out_.poses = !record.poses.empty();
   }
 
   Result<Calibration> run() {
     for (const auto& step :
-         {&Estimator::along, &Estimator::up_and_down, &Estimator::turns, &Estimator::tilts, &Estimator::told_frame})
+         {&Estimator::along, &Estimator::up_and_down, &Estimator::turns, &Estimator::tilts, &Estimator::reported_frame})
       if (Status status = (this->*step)(); !status) return status.error();
     if (out_.poses) {
       nose();
@@ -152,7 +153,7 @@ class Estimator {
   }
 
   static Status answering(std::vector<Stretch> stretches, const char* what, Answering& out, Fit& fit) {
-    // One step alone, as a turn's, does not tell a gain from a bias.
+    // One step alone, as a turn's, does not distinguish a gain from a bias.
     std::erase_if(stretches, [](const Stretch& s) { return s.steps.size() < 2 || s.axes[0].size() < min_samples; });
     const auto fitted = fit_response(stretches);
     if (!fitted)
@@ -172,7 +173,8 @@ class Estimator {
     for (const Flown* flown : of({right, forward})) {
       stretches.push_back(flown->stretch);
       for (const std::size_t axis : {0, 1})
-        stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, axis) : told_velocity(*flown, times_, axis));
+        stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, axis)
+                                                   : reported_velocity(*flown, times_, axis));
     }
     const std::size_t all = stretches.size();
     if (auto status = answering(std::move(stretches), "a and b (left and forward)", out_.along, along_); !status)
@@ -185,18 +187,18 @@ class Estimator {
     std::vector<Stretch> stretches;
     for (const Flown* flown : of({up})) {
       stretches.push_back(flown->stretch);
-      stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, 2) : told_velocity(*flown, times_, 2));
+      stretches.back().axes.push_back(out_.poses ? posed(*flown, times_, 2) : reported_velocity(*flown, times_, 2));
     }
     Fit fit;
     if (auto status = answering(std::move(stretches), "c (up)", out_.up, fit); !status) return status;
-    double rise = 0, told = 0;
+    double rise = 0, reported = 0;
     for (const Flown* flown : of({up})) {
       rise += gain_of(flown->stretch, out_.poses ? posed(*flown, times_, 2) : rising(*flown, times_), fit.lag_s,
                       fit.dead_s);
-      told += gain_of(flown->stretch, told_velocity(*flown, times_, 2), fit.lag_s, fit.dead_s);
+      reported += gain_of(flown->stretch, reported_velocity(*flown, times_, 2), fit.lag_s, fit.dead_s);
     }
     out_.rc_signs[2] = sign_of(rise);
-    out_.velocity_signs[2] = sign_of(told * rise);
+    out_.velocity_signs[2] = sign_of(reported * rise);
     return done;
   }
 
@@ -250,7 +252,7 @@ class Estimator {
     return mean_angle(yaws).value;
   }
 
-  Status told_frame() {
+  Status reported_frame() {
     std::array<double, 2> best{1e9, 1e9};  // of the frame at power on, of the body's
     std::array<std::array<int, 2>, 2> signs{};
     for (const int frame : {0, 1})
@@ -260,8 +262,10 @@ class Estimator {
           double all = 0, along = 0, blocks = 0;
           for (const Flown* flown : of({right, forward})) {
             const double way = leads_rad(flown->channel) + (frame == 0 ? heading_rad(*flown) : 0);
-            const double gx = gain_of(flown->stretch, told_velocity(*flown, times_, 0), along_.lag_s, along_.dead_s);
-            const double gy = gain_of(flown->stretch, told_velocity(*flown, times_, 1), along_.lag_s, along_.dead_s);
+            const double gx =
+                gain_of(flown->stretch, reported_velocity(*flown, times_, 0), along_.lag_s, along_.dead_s);
+            const double gy =
+                gain_of(flown->stretch, reported_velocity(*flown, times_, 1), along_.lag_s, along_.dead_s);
             all += gx * gx + gy * gy;
             along += sx * gx * std::cos(way) + sy * gy * std::sin(way);
             ++blocks;
@@ -312,7 +316,7 @@ class Estimator {
       for (const PoseSample* pose : flown->poses)
         block.positions.push_back({times_.s(pose->stamp_ns), {pose->position_m[0], pose->position_m[1]}});
       for (const StateSample* text : flown->states)
-        if (text->state.velocity_told) block.reported.push_back({times_.s(text->came_ns), reported_mps(text->state)});
+        if (text->state.has_velocity) block.reported.push_back({times_.s(text->came_ns), reported_mps(text->state)});
     }
     return out;
   }
@@ -326,7 +330,7 @@ class Estimator {
 }  // namespace
 
 Result<Calibration> estimate(const Record& record) {
-  if (record.told.empty()) return Error{"nothing was flown"};
+  if (record.reported.empty()) return Error{"nothing was flown"};
   return Estimator(record).run();
 }
 

@@ -17,7 +17,7 @@ struct Measured {
   double from_s = 0, until_s = 0, value = 0;
 };
 
-/// Told u from `at_s` on.
+/// Commanded u from `at_s` on.
 struct Step {
   double at_s = 0, u = 0;
 };

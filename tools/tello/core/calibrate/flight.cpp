@@ -25,10 +25,10 @@ constexpr double max_way_m = 2.0, max_reach_m = 0.7, max_reach_z_m = 0.35;
 constexpr TimeNs min_stroke_ns = 800 * ns_per_ms;  // until then what came before may still lead it outwards
 constexpr float max_tilt_deg = 35, min_height_m = 0.25F, max_height_m = 2.5F, min_battery = 0.30F;
 constexpr double right_angle_deg = 75;  // of turning with rc; what it turns until it stands comes on top
-constexpr std::size_t max_told_letters = 60;
+constexpr std::size_t max_shown = 60;
 
 /// A channel's strokes. Each block's are balanced, so that it ends where it began: half, -1, +1, -1, half. Values of rc
-/// differ, since a drone tells its speed in whole dm/s: what is rounded off one is not off the other.
+/// differ, since a drone reports its speed in whole dm/s: what is rounded off one is not off the other.
 struct Strokes {
   int channel = 0;
   std::array<int, 5> rc{};
@@ -47,7 +47,7 @@ constexpr std::array<Strokes, 8> schedule{{{forward, one},
                                            {right, one},
                                            {clockwise, {-38}, 0, true}}};
 constexpr double hover_s = 2.03;
-// Back to within so much; a drone that drifts by 5 cm/s is 0.6 m away after the longest of blocks.
+// Back to within so much; a drone that drifts by 5 cm/s is 0.6 m away after a block of maximum length.
 constexpr double home_m = 0.15;
 constexpr TimeNs max_back_ns = 4 * ns_per_s;
 constexpr double back_per_m = 60, max_back_rc = 30;
@@ -85,7 +85,7 @@ void CalibrationFlight::on_answer(std::string_view bytes) {
       answered_ = true;
       break;
     case link::Answer::refused:
-      refusal_ = printable(link::without_line_end(bytes), max_told_letters);
+      refusal_ = printable(link::without_line_end(bytes), max_shown);
       break;
     case link::Answer::unknown:
       break;
@@ -185,7 +185,7 @@ void CalibrationFlight::handshake(TimeNs now, Words& words) {
 
 // Refuses what must not take off, too: wrong() is asked before.
 void CalibrationFlight::wait_for_pose(TimeNs now) {
-  if (!state_.velocity_told) return end("its state text does not tell vgx, vgy and vgz");
+  if (!state_.has_velocity) return end("its state text does not report vgx, vgy and vgz");
   if (settings_.poses && (!pose_ || now - pose_->stamp_ns > silent_ns)) {
     if (now - since_ns_ > first_pose_ns) end("no pose comes: is the topic's name right, and does the source see it?");
     return;
@@ -216,7 +216,7 @@ void CalibrationFlight::tell(TimeNs now, int channel, int value) {
   stroke_from_ = pose_;
   rc_ = {};
   rc_[static_cast<std::size_t>(channel)] = value;
-  record_.told.push_back({now, rc_});
+  record_.reported.push_back({now, rc_});
   said_ns_ = 0;
 }
 
@@ -281,7 +281,7 @@ void CalibrationFlight::fly(TimeNs now, Words& words) {
     const double away = away_m();
     if (away != last_away_m_) outwards_ = away > last_away_m_;
     last_away_m_ = away;
-    if (strokes_at(block_).turn && now - since_ns_ > turn_ns) return end("it does not turn when rc tells it to");
+    if (strokes_at(block_).turn && now - since_ns_ > turn_ns) return end("it does not turn when rc commands it to");
     if (stroke_ends(now)) next_stroke(now);
   }
   if (now - said_ns_ < rc_every_ns) return;
@@ -290,8 +290,8 @@ void CalibrationFlight::fly(TimeNs now, Words& words) {
 }
 
 void CalibrationFlight::land(TimeNs now, Words& words) {
-  // A take-off ignores `land`, while its drone still stands there or is said to be up: what says so early is not
-  // believed.
+  // A take-off ignores `land`, while its drone still stands there or is said to be up: an early report of a landing is
+  // not accepted.
   if (landing_.down() && now - takeoff_ns_ < rising_ns) {
     if (now - said_ns_ < landing_again_ns) return;
     said_ns_ = now;

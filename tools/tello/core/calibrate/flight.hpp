@@ -45,7 +45,7 @@ class CalibrationFlight {
   bool over() const { return phase_ == Phase::over; }
   /// Why there is nothing to estimate from; empty: all was flown.
   const std::string& failure() const { return failure_; }
-  /// Landing was repeated in vain: it may be in the air.
+  /// Landing was repeated without result: it may be in the air.
   bool aloft() const { return phase_ == Phase::over && took_off_ && !landing_.down(); }
   const Record& record() const { return record_; }
   /// For people: what it does now.

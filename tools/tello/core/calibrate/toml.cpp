@@ -63,7 +63,7 @@ std::string toml(const Calibration& c) {
                        degrees(c.power_on_rad->value), degrees(c.power_on_rad->sigma));
   }
   out += "\n[flight]  # of ground's file\n";
-  out += fmt::format("told_mps = {:.3f}  # link's rc.full_scale_mps\n", c.along.full_scale.value);
+  out += fmt::format("full_scale_mps = {:.3f}  # link's rc.full_scale_mps\n", c.along.full_scale.value);
   out +=
       fmt::format("lag_s = {:.3f}  # forward and left; sd {:.0f} ms\n", c.along.lag_s.value, ms(c.along.lag_s.sigma));
   out +=

@@ -147,7 +147,7 @@ ByLag sum_of(const std::vector<ByLag>& blocks) {
 /// The solution, and the spread of those without one block each.
 struct Spread {
   Solution value, sigma;
-  Known operator[](double Solution::*figure) const { return {value.*figure, sigma.*figure}; }
+  Estimate operator[](double Solution::*figure) const { return {value.*figure, sigma.*figure}; }
 };
 
 std::optional<Spread> spread(const std::vector<ByLag>& blocks, std::optional<double> cast) {
@@ -192,13 +192,13 @@ Result<VelocityFit> fit_velocity(std::vector<VelocityBlock> blocks) {
   const auto sums = sums_of(blocks, known);
   const auto free = spread(sums, std::nullopt);
   if (!free) return late;
-  const Known cast = (*free)[&Solution::cast];
+  const Estimate cast = (*free)[&Solution::cast];
   if (!(std::abs(cast.value - 0.5) > clear_share && cast.sigma < max_share_sigma))
     return Error{fmt::format("{:.2f} (sd {:.2f}) of them are cast: neither all nor none", cast.value, cast.sigma)};
   const bool truncated = cast.value > 0.5;
   const auto fit = spread(sums, truncated ? 1 : 0);
   if (!fit) return late;
-  const Known scale = (*fit)[&Solution::scale];
+  const Estimate scale = (*fit)[&Solution::scale];
   if (!(scale.sigma < max_scale_share * scale.value))
     return Error{fmt::format("their scale is {:.2f}, but with an sd of {:.2f}", scale.value, scale.sigma)};
   return VelocityFit{scale, (*fit)[&Solution::lag_s], truncated, cast};

@@ -7,7 +7,7 @@
 namespace ledgerline::tello {
 
 /// A value and its standard deviation.
-struct Known {
+struct Estimate {
   double value = 0, sigma = 0;
 };
 
@@ -23,10 +23,10 @@ struct VelocityBlock {
 
 /// What makes metres a second of vgx and vgy, as link's odometry applies it ([pose] of link.toml).
 struct VelocityFit {
-  Known scale;             ///< true velocity by reported one
-  Known lag_s;             ///< the reported velocity is late by that
+  Estimate scale;          ///< true velocity by reported one
+  Estimate lag_s;          ///< the reported velocity is late by that
   bool truncated = false;  ///< cast to whole dm/s, toward zero; else rounded
-  Known cast;              ///< how much of a cast is in them: 1 is one, 0 rounding
+  Estimate cast;           ///< how much of a cast is in them: 1 is one, 0 rounding
 };
 
 /// Least squares of the reported velocity v:

@@ -6,8 +6,8 @@
 
 namespace ledgerline::tello {
 
-HeardPose HeardPose::of(TimeNs arrived_ns, const PoseStamped& pose) {
-  HeardPose heard{.arrived_ns = arrived_ns, .stamp_ns = pose.header.stamp_ns, .position_m = pose.position_m};
+ReceivedPose ReceivedPose::of(TimeNs arrived_ns, const PoseStamped& pose) {
+  ReceivedPose heard{.arrived_ns = arrived_ns, .stamp_ns = pose.header.stamp_ns, .position_m = pose.position_m};
   pose.header.frame_id.copy(heard.frame.data(), heard.frame.size() - 1);
   return heard;
 }
@@ -17,7 +17,7 @@ void Listening::Count::add(TimeNs now) {
   last_ns = now;
 }
 
-// What has fallen silent since is slower, too: its gap counts once it is the longest.
+// What has fallen silent since is slower, too: its gap counts once it is the maximum.
 double Listening::Count::rate_hz(TimeNs now) const {
   if (times < 2) return 0;
   const double gaps = static_cast<double>(times - 1), heard_s = std::max(1e-9, to_seconds(last_ns - first_ns));
@@ -29,7 +29,7 @@ void Listening::on_state(TimeNs now, std::string_view bytes) {
   if (link::parse_state(bytes, state_)) states_.add(now);
 }
 
-void Listening::on_pose(const HeardPose& pose) {
+void Listening::on_pose(const ReceivedPose& pose) {
   const TimeNs delay_ns = pose.arrived_ns - pose.stamp_ns;
   least_delay_ns_ = poses_.times == 0 ? delay_ns : std::min(least_delay_ns_, delay_ns);
   poses_.add(pose.arrived_ns);
@@ -40,7 +40,7 @@ void Listening::tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::Dro
   drone.state_hz = states_.rate_hz(now);
   if (states_.times > 0) {
     drone.battery = static_cast<double>(state_.battery);
-    drone.velocity_told = state_.velocity_told;
+    drone.has_velocity = state_.has_velocity;
     if (state_.temperature_c != 0) drone.temperature_c = static_cast<double>(state_.temperature_c);
   }
   if (poses_.times == 0) return;

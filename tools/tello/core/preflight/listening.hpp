@@ -9,12 +9,12 @@
 namespace ledgerline::tello {
 
 /// A pose as it came, plain data so that it can come from a thread of DDS.
-struct HeardPose {
+struct ReceivedPose {
   TimeNs arrived_ns = 0, stamp_ns = 0;  ///< real time
   std::array<double, 3> position_m{};
   std::array<char, 61> frame{};  ///< of its header, cut; ends with a zero
 
-  static HeardPose of(TimeNs arrived_ns, const PoseStamped& pose);
+  static ReceivedPose of(TimeNs arrived_ns, const PoseStamped& pose);
 };
 
 /// Counts what comes of one drone while it stands: state texts, and poses of motion capture; and says of them what a
@@ -24,7 +24,7 @@ struct HeardPose {
 class Listening {
  public:
   void on_state(TimeNs now, std::string_view bytes);
-  void on_pose(const HeardPose& pose);
+  void on_pose(const ReceivedPose& pose);
   /// Battery, rates and pose, as of this moment. `stamps_count`: a pose is as old as its stamp says, not its arrival.
   void tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::DroneFacts& drone) const;
 
@@ -37,7 +37,7 @@ class Listening {
   };
   Count states_, poses_;
   link::TelloState state_;
-  HeardPose pose_;
+  ReceivedPose pose_;
   TimeNs least_delay_ns_ = 0;
 };
 

@@ -8,7 +8,7 @@ use smol::Timer;
 use std::cell::Cell;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-const PATIENCE: Duration = Duration::from_secs(60); // no limit on speed: only how long a broken flight may take
+const TIMEOUT: Duration = Duration::from_secs(60); // no limit on speed: only how long a broken flight may take
 
 #[derive(Debug, Serialize)]
 struct Empty {
@@ -92,8 +92,8 @@ fn subscription<M: DeserializeOwned + 'static>(node: &mut Node, name: &str, pack
 }
 
 /// Whether it came to hold within that time.
-async fn until(holds: impl Fn() -> bool, patience: Duration) -> bool {
-    let end = Instant::now() + patience;
+async fn until(holds: impl Fn() -> bool, timeout: Duration) -> bool {
+    let end = Instant::now() + timeout;
     while !holds() {
         if Instant::now() > end {
             return false;
@@ -145,7 +145,7 @@ pub async fn fly(node: &mut Node, drone: &str, forward_mps: f64, flying: Duratio
         Timer::after(Duration::from_secs(1)).await; // they have yet to find us, and hear nothing from before that
         say_begin("takeoff");
         press(&takeoff, "takeoff", || height() > 0.15).await;
-        assert!(until(|| height() > 0.5 && newest.get().1.abs() < 0.05, PATIENCE).await, "no hover");
+        assert!(until(|| height() > 0.5 && newest.get().1.abs() < 0.05, TIMEOUT).await, "no hover");
 
         say_begin("cmd_vel");
         let ahead = Twist { linear: Vector3 { x: forward_mps, ..ZERO }, angular: ZERO };

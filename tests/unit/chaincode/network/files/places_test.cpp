@@ -24,7 +24,7 @@ TEST(PlacesTest, AreKeptByTheDirectory) {
   EXPECT_THAT(choose_places(options).error().what, HasSubstr("is of a network without fabric-ca"));
 }
 
-TEST(PlacesTest, AFileThatIsDamagedIsTold) {
+TEST(PlacesTest, AFileThatIsDamagedIsReported) {
   const FakeTools tools;
   for (const char* text : {"{", "{}", "[1]", R"({"orderers": ["x"], "organisations": [], "authorities": []})"}) {
     ASSERT_TRUE(write_file(tools.options().dir + "/places.json", text, 0644).ok());

@@ -47,7 +47,7 @@ TEST_F(ChannelsTest, WhatHasJoinedAlreadyIsNoError) {
   EXPECT_TRUE(join_peers(*site).ok());
 }
 
-TEST_F(ChannelsTest, APeerThatDoesNotSayItsHeightIsToldWithItsWords) {
+TEST_F(ChannelsTest, APeerThatDoesNotSayItsHeightIsReportedWithItsWords) {
   tools.script("peer", "echo 'Blockchain info: {}'");
   const auto counts = count_blocks(*site);
   ASSERT_FALSE(counts);

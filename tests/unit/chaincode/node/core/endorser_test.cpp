@@ -63,12 +63,12 @@ TEST_F(EndorserTest, AWrongSignatureOfAProposalIsDenied) {
 }
 
 TEST_F(EndorserTest, AMemberOfAnUnknownOrganisationIsDenied) {
-  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
-  const Reply reply = net.core->endorse(net.propose(stranger, "get", "").signed_proposal, net.now);
+  const auto outsider = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  const Reply reply = net.core->endorse(net.propose(outsider, "get", "").signed_proposal, net.now);
   EXPECT_THAT(reply.detail, HasSubstr("access denied"));
 }
 
-TEST_F(EndorserTest, OtherChannelsAndContractsAreTold) {
+TEST_F(EndorserTest, OtherChannelsAndContractsAreReported) {
   const auto propose = [&](const fabric::ChannelAndContract& where) {
     return fabric::make_proposal(net.host, where, {"get", {""}}, 0, std::string(24, 'n'))->signed_proposal;
   };

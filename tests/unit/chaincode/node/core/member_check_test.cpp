@@ -17,9 +17,9 @@ TEST(MemberCheckTest, AMembersSignatureGivesTheMember) {
   EXPECT_EQ((*member)->name.subject, "CN=host");
 }
 
-TEST(MemberCheckTest, AStrangerAndAWrongSignatureAreDeniedInFabricsWords) {
-  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
-  EXPECT_THAT(members().check(stranger.serialized, "message", *stranger.signer->sign("message"), {}).error().what,
+TEST(MemberCheckTest, AnOutsiderAndAWrongSignatureAreDeniedInFabricsWords) {
+  const auto outsider = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  EXPECT_THAT(members().check(outsider.serialized, "message", *outsider.signer->sign("message"), {}).error().what,
               ::testing::StartsWith("access denied: channel [teleop] creator org unknown: "));
   const auto host = crypto::make_test_identity({"Org1MSP", "CN=host"});
   EXPECT_EQ(members().check(host.serialized, "message", *host.signer->sign("another"), {}).error().what,

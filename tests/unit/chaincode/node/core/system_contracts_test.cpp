@@ -29,7 +29,7 @@ class SystemContractsTest : public CoreTest {
   }
 };
 
-TEST_F(SystemContractsTest, HeightAndHashesAreTold) {
+TEST_F(SystemContractsTest, HeightAndHashesAreReported) {
   net.submit(net.host, "set", note("tello1/a"));
   for (const char* channel : {"", "teleop"}) {
     common::BlockchainInfo info;
@@ -110,12 +110,12 @@ TEST_F(SystemContractsTest, WhatIsNotThereIsRefused) {
 }
 
 TEST_F(SystemContractsTest, WhoIsNoMemberIsNotAnsweredAndTheGatewayEndorsesNothing) {
-  const auto stranger = crypto::make_test_identity({"Org9MSP", "CN=x"});
+  const auto outsider = crypto::make_test_identity({"Org9MSP", "CN=x"});
   const auto propose = [&](const crypto::SigningIdentity& who) {
     return fabric::make_proposal(who, {"teleop", "qscc"}, {"GetChainInfo", {"teleop"}}, 0, std::string(24, 'n'))
         ->signed_proposal;
   };
-  EXPECT_EQ(net.core->process_proposal(propose(stranger), net.now).code, Code::unknown);
+  EXPECT_EQ(net.core->process_proposal(propose(outsider), net.now).code, Code::unknown);
   EXPECT_EQ(net.core->evaluate(propose(net.host), net.now).code, Code::ok);
   EXPECT_EQ(net.core->endorse(propose(net.host), net.now).code, Code::failed_precondition);
 }

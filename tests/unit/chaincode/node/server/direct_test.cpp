@@ -197,7 +197,7 @@ TEST_F(DirectTest, WhoOrdersSoonestIsFoundAndTheStreamsStayOpen) {
                                     .on_connection = [&](bool connected, const std::string&) { there = connected; }});
   while (!there) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   fabric::Call call = note("tello1/a");
-  call.told_by_block = true;
+  call.reported_by_block = true;
   int went_to_leader = 0, sent = 0;
   while (went_to_leader < 60 && sent < 2000) {  // on a busy machine it takes more than one round
     const int before = leader.envelopes();
@@ -223,10 +223,10 @@ TEST_F(DirectTest, AnotherPeerStandsInForOneThatIsGone) {
   for (const auto& orderers : {std::vector<std::string>{served.endpoint()}, std::vector<std::string>{}}) {
     const auto client = connect(orderers, gone);
     std::promise<std::uint64_t> seen;
-    std::atomic<bool> told{false};
+    std::atomic<bool> reported{false};
     const auto stream = client->blocks(0, {.on_block =
                                                [&](const fabric::Block& block, std::string_view) {
-                                                 if (!told.exchange(true)) seen.set_value(block.number);
+                                                 if (!reported.exchange(true)) seen.set_value(block.number);
                                                },
                                            .on_connection = {}});
     EXPECT_EQ(seen.get_future().get(), 0U);

@@ -287,7 +287,7 @@ TEST_F(ServicesTest, WhoIsNoMemberIsDeniedEverywhere) {
   EXPECT_THAT(deliver_everywhere(seek(served.issued(10))), ::testing::Each(common::SUCCESS)) << "and may read";
 }
 
-TEST_F(ServicesTest, OtherChannelsAndContractsAreTold) {
+TEST_F(ServicesTest, OtherChannelsAndContractsAreReported) {
   EXPECT_EQ(endorse(propose(host, good_call, {"other", "ledgerline"})).code, grpc::StatusCode::FAILED_PRECONDITION);
   EXPECT_EQ(evaluate(propose(host, good_call, {"other", "ledgerline"})).code, grpc::StatusCode::UNAVAILABLE);
   EXPECT_EQ(endorse(propose(host, good_call, {"teleop", "other"})).code, grpc::StatusCode::FAILED_PRECONDITION);
@@ -383,7 +383,7 @@ TEST_F(ServicesTest, EventsBeginAtABlocksNumberOrNow) {
   EXPECT_EQ(events(host, "teleop", newest).code, grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(ServicesTest, WhatDoesNotParseIsToldSo) {
+TEST_F(ServicesTest, WhatDoesNotParseIsReported) {
   protos::SignedProposal proposal = propose(host);
   proposal.set_proposal_bytes("\xff\xff\xff");
   EXPECT_EQ(endorse(proposal).code, grpc::StatusCode::INVALID_ARGUMENT);
@@ -403,7 +403,7 @@ TEST_F(ServicesTest, WhatDoesNotParseIsToldSo) {
             grpc::StatusCode::INVALID_ARGUMENT);
 }
 
-TEST_F(ServicesTest, AnEnvelopeThatIsTooLargeIsToldItsSize) {
+TEST_F(ServicesTest, AnEnvelopeThatIsTooLargeIsReportedItsSize) {
   common::Envelope envelope = envelope_of(host);
   envelope.mutable_payload()->append(served.config().max_envelope_bytes, 'x');
   envelope.set_signature(*host.signer->sign(envelope.payload()));
@@ -453,14 +453,14 @@ TEST_F(MutualTlsTest, BlocksAreDeliveredByTheConnectionAloneThatTheRequestNames)
 }
 
 /// More than the limit of open calls, by somebody who has no certificate: silent ones, and ones that were refused.
-TEST_F(ServicesTest, StreamsOfStrangersTakeNoPlaceOfMembers) {
-  constexpr int many = 2'600, patience_s = 300;  // not a limit on speed: only how long a broken test may take
+TEST_F(ServicesTest, StreamsOfOutsidersTakeNoPlaceOfMembers) {
+  constexpr int many = 2'600, timeout_s = 300;  // not a limit on speed: only how long a broken test may take
   std::vector<std::unique_ptr<grpc::ClientContext>> contexts;
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, protos::DeliverResponse>>> readers;
   std::vector<std::unique_ptr<grpc::ClientReaderWriter<common::Envelope, orderer::BroadcastResponse>>> writers;
   for (int i = 0; i < many; ++i) {
-    readers.push_back(blocks_of->Deliver(contexts.emplace_back(within(patience_s)).get()));
-    writers.push_back(ordering->Broadcast(contexts.emplace_back(within(patience_s)).get()));
+    readers.push_back(blocks_of->Deliver(contexts.emplace_back(within(timeout_s)).get()));
+    writers.push_back(ordering->Broadcast(contexts.emplace_back(within(timeout_s)).get()));
     if (i % 100 == 0) writers.back()->Write(common::Envelope());
   }
   EXPECT_THAT(deliver_everywhere(seek(host)), ::testing::Each(common::SUCCESS));

@@ -256,8 +256,8 @@ std::string said_by_nobody(const std::function<std::string()>& action) {
   if (child == 0) {
     const bool dropped = ::geteuid() != 0 || (::setgid(65534) == 0 && ::setuid(65534) == 0);
     const std::string said = dropped ? action() : "cannot become nobody";
-    const bool told = ::write(out[1], said.data(), said.size()) == static_cast<ssize_t>(said.size());
-    ::_exit(told ? 0 : 1);
+    const bool reported = ::write(out[1], said.data(), said.size()) == static_cast<ssize_t>(said.size());
+    ::_exit(reported ? 0 : 1);
   }
   ::close(out[1]);
   std::string said(4096, '\0');

@@ -102,7 +102,7 @@ TEST_F(CheckpointFile, IsWrittenWithinAPeriodWhileItsKeeperLives) {
   while (!written(2)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
-TEST_F(CheckpointFile, ThatCannotBeWrittenIsToldOnce) {
+TEST_F(CheckpointFile, ThatCannotBeWrittenIsReportedOnce) {
   std::vector<std::string> problems;
   ASSERT_TRUE(write_file(dir_ + "/file", ""));
   {

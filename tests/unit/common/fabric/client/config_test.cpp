@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/fabric/patience.hpp"
+#include "common/fabric/timeouts.hpp"
 #include "common/fabric/tx/both_ways.hpp"
 
 namespace ledgerline::fabric {
@@ -96,19 +96,19 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
   EXPECT_NE(msp_registry(config).error().what.find("/no-ca.pem"), std::string::npos);
 }
 
-TEST(Patience, IsTwiceABlocksWaitWhereBlocksWait) {
+TEST(Timeouts, IsTwiceABlocksWaitWhereBlocksWait) {
   EXPECT_EQ(both_ways_ns(2 * ns_per_s, 10), 4 * ns_per_s);
   EXPECT_EQ(both_ways_ns(2 * ns_per_s, 1), 0);
   EXPECT_EQ(both_ways_ns(3600 * ns_per_s, 500), 55 * ns_per_s) << "whatever a configuration says";
   EXPECT_EQ(both_ways_ns(INT64_MAX, 500), 55 * ns_per_s);
 }
 
-TEST(Patience, IsOfTheTrustAnchorOrOfThePeer) {
+TEST(Timeouts, IsOfTheTrustAnchorOrOfThePeer) {
   ClientConfig config;
-  EXPECT_EQ(added_patience(config).value(), 0) << "fixed: nobody is asked";
-  config.patience_of_channel = true;
+  EXPECT_EQ(added_timeout(config).value(), 0) << "fixed: nobody is asked";
+  config.timeouts_of_channel = true;
   config.config_block = "no block";
-  EXPECT_NE(added_patience(config).error().what.find("ledger.patience"), std::string::npos);
+  EXPECT_NE(added_timeout(config).error().what.find("ledger.timeouts"), std::string::npos);
 }
 
 TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {

@@ -99,7 +99,7 @@ TEST_F(KeptBlocksTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
 TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
   grow(gateway_, 3);
   start(gateway_);
-  const std::uint64_t believed = next(gateway_).back();
+  const std::uint64_t trusted = next(gateway_).back();
   end();
   FakeGateway old, fork;
   grow(old, 2);
@@ -110,7 +110,7 @@ TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
     EXPECT_THAT(problems_[0], HasSubstr(lie == &old ? "serves a chain that ends at block" : "serves another block"));
     EXPECT_TRUE(numbers_.empty() && !connected_);
     end();
-    EXPECT_EQ(in_file()->number, believed);
+    EXPECT_EQ(in_file()->number, trusted);
   }
 }
 

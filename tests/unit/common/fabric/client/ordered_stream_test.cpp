@@ -156,8 +156,8 @@ TEST_F(OrderedStream, BehindAContradictionBothStreamsAreReadOnAndNothingIsTakenF
   gateway_->add_block("set", "");
   const std::uint64_t last = chain_.size() - 1;
   std::unique_lock lock(mutex_);
-  const auto told = [&] { return std::count(refused_.begin(), refused_.end(), last); };
-  changed_.wait(lock, [&] { return told() >= 2; });  // by the peer, and by an orderer
+  const auto reported = [&] { return std::count(refused_.begin(), refused_.end(), last); };
+  changed_.wait(lock, [&] { return reported() >= 2; });  // by the peer, and by an orderer
   EXPECT_EQ(numbers_, (Numbers{1, 2, 3, 4}));
 }
 

@@ -397,9 +397,9 @@ TEST(Pipeline, ACallbackMaySubmitTheNext) {
 }
 
 TEST(Pipeline, AServerOfAnotherCaIsNotTalkedTo) {
-  FakeGateway gateway, stranger;
+  FakeGateway gateway, outsider;
   auto config = gateway.client_config();
-  config.tls_ca_file = stranger.client_config().tls_ca_file;
+  config.tls_ca_file = outsider.client_config().tls_ca_file;
   EXPECT_EQ(Client::create(config).value()->submit_and_wait({"set", {}}).kind, Kind::unavailable);
   EXPECT_EQ(gateway.endorse_calls(), 0);
 }

@@ -107,7 +107,7 @@ TEST(BlockStream, GivesAllBlocksFromTheStartAndThenTheNewOnes) {
   EXPECT_EQ(logs.connection.now(), (std::vector<std::pair<bool, std::string>>{{true, ""}}));
 }
 
-TEST(BlockStream, CutBehindEveryBlockItHasNeitherGapNorDoublet) {
+TEST(BlockStream, CutBehindEveryBlockItHasNeitherGapNorDuplicate) {
   CutOnce cut;
   FakeGateway gateway({.cut = std::ref(cut)});
   for (int i = 0; i < 6; ++i) gateway.add_block("set", std::to_string(i));
@@ -120,7 +120,7 @@ TEST(BlockStream, CutBehindEveryBlockItHasNeitherGapNorDoublet) {
   EXPECT_GE(gateway.deliver_calls(), 5);
 }
 
-TEST(BlockStream, ATransactionThatCannotBeBelievedIsLeftOutAloneAndToldOnce) {
+TEST(BlockStream, ATransactionThatCannotBeTrustedIsLeftOutAloneAndReportedOnce) {
   FakeGateway gateway;
   gateway.add_foreign_event();
   gateway.add_foreign_event();
@@ -128,14 +128,14 @@ TEST(BlockStream, ATransactionThatCannotBeBelievedIsLeftOutAloneAndToldOnce) {
   Logs logs;
   Log<std::string> words;
   auto handlers = logs.handlers();
-  handlers.on_unbelievable = [&](const std::string& what) { words.add(what); };
+  handlers.on_invalid = [&](const std::string& what) { words.add(what); };
   const auto client = client_of(gateway);
   const auto stream = client->blocks(0, std::move(handlers));
   const auto blocks = logs.blocks.await(13);
   expect_numbers(blocks, 0);
   EXPECT_EQ(logs.connection.now(), (std::vector<std::pair<bool, std::string>>{{true, ""}}));
   for (const std::size_t left_out : {1U, 2U}) {
-    EXPECT_EQ(blocks[left_out].transactions[0].code, code_unbelievable);
+    EXPECT_EQ(blocks[left_out].transactions[0].code, code_unverified);
     EXPECT_EQ(blocks[left_out].transactions[0].event_name, "");
   }
   for (std::size_t i = 3; i < 13; ++i) EXPECT_EQ(blocks[i].transactions[0].event_payload, std::to_string(i - 3));
@@ -292,7 +292,7 @@ TEST_F(EventStream, GivesTheEventsOfValidTransactionsInOrder) {
   EXPECT_EQ(events[2].tx_id, gateway.chain()[1].transactions[3].tx_id);
 }
 
-TEST_F(EventStream, CutBehindEveryEventItHasNeitherGapNorDoublet) {
+TEST_F(EventStream, CutBehindEveryEventItHasNeitherGapNorDuplicate) {
   CutOnce cut;
   FakeGateway gateway({.flag = flag, .cut = std::ref(cut)});
   fill(gateway);

@@ -34,9 +34,9 @@ class ClientTls : public testing::Test {
     const auto own = issue("drone1", {});
     ASSERT_TRUE(write_file(dir_ + "/own.crt", own.certificate_pem));
     ASSERT_TRUE(write_file(dir_ + "/own.key", own.key_pem, 0600));
-    const auto stranger = crypto::make_ca("tlsca.other", "other").value();
-    ASSERT_TRUE(write_file(dir_ + "/two.pem", stranger.certificate_pem + authority_.certificate_pem));
-    ASSERT_TRUE(write_file(dir_ + "/stranger.pem", stranger.certificate_pem));
+    const auto outsider = crypto::make_ca("tlsca.other", "other").value();
+    ASSERT_TRUE(write_file(dir_ + "/two.pem", outsider.certificate_pem + authority_.certificate_pem));
+    ASSERT_TRUE(write_file(dir_ + "/outsider.pem", outsider.certificate_pem));
   }
   void TearDown() override {
     server_->Shutdown();
@@ -97,7 +97,7 @@ TEST_F(ClientTls, AServerThatWantsACertificateIsReachedWithOneAlone) {
 }
 
 TEST_F(ClientTls, AServersAuthoritiesAreReadWholeOrNamed) {
-  const auto two = read_client_authorities({dir_ + "/two.pem", dir_ + "/stranger.pem"});
+  const auto two = read_client_authorities({dir_ + "/two.pem", dir_ + "/outsider.pem"});
   ASSERT_TRUE(two) << two.error().what;
   EXPECT_NE(two->find(authority_.certificate_pem), std::string::npos);
   EXPECT_TRUE(read_client_authorities({})->empty());
@@ -118,7 +118,7 @@ TEST_F(ClientTls, TheServersNameMustBeInItsCertificate) {
 TEST_F(ClientTls, OneOfSeveralAuthoritiesSuffices) {
   auto server = here();
   server.tls_pair = pair();
-  server.tls_ca_file = dir_ + "/stranger.pem";
+  server.tls_ca_file = dir_ + "/outsider.pem";
   EXPECT_EQ(reached(server), "not reached");
   server.tls_ca_file = dir_ + "/two.pem";
   EXPECT_EQ(reached(server), "reached");
@@ -137,7 +137,7 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
   EXPECT_NE(make_connection(config).error().what.find("none.crt"), std::string::npos) << "its own counts";
 }
 
-TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndToldOfThemAlone) {
+TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndReportedOfThemAlone) {
   const auto in_use = std::make_shared<TlsPairsInUse>();
   ClientConfig config = client_config();
   config.tls_in_use = in_use;

@@ -63,8 +63,8 @@ TEST_F(BlockJudgeTest, WhatAnOrdererHasSignedPasses) {
 
 TEST_F(BlockJudgeTest, WhatNoOrdererHasSignedDoesNot) {
   EXPECT_NE(why(judge(), add("transaction")).find("no orderer has signed it"), std::string::npos);
-  const auto peer = peers_.member("peer"), stranger = second_.member("orderer");
-  for (const auto* signer : {&peer, &stranger}) {
+  const auto peer = peers_.member("peer"), outsider = second_.member("orderer");
+  for (const auto* signer : {&peer, &outsider}) {
     common::Block block = good();
     sign(block, *signer);
     EXPECT_NE(why(judge(), block).find("do not satisfy the channel's policy (0 of them count)"), std::string::npos);
@@ -145,7 +145,7 @@ TEST_F(BlockJudgeTest, ABlockUnderALaterConfigurationNeedsThatFirst) {
   add(config_of(first_), &other_, 4);
   add("transaction", &orderer_, 4);
   BlockJudge hasty = judge();
-  EXPECT_NE(why(std::move(hasty), chain_[5]).find("was configured anew in block 4"), std::string::npos);
+  EXPECT_NE(why(std::move(hasty), chain_[5]).find("was reconfigured in block 4"), std::string::npos);
   BlockJudge one = judge();
   const auto caught_up = one.catch_up(chain_[5], from_chain());
   ASSERT_TRUE(caught_up) << caught_up.error().what;

@@ -199,8 +199,8 @@ TEST_F(TransactionJudge, AKeyAndItsPolicyAreTakenTogether) {
 
 TEST_F(TransactionJudge, ACreatorWhoDidNotSignIsNone) {
   Draft made = draft();
-  const crypto::SigningIdentity& stranger = cast_.nobodys;
-  made.creator = &stranger;
+  const crypto::SigningIdentity& outsider = cast_.nobodys;
+  made.creator = &outsider;
   EXPECT_EQ(judge({made.seal()})[0].code, protos::BAD_CREATOR_SIGNATURE);
   common::Envelope envelope;
   ASSERT_TRUE(envelope.ParseFromString(sealed("blind write by two peers")));

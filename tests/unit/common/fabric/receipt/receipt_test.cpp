@@ -303,7 +303,7 @@ TEST_F(ReceiptTest, WhoIsNoPeerOrNoOrdererHasNoWord) {
   EXPECT_THAT(order(Organisation("OrdererMSP").member("orderer")), HasSubstr("no orderer that you named"));
 }
 
-TEST_F(ReceiptTest, OnlyWhoChecksSaysWhomToBelieve) {
+TEST_F(ReceiptTest, OnlyWhoChecksSaysWhomToTrust) {
   const std::string bytes = receipt_bytes(receipt(committed(2, "mine")));
   const auto refusal = [&](const std::function<void(ReceiptTrust&)>& change) {
     ReceiptTrust other = trust();
@@ -395,7 +395,7 @@ TEST_F(ReceiptTest, ItTellsWhichListsWereLookedAtAndTakesNoneThatIsNobodys) {
   EXPECT_THAT(ReceiptJudge::from(with).error().what, HasSubstr("revocation list"));
 }
 
-TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsTold) {
+TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsReported) {
   const Sent sent = committed(0, "mine");
   const TimeNs then_ns = now.real_ns;
   now.real_ns += 3'600 * ns_per_s;  // the question is asked an hour later
@@ -421,7 +421,7 @@ TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsTold) {
   EXPECT_FALSE(one.valid_when_used());
 }
 
-TEST_F(ReceiptTest, WhoMakesOneIsToldWhichPeerIsInTheWay) {
+TEST_F(ReceiptTest, WhoMakesOneIsReportedWhichPeerIsInTheWay) {
   const Sent sent = committed(0, "mine");
   const std::string asked = question(sent.tx_id);
   const auto refusal = [&](std::vector<PeerAnswer> answers, const std::string& by = "") {

@@ -53,7 +53,7 @@ class Watch : public testing::Test {
     watch_->start(
         [this](Weight weight, const std::string& words) {
           const std::lock_guard lock(mutex_);
-          told_.emplace_back(weight, words);
+          reported_.emplace_back(weight, words);
           changed_.notify_all();
         },
         milliseconds(10));
@@ -63,10 +63,10 @@ class Watch : public testing::Test {
   Weight await(const std::string& words) {
     std::unique_lock lock(mutex_);
     for (;; ++heard_) {
-      changed_.wait(lock, [&] { return heard_ < told_.size(); });
-      const std::string& told = told_[heard_].second;
-      if (told.find(words) != std::string::npos || told.find("has a renewed certificate") != std::string::npos)
-        return told_[heard_++].first;
+      changed_.wait(lock, [&] { return heard_ < reported_.size(); });
+      const std::string& reported = reported_[heard_].second;
+      if (reported.find(words) != std::string::npos || reported.find("has a renewed certificate") != std::string::npos)
+        return reported_[heard_++].first;
     }
   }
   std::string serialized() const { return ledger_.identity.in_use->now()->serialized; }
@@ -76,7 +76,7 @@ class Watch : public testing::Test {
   ClientConfig ledger_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::vector<std::pair<Weight, std::string>> told_;
+  std::vector<std::pair<Weight, std::string>> reported_;
   std::size_t heard_ = 0;
   std::unique_ptr<CertificateWatch> watch_;
 };
@@ -126,7 +126,7 @@ TEST_F(Watch, ARenewedTlsPairCountsOnceForAllThatUseIt) {
   EXPECT_EQ(ledger_.tls_in_use->renewals(), 1U);
 }
 
-TEST_F(Watch, TheEndThatComesFirstIsTold) {
+TEST_F(Watch, TheEndThatComesFirstIsReported) {
   put_tls(issued(ca_, "raven-host", 20));
   watch();
   EXPECT_NEAR(static_cast<double>(watch_->days_left()), 19.5, 0.5);  // by whether the second of its issue is over

@@ -36,7 +36,7 @@ TEST(Refusal, NamesItsIdAndWhatIsBelowIt) {
   EXPECT_FALSE(names({"", ": no"}, "")) << "of the whole call";
 }
 
-TEST(Refusal, AStrangersWordsNameNobody) {
+TEST(Refusal, AnOutsidersWordsNameNobody) {
   const auto refusal = refusal_in("chaincode response 500, tello1: stopped by Org2MSP CN=a tello2: tello3: b");
   ASSERT_TRUE(refusal);
   EXPECT_TRUE(names(*refusal, "tello1"));

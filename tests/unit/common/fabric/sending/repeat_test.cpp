@@ -31,7 +31,7 @@ TEST(Repeat, GoesOnBehindEverythingElse) {
   }
 }
 
-TEST(Repeat, ThePauseGrowsToItsLongestAndHasJitter) {
+TEST(Repeat, ThePauseGrowsToItsMaximumAndHasJitter) {
   const RepeatLimits limits{.first_pause_ns = 10 * ns_per_ms, .max_pause_ns = 80 * ns_per_ms};
   Repeat one(limits, 1, start), other(limits, 2, start);
   TimeNs now = start;

@@ -5,13 +5,13 @@
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/common/fabric/stream/growing_channel.hpp"
 
-/// What a program believes of a peer's blocks that began to read them somewhere.
+/// What a program trusts of a peer's blocks that began to read them somewhere.
 namespace ledgerline::fabric {
 namespace {
 
 class Intake : public GrowingChannel {
  protected:
-  /// Kinds that the decoder cannot read as a call, or whose event it does not believe.
+  /// Kinds that the decoder cannot read as a call, or whose event it does not trust.
   static bool is_malformed(const std::string& kind) {
     for (const char* word : {"that is none", "that are none", "no action", "two actions", "event", "header", "type"}) {
       if (kind.find(word) != std::string::npos) return true;
@@ -21,7 +21,7 @@ class Intake : public GrowingChannel {
 
   /// From that block on; each flag as `bend` makes it.
   struct Taken {
-    std::uint64_t honest = 0, lies = 0, told = 0, flown = 0;
+    std::uint64_t honest = 0, lies = 0, reported = 0, flown = 0;
     BlockIntake::Counts counts;
   };
   Taken take(std::size_t from, const std::function<int(int flag)>& bend = {}) {
@@ -42,14 +42,14 @@ class Intake : public GrowingChannel {
         const Transaction& one = read->transactions[i];
         const bool lie = flags[i] != truth[i];
         ++(lie ? taken.lies : taken.honest);
-        if (!one.problem.empty() && lie) ++taken.told;
+        if (!one.problem.empty() && lie) ++taken.reported;
         // A stop is obeyed whatever its flag, so what was asked for stays readable.
-        if (lie && one.code == code_unbelievable && !is_malformed(names_[{number, i}])) {
+        if (lie && one.code == code_unverified && !is_malformed(names_[{number, i}])) {
           EXPECT_FALSE(one.payload.empty()) << names_[{number, i}];
         }
-        if (one.problem.empty() && lie && one.code == protos::VALID) ++taken.flown, ++believed_[names_[{number, i}]];
+        if (one.problem.empty() && lie && one.code == protos::VALID) ++taken.flown, ++trusted_[names_[{number, i}]];
         // The decoder leaves out what Fabric takes and nobody can read.
-        if (lie || one.code == code_unbelievable) continue;
+        if (lie || one.code == code_unverified) continue;
         EXPECT_EQ(one.problem, "") << "block " << number << ", " << i << ", flag " << int(truth[i]) << ", "
                                    << names_[{number, i}];
       }
@@ -58,10 +58,10 @@ class Intake : public GrowingChannel {
     return taken;
   }
 
-  std::map<std::string, int> believed_;  ///< lies that were, by kind
+  std::map<std::string, int> trusted_;  ///< lies that were, by kind
 };
 
-TEST_F(Intake, BelievesAnHonestPeerWhereverItBegins) {
+TEST_F(Intake, TrustsAnHonestPeerWhereverItBegins) {
   grow(static_cast<std::size_t>(seeds(600, 6'000)));
   for (const std::size_t from : {std::size_t(1), chain_.size() / 4, chain_.size() / 2, chain_.size() - 20}) {
     const Taken taken = take(from);
@@ -133,13 +133,13 @@ TEST_F(Intake, JudgesEverythingWhereItHasSeenTheKeysMade) {
   const Taken lied = take(1, flip);
   EXPECT_GT(lied.lies, 300u);
   std::cout << taken.counts.judged << " judged, " << taken.counts.by_flag << " by flag; " << lied.lies << " lies, "
-            << lied.told << " told, " << lied.flown << " believed\n";
-  EXPECT_GT(lied.told * 10, lied.lies * 8);
+            << lied.reported << " told, " << lied.flown << " trusted\n";
+  EXPECT_GT(lied.reported * 10, lied.lies * 8);
   const std::set<std::string> of_others{"a contract that is not there", "a write to _lifecycle",
                                         "a write to a contract that is not there"};
   // Of others a few: what an invalid transaction would have written is not known for a while.
   int more = 0;
-  for (const auto& [kind, times] : believed_) more += of_others.contains(kind) ? 0 : times;
+  for (const auto& [kind, times] : trusted_) more += of_others.contains(kind) ? 0 : times;
   EXPECT_LT(more * 20, static_cast<int>(lied.lies));
 }
 

@@ -34,7 +34,7 @@ TEST(ConnectionWords, SayHowOftenItWasLostSince) {
   ConnectionWords words;
   (void)words.on(false, "refused", begin_ns);
   EXPECT_EQ(words.on(false, "refused", begin_ns + ns_per_s), Word());
-  EXPECT_EQ(words.on(false, "refused", begin_ns + 2 * ns_per_s), Word("refused (1 times more since it was told)"));
+  EXPECT_EQ(words.on(false, "refused", begin_ns + 2 * ns_per_s), Word("refused (1 times more since it was reported)"));
 }
 
 TEST(ConnectionWords, TellAnotherReasonAtOnce) {

@@ -5,7 +5,7 @@
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/common/fabric/stream/growing_channel.hpp"
 
-/// What a program believes of blocks that an orderer tells before the own peer does.
+/// What a program trusts of blocks that an orderer tells before the own peer does.
 namespace ledgerline::fabric {
 namespace {
 
@@ -66,7 +66,7 @@ class OrderedIntake : public GrowingChannel {
   /// That each transaction is as an honest peer flags it.
   void expect_true(const Block& block) {
     for (std::size_t i = 0; i < block.transactions.size(); ++i) {
-      if (block.transactions[i].code == code_unbelievable) continue;  // nobody can read it
+      if (block.transactions[i].code == code_unverified) continue;  // nobody can read it
       const int flag = flag_of(chain_.at(block.number), i);
       if (!block.confirmed && flag == protos::DUPLICATE_TXID) continue;
       EXPECT_EQ(block.transactions[i].code == protos::VALID, flag == protos::VALID)
@@ -86,7 +86,7 @@ class OrderedIntake : public GrowingChannel {
     out = {};
     std::uint64_t next = from + 1;
     const auto take = [&](const Block& block) {
-      EXPECT_EQ(block.number, next++) << "in order, no gap, no doublet";
+      EXPECT_EQ(block.number, next++) << "in order, no gap, no duplicate";
       EXPECT_EQ(block.data_hash, chain_[block.number].header().data_hash());
       expect_true(block);
       ++out.taken;
@@ -99,9 +99,9 @@ class OrderedIntake : public GrowingChannel {
     while (next < chain_.size() || intake.confirms_next()) {
       ASSERT_EQ(intake.contradiction(), "");
       if (of_orderer < chain_.size() && of_orderer < of_peer + 6 && below(3) != 0) {
-        common::Block told = ordered(of_orderer++);
-        const bool bent = bend && below(4) == 0 && bend(told);
-        const bool good = take_all(tell(intake, std::move(told)));
+        common::Block reported = ordered(of_orderer++);
+        const bool bent = bend && below(4) == 0 && bend(reported);
+        const bool good = take_all(tell(intake, std::move(reported)));
         out.refused += good ? 0 : 1;
         if (!good || bent) of_orderer = intake.begin_ordered().value();  // of another one
       } else if (of_peer < of_orderer || below(4) == 0) {
@@ -243,7 +243,7 @@ class OrderedByClock : public OrderedIntake {
   }
 };
 
-TEST_F(OrderedByClock, WhatMayHaveBeenToldLongAgoWaitsForThePeer) {
+TEST_F(OrderedByClock, WhatMayHaveBeenReportedLongAgoWaitsForThePeer) {
   BlockIntake intake = begin_at_block_4();
   EXPECT_FALSE(comes(intake, written(start_s - 10, "old"))) << "the very same as block 2";
   const auto block = intake.take(chain_.back(), nothing);
@@ -260,7 +260,7 @@ TEST_F(OrderedByClock, WhatIsNewByItsMakersClockComesAndAnotherKeyDoesNot) {
   EXPECT_FALSE(comes(intake, written(start_s + 60, "not told twice without harm", "judge/range/1")));
 }
 
-TEST_F(OrderedByClock, WhoReadsWhatMayHaveBeenToldTwiceWaits) {
+TEST_F(OrderedByClock, WhoReadsWhatMayHaveBeenReportedTwiceWaits) {
   BlockIntake intake = begin_at_block_4();
   EXPECT_TRUE(comes(intake, written(start_s + 60, "old"))) << "invalid, as the peer will say";
   Draft reader = draft();
@@ -287,9 +287,9 @@ TEST_F(OrderedByClock, WhoUsesAnIdTwiceUnderAnotherTimeStopsNobody) {
   BlockIntake intake = begin_at_block_4();
   EXPECT_TRUE(comes(intake, written(start_s + 60, "old"))) << "the id of block 2";
   EXPECT_EQ(chain_.back().metadata().metadata(common::TRANSACTIONS_FILTER)[0], protos::DUPLICATE_TXID);
-  const auto told_again = intake.confirm(chain_.back());
-  ASSERT_TRUE(told_again) << told_again.error().what;
-  EXPECT_EQ(*told_again, 1u);
+  const auto reported_again = intake.confirm(chain_.back());
+  ASSERT_TRUE(reported_again) << reported_again.error().what;
+  EXPECT_EQ(*reported_again, 1u);
   EXPECT_EQ(intake.contradiction(), "");
   EXPECT_TRUE(comes(intake, written(start_s + 61, "and goes on"))) << "what it has written is known again by this";
   EXPECT_EQ(intake.confirm(chain_.back()).value(), 0u);
@@ -311,19 +311,19 @@ TEST_F(OrderedIntake, IsNeverFurtherAheadOfThePeerThanItsBound) {
   EXPECT_EQ(take_ordered(intake)->size(), 10u) << "what has waited";
 }
 
-TEST(ToldHeaders, KeepABoundedNumber) {
-  ToldHeaders told;
+TEST(ReportedHeaders, KeepABoundedNumber) {
+  ReportedHeaders reported;
   common::Block block;
-  for (std::uint64_t number = 0; number < 2 * ToldHeaders::max_kept; ++number) {
+  for (std::uint64_t number = 0; number < 2 * ReportedHeaders::max_kept; ++number) {
     block.mutable_header()->set_number(number);
-    told.ordered(block, "a");
-    told.of_peer(number, "b");
+    reported.ordered(block, "a");
+    reported.of_peer(number, "b");
   }
-  EXPECT_FALSE(told.take_ordered(0));
-  EXPECT_FALSE(told.take_of_peer(ToldHeaders::max_kept - 1));
-  EXPECT_TRUE(told.take_of_peer(ToldHeaders::max_kept));
-  EXPECT_EQ(told.take_ordered(2 * ToldHeaders::max_kept - 1)->hash, "a");
-  EXPECT_FALSE(told.take_ordered(2 * ToldHeaders::max_kept - 1)) << "each once";
+  EXPECT_FALSE(reported.take_ordered(0));
+  EXPECT_FALSE(reported.take_of_peer(ReportedHeaders::max_kept - 1));
+  EXPECT_TRUE(reported.take_of_peer(ReportedHeaders::max_kept));
+  EXPECT_EQ(reported.take_ordered(2 * ReportedHeaders::max_kept - 1)->hash, "a");
+  EXPECT_FALSE(reported.take_ordered(2 * ReportedHeaders::max_kept - 1)) << "each once";
 }
 
 }  // namespace

@@ -125,11 +125,11 @@ TEST(DecodeBlock, AMalformedTransactionStopsNobodyWhateverItsFlagSays) {
   const auto valid = decode_block(make_block(&genesis, envelopes, std::string(2, '\0')).SerializeAsString());
   ASSERT_TRUE(valid);
   EXPECT_EQ(valid->transactions[0].code, 0);
-  EXPECT_EQ(valid->transactions[1].code, code_unbelievable);
+  EXPECT_EQ(valid->transactions[1].code, code_unverified);
   EXPECT_EQ(valid->transactions[1].problem, "it is no envelope");
 }
 
-TEST(DecodeBlock, AnEventOfAnotherContractOrTransactionIsNotBelieved) {
+TEST(DecodeBlock, AnEventOfAnotherContractOrTransactionIsNotTrusted) {
   const auto genesis = make_config_block("teleop");
   for (const bool other_contract : {true, false}) {
     const auto proposal = make_proposal(client, {}, {"set", {"a"}}, 5, std::string(24, 'n')).value();
@@ -148,7 +148,7 @@ TEST(DecodeBlock, AnEventOfAnotherContractOrTransactionIsNotBelieved) {
         decode_block(make_block(&genesis, {envelope.SerializeAsString()}, std::string(1, '\0')).SerializeAsString());
     ASSERT_TRUE(block) << block.error().what;
     const Transaction& left_out = block->transactions[0];
-    EXPECT_EQ(left_out.code, code_unbelievable);
+    EXPECT_EQ(left_out.code, code_unverified);
     EXPECT_EQ(left_out.tx_id, proposal.tx_id);
     EXPECT_EQ(left_out.event_name + left_out.event_payload + left_out.payload + left_out.response_payload, "");
     EXPECT_EQ(left_out.problem,
@@ -171,7 +171,7 @@ TEST(DecodeBlock, HostileBytesNeverCrash) {
     for (int flips = 0; flips <= i % 3; ++flips) bad[random.next() % bad.size()] = static_cast<char>(random.next());
     const auto valid = decode_block(make_block(&genesis, {bad}, std::string(1, '\0')).SerializeAsString());
     ASSERT_TRUE(valid);
-    if (valid->transactions[0].code == code_unbelievable) ++refused;
+    if (valid->transactions[0].code == code_unverified) ++refused;
     ASSERT_TRUE(decode_block(make_block(&genesis, {bad}, std::string(1, '\x02')).SerializeAsString()));
   }
   EXPECT_GT(refused, 100);
@@ -212,7 +212,7 @@ TEST_F(Chain, IsFollowedFromAnywhere) {
   }
 }
 
-TEST_F(Chain, GapsDoubletsAndForgeriesAreRefusedAndTheRightBlockStillFits) {
+TEST_F(Chain, GapsDuplicatesAndForgeriesAreRefusedAndTheRightBlockStillFits) {
   ChainCheck check;
   ASSERT_TRUE(check.add(block(0)) && check.add(block(1)));
   EXPECT_EQ(check.add(block(3)).error().what, "block 3 came where 2 was due");
@@ -220,9 +220,9 @@ TEST_F(Chain, GapsDoubletsAndForgeriesAreRefusedAndTheRightBlockStillFits) {
   common::Block forged = blocks_[2];
   forged.mutable_data()->set_data(0, transaction("set", "forged"));
   seal(forged, &blocks_[1]);
-  common::Block stranger = blocks_[2];
-  stranger.mutable_header()->set_previous_hash(std::string(32, 'x'));
-  EXPECT_FALSE(check.add(decode_block(stranger.SerializeAsString()).value()));
+  common::Block outsider = blocks_[2];
+  outsider.mutable_header()->set_previous_hash(std::string(32, 'x'));
+  EXPECT_FALSE(check.add(decode_block(outsider.SerializeAsString()).value()));
   ASSERT_TRUE(check.add(block(2)));
   // A forged block 2 whose own hashes fit is found out by block 3.
   ChainCheck other;

@@ -13,7 +13,7 @@ void second(JudgedShare& share, TimeNs& now, int by_flag) {
   share.add(now += ns_per_s, block);
 }
 
-TEST(JudgedShare, ARiseIsToldOnceAndAStartIsNone) {
+TEST(JudgedShare, ARiseIsReportedOnceAndAStartIsNone) {
   JudgedShare share;
   TimeNs now = 100 * ns_per_s;
   for (int i = 0; i < 30; ++i) second(share, now, 10);

@@ -127,13 +127,13 @@ struct Box : rl::test_suite<Box, 3> {
     }
     unsigned next[2] = {};
     while (next[0] + next[1] < 2 * each) {
-      const auto letters = box.take_all();
-      for (const Element& letter : letters) {
-        const unsigned from = letter.number() / 10;
-        RL_ASSERT(from < 2 && letter.number() == 10 * from + next[from]);
+      const auto events = box.take_all();
+      for (const Element& event : events) {
+        const unsigned from = event.number() / 10;
+        RL_ASSERT(from < 2 && event.number() == 10 * from + next[from]);
         ++next[from];
       }
-      if (letters.empty()) rl::yield(1, $);
+      if (events.empty()) rl::yield(1, $);
     }
   }
 };

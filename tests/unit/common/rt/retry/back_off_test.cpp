@@ -5,7 +5,7 @@
 namespace ledgerline {
 namespace {
 
-TEST(BackOff, DoublesToItsLongestWithJitterAndASuccessResetsIt) {
+TEST(BackOff, DoublesToItsMaximumWithJitterAndASuccessResetsIt) {
   BackOff back_off(10 * ns_per_ms, 40 * ns_per_ms);
   Random random(1);
   EXPECT_TRUE(back_off.over(0)) << "nothing failed yet";

@@ -17,7 +17,7 @@ using testing::Le;
 struct Slept {
   TimeNs now_ns = 0;
   std::vector<TimeNs> pauses;
-  std::vector<std::string> told;
+  std::vector<std::string> reported;
 
   TryWorld world() {
     return {.now = [this] { return now_ns; },
@@ -26,7 +26,7 @@ struct Slept {
                   pauses.push_back(pause_ns);
                   now_ns += pause_ns;
                 },
-            .warn = [this](const std::string& what) { told.push_back(what); },
+            .warn = [this](const std::string& what) { reported.push_back(what); },
             .seed = 1};
   }
 };
@@ -41,7 +41,7 @@ TEST(KeepTrying, TheFirstSuccessIsTheEnd) {
   EXPECT_TRUE(keep_trying("RouDi answers", {}, never, third, slept.world()));
   EXPECT_EQ(attempts, 3);
   EXPECT_EQ(slept.pauses.size(), 2U);
-  EXPECT_TRUE(slept.told.empty()) << "over before anybody wonders";
+  EXPECT_TRUE(slept.reported.empty()) << "over before anybody wonders";
 }
 
 TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
@@ -53,7 +53,7 @@ TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
   EXPECT_LE(slept.now_ns, 2'200 * ns_per_ms) << "by one pause at most";
 }
 
-TEST(KeepTrying, PausesGrowToTheirLongest) {
+TEST(KeepTrying, PausesGrowToTheirMaximum) {
   Slept slept;
   const TryLimits limits{.within_ns = ns_per_s, .first_pause_ns = 10 * ns_per_ms, .max_pause_ns = 40 * ns_per_ms};
   ASSERT_FALSE(keep_trying("it is there", limits, never, in_vain, slept.world()));
@@ -62,12 +62,12 @@ TEST(KeepTrying, PausesGrowToTheirLongest) {
   EXPECT_THAT(slept.pauses, Each(Le(40 * ns_per_ms)));
 }
 
-TEST(KeepTrying, TheWaitIsToldNowAndThen) {
+TEST(KeepTrying, TheWaitIsReportedNowAndThen) {
   Slept slept;
   const TryLimits limits{.within_ns = 5 * ns_per_s};
   ASSERT_FALSE(keep_trying("RouDi answers", limits, never, in_vain, slept.world()));
   const std::string words = "waiting until RouDi answers: nobody answers";
-  EXPECT_THAT(slept.told, ElementsAre(words, words)) << "after 0.5 s and after 3.5 s";
+  EXPECT_THAT(slept.reported, ElementsAre(words, words)) << "after 0.5 s and after 3.5 s";
 }
 
 TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {

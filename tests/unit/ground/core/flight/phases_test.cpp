@@ -21,7 +21,7 @@ class PhasesTest : public testing::Test {
 
   const FlightConfig config = config_for(1);
   Lease lease;
-  Seen seen;
+  IntakeState seen;
   FlightStatus status;
   Planner planner{config, 0, lease, seen, status};
   PlanTiming timing{1};
@@ -42,7 +42,7 @@ TEST_F(PhasesTest, OnTheGroundUnderOurLeaseItTakesOffAndSaysSoInAPlan) {
 
 TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
   phases.advance(0, 0);
-  *lease.stoppers.add_stoppers() = stop_of("tello1", stranger_name);
+  *lease.stoppers.add_stoppers() = stop_of("tello1", outsider_name);
   phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::landing);
   lease.may_command = false;
@@ -51,7 +51,7 @@ TEST_F(PhasesTest, ALostLeaseFailsAStopLands) {
 
 TEST_F(PhasesTest, ALeaseThatIsAnothersEndsTheFlight) {
   phases.advance(0, 0);
-  lease.holder = lease.commander = stranger_name;
+  lease.holder = lease.commander = outsider_name;
   phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::failed);
   EXPECT_EQ(status.why, "lost its lease to CN=User1@org3");
@@ -59,7 +59,7 @@ TEST_F(PhasesTest, ALeaseThatIsAnothersEndsTheFlight) {
 
 TEST_F(PhasesTest, ALeaseThatWeHoldAndAnotherCommandsEndsTheFlight) {
   phases.advance(0, 0);
-  lease.commander = stranger_name;
+  lease.commander = outsider_name;
   phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::failed);
   EXPECT_EQ(status.why, "lost its lease to CN=User1@org2, who lets CN=User1@org3 command it");
@@ -67,7 +67,7 @@ TEST_F(PhasesTest, ALeaseThatWeHoldAndAnotherCommandsEndsTheFlight) {
 
 TEST_F(PhasesTest, AnotherHolderWhoLetsUsCommandLeavesTheFlightAlone) {
   phases.advance(0, 0);
-  lease.holder = stranger_name;
+  lease.holder = outsider_name;
   phases.lease_changed(0);
   EXPECT_EQ(status.phase, DronePhase::takeoff);
   EXPECT_EQ(status.why, "");

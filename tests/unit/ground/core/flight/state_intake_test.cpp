@@ -25,7 +25,7 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   *call.add_assets() = status_asset("tello1", sample(9, 2));
   *call.add_assets() = status_asset("tello2", sample(9, 5));
   *call.add_assets() = status_asset("tello7", sample(9, 6));
-  std::vector<DroneNews> news;
+  std::vector<DroneUpdate> news;
   const auto states = intake.take(event("set", call.SerializeAsString()), 0, news);
   ASSERT_EQ(states.size(), 2u);
   EXPECT_EQ(states[1].state.sequence, 2u);
@@ -51,7 +51,7 @@ TEST(StateIntake, WhatIsNoFrameIsCounted) {
   FlightTransactions counters;
   const LeaseBook leases(config, counters);
   StateIntake intake(config, leases, counters);
-  std::vector<DroneNews> news;
+  std::vector<DroneUpdate> news;
   EXPECT_TRUE(intake.take(event("set", "\xff"), 0, news).empty());
   EXPECT_EQ(counters.malformed, 1u);
 }

@@ -19,7 +19,7 @@ TEST(LeaseBook, MayCommandUnderItsOwnLeaseWhileNobodyStops) {
   EXPECT_TRUE(leases.of(0).may_command);
   EXPECT_FALSE(leases.of(1).may_command);
   Stops stops;
-  *stops.add_stops() = stop_of("tello1", stranger_name);
+  *stops.add_stops() = stop_of("tello1", outsider_name);
   EXPECT_EQ(leases.take(control_event("stop", {"tello1"}, stops.SerializeAsString()), 0).size(), 1u);
   EXPECT_FALSE(leases.of(0).may_command);
 }
@@ -48,13 +48,13 @@ TEST(LeaseBook, WithHolderOrDelegateRevokedNobodyCommands) {
     FlightTransactions counters;
     LeaseBook leases(config, counters);
     ASSERT_TRUE(leases.set(delegated_record("tello1", "CN=pilot")).ok());
-    Controls told;
-    told.mutable_identity()->set_msp_id(operator_name.msp_id);
-    told.mutable_identity()->set_subject(who);
-    told.set_role(REVOKED);
+    Controls reported;
+    reported.mutable_identity()->set_msp_id(operator_name.msp_id);
+    reported.mutable_identity()->set_subject(who);
+    reported.set_role(REVOKED);
     RevokeCall call;
-    *call.mutable_identity() = told.identity();
-    const auto revoke = control_event("revoke", {call.SerializeAsString()}, told.SerializeAsString());
+    *call.mutable_identity() = reported.identity();
+    const auto revoke = control_event("revoke", {call.SerializeAsString()}, reported.SerializeAsString());
     EXPECT_EQ(leases.take(revoke, 0).size(), 1u) << who;
     EXPECT_TRUE(leases.of(0).revoked);
     EXPECT_FALSE(leases.of(0).may_command);
@@ -66,7 +66,7 @@ TEST(LeaseBook, AnOlderRecordAndADroneThatDoesNotFlyHereChangeNothing) {
   FlightTransactions counters;
   LeaseBook leases(config, counters);
   ASSERT_TRUE(leases.set(control_record("tello1", operator_name, 3)).ok());
-  EXPECT_FALSE(leases.set(control_record("tello1", stranger_name, 2))->has_value());
+  EXPECT_FALSE(leases.set(control_record("tello1", outsider_name, 2))->has_value());
   EXPECT_TRUE(leases.of(0).may_command);
   EXPECT_FALSE(leases.set(control_record("tello9", operator_name)).ok());
 }

@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/requests.hpp"
+#include "common/verification/identity.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -23,11 +23,11 @@ class RequestAnswersTest : public ::testing::Test {
     config.request_after_ns = 10 * ns_per_s;
   }
   void request(const crypto::IdentityName& who, std::uint32_t priority) {
-    add_request(record, belief::to_message(who), nullptr, priority);
+    add_request(record, verification::to_message(who), nullptr, priority);
     ASSERT_TRUE(leases.set(record));
   }
   void gone(const crypto::IdentityName& who) {
-    remove_request(record, belief::to_message(who));
+    remove_request(record, verification::to_message(who));
     ASSERT_TRUE(leases.set(record));
   }
   void step(TimeNs now) {
@@ -50,7 +50,7 @@ class RequestAnswersTest : public ::testing::Test {
   std::vector<std::string> notes;
 };
 
-TEST_F(RequestAnswersTest, OurOperatorIsToldOnceAndWithoutARuleNobodyAnswersForHim) {
+TEST_F(RequestAnswersTest, OurOperatorIsReportedOnceAndWithoutARuleNobodyAnswersForHim) {
   request(other_name, 3);
   step(0);
   EXPECT_THAT(notes,
@@ -68,7 +68,7 @@ TEST_F(RequestAnswersTest, OurOperatorIsToldOnceAndWithoutARuleNobodyAnswersForH
 
 TEST_F(RequestAnswersTest, TheRuleHandsOverToTheHighestPriorityOfThoseThatAreDue) {
   rule(RequestRule::hand_over);
-  request(stranger_name, 2);
+  request(outsider_name, 2);
   request(other_name, 3);
   step(0);
   EXPECT_THAT(notes, ElementsAre(HasSubstr("handed over in 10 s, unless you answer first"), HasSubstr("handed over")));
@@ -85,7 +85,7 @@ TEST_F(RequestAnswersTest, TheRuleHandsOverToTheHighestPriorityOfThoseThatAreDue
 
 TEST_F(RequestAnswersTest, TheRuleDeniesOneAfterTheOther) {
   rule(RequestRule::deny);
-  request(stranger_name, 2);
+  request(outsider_name, 2);
   request(other_name, 3);
   step(0);
   step(10 * ns_per_s);
@@ -95,7 +95,7 @@ TEST_F(RequestAnswersTest, TheRuleDeniesOneAfterTheOther) {
   gone(other_name);
   step(11 * ns_per_s);
   ASSERT_EQ(sent.size(), 2u);
-  EXPECT_EQ(newest().to().subject(), stranger_name.subject);
+  EXPECT_EQ(newest().to().subject(), outsider_name.subject);
 }
 
 TEST_F(RequestAnswersTest, WhoAnswersFirstOrWithdrawsLeavesTheRuleNothingToDo) {
@@ -128,8 +128,8 @@ TEST_F(RequestAnswersTest, OfADroneThatWeOnlyCommandItsHolderAnswers) {
 TEST_F(RequestAnswersTest, AnotherDelegateIsAnotherRequest) {
   request(other_name, 3);
   step(0);
-  const Identity station = belief::to_message({"Org2MSP", "CN=station"});
-  add_request(record, belief::to_message(other_name), &station, 3);
+  const Identity station = verification::to_message({"Org2MSP", "CN=station"});
+  add_request(record, verification::to_message(other_name), &station, 3);
   ASSERT_TRUE(leases.set(record));
   step(ns_per_s);
   EXPECT_THAT(notes, ElementsAre(HasSubstr("requests it, for Org2MSP CN=station to command, at priority 3")));

@@ -52,24 +52,24 @@ TEST(Places, AHostOfIpv6IsOneAddressWhicheverOfItsOwnItUses) {
   EXPECT_EQ(address_of("fe80::1%eth0"), address_of("fe80::2"));
 }
 
-/// One stranger among those that a client makes who connects `per_s` times a second, for `for_ms`; how often it is
+/// One client among those that a client makes who connects `per_s` times a second, for `for_ms`; how often it is
 /// still there of so many tries.
 int stays(int per_s, int for_ms, bool same_address, int tries) {
   std::mt19937_64 random(1);
   int stayed = 0;
   for (int k = 0; k < tries; ++k) {
-    std::deque<StrangerNow> all(max_strangers, {"192.0.2.1"});
+    std::deque<UnauthenticatedClient> all(max_unauthenticated, {"192.0.2.1"});
     const auto one_more = [&](std::string_view address) {
-      all.erase(all.begin() + static_cast<std::ptrdiff_t>(
-                                  displaced_by_next(std::vector<StrangerNow>(all.begin(), all.end()), random())));
+      all.erase(all.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(
+                                  std::vector<UnauthenticatedClient>(all.begin(), all.end()), random())));
       all.push_back({address});
     };
     const char* const mine = "192.0.2.77";
     one_more(mine);
-    const auto is_mine = [&](const StrangerNow& one) { return one.address.data() == mine; };
+    const auto is_mine = [&](const UnauthenticatedClient& one) { return one.address.data() == mine; };
     for (int i = 0; i < per_s * for_ms / 1000; ++i) {
       if (same_address) {  // counted as one of the others
-        std::vector<StrangerNow> alike(all.size(), {"192.0.2.1"});
+        std::vector<UnauthenticatedClient> alike(all.size(), {"192.0.2.1"});
         all.erase(all.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(alike, random())));
         all.push_back({"192.0.2.1"});
       } else {
@@ -81,14 +81,14 @@ int stays(int per_s, int for_ms, bool same_address, int tries) {
   return stayed;
 }
 
-TEST(Strangers, OneThatNeedsThreeRoundTripsStaysBesideAThousandConnectionsASecond) {
+TEST(UnauthenticatedStreams, OneThatNeedsThreeRoundTripsStaysBesideAThousandConnectionsASecond) {
   EXPECT_EQ(stays(1500, 120, true, 50), 50) << "they come in bursts";
   EXPECT_GT(stays(2000, 120, true, 50), 5) << "beyond that it is drawn";
   EXPECT_EQ(stays(10'000, 500, false, 20), 20) << "from another address it always stays";
 }
 
-TEST(Strangers, WhoHasEndedItsHandshakeIsNotDisplacedByWhoHasNot) {
-  std::vector<StrangerNow> all(10, {"192.0.2.1", true});
+TEST(UnauthenticatedStreams, WhoHasEndedItsHandshakeIsNotDisplacedByWhoHasNot) {
+  std::vector<UnauthenticatedClient> all(10, {"192.0.2.1", true});
   all[4].has_ended_handshake = false;
   for (std::uint64_t random = 0; random < 20; ++random) EXPECT_EQ(displaced_by_next(all, random), 4U);
   all[4].has_ended_handshake = true;
@@ -96,8 +96,8 @@ TEST(Strangers, WhoHasEndedItsHandshakeIsNotDisplacedByWhoHasNot) {
   for (std::uint64_t random = 0; random < 20; ++random) EXPECT_LT(displaced_by_next(all, random), 5U);
 }
 
-TEST(Strangers, AddressesThatHaveAsManyAreDrawnFromAlike) {
-  std::vector<StrangerNow> all{{"192.0.2.1"}, {"192.0.2.2"}, {"192.0.2.3"}, {"192.0.2.4"}};
+TEST(UnauthenticatedStreams, AddressesThatHaveAsManyAreDrawnFromAlike) {
+  std::vector<UnauthenticatedClient> all{{"192.0.2.1"}, {"192.0.2.2"}, {"192.0.2.3"}, {"192.0.2.4"}};
   EXPECT_EQ(displaced_by_next(all, 0), 0U);
   EXPECT_EQ(displaced_by_next(all, 1), 1U);
 }

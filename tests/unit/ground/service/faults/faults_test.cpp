@@ -13,7 +13,7 @@ const char* const launchers_list =
     R"({"faults":[{"name":"silent-tello1","drone":"tello1","label":"Drone silent","words":"It says nothing.","on":true},)"
     R"({"name":"ledger-stalled","drone":"","label":"Ledger stalled","words":"Nobody reaches it.","on":false}]})";
 
-TEST(FaultList, IsReadAsTheLauncherTellsItAndToldInTheSameWords) {
+TEST(FaultList, IsReadAsTheLauncherTellsItAndReportedInTheSameWords) {
   const auto list = faults_from(launchers_list);
   ASSERT_TRUE(list) << list.error().what;
   ASSERT_EQ(list->size(), 2U);
@@ -50,7 +50,7 @@ class FaultsApi : public testing::Test {
  protected:
   ApiAnswer ask(std::string_view method, std::string_view body = "", std::optional<std::size_t> who = {},
                 bool over = false) const {
-    Known known{names, "[]", "{}", events, operators};
+    ApiContext known{names, "[]", "{}", events, operators};
     if (there) known.faults = &list;
     return answer({.method = method, .target = "/api/v1/faults", .body = body, .who = who, .over = over}, known);
   }

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/belief/identity.hpp"
 #include "common/msg/stops.hpp"
+#include "common/verification/identity.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground::service {
@@ -71,7 +71,7 @@ TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
   world.run(1);
   EXPECT_THAT(held_by(world.core, alice).drones, ElementsAre(0)) << "tello2 is hers, and commanded from elsewhere";
   EXPECT_THAT(held_by(world.core, alice).aloft, IsEmpty());
-  EXPECT_THAT(held_by(world.core, stranger_name).drones, IsEmpty());
+  EXPECT_THAT(held_by(world.core, outsider_name).drones, IsEmpty());
   world.drones[0].phase = FlightPhase::flying;
   world.run(1);
   EXPECT_THAT(held_by(world.core, alice).aloft, ElementsAre(0));
@@ -93,14 +93,14 @@ TEST(LeavingOperators, GroundsOwnStopIsKnownWhereItIsTheOnlyOne) {
     Control record = control_record(drone, config.self, 2);
     for (const crypto::IdentityName& who : stoppers) {
       Stop stop;
-      *stop.mutable_stopper() = belief::to_message(who);
+      *stop.mutable_stopper() = verification::to_message(who);
       add_stop(record, stop);
     }
     ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));
   };
   EXPECT_THAT(stopped_by_ground(world.core), IsEmpty());
   stopped("tello1", {world.core.config().self});
-  stopped("tello2", {world.core.config().self, stranger_name});
+  stopped("tello2", {world.core.config().self, outsider_name});
   EXPECT_THAT(stopped_by_ground(world.core), ElementsAre(0)) << "of tello2 another one is a stopper, too";
 }
 

@@ -42,9 +42,9 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
   for (const json* table : {&root["properties"], &flight, &fault["properties"]}) {
     for (const auto& [key, property] : table->items()) {
       EXPECT_TRUE(property.contains("type")) << key;
-      const bool told =
+      const bool sent =
           property.contains("description") || (property.contains("items") && property["items"].contains("description"));
-      EXPECT_TRUE(told || key == "flight") << key << ": its reader says what it is";
+      EXPECT_TRUE(sent || key == "flight") << key << ": its reader says what it is";
     }
   }
   EXPECT_EQ(flight["laps"]["type"], "integer");
@@ -56,7 +56,7 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
   EXPECT_FALSE(std::regex_match("circle", shape));
   EXPECT_EQ(root["properties"]["task"]["items"]["required"], json::array({"drone"}));
   EXPECT_EQ(root["properties"]["pilot"]["items"]["required"], json::array({"do"}));
-  EXPECT_EQ(flight["doubt"]["enum"], json::array({"ignore", "hold", "land"}));
+  EXPECT_EQ(flight["on_untrusted_ledger"]["enum"], json::array({"ignore", "hold", "land"}));
   EXPECT_TRUE(flight["limit"].contains("pattern"));
   EXPECT_EQ(fault["required"], json::array({"what"}));
   EXPECT_EQ(fault["properties"]["optional"]["type"], "boolean");

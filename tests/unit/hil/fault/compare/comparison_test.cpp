@@ -58,7 +58,7 @@ Comparison of(const Runs& a, const Runs& b, const Options& options = {}) {
   return comparison ? *comparison : Comparison{};
 }
 
-std::vector<std::string> told(const Comparison& comparison, Change verdict) {
+std::vector<std::string> sent(const Comparison& comparison, Change verdict) {
   std::vector<std::string> names;
   for (const FigureChange& figure : comparison.figures) {
     if (figure.verdict == verdict) names.push_back(figure.script + ":" + figure.figure);
@@ -89,7 +89,7 @@ TEST(Comparison, NoiseIsEqualWithTheSameSeedsAndWithOthers) {
   }
 }
 
-TEST(Comparison, EqualBuildsAreToldApartNoOftenerThanItSays) {
+TEST(Comparison, EqualBuildsAreDistinguishedNoOftenerThanItSays) {
   Options options;
   options.error_rate = 0.1;
   options.least_share = 0;
@@ -104,7 +104,7 @@ TEST(Comparison, EqualBuildsAreToldApartNoOftenerThanItSays) {
   EXPECT_LE(called, trials * 0.1 + 3 * std::sqrt(trials * 0.1 * 0.9));
 }
 
-TEST(Comparison, ARegressionIsToldFromNoiseAndNamed) {
+TEST(Comparison, ARegressionIsDistinguishedFromNoiseAndNamed) {
   const auto later = [](FlownRun& run) {
     if (run.script == "script2") run.figures["command_age_median_ms"] += 5;
   };
@@ -112,10 +112,10 @@ TEST(Comparison, ARegressionIsToldFromNoiseAndNamed) {
     const Comparison comparison =
         of(Flights{}.runs(), Flights{.first_seed = first_seed, .build = 7, .change = later}.runs());
     EXPECT_EQ(verdict_of(comparison), "regression");
-    EXPECT_THAT(told(comparison, Change::worse), Contains("script2:command_age_median_ms"));
-    for (const std::string& name : told(comparison, Change::worse))
+    EXPECT_THAT(sent(comparison, Change::worse), Contains("script2:command_age_median_ms"));
+    for (const std::string& name : sent(comparison, Change::worse))
       EXPECT_THAT(name, HasSubstr("command_age_median_ms"));
-    EXPECT_TRUE(told(comparison, Change::better).empty());
+    EXPECT_TRUE(sent(comparison, Change::better).empty());
     EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("worse  script2"));
     EXPECT_THAT(json_text(comparison), HasSubstr("\"verdict\": \"regression\""));
   }
@@ -126,7 +126,7 @@ TEST(Comparison, ARegressionIsToldFromNoiseAndNamed) {
 TEST(Comparison, LessIsWorseWhereTheTableSaysSo) {
   const auto fewer = [](FlownRun& run) { run.figures["commands_hz"] -= 2; };
   const Comparison comparison = of(Flights{}.runs(), Flights{.build = 2, .change = fewer}.runs());
-  EXPECT_THAT(told(comparison, Change::worse), Contains("script1:commands_hz"));
+  EXPECT_THAT(sent(comparison, Change::worse), Contains("script1:commands_hz"));
   EXPECT_EQ(verdict_of(of(Flights{.build = 2, .change = fewer}.runs(), Flights{}.runs())), "improvement");
 }
 
@@ -142,7 +142,7 @@ TEST(Comparison, WhatIsCertainAndSmallDoesNotCount) {
   }
   const Comparison comparison = of(runs, changed);
   EXPECT_EQ(verdict_of(comparison), "equal");
-  EXPECT_THAT(told(comparison, Change::small), Contains("script1:command_age_median_ms"));
+  EXPECT_THAT(sent(comparison, Change::small), Contains("script1:command_age_median_ms"));
   Options finer;
   finer.least_share = 0;
   for (FlownRun& run : changed.runs) slightly(run);
@@ -251,7 +251,7 @@ TEST(Comparison, ARuleThatOnlyGotWorseInTooFewRunsIsShownAndIsNotEqual) {
     EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("path within 0.4 m: broke in 1 of 30 runs, then in " +
                                                              std::to_string(now) + " of 30, newly with seed 2, 3"));
     EXPECT_THAT(comparison.cannot_tell, ElementsAre(HasSubstr("newly broken with " + std::to_string(now - 1) +
-                                                              " of 30 seeds, mended with none")));
+                                                              " of 30 seeds, repaired with none")));
   }
   EXPECT_EQ(verdict_of(of(before, Flights{.build = 2, .change = first(30)}.runs())), "regression");
 }
@@ -287,11 +287,11 @@ TEST(Comparison, OnlyTheSameModeIsCompared) {
   EXPECT_EQ(verdict_of(of(real, real)), "equal");
 }
 
-TEST(Comparison, FewSeedsOfManyScriptsAreToldTogether) {
+TEST(Comparison, FewSeedsOfManyScriptsAreOrderedTogether) {
   const auto later = [](FlownRun& run) { run.figures["command_age_median_ms"] += 8; };
   const Flights few{.scripts = 40, .seeds = 1};
   const Comparison comparison = of(few.runs(), Flights{.scripts = 40, .seeds = 1, .build = 2, .change = later}.runs());
-  EXPECT_EQ(told(comparison, Change::worse), std::vector<std::string>{":command_age_median_ms"});
+  EXPECT_EQ(sent(comparison, Change::worse), std::vector<std::string>{":command_age_median_ms"});
   EXPECT_THAT(table_text(comparison, {}, false), HasSubstr("worse  all scripts"));
   EXPECT_THAT(comparison.left_out, Contains(HasSubstr("40 scripts have fewer seeds")));
   EXPECT_EQ(verdict_of(of(few.runs(), Flights{.scripts = 40, .seeds = 1, .build = 3}.runs())), "equal");

@@ -220,23 +220,23 @@ TEST(FaultJudge, WhatWasMissedWhileItWasBlindIsNoFaultOfTheFlightBehindIt) {
   EXPECT_TRUE(broken(0.5));
 }
 
-TEST(FaultJudge, WhatASpinningDroneIsToldNeedNotRamp) {
+TEST(FaultJudge, WhatASpinningDroneIsSentNeedNotRamp) {
   for (const bool spins : {false, true}) {
     Judged run("");
     std::vector<Moment::Excuse> excuses(1);
     excuses[0] = {.physical = true, .broken = true, .spins = spins};
     run.moment.excuses = excuses;
     run.pass(2 * ns_per_s);
-    run.drones[0].told = {0.6, 0, 0};
+    run.drones[0].sent = {0.6, 0, 0};
     run.pass(ns_per_ms);
-    EXPECT_EQ(run.broken().contains("always: told speed ramps"), !spins);
+    EXPECT_EQ(run.broken().contains("always: commanded speed ramps"), !spins);
   }
 }
 
 TEST(FaultJudge, ResumesCountsFromTheLastFaultsEnd) {
   for (const bool again : {true, false}) {
     Judged run("resumes within 2 s");
-    run.drones[0].told_ns = 1;
+    run.drones[0].sent_ns = 1;
     run.drones[0].mode = FailsafeMode::hold;
     run.piloted = false;
     run.pass(ns_per_s);
@@ -253,7 +253,7 @@ TEST(FaultJudge, WhoRecoversFlewItsPlanAgain) {
   const std::string rule = "recovers and finishes the lap";
   const auto broken = [&](bool again, bool finished) {
     Judged run(rule);
-    run.drones[0].told_ns = 1;
+    run.drones[0].sent_ns = 1;
     run.pass(ns_per_s);
     run.moment.last_fault_end_ns = run.moment.now;
     run.drones[0].mode = again ? FailsafeMode::none : FailsafeMode::land;
@@ -396,7 +396,7 @@ TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
   EXPECT_EQ(broken_by([](Judged& r) {
               r.piloted = false;
               r.drones[0].mode = FailsafeMode::land;
-              r.drones[0].told_mps = 0.3;
+              r.drones[0].sent_mps = 0.3;
             }),
             "always: a hold or a landing after silence");
   EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].mode = FailsafeMode::hold; }), "always: a hold ends in a landing");
@@ -405,19 +405,19 @@ TEST(FaultJudge, InvariantsAreJudgedInEveryRun) {
             }),
             "always: rc in the SDK's range");
   // Told 0.5 m/s at once; a ramp of 4 m/s2 is none of that.
-  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].told = {0.5, 0, 0}; }), "always: told speed ramps");
+  EXPECT_EQ(broken_by([](Judged& r) { r.drones[0].sent = {0.5, 0, 0}; }), "always: commanded speed ramps");
   const auto ramps = [](double mps2, FailsafeMode mode) {
     return [=](Judged& r) {
       for (int i = 1; i <= 10; ++i) {
         r.drones[0].mode = mode;
-        r.drones[0].told[1] = mps2 * 0.02 * i;
+        r.drones[0].sent[1] = mps2 * 0.02 * i;
         r.pass(20 * ns_per_ms);
       }
       r.drones[0].mode = FailsafeMode::none;
     };
   };
   EXPECT_EQ(broken_by(ramps(4, FailsafeMode::none)), "");
-  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::none)), "always: told speed ramps");
+  EXPECT_EQ(broken_by(ramps(8, FailsafeMode::none)), "always: commanded speed ramps");
   EXPECT_EQ(broken_by(ramps(8, FailsafeMode::brake)), "");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.in_the_air = {"tello1"}; }), "always: on the ground in the end");
   EXPECT_EQ(broken_by([](Judged& r) { r.ending.over = false; }), "always: no hang");
@@ -461,7 +461,7 @@ TEST(FaultJudge, ABrakeTakesItsPlansWithIt) {
     run.drones[0].mode = FailsafeMode::none;
     run.pass(100 * ns_per_ms);
     if (given) ++run.drones[0].plans_given;
-    run.drones[0].told_mps = 0.1;
+    run.drones[0].sent_mps = 0.1;
     run.pass(100 * ns_per_ms);
     EXPECT_EQ(run.broken().contains("always: a brake takes its plans with it"), !given);
   }

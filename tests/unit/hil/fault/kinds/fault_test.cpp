@@ -95,7 +95,7 @@ TEST(FaultKinds, SaysWhatAJudgeMayExpect) {
   EXPECT_TRUE(acts("link kill").stops_link);
   EXPECT_FALSE(acts("agent kill").stops_link);
   EXPECT_TRUE(acts("drone tello1 propeller").breaks);
-  EXPECT_TRUE(acts("stranger stop tello1").needs_supervisors);
+  EXPECT_TRUE(acts("outsider stop tello1").needs_supervisors);
   EXPECT_DOUBLE_EQ(acts("mocap tello1 jump 3 4 0").misleads_m, 5);
   EXPECT_TRUE(acts("drone tello1 reboot").momentary);
 }

@@ -91,7 +91,7 @@ TEST(OwnCode, WhatAnSdkFlightCannotHaveIsRefusedByName) {
   EXPECT_THAT(refusal(flight + "[[fault]]\nwhat = \"cpu 0 burn\"\nat = \"landing\"\n"), HasSubstr("link says when"));
 }
 
-TEST(OwnCode, APlantedPluginIsCaughtAndMendedItPasses) {
+TEST(OwnCode, APlantedPluginIsCaughtAndRepairedItPasses) {
   const auto broken = [](const char* controller, std::uint64_t seed) {
     Script script = own_scenario("plugin-slow-ledger");
     const Status put = put_into(script, {.controller = controller, .program = {}});

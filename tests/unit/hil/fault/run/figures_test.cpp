@@ -119,14 +119,14 @@ TEST(Figures, OfCommandsAreTheirAgeAndHowManyASecond) {
   EXPECT_NEAR(figures.at("commands_hz"), 60 / 2.4, 1e-9) << "two drones fly 1.2 s";
 }
 
-TEST(Figures, OfWhatADroneIsToldAreChangesOverTime) {
+TEST(Figures, OfWhatADroneIsSentAreChangesOverTime) {
   Flown flown;
   for (int i = 0; i < 100; ++i) {
-    flown.drones[0].told = {0, i % 2 == 0 ? 0.1 : 0.0, 0};
-    flown.drones[0].told_ns = flown.now + ns_per_ms;
+    flown.drones[0].sent = {0, i % 2 == 0 ? 0.1 : 0.0, 0};
+    flown.drones[0].sent_ns = flown.now + ns_per_ms;
     flown.pass(50 * ns_per_ms);
   }
-  EXPECT_NEAR(flown.figures().at("told_change_mps2"), 2, 1e-9);
+  EXPECT_NEAR(flown.figures().at("sent_change_mps2"), 2, 1e-9);
 }
 
 TEST(Figures, OfWhatWasNotThereAreNotThere) {
@@ -138,7 +138,7 @@ TEST(Figures, OfWhatWasNotThereAreNotThere) {
   maker.observe(moment);
   std::set<std::string_view> names;
   for (const FigureValue& figure : maker.finish(ns_per_ms)) names.insert(figure.name);
-  for (const char* none : {"path_rms_m", "nearest_m", "command_age_median_ms", "commands_hz", "told_change_mps2"})
+  for (const char* none : {"path_rms_m", "nearest_m", "command_age_median_ms", "commands_hz", "sent_change_mps2"})
     EXPECT_FALSE(names.contains(none)) << none;
 }
 

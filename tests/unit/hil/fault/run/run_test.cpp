@@ -32,7 +32,7 @@ TEST(FaultRun, TheSameSeedGivesTheSameVerdictAndTheSameBytes) {
   }
 }
 
-TEST(FaultRun, ABrokenRuleIsToldWithItsMomentInEveryForm) {
+TEST(FaultRun, ABrokenRuleIsReportedWithItsMomentInEveryForm) {
   const Script script = scripted(
       "title = \"Not <so>\"\nmust = [\"height below 0.5 m\", \"no crash\"]\n[[fault]]\nwhat = \"operator stop "
       "tello1\"\n"

@@ -65,7 +65,7 @@ TEST(Capture, CommandsAndAnswersThatWereCapturedTwiceCountOnce) {
                  answer_at(120 * ms, "10", 10), state_at(200 * ms)});
   const auto links = read_capture(file.path);
   ASSERT_TRUE(links.ok()) << links.error().what;
-  const std::vector<AskedAt>& asked = links->front().asked;
+  const std::vector<RequestTime>& asked = links->front().asked;
   ASSERT_EQ(asked.size(), 3U);
   EXPECT_EQ(asked[0].answered_ns, 1 * ms);
   EXPECT_EQ(asked[1].answered_ns, 110 * ms);

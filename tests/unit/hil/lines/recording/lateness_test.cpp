@@ -51,7 +51,7 @@ void expect_same(const MeasuredDay& day, const Truth& truth) {
   ASSERT_TRUE(played.ok()) << played.error().what;
   ASSERT_EQ(day.came + day.missing, truth.said.size());
   for (std::size_t i = 0; i < truth.said.size(); ++i) {
-    const RecordedDay::Fate fate = (*played)->at(truth.said[i] - truth.said[0]);
+    const RecordedDay::Delivery fate = (*played)->at(truth.said[i] - truth.said[0]);
     ASSERT_EQ(fate.lost, !truth.came[i]) << i;
     if (!fate.lost) {
       EXPECT_NEAR(to_ms(fate.delay_ns), to_ms(*truth.came[i] - truth.said[i]) - 3, 1) << i;
@@ -108,7 +108,7 @@ TEST(StatesDay, RefusesWhatIsNoTellosState) {
 }
 
 TEST(AnswersDay, EachWayHasHalf) {
-  const std::vector<AskedAt> asked{{1'000 * ms, 1'030 * ms}, {2'000 * ms, std::nullopt}, {5'000 * ms, 5'010 * ms}};
+  const std::vector<RequestTime> asked{{1'000 * ms, 1'030 * ms}, {2'000 * ms, std::nullopt}, {5'000 * ms, 5'010 * ms}};
   const auto day = day_of_answers(asked);
   ASSERT_TRUE(day.ok()) << day.error().what;
   const std::vector<DayMoment> wanted{{0, 15 * ms, false}, {1'000 * ms, 0, true}, {4'000 * ms, 5 * ms, false}};

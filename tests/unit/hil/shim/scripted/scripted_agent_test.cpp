@@ -14,12 +14,12 @@ class Scripted : public ::testing::Test {
     script.silences.push_back({ns_per_s + 500 * ns_per_ms, ns_per_s + 700 * ns_per_ms});
   }
   /// All that it says in its time, asked every `period_ns`.
-  ScriptedAgent::Said all(TimeNs period_ns) {
+  ScriptedAgent::DueMessages all(TimeNs period_ns) {
     sim::Parameters parameters;
     parameters.drones = script.drones;
     const sim::Simulator drones(parameters, 0);
     ScriptedAgent agent(script, 0);
-    ScriptedAgent::Said everything;
+    ScriptedAgent::DueMessages everything;
     for (TimeNs now = 0; !agent.over(now); now += period_ns) {
       const auto& said = agent.step(now, drones);
       everything.plans.insert(everything.plans.end(), said.plans.begin(), said.plans.end());

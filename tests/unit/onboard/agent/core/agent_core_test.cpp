@@ -168,7 +168,7 @@ TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
   EXPECT_EQ(out_.plans[0].action, PlanAction::cut);
 }
 
-TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsToldOnceASecondOnTheGround) {
+TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsReportedOnceASecondOnTheGround) {
   StateSample stopped = state(1, start);
   stopped.phase = FlightPhase::landed;
   stopped.cause = FailsafeCause::stopped;
@@ -277,7 +277,7 @@ TEST_F(IdleHolderTest, LosesTheLeaseOnTheGroundAfterTheIdleTime) {
   EXPECT_FALSE(core_.anything_under_way());
 }
 
-TEST_F(IdleHolderTest, KeepsItInTheAirAndUnseenAndWithoutAnyState) {
+TEST_F(IdleHolderTest, KeepsItInTheAirAndWithoutFreshState) {
   EXPECT_EQ(until(start + 2 * usual_idle_ns, FlightPhase::flying), 0U);
   EXPECT_EQ(until(now_ + 2 * usual_idle_ns, FlightPhase::disconnected), 0U);
   EXPECT_EQ(until(now_ + usual_idle_ns / 2, FlightPhase::on_ground), 0U);
@@ -312,17 +312,17 @@ TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
   EXPECT_EQ(out_.submits[0].call.function, "fold");
 }
 
-TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneIsToldOfAStopOnceASecondUntilItLandsBlindly) {
+TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneGetsAStopOnceASecondUntilItLandsBlindly) {
   Control stopped = control("tello1", 1);
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
-  StateSample unseen = state(1, start);
-  unseen.phase = FlightPhase::disconnected;
-  for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, unseen, out_);
+  StateSample lost = state(1, start);
+  lost.phase = FlightPhase::disconnected;
+  for (int i = 0; i < 300; ++i) core_.on_state(start + i * 10 * ns_per_ms, lost, out_);
   EXPECT_EQ(out_.plans.size(), 3U);
-  unseen.mode = FailsafeMode::land;
+  lost.mode = FailsafeMode::land;
   out_.plans.clear();
-  core_.on_state(start + 5 * ns_per_s, unseen, out_);
+  core_.on_state(start + 5 * ns_per_s, lost, out_);
   EXPECT_TRUE(out_.plans.empty());
 }
 
@@ -370,7 +370,7 @@ TEST_F(AgentCoreTest, TheFirstBeatWaitsForPosesNoLongerThanSetAndLaterOnesNeverD
   EXPECT_TRUE(out_.beat);
 }
 
-TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsBelievedOnTheGroundAndNotInFlight) {
+TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsTrustedOnTheGroundAndNotInFlight) {
   for (const FlightPhase phase : {FlightPhase::on_ground, FlightPhase::flying}) {
     StateSample sample = state(phase == FlightPhase::flying ? 2 : 1, start);
     sample.phase = phase;

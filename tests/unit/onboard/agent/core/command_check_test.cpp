@@ -147,7 +147,7 @@ TEST_F(CommandCheckTest, OneBadPlanInACallDoesNotTakeTheOthersDown) {
   EXPECT_EQ(checked.refused.size(), 1U);
 }
 
-TEST_F(CommandCheckTest, ABlockThatBreaksTheChainIsNotBelieved) {
+TEST_F(CommandCheckTest, ABlockThatBreaksTheChainIsNotTrusted) {
   (void)give({});
   ledger_.lose_a_block();
   const auto checked = give({command(good_plan())});
@@ -269,17 +269,17 @@ TEST_F(CommandCheckTest, ASecondArgumentIsNoCommandOfOurs) {
   expect_refused(tx, Refusal::altered);
 }
 
-TEST_F(CommandCheckTest, ATransactionThatCannotBeBelievedIsCountedAndGivesNothing) {
+TEST_F(CommandCheckTest, ATransactionThatCannotBeTrustedIsCountedAndGivesNothing) {
   auto block = ledger_.block({command(good_plan()), command(good_plan(2))});
-  block.transactions[0].code = fabric::code_unbelievable;
+  block.transactions[0].code = fabric::code_unverified;
   block.transactions[0].problem = "its event is another's";
   block.transactions[1].code = 11;
   block.transactions[1].problem = "flagged 11, but valid";
   const auto checked = check_.check(now, now_s, block);
   EXPECT_TRUE(checked.plans.empty());
-  EXPECT_EQ(checked.unbelievable, 2U);
-  EXPECT_EQ(checked.unbelievable_problem, "transaction " + block.transactions[0].tx_id + ": its event is another's");
-  EXPECT_EQ(check_.unbelievable_transactions(), 2U);
+  EXPECT_EQ(checked.invalid, 2U);
+  EXPECT_EQ(checked.invalid_problem, "transaction " + block.transactions[0].tx_id + ": its event is another's");
+  EXPECT_EQ(check_.invalid_transactions(), 2U);
 }
 
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {

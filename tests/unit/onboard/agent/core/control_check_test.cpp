@@ -170,10 +170,10 @@ TEST_F(ControlCheckTest, AnAcquireStaysWithinTheGrantsOfTheRecordBefore) {
   *taken.mutable_holder() = to_message(rival);
   taken.set_priority(10);
   expect_refused(event("acquire", taken, rival), "more than the priority that is granted");
-  const crypto::IdentityName stranger{"Org3MSP", "CN=User1@org3.ledgerline"};
-  *taken.mutable_holder() = to_message(stranger);
+  const crypto::IdentityName outsider{"Org3MSP", "CN=User1@org3.ledgerline"};
+  *taken.mutable_holder() = to_message(outsider);
   taken.set_priority(1);
-  expect_refused(event("acquire", taken, stranger), "nothing is granted");
+  expect_refused(event("acquire", taken, outsider), "nothing is granted");
   *taken.mutable_holder() = to_message(own_guard);
   taken.set_priority(10);
   expect_taken(event("acquire", taken, own_guard));
@@ -208,8 +208,8 @@ TEST_F(ControlCheckTest, AGrantIsOfAnAdministratorAndIsWhatWasAskedFor) {
   call.mutable_grant()->set_fly(true);
   Control after = record_;
   *after.add_grants() = call.grant();
-  const auto granted = [&](const Control& told, const crypto::IdentityName& by) {
-    Tx one = event("grant", told, by);
+  const auto granted = [&](const Control& reported, const crypto::IdentityName& by) {
+    Tx one = event("grant", reported, by);
     one.asked = fabric::Call{"grant", {call.SerializeAsString()}};
     return one;
   };
@@ -245,10 +245,10 @@ TEST_F(ControlCheckTest, AnEnrolmentIsOfAnAdministratorOfTheSameOrganisation) {
   Control moved = control("tello1", epoch);
   *moved.mutable_owner() = to_message({"Org1MSP", "CN=Host2@org1.ledgerline"});
   const auto enrolled = [&](const Control& after, const crypto::IdentityName& by) {
-    Controls told;
-    *told.add_controls() = after;
-    *told.mutable_identity() = after.owner();
-    return tx("enroll", told.SerializeAsString(), by);
+    Controls reported;
+    *reported.add_controls() = after;
+    *reported.mutable_identity() = after.owner();
+    return tx("enroll", reported.SerializeAsString(), by);
   };
   expect_refused(enrolled(moved, owner), "no administrator");
   expect_refused(enrolled(moved, {"Org2MSP", "CN=Admin@org2.ledgerline"}), "another organisation's administrator");
@@ -294,11 +294,11 @@ class HandOverTest : public ControlCheckTest {
 };
 
 TEST_F(HandOverTest, ARequestIsItsCreatorsOwnAndWithinItsGrant) {
-  const crypto::IdentityName stranger{"Org3MSP", "CN=User1@org3.ledgerline"};
+  const crypto::IdentityName outsider{"Org3MSP", "CN=User1@org3.ledgerline"};
   expect_refused(request(requested(rival), holder), "in another's name");
   expect_refused(request(requested(rival, 4), rival), "of another priority than was asked for");
   expect_refused(request(requested(rival, 10), rival, 10), "of more than is granted");
-  expect_refused(request(requested(stranger), stranger), "of what is not granted");
+  expect_refused(request(requested(outsider), outsider), "of what is not granted");
   Control with_lease = handed_over();
   expect_refused(request(with_lease, rival), "with the lease");
   expect_taken(request(requested(rival), rival));
@@ -337,12 +337,12 @@ TEST_F(HandOverTest, ARequestIsDeniedByTheHolderOrWithdrawn) {
 class RevocationTest : public ControlCheckTest {
  protected:
   static Tx revoke(const crypto::IdentityName& who, const crypto::IdentityName& by) {
-    Controls told;
-    *told.mutable_identity() = to_message(who);
-    told.set_role(REVOKED);
+    Controls reported;
+    *reported.mutable_identity() = to_message(who);
+    reported.set_role(REVOKED);
     RevokeCall call;
-    *call.mutable_identity() = told.identity();
-    Tx one = tx("revoke", told.SerializeAsString(), by);
+    *call.mutable_identity() = reported.identity();
+    Tx one = tx("revoke", reported.SerializeAsString(), by);
     one.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
     return one;
   }
@@ -372,10 +372,10 @@ TEST_F(RevocationTest, ItIsOfAnAdministratorOfItsOrganisationAndAsItWasAskedFor)
   other.event_payload = revoke(holder, its_admin).event_payload;
   expect_refused(other, "of another identity");
   Tx undone = revoke(holder, its_admin);
-  Controls told;
-  *told.mutable_identity() = to_message(holder);
-  told.set_role(OPERATOR);
-  undone.event_payload = told.SerializeAsString();
+  Controls reported;
+  *reported.mutable_identity() = to_message(holder);
+  reported.set_role(OPERATOR);
+  undone.event_payload = reported.SerializeAsString();
   expect_refused(undone, "as another role");
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
@@ -406,13 +406,13 @@ TEST_F(RevocationTest, AFoldOfTheHostEndsItsLeaseAndNothingElse) {
 
 TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
   (void)give(revoke(holder, its_admin));
-  Controls told;
-  *told.mutable_identity() = to_message(holder);
-  told.set_role(OPERATOR);
+  Controls reported;
+  *reported.mutable_identity() = to_message(holder);
+  reported.set_role(OPERATOR);
   EnrollCall call;
-  *call.mutable_identity() = told.identity();
+  *call.mutable_identity() = reported.identity();
   call.set_role(OPERATOR);
-  Tx enrolled = tx("enroll", told.SerializeAsString(), its_admin);
+  Tx enrolled = tx("enroll", reported.SerializeAsString(), its_admin);
   enrolled.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
   enrolled.creator = rival;
   expect_refused(enrolled, "by no administrator");
@@ -421,7 +421,7 @@ TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
 
-TEST_F(ControlCheckTest, LinkIsToldWhenTheLastStopIsLiftedAndWhetherTheOwnersOrganisationLiftedIt) {
+TEST_F(ControlCheckTest, LinkLearnsWhenTheLastStopIsLiftedAndWhetherTheOwnersOrganisationLiftedIt) {
   start(stopped({holder, own_guard}));
   Control one_left = stopped({holder}), none = control("tello1", epoch);
   for (Control* record : {&one_left, &none}) set_resumes(*record, to_message(own_guard), 1);

@@ -76,12 +76,12 @@ class DelegateCheck : public ::testing::Test {
     return checked.refused.empty() ? Refusal::none : checked.refused[0].why;
   }
   static Tx event(const std::string& name, const Control& after, const crypto::IdentityName& by) {
-    Controls told;
-    *told.add_controls() = after;
+    Controls reported;
+    *reported.add_controls() = after;
     Tx one;
     one.creator = by;
     one.event_name = name;
-    one.event_payload = told.SerializeAsString();
+    one.event_payload = reported.SerializeAsString();
     return one;
   }
   /// acquire or request, as its creator asked for it, with the record that a peer made of it.
@@ -104,15 +104,15 @@ class DelegateCheck : public ::testing::Test {
     return one;
   }
   static Tx revoke(const crypto::IdentityName& who) {
-    Controls told;
-    *told.mutable_identity() = to_message(who);
-    told.set_role(REVOKED);
+    Controls reported;
+    *reported.mutable_identity() = to_message(who);
+    reported.set_role(REVOKED);
     RevokeCall call;
-    *call.mutable_identity() = told.identity();
+    *call.mutable_identity() = reported.identity();
     Tx one;
     one.creator = who.msp_id == "Org1MSP" ? admin1 : admin2;
     one.event_name = "revoke";
-    one.event_payload = told.SerializeAsString();
+    one.event_payload = reported.SerializeAsString();
     one.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
     return one;
   }

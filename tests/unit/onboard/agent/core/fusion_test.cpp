@@ -103,15 +103,15 @@ TEST(Fusion, AMeasurementThatIsNotNewerIsRejected) {
   EXPECT_EQ(fusion.counters().not_newer, 2U);
 }
 
-TEST(Fusion, InFlightOnePlaceOverAndOverIsNotBelieved) {
+TEST(Fusion, InFlightOnePlaceOverAndOverIsNotTrusted) {
   FusionConfig config;
   Fusion fusion(config);
   fly(fusion, 1, 50);
-  int believed = 0;
+  int trusted = 0;
   TimeNs stamp = 51 * period;
-  for (int i = 0; i < 100; ++i, stamp += period) believed += fusion.add(at(stamp, 0.51), true).has_value();
-  EXPECT_EQ(believed, config.frozen_after_ns / period);
-  EXPECT_EQ(fusion.counters().frozen, 100U - static_cast<unsigned>(believed));
+  for (int i = 0; i < 100; ++i, stamp += period) trusted += fusion.add(at(stamp, 0.51), true).has_value();
+  EXPECT_EQ(trusted, config.frozen_after_ns / period);
+  EXPECT_EQ(fusion.counters().frozen, 100U - static_cast<unsigned>(trusted));
   EXPECT_TRUE(fusion.add(at(stamp, 0.5100001), true)) << "it moves again";
 }
 

@@ -45,7 +45,7 @@ TEST(MocapClock, WhateverTheJumpNoPoseIsNewerThanItsArrivalAndAllSentAfterItAreE
   }
 }
 
-TEST(MocapClock, AStampOfTheFutureOrTheFarPastIsNotBelieved) {
+TEST(MocapClock, AStampOfTheFutureOrTheFarPastIsNotTrusted) {
   Clocks c;
   const TimeNs now = 100 * second;
   EXPECT_EQ(c.clock.stamp(c.offset_ns + now + 20 * ns_per_ms, now), now);

@@ -28,7 +28,7 @@ TEST(MocapIntake, APoseComesOutOnThisHostsClockWithItsYaw) {
   EXPECT_NEAR(pose->yaw_rad, M_PI / 2, 1e-12);
 }
 
-TEST(MocapIntake, WhatIsNoUnitQuaternionIsNotBelieved) {
+TEST(MocapIntake, WhatIsNoUnitQuaternionIsNotTrusted) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   for (const auto& q :
        {std::array<double, 4>{0, 0, 0, 0}, {0, 0, 0, 1.03}, {0, 0, 0, 0.97}, {1, 1, 1, 1}, {nan, 0, 0, 1}}) {
@@ -42,7 +42,7 @@ TEST(MocapIntake, WhatIsNoUnitQuaternionIsNotBelieved) {
   EXPECT_NEAR(MocapIntake::norm(message), 1.02, 1e-12);
 }
 
-TEST(MocapIntake, AStampThatCannotBeIsNotBelievedUnlessArrivalCounts) {
+TEST(MocapIntake, AStampThatCannotBeIsNotTrustedUnlessArrivalCounts) {
   for (const TimeNs wrong : {-2 * ns_per_s, 30 * ns_per_ms}) {
     MocapMessage message = good();
     message.source_real_ns += wrong;

@@ -21,7 +21,7 @@ constexpr int conflict = 11, not_endorsed = 10, duplicate = 9;  // protos.TxVali
 const crypto::IdentityName holder = LedgerOfTests::operator_name();
 const crypto::IdentityName guard{"Org1MSP", "CN=Guard@org1.ledgerline"};
 const crypto::IdentityName host{"Org1MSP", "CN=User1@org1.ledgerline"};
-const crypto::IdentityName stranger{"Org3MSP", "CN=User1@org3.ledgerline"};
+const crypto::IdentityName outsider{"Org3MSP", "CN=User1@org3.ledgerline"};
 const crypto::IdentityName peer3{"Org3MSP", "CN=peer0.org3.ledgerline"};
 
 class StopCheckTest : public ::testing::Test {
@@ -30,8 +30,8 @@ class StopCheckTest : public ::testing::Test {
   void start(const Control& record) {
     check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
     check_->set_control(record);
-    belief::Roles roles;
-    for (const auto& who : {holder, guard, stranger}) roles.take({to_message(who), OPERATOR});
+    verification::Roles roles;
+    for (const auto& who : {holder, guard, outsider}) roles.take({to_message(who), OPERATOR});
     check_->set_roles(std::move(roles));
   }
   /// As an honest client and contract make it.
@@ -41,25 +41,25 @@ class StopCheckTest : public ::testing::Test {
     call.add_drones("tello1");
     call.set_cut(cut);
     if (resumes) call.add_resumes(*resumes);
-    Stops told;
-    *told.add_stops() = stop_of("tello1", cut);
-    *told.mutable_stops(0)->mutable_stopper() = to_message(by);
-    told.mutable_stops(0)->set_resumes(resumes.value_or(0));
+    Stops reported;
+    *reported.add_stops() = stop_of("tello1", cut);
+    *reported.mutable_stops(0)->mutable_stopper() = to_message(by);
+    reported.mutable_stops(0)->set_resumes(resumes.value_or(0));
     Tx tx;
     tx.creator = by;
     tx.event_name = "stop";
-    tx.event_payload = told.SerializeAsString();
+    tx.event_payload = reported.SerializeAsString();
     tx.asked = fabric::Call{"stop", {call.SerializeAsString()}};
     tx.code = code;
     return tx;
   }
   static Tx control_event(const std::string& function, const Control& after, const crypto::IdentityName& by) {
-    Controls told;
-    *told.add_controls() = after;
+    Controls reported;
+    *reported.add_controls() = after;
     Tx tx;
     tx.creator = by;
     tx.event_name = function;
-    tx.event_payload = told.SerializeAsString();
+    tx.event_payload = reported.SerializeAsString();
     return tx;
   }
   CommandCheck::Checked give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
@@ -109,11 +109,11 @@ TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) 
   granted.add_grants()->mutable_to()->set_msp_id("Org4MSP");
   granted.mutable_grants()->rbegin()->set_stop(true);
   check_->set_control(granted);
-  EXPECT_EQ(check_->await_roles(), belief::Organisations{"Org4MSP"});
+  EXPECT_EQ(check_->await_roles(), verification::Organisations{"Org4MSP"});
   EXPECT_TRUE(check_->await_roles().empty()) << "once";
   const crypto::IdentityName far{"Org4MSP", "CN=User1@org4.ledgerline"};
   expect_refused(stop(far, conflict), "nobody knows yet what it may");
-  belief::Roles read;
+  verification::Roles read;
   read.take({to_message(far), OPERATOR});
   check_->add_roles(read);
   EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
@@ -130,7 +130,7 @@ TEST_F(StopCheckTest, OfARefusedBlockStopsAreTakenAndNothingElse) {
   command.event_payload = call.SerializeAsString();
   ledger_.lose_a_block();
   const fabric::Block block =
-      ledger_.block({command, stop(guard), control_event("acquire", control("tello1", epoch + 1), stranger)});
+      ledger_.block({command, stop(guard), control_event("acquire", control("tello1", epoch + 1), outsider)});
   const std::uint64_t height = check_->height();
   const auto checked = check_->check_refused(now, block);
   ASSERT_EQ(checked.plans.size(), 1U);
@@ -178,16 +178,16 @@ TEST_F(StopCheckTest, AnEventThatSaysSomethingElseHidesNoStop) {
 TEST_F(StopCheckTest, ADuplicateIsNoStop) {
   EXPECT_TRUE(give(stop(guard, duplicate)).plans.empty());
   EXPECT_FALSE(is_stopped_now());
-  Tx told = stop(guard, duplicate);
-  told.by_flag = true;
-  EXPECT_FALSE(give(told).plans.empty()) << "a peer alone says that it was there before";
+  Tx reported = stop(guard, duplicate);
+  reported.by_flag = true;
+  EXPECT_FALSE(give(reported).plans.empty()) << "a peer alone says that it was there before";
 }
 
 TEST_F(StopCheckTest, WhoMayNotStopIsNotObeyedAndAlarmed) {
   const crypto::IdentityName nobody{"Org1MSP", "CN=Nobody@org1.ledgerline"};
   expect_refused(stop(nobody, conflict), "of the drone's organisation, without a role");
-  expect_refused(stop(stranger, conflict), "an operator of another organisation, without a grant");
-  Tx own_endorser = stop(stranger);
+  expect_refused(stop(outsider, conflict), "an operator of another organisation, without a grant");
+  Tx own_endorser = stop(outsider);
   own_endorser.endorser = peer3;
   expect_refused(own_endorser, "the same flagged valid, which our own peer did not endorse");
   Tx forged = stop(guard, conflict);
@@ -208,7 +208,7 @@ TEST_F(StopCheckTest, AGrantLetsOneOfAnotherOrganisationStop) {
   granted.add_grants()->mutable_to()->set_msp_id("Org3MSP");
   granted.mutable_grants(granted.grants_size() - 1)->set_stop(true);
   start(granted);
-  EXPECT_EQ(give(stop(stranger, conflict)).plans.size(), 1U);
+  EXPECT_EQ(give(stop(outsider, conflict)).plans.size(), 1U);
 }
 
 TEST_F(StopCheckTest, ARoleThatIsGivenOrTakenInABlockCountsFromThereOn) {
@@ -217,38 +217,38 @@ TEST_F(StopCheckTest, ARoleThatIsGivenOrTakenInABlockCountsFromThereOn) {
   EnrollCall call;
   *call.mutable_identity() = to_message(fresh);
   call.set_role(OPERATOR);
-  Controls told;
-  *told.mutable_identity() = call.identity();
-  told.set_role(OPERATOR);
+  Controls reported;
+  *reported.mutable_identity() = call.identity();
+  reported.set_role(OPERATOR);
   Tx enrolled;
   enrolled.creator = {"Org1MSP", "CN=Admin@org1.ledgerline"};
   enrolled.event_name = "enroll";
-  enrolled.event_payload = told.SerializeAsString();
+  enrolled.event_payload = reported.SerializeAsString();
   enrolled.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
   EXPECT_TRUE(give(enrolled).refused.empty());
   EXPECT_EQ(give(stop(fresh, conflict)).plans.size(), 1U);
 }
 
-TEST_F(StopCheckTest, ARoleIsBelievedByAPeerOfItsOwnOrganisation) {
+TEST_F(StopCheckTest, ARoleIsTrustedByAPeerOfItsOwnOrganisation) {
   Control granted = control("tello1", epoch);
   granted.add_grants()->mutable_to()->set_msp_id("Org3MSP");
   granted.mutable_grants(granted.grants_size() - 1)->set_stop(true);
   start(granted);
   RevokeCall call;
-  *call.mutable_identity() = to_message(stranger);
-  Controls told;
-  *told.mutable_identity() = call.identity();
-  told.set_role(REVOKED);
+  *call.mutable_identity() = to_message(outsider);
+  Controls reported;
+  *reported.mutable_identity() = call.identity();
+  reported.set_role(REVOKED);
   Tx revoked;
   revoked.creator = {"Org3MSP", "CN=Admin@org3.ledgerline"};
   revoked.endorser = {"Org2MSP", "CN=peer0.org2.ledgerline"};
   revoked.event_name = "revoke";
-  revoked.event_payload = told.SerializeAsString();
+  revoked.event_payload = reported.SerializeAsString();
   revoked.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
   EXPECT_EQ(give(revoked).refused.at(0).why, Refusal::not_endorsed) << "by a third organisation's";
   revoked.endorser = peer3;
   EXPECT_TRUE(give(revoked).refused.empty());
-  expect_refused(stop(stranger, conflict), "revoked by its own organisation");
+  expect_refused(stop(outsider, conflict), "revoked by its own organisation");
 }
 
 TEST_F(StopCheckTest, AnOldOneIsNotObeyedHoweverOftenAndUnderWhateverFlag) {

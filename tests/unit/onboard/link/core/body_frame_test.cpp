@@ -37,12 +37,12 @@ TEST(BodyFrame, SignsAreSettings) {
   EXPECT_GT(to_body(other, {{0, 0.5F, 0}, 1.0F}, 0).rc[3], 0);
 }
 
-TEST(BodyFrame, BeyondRcsRangeTheDirectionIsKeptAndWhatWasToldIsSaid) {
+TEST(BodyFrame, BeyondRcsRangeTheDirectionIsKeptAndWhatWasSentIsReported) {
   const BodyCommand command = to_body(settings, {{2, 1, 0}, 9}, 0);
   EXPECT_EQ(command.rc, (Rc{-50, 100, 0, -100}));
-  EXPECT_FLOAT_EQ(command.told.mps[0], 1);
-  EXPECT_FLOAT_EQ(command.told.mps[1], 0.5F);
-  EXPECT_FLOAT_EQ(command.told.yaw_radps, settings.full_scale_radps);
+  EXPECT_FLOAT_EQ(command.sent.mps[0], 1);
+  EXPECT_FLOAT_EQ(command.sent.mps[1], 0.5F);
+  EXPECT_FLOAT_EQ(command.sent.yaw_radps, settings.full_scale_radps);
 }
 
 TEST(BodyFrame, FullScaleIsASetting) {

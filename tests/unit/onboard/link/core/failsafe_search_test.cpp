@@ -28,19 +28,19 @@ constexpr int dark_lands = 2;  // steps until a drone in the dark is landed
 /// Ages in steps. Of a moment that never was: -1.
 struct State {
   int phase = 0;
-  int unseen = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
+  int lost = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
   int uncovered = 0, beat = 0, state = 0, pose = 0;
-  int ledger_alive = 1, doubted = 0;
+  int ledger_alive = 1, untrusted = 0;
   int mode = 0, cause = 0, battery_low = 0;
   int dark = -1;  ///< flying, and its flow has seen nothing for so long
   int hovering = -1, gone = -1, outward = -1, outside = -1, too_near = -1;
   int unflown = 0;  ///< since a plan was followed: counted here, not by the failsafe
 
   std::uint64_t key() const {
-    const int bits = ledger_alive | doubted << 1 | battery_low << 2;
+    const int bits = ledger_alive | untrusted << 1 | battery_low << 2;
     auto key = static_cast<std::uint64_t>(cause);
-    const int unseen_or_dark = (unseen + 1) | (dark + 1) << 2;  // never both
-    for (const int field : {phase, unseen_or_dark, uncovered, beat, state, pose, bits, mode, hovering, gone, outward,
+    const int lost_or_dark = (lost + 1) | (dark + 1) << 2;  // never both
+    for (const int field : {phase, lost_or_dark, uncovered, beat, state, pose, bits, mode, hovering, gone, outward,
                             outside, too_near, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
@@ -66,7 +66,7 @@ enum class Sensed {
 };
 
 struct Input {
-  bool beat = false, ledger_alive = false, doubted = false, plan = false, pose = false;
+  bool beat = false, ledger_alive = false, untrusted = false, plan = false, pose = false;
   enum class Text { none, charged, low } text = Text::none;
   Place place = Place::inside;
   Asked asked = Asked::nothing;
@@ -76,9 +76,10 @@ struct Input {
 
 class Search {
  public:
-  /// Where a doubt is ignored nobody doubts: it is not looked at (FS-14).
-  Search(const std::array<int, 7>& limits, OnDoubt doubt, bool own_senses) : limits_(limits), own_senses_(own_senses) {
-    settings_.doubt = doubt;
+  /// Where an untrusted ledger is ignored every ledger is trusted: it is not looked at (FS-14).
+  Search(const std::array<int, 7>& limits, OnUntrustedLedger action, bool own_senses)
+      : limits_(limits), own_senses_(own_senses) {
+    settings_.on_untrusted_ledger = action;
     settings_.hold_grace_ns = grace() * step_ns;
     settings_.land_after_ns = land_after() * step_ns;
     settings_.agent_silent_ns = agent_silent() * step_ns;
@@ -117,19 +118,19 @@ class Search {
   int fence_land_after() const { return limits_[6]; }
 
   static std::vector<int> next_phases(int phase) {
-    constexpr int unseen = static_cast<int>(FlightPhase::disconnected), flying = static_cast<int>(FlightPhase::flying),
+    constexpr int lost = static_cast<int>(FlightPhase::disconnected), flying = static_cast<int>(FlightPhase::flying),
                   landing = static_cast<int>(FlightPhase::landing);
-    if (phase == landing) return {phase, unseen};
-    if (phase == unseen) return {phase, flying, landing};
+    if (phase == landing) return {phase, lost};
+    if (phase == lost) return {phase, flying, landing};
     return {phase, phase + 1};
   }
 
   const std::vector<Input>& inputs() const {
-    static const std::vector<Input> trusting = make_inputs({0, 1, 2}), doubting = make_inputs({0, 1, 2, 3, 4});
-    return settings_.doubt == OnDoubt::ignore ? trusting : doubting;
+    static const std::vector<Input> trusting = make_inputs({0, 1, 2}), untrusting = make_inputs({0, 1, 2, 3, 4});
+    return settings_.on_untrusted_ledger == OnUntrustedLedger::ignore ? trusting : untrusting;
   }
 
-  /// `heard`: no beat; that the ledger is silent, that it is alive; the same in doubt.
+  /// `heard`: no beat; that the ledger is silent, that it is alive; the same, untrusted.
   static std::vector<Input> make_inputs(std::initializer_list<int> all_heard) {
     std::vector<Input> made;
     for (const int heard : all_heard)
@@ -142,7 +143,7 @@ class Search {
       for (const int bits : {0, 1, 2, 3})
         made.push_back(
             {(bits & 2) != 0, true, false, (bits & 1) != 0, (bits & 2) != 0, Input::Text::none, Place::inside, asked});
-    if (all_heard.size() > 3) return made;  // where doubt is looked at, nothing else is
+    if (all_heard.size() > 3) return made;  // where trust is looked at, nothing else is
     for (const auto sensed :
          {Sensed::tilted, Sensed::overturned, Sensed::differs, Sensed::uncertain, Sensed::dark, Sensed::no_height,
           Sensed::sources_differ, Sensed::sources_unresolved, Sensed::by_hand, Sensed::by_hand_uncertain})
@@ -164,7 +165,7 @@ class Search {
   State aged(const State& from, int phase, const Input& input) const {
     State s = from;
     s.phase = phase;
-    s.unseen = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.unseen + 1, handshakes) : -1;
+    s.lost = phase == static_cast<int>(FlightPhase::disconnected) ? std::min(s.lost + 1, handshakes) : -1;
     const bool dark = input.sensed == Sensed::dark && phase == static_cast<int>(FlightPhase::flying);
     s.dark = dark ? std::min(s.dark + 1, dark_lands) : -1;
     const bool begins = phase != from.phase && phase == static_cast<int>(FlightPhase::flying);
@@ -181,20 +182,20 @@ class Search {
     }
     s.beat = input.beat ? 0 : std::min(s.beat + 1, silent);
     if (input.beat) s.ledger_alive = input.ledger_alive;
-    if (input.beat) s.doubted = input.doubted;
+    if (input.beat) s.untrusted = input.untrusted;
     return s;
   }
 
   FailsafeFacts facts(const State& s, const Input& input) const {
     FailsafeFacts f;
     f.phase = static_cast<FlightPhase>(s.phase);
-    f.may_fly_unseen = s.unseen >= 0;
-    f.blind = s.unseen >= handshakes;
+    f.may_be_airborne = s.lost >= 0;
+    f.blind = s.lost >= handshakes;
     f.plan_valid = input.plan;
     f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
     f.beat_ns = now - s.beat * step_ns;
     f.ledger_alive = s.ledger_alive != 0;
-    f.ledger_doubted = s.doubted != 0;
+    f.ledger_untrusted = s.untrusted != 0;
     f.state_ns = now - s.state * step_ns;
     f.pose_ns = now - s.pose * step_ns;
     f.position_m = {input.place == Place::inside ? 0 : fence_.max_m[0] + 0.5, 0, 1};
@@ -257,7 +258,7 @@ class Search {
   static State landing(const State& s) {
     State kept;
     kept.phase = s.phase;
-    kept.unseen = s.unseen;
+    kept.lost = s.lost;
     kept.mode = s.mode;
     kept.cause = s.cause;
     return kept;
@@ -285,7 +286,7 @@ class Search {
             !by_pose || 2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
         const bool sure = last.cause != FailsafeCause::position_uncertain || f.sigma_m[0] <= 0 || !f.needs_position;
         const bool agree = last.cause != FailsafeCause::sources_differ || !f.sources_differ || !f.needs_position;
-        const bool trusted = last.cause != FailsafeCause::ledger_doubted || !f.ledger_doubted;
+        const bool trusted = last.cause != FailsafeCause::ledger_untrusted || !f.ledger_untrusted;
         return seen && placed && sure && agree && trusted && last.cause_gone_since_ns != 0 &&
                now - last.cause_gone_since_ns > settings_.clear_after_ns;
       }
@@ -302,44 +303,44 @@ class Search {
   }
 
   void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeFacts& f) {
-    const auto told = [&](const char* what) {
+    const auto sent = [&](const char* what) {
       ADD_FAILURE() << what << ": mode " << s.mode << " cause " << s.cause << " phase " << s.phase << " plan "
                     << f.plan_valid << "; ages: uncovered " << s.uncovered << " beat " << s.beat << " state " << s.state
                     << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown << "; before: mode "
                     << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
     };
     const FailsafeRow* ended = ended_row(last, next);
-    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) told("a row ended too early");
+    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) sent("a row ended too early");
     const bool down = next.mode >= FailsafeMode::land;
-    if (next.mode < last.mode && last.mode >= FailsafeMode::land) told("a landing was taken back in the air");
-    if (f.cut && next.mode != FailsafeMode::cut) told("a cut was not obeyed");
+    if (next.mode < last.mode && last.mode >= FailsafeMode::land) sent("a landing was taken back in the air");
+    if (f.cut && next.mode != FailsafeMode::cut) sent("a cut was not obeyed");
     if (next.mode == FailsafeMode::cut && !f.cut && !f.overturned && last.mode != FailsafeMode::cut)
-      told("a cut nobody asked for");
-    if ((f.stop || f.battery <= settings_.battery_critical) && !down) told("a stop or an empty battery does not land");
-    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) told("overturned, and its motors run");
-    if (f.tilted && in_flight(f.phase) && !down) told("it is tilted, and is not landed");
-    if (f.motion_differs && f.phase == FlightPhase::flying && !down) told("it moves otherwise, and is not landed");
-    if (s.dark >= dark_lands && !down) told("it sees nothing, and is not landed");
+      sent("a cut nobody asked for");
+    if ((f.stop || f.battery <= settings_.battery_critical) && !down) sent("a stop or an empty battery does not land");
+    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) sent("overturned, and its motors run");
+    if (f.tilted && in_flight(f.phase) && !down) sent("it is tilted, and is not landed");
+    if (f.motion_differs && f.phase == FlightPhase::flying && !down) sent("it moves otherwise, and is not landed");
+    if (s.dark >= dark_lands && !down) sent("it sees nothing, and is not landed");
     if (f.sources_unresolved && f.phase == FlightPhase::flying && !down)
-      told("nothing to fly by, and it is not landed");
-    if (f.blind && !down) told("it may fly unseen, and is not landed");
-    if (f.ledger_doubted && settings_.doubt == OnDoubt::land && !down)
-      told("the ledger is doubted, and it is not landed");
+      sent("nothing to fly by, and it is not landed");
+    if (f.blind && !down) sent("it may be airborne without state, and is not landed");
+    if (f.ledger_untrusted && settings_.on_untrusted_ledger == OnUntrustedLedger::land && !down)
+      sent("the ledger is not trusted, and it is not landed");
     if (f.phase != FlightPhase::flying) return;
 
     const bool follows = follows_plan(next.mode, f.plan_valid);
-    if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) told("neither a plan nor an action");
-    if (!down && s.unflown > land_after() + grace()) told("no plan for longer than land_after, and no landing");
-    if (follows && s.state > stale()) told("flies on though the drone is silent");
+    if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) sent("neither a plan nor an action");
+    if (!down && s.unflown > land_after() + grace()) sent("no plan for longer than land_after, and no landing");
+    if (follows && s.state > stale()) sent("flies on though the drone is silent");
     const bool lost = s.pose > pose_lost() && (own_senses_ || s.pose - s.beat > pose_lost() / 2);
-    if (follows && f.needs_position && lost) told("flies a path though the pose is lost");
-    if (follows && f.dark_since_ns != 0) told("flies a path in the dark");
-    if (follows && f.needs_position && f.sigma_m[0] > 0) told("flies a path though its position is uncertain");
-    if (follows && f.ledger_doubted) told("flies on though the ledger is doubted");
-    if (next.mode == FailsafeMode::hold && f.plan_valid) told("holds though there is a plan");
+    if (follows && f.needs_position && lost) sent("flies a path though the pose is lost");
+    if (follows && f.dark_since_ns != 0) sent("flies a path in the dark");
+    if (follows && f.needs_position && f.sigma_m[0] > 0) sent("flies a path though its position is uncertain");
+    if (follows && f.ledger_untrusted) sent("flies on though the ledger is not trusted");
+    if (next.mode == FailsafeMode::hold && f.plan_valid) sent("holds though there is a plan");
     if (f.too_near && follows && next.cause != FailsafeCause::too_near)
-      told("another is in its way, and it is not said");
-    if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) told("a mode without a cause");
+      sent("another is in its way, and it is not said");
+    if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) sent("a mode without a cause");
   }
 
   void visit(const State& s) {
@@ -359,9 +360,10 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   // Limits in steps, in the order of the defaults' sizes: hold_grace, land_after, agent_silent, state_stale, pose_lost,
   // clear_after, fence_land_after.
   const bool whole = seeds(0, 1) == 1;
-  for (const auto& [doubt, own_senses] : {std::pair(OnDoubt::ignore, false), std::pair(OnDoubt::ignore, true),
-                                          std::pair(OnDoubt::hold, false), std::pair(OnDoubt::land, false)}) {
-    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, doubt, own_senses);
+  for (const auto& [action, own_senses] :
+       {std::pair(OnUntrustedLedger::ignore, false), std::pair(OnUntrustedLedger::ignore, true),
+        std::pair(OnUntrustedLedger::hold, false), std::pair(OnUntrustedLedger::land, false)}) {
+    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, action, own_senses);
     // What a sanitizer looks for shows in the first million steps, or not at all. Under an emulator, too, all steps
     // take ten times as long; its first ones show whether this compiler's code finds the states that another's does.
     if (slow || (emulated && !whole)) {
@@ -370,8 +372,8 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
       continue;
     }
     search.run();
-    std::printf("doubt %s, poses of %s: %zu states of the failsafe visited, %zu steps taken\n", name(doubt),
-                own_senses ? "its own senses" : "motion capture", search.states(), search.steps());
+    std::printf("untrusted ledger: %s, poses of %s: %zu states of the failsafe visited, %zu steps taken\n",
+                name(action), own_senses ? "its own senses" : "motion capture", search.states(), search.steps());
     EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
   }
 }

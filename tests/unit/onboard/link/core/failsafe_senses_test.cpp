@@ -161,7 +161,7 @@ TEST_F(FailsafeTest, FS16AnOverturnedDronesMotorsAreCut) {
   expect(FailsafeMode::cut, FailsafeCause::overturned);
 }
 
-TEST_F(FailsafeTest, FS18ADroneThatMovesOtherwiseThanItIsToldLands) {
+TEST_F(FailsafeTest, FS18ADroneThatMovesOtherwiseThanItIsCommandedLands) {
   pass(ns_per_s);
   facts.motion_differs = true;
   pass(ms);

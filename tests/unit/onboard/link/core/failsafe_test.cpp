@@ -55,28 +55,28 @@ TEST_F(FailsafeTest, FS05AHoldOrBrakeOfLandAfterMeansLand) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
-TEST_F(FailsafeTest, FS14ADoubtedLedgerLandsWhereTheConfigSaysSo) {
-  facts.ledger_doubted = true;
+TEST_F(FailsafeTest, FS14AnUntrustedLedgerLandsWhereTheConfigSaysSo) {
+  facts.ledger_untrusted = true;
   pass(ns_per_s);
-  expect(FailsafeMode::none, FailsafeCause::none);  // what cannot be believed is left out anyway
-  settings.doubt = OnDoubt::land;
+  expect(FailsafeMode::none, FailsafeCause::none);  // what cannot be trusted is left out anyway
+  settings.on_untrusted_ledger = OnUntrustedLedger::land;
   pass(ms);
-  expect(FailsafeMode::land, FailsafeCause::ledger_doubted);
+  expect(FailsafeMode::land, FailsafeCause::ledger_untrusted);
 }
 
-TEST_F(FailsafeTest, FS15ADoubtedLedgerBrakesUntilItIsBelievedForAWhileWhereTheConfigSaysSo) {
-  settings.doubt = OnDoubt::hold;
-  facts.ledger_doubted = true;
+TEST_F(FailsafeTest, FS15AnUntrustedLedgerBrakesUntilItIsTrustedForAWhileWhereTheConfigSaysSo) {
+  settings.on_untrusted_ledger = OnUntrustedLedger::hold;
+  facts.ledger_untrusted = true;
   pass(ms);
-  expect(FailsafeMode::brake, FailsafeCause::ledger_doubted);
-  facts.ledger_doubted = false;
+  expect(FailsafeMode::brake, FailsafeCause::ledger_untrusted);
+  facts.ledger_untrusted = false;
   pass(settings.clear_after_ns);
-  expect(FailsafeMode::brake, FailsafeCause::ledger_doubted);
+  expect(FailsafeMode::brake, FailsafeCause::ledger_untrusted);
   pass(2 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.ledger_doubted = true;
+  facts.ledger_untrusted = true;
   pass(settings.land_after_ns + ms);
-  expect(FailsafeMode::land, FailsafeCause::ledger_doubted);
+  expect(FailsafeMode::land, FailsafeCause::ledger_untrusted);
 }
 
 TEST_F(FailsafeTest, TakingOffGivesNoFreeTime) {
@@ -191,7 +191,7 @@ TEST_F(FailsafeTest, ASilenceThatComesAndGoesDoesNotMakeTheCauseFlap) {
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
 }
 
-TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreToldApart) {
+TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreDistinguished) {
   const auto after = [&](bool ledger, bool agent, bool drone) {
     state = {};
     facts.phase = FlightPhase::flying;
@@ -204,13 +204,13 @@ TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreToldApart) {
     pass(settings.state_stale_ns + 100 * ms);
     return std::pair(state.mode, state.cause);
   };
-  using Told = std::pair<FailsafeMode, FailsafeCause>;
-  EXPECT_EQ(after(true, true, true), Told(FailsafeMode::hold, FailsafeCause::plan_ran_out));
-  EXPECT_EQ(after(false, true, true), Told(FailsafeMode::hold, FailsafeCause::ledger_silent));
-  EXPECT_EQ(after(true, false, true), Told(FailsafeMode::hold, FailsafeCause::agent_silent));
-  EXPECT_EQ(after(true, true, false), Told(FailsafeMode::brake, FailsafeCause::state_stale));
-  EXPECT_EQ(after(false, false, true), Told(FailsafeMode::hold, FailsafeCause::agent_silent));
-  EXPECT_EQ(after(false, false, false), Told(FailsafeMode::brake, FailsafeCause::state_stale));
+  using Report = std::pair<FailsafeMode, FailsafeCause>;
+  EXPECT_EQ(after(true, true, true), Report(FailsafeMode::hold, FailsafeCause::plan_ran_out));
+  EXPECT_EQ(after(false, true, true), Report(FailsafeMode::hold, FailsafeCause::ledger_silent));
+  EXPECT_EQ(after(true, false, true), Report(FailsafeMode::hold, FailsafeCause::agent_silent));
+  EXPECT_EQ(after(true, true, false), Report(FailsafeMode::brake, FailsafeCause::state_stale));
+  EXPECT_EQ(after(false, false, true), Report(FailsafeMode::hold, FailsafeCause::agent_silent));
+  EXPECT_EQ(after(false, false, false), Report(FailsafeMode::brake, FailsafeCause::state_stale));
 }
 
 TEST_F(FailsafeTest, APoseThatComesAndGoesDoesNotMakeModesFlap) {
@@ -364,9 +364,9 @@ TEST_F(FailsafeTest, FS01MotorsAreCutOnlyWhereAskedForByName) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
-TEST_F(FailsafeTest, FS13ADroneThatMayFlyUnseenIsLandedWhenItsHandshakesWereInVain) {
+TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesWereInVain) {
   facts.phase = FlightPhase::disconnected;
-  facts.may_fly_unseen = true;
+  facts.may_be_airborne = true;
   states = false;
   pass(3 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::state_stale);
@@ -374,7 +374,7 @@ TEST_F(FailsafeTest, FS13ADroneThatMayFlyUnseenIsLandedWhenItsHandshakesWereInVa
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::state_stale);
   facts.blind = false;  // it is seen again, in the air
-  facts.may_fly_unseen = false;
+  facts.may_be_airborne = false;
   facts.phase = FlightPhase::landing;
   states = true;
   pass(ns_per_s);
@@ -384,12 +384,12 @@ TEST_F(FailsafeTest, FS13ADroneThatMayFlyUnseenIsLandedWhenItsHandshakesWereInVa
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
-TEST_F(FailsafeTest, AStopACutAndTheFenceActOnADroneThatMayFlyUnseen) {
+TEST_F(FailsafeTest, AStopACutAndTheFenceActOnADroneThatMayBeAirborne) {
   facts.phase = FlightPhase::disconnected;
   facts.stop = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
-  facts.may_fly_unseen = true;
+  facts.may_be_airborne = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::stopped);
   facts.cut = true;
@@ -446,8 +446,8 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.pose_ns -= ns_per_s; }), FailsafeCause::pose_lost);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.beat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_alive = false; }), FailsafeCause::ledger_silent);
-  settings.doubt = OnDoubt::hold;
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_doubted = true; }), FailsafeCause::ledger_doubted);
+  settings.on_untrusted_ledger = OnUntrustedLedger::hold;
+  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_untrusted = true; }), FailsafeCause::ledger_untrusted);
 }
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {

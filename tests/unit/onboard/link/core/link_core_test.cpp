@@ -102,7 +102,7 @@ TEST(LinkCore, StatesSayWhenTheNewestPlanCameWhetherItIsFlownOrNot) {
   EXPECT_EQ(w.states.back().arrived_sequence, early + 1);
 }
 
-TEST(LinkCore, AttitudeAndAccelerationAreToldInRep103sSigns) {
+TEST(LinkCore, AttitudeAndAccelerationAreReportedInRep103sSigns) {
   LinkWorld w;
   // Right side down, nose up, turned clockwise; pushed forward and to the right, and at rest against gravity.
   w.tellos[0].attitude_text = "pitch:10;roll:20;yaw:30;agx:100;agy:200;agz:-1000;";
@@ -448,11 +448,11 @@ TEST(LinkCore, TheTraceNamesEveryPlanOnce) {
 }
 
 // The variances that were traced, by the number of their state.
-std::map<std::uint64_t, TraceRecord> told_in(const LinkWorld& world) {
-  std::map<std::uint64_t, TraceRecord> told;
+std::map<std::uint64_t, TraceRecord> reported_in(const LinkWorld& world) {
+  std::map<std::uint64_t, TraceRecord> sent;
   for (const TraceRecord& record : world.trace)
-    if (record.kind == TraceKind::pose_told) told.emplace(record.id, record);
-  return told;
+    if (record.kind == TraceKind::pose_reported) sent.emplace(record.id, record);
+  return sent;
 }
 
 TEST(LinkCore, TheTraceHasTheVarianceOfEachStateThatTellsOne) {
@@ -462,14 +462,14 @@ TEST(LinkCore, TheTraceHasTheVarianceOfEachStateThatTellsOne) {
   w.mocap = false;
   w.tellos[0].attitude_text = "pitch:0;roll:0;yaw:0;vgx:0;vgy:0;vgz:0;";
   w.pass(2 * ns_per_s);
-  const auto told = told_in(w);
+  const auto sent = reported_in(w);
   std::size_t with_variance = 0;
   for (const StateSample& state : w.states) {
     const bool tells = state.pose_variance != PoseVariance{};
-    ASSERT_EQ(told.contains(state.sequence), tells) << state.sequence;
+    ASSERT_EQ(sent.contains(state.sequence), tells) << state.sequence;
     if (!tells) continue;
     ++with_variance;
-    const TraceRecord& record = told.at(state.sequence);
+    const TraceRecord& record = sent.at(state.sequence);
     EXPECT_EQ(record.t_ns, state.stamp_ns);
     EXPECT_EQ(record.stamp_ns, state.pose_stamp_ns);
     for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(record.v[i], static_cast<double>(state.pose_variance[i]));
@@ -480,7 +480,7 @@ TEST(LinkCore, TheTraceHasTheVarianceOfEachStateThatTellsOne) {
 TEST(LinkCore, OfMotionCaptureNoVarianceIsTraced) {
   LinkWorld w;
   w.take_off();
-  EXPECT_TRUE(told_in(w).empty());
+  EXPECT_TRUE(reported_in(w).empty());
 }
 
 }  // namespace

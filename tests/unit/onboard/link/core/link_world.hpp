@@ -84,8 +84,8 @@ struct FakeTello {
            ";bat:" + std::to_string(battery) + ";" + attitude_text + (tells_velocity ? velocity_text() : "");
   }
   std::string velocity_text() const {
-    const auto told = [](double mps) { return std::to_string(std::lround(10 * mps)); };
-    return "vgx:" + told(velocity_mps[0]) + ";vgy:" + told(velocity_mps[1]) + ";vgz:" + told(velocity_mps[2]) +
+    const auto sent = [](double mps) { return std::to_string(std::lround(10 * mps)); };
+    return "vgx:" + sent(velocity_mps[0]) + ";vgy:" + sent(velocity_mps[1]) + ";vgz:" + sent(velocity_mps[2]) +
            ";yaw:0;";
   }
   long count(const std::string& command) const { return std::count(heard.begin(), heard.end(), command); }

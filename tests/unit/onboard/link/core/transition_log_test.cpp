@@ -67,7 +67,7 @@ TEST(TransitionLog, WhatAgentHasTakenIsNotLostAtTheBound) {
   EXPECT_EQ(log.counters().lost, 0U);
 }
 
-TEST(TransitionLog, WhatAgentCannotKnowIsNotBelieved) {
+TEST(TransitionLog, WhatAgentCannotKnowIsNotTrusted) {
   TransitionLog log;
   log.add({});
   log.heard(900, 900);

@@ -37,7 +37,8 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   const auto settings =
       load(drone +
            "[state]\nrate_hz = 50.0\nlisten = \"127.0.0.1:9000\"\n[limits]\nspeed_mps = 0.7\n"
-           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\ndoubt = \"hold\"\n[fence]\nmax_m = [1.0, 2.0, 3.0]\n"
+           "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\non_untrusted_ledger = \"hold\"\n[fence]\nmax_m = [1.0, "
+           "2.0, 3.0]\n"
            "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n[output]\nstarts = \"x\"\n");
   ASSERT_TRUE(settings) << settings.error().what;
   EXPECT_EQ(settings->link.rate_hz, 50);
@@ -45,7 +46,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   EXPECT_FLOAT_EQ(settings->link.playout.max_speed_mps, 0.7F);
   EXPECT_EQ(settings->link.failsafe.land_after_ns, 2500 * ns_per_ms);
   EXPECT_EQ(settings->link.failsafe.pose_lost_ns, 250 * ns_per_ms);
-  EXPECT_EQ(settings->link.failsafe.doubt, OnDoubt::hold);
+  EXPECT_EQ(settings->link.failsafe.on_untrusted_ledger, OnUntrustedLedger::hold);
   EXPECT_EQ(settings->link.fence.max_m[1], 2);
   EXPECT_EQ(settings->link.rc.signs[0], 1);
   EXPECT_EQ(settings->priority, 0);
@@ -111,7 +112,7 @@ TEST_F(LinkConfig, TwoDronesThatFlyByTheirOwnSensesFromOnePlaceAreRefused) {
   const std::string second = "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n";
   const auto refused = load(own + second);
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("drones tello1 and tello2 fly by their own senses from one place"),
+  EXPECT_NE(refused.error().what.find("drones tello1 and tello2 fly by onboard odometry from one place"),
             std::string::npos)
       << refused.error().what;
   EXPECT_TRUE(load(own + second + "start_m = [1.0, 0.0, 0.0]\n"));
@@ -149,7 +150,7 @@ TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
   EXPECT_NE(two(wlan0, "interface = \"a-name-of-16-let\"").find("interface"), std::string::npos);
 }
 
-TEST_F(LinkConfig, ASerialIsLettersAndDigits) {
+TEST_F(LinkConfig, ASerialIsAlphanumeric) {
   const auto settings = load(drone + "serial = \"0TQDG00EDPMV39\"\n[tello]\ncommand_port = 9999\n");
   ASSERT_TRUE(settings) << settings.error().what;
   EXPECT_EQ(settings->link.drones[0].serial, "0TQDG00EDPMV39");

@@ -63,7 +63,7 @@ class RealLink : public ::testing::Test {
     return std::ifstream(path).good();
   }
 
-  /// Does agent's chores until `reached`, or says false after `bound`.
+  /// Does agent's run_periodic_tasks until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
       if (lives) beat_and_pose(*agent, beat, 2);
@@ -133,7 +133,7 @@ TEST(StartingLink, StopsItsDronesBeforeItNeedsFilesOrRouDi) {
   ::inet_pton(AF_INET, "127.0.0.2", &address.sin_addr);
   ASSERT_EQ(::bind(drone, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
   using Texts = std::vector<std::string>;
-  const auto told = [&](const std::string& output) {
+  const auto reported = [&](const std::string& output) {
     std::ofstream("/tmp/link.toml") << "[[drone]]\nname = \"tello1\"\naddress = \"127.0.0.2\"\n"
                                        "[state]\nlisten = \"127.0.0.1:8890\"\n[output]\n"
                                     << output;
@@ -148,9 +148,10 @@ TEST(StartingLink, StopsItsDronesBeforeItNeedsFilesOrRouDi) {
   };
   // Started for ever, it must not keep a drone in the air for ever.
   const Texts stops{"command", "rc 0 0 0 0"}, lands{"command", "rc 0 0 0 0", "land"};
-  EXPECT_EQ(told("trace = \"/nowhere/link.trace\"\n"), lands) << "without the folder; nobody remembers its starts";
-  for (int starts = 1; starts < 7; ++starts) EXPECT_EQ(told("starts = \"/tmp/link.starts\"\n"), stops) << "no RouDi";
-  EXPECT_EQ(told("starts = \"/tmp/link.starts\"\n"), lands) << "the seventh within 15 s";
+  EXPECT_EQ(reported("trace = \"/nowhere/link.trace\"\n"), lands) << "without the folder; nobody remembers its starts";
+  for (int starts = 1; starts < 7; ++starts)
+    EXPECT_EQ(reported("starts = \"/tmp/link.starts\"\n"), stops) << "no RouDi";
+  EXPECT_EQ(reported("starts = \"/tmp/link.starts\"\n"), lands) << "the seventh within 15 s";
   ::close(drone);
 }
 

@@ -33,10 +33,10 @@ class ShimEnd : public ::testing::Test {
   std::optional<drone_shim::Mapping> link;
 };
 
-TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndBelievesNoDroneThatItDoesNotKnow) {
+TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndTrustsNoDroneThatItDoesNotKnow) {
   ShimTransport transport(link->memory(), two_drones());
   ASSERT_TRUE(drones->give(1, Datagram::Port::answer, "ok"));
-  ASSERT_TRUE(drones->give(3, Datagram::Port::answer, "of a stranger"));
+  ASSERT_TRUE(drones->give(3, Datagram::Port::answer, "of an outsider"));
   ASSERT_TRUE(drones->give(60'000, Datagram::Port::answer, "of nobody"));
   ASSERT_TRUE(drones->give(2, Datagram::Port::state, "bat:90;"));
   const auto received = transport.receive();
@@ -49,12 +49,12 @@ TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndBelievesNoDroneThatItDoesNotKnow) {
   EXPECT_EQ(received[1].bytes, "bat:90;");
   EXPECT_TRUE(transport.receive().empty());
 
-  Datagram told;
+  Datagram reported;
   const ToSend land{2, command_text("land")};
   ASSERT_TRUE(transport.send(land));
-  ASSERT_TRUE(drones->take(told));
-  EXPECT_EQ(told.drone, 2);
-  EXPECT_EQ(told.view(), "land");
+  ASSERT_TRUE(drones->take(reported));
+  EXPECT_EQ(reported.drone, 2);
+  EXPECT_EQ(reported.view(), "land");
 }
 
 TEST_F(ShimEnd, TakesABoundedNumberATurnAndSaysWhenThereIsNoRoom) {
@@ -70,9 +70,9 @@ TEST_F(ShimEnd, TakesABoundedNumberATurnAndSaysWhenThereIsNoRoom) {
   EXPECT_FALSE(transport.send(land));
 }
 
-TEST_F(ShimEnd, StrangersDatagramsDoNotHoldTheLoop) {
+TEST_F(ShimEnd, OutsidersDatagramsDoNotHoldTheLoop) {
   ShimTransport transport(link->memory(), two_drones());
-  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->give(9, Datagram::Port::state, "of a stranger"));
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->give(9, Datagram::Port::state, "of an outsider"));
   ASSERT_TRUE(drones->give(1, Datagram::Port::state, "behind them"));
   EXPECT_TRUE(transport.receive().empty()) << "all of them in one turn";
   EXPECT_EQ(transport.receive().size(), 1U);

@@ -63,10 +63,10 @@ class StoppedLink : public ::testing::Test {
       said += more;
     }
   }
-  std::string read_output(int patience_ms) const {
+  std::string read_output(int timeout_ms) const {
     std::array<char, 4096> part{};
     pollfd readable{output[0], POLLIN, 0};
-    if (output[0] < 0 || ::poll(&readable, 1, patience_ms) <= 0) return "";
+    if (output[0] < 0 || ::poll(&readable, 1, timeout_ms) <= 0) return "";
     const ssize_t count = ::read(output[0], part.data(), part.size());
     return {part.data(), count > 0 ? static_cast<std::size_t>(count) : 0};
   }
@@ -87,14 +87,15 @@ class StoppedLink : public ::testing::Test {
   bool make_turn() {
     drones->ask_turn(now += ns_per_ms);
     const bool made = drones->wait_turn(ns_per_s) == drone_shim::DronesEnd::Turn::made;
-    for (drone_shim::Datagram told; drones->take(told);) told_to_land = told_to_land || told.view() == "land";
+    for (drone_shim::Datagram reported; drones->take(reported);)
+      commanded_to_land = commanded_to_land || reported.view() == "land";
     return made;
   }
   /// Whether its loop ends, within 10 s, and has told the drone to land by then.
   bool lands() {
-    told_to_land = false;
+    commanded_to_land = false;
     for (const TimeNs until = monotonic_ns() + 10 * ns_per_s; monotonic_ns() < until;) {
-      if (!make_turn()) return told_to_land;
+      if (!make_turn()) return commanded_to_land;
     }
     return false;
   }
@@ -112,7 +113,7 @@ class StoppedLink : public ::testing::Test {
   std::array<int, 2> output{-1, -1};  ///< its standard output and its log: here, and where link writes
   pid_t link = 0;
   TimeNs now = ns_per_s;
-  bool told_to_land = false;
+  bool commanded_to_land = false;
 };
 
 // systemd kills who is silent, in flight, too.

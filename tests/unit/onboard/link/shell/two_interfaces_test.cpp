@@ -65,7 +65,7 @@ class TwoInterfaces : public ::testing::Test {
                  " sh -c 'ip link set lo up; ip address add 192.168.10.1/24 dev eth0; ip link set eth0 up'");
   }
 
-  /// Does agent's chores until `reached`, or says false after `bound`.
+  /// Does agent's run_periodic_tasks until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
       beat_and_pose(*agent, {}, drones);

@@ -25,7 +25,7 @@ Truth truth_of(const Drone& drone) {
   p.sensors.flow_mps = 0;  // its scale stays, which is what this one drone has
   sim::Simulator simulator(p, 0);
   const double way = p.start_yaw_rad;
-  std::vector<double> told, flown;
+  std::vector<double> reported, flown;
   for (int ms = 0; ms < 19'000; ++ms) {
     if (ms == 100) simulator.datagram(1, {1, 1}, "command");
     if (ms == 200) simulator.datagram(1, {1, 1}, "takeoff");
@@ -34,7 +34,7 @@ Truth truth_of(const Drone& drone) {
     simulator.step(ms * ns_per_ms);
     if (ms < 10'000 || ms % 10 != 0) continue;
     const auto v = simulator.truth(1).velocity_mps;
-    told.push_back((ms / 2000) % 2 == 1 ? 0.35 : -0.35);
+    reported.push_back((ms / 2000) % 2 == 1 ? 0.35 : -0.35);
     flown.push_back(std::cos(way) * v[0] + std::sin(way) * v[1]);
   }
   Truth best;
@@ -42,11 +42,11 @@ Truth truth_of(const Drone& drone) {
   for (int dead = 0; dead < 30; ++dead)
     for (int lag = 5; lag < 60; ++lag) {
       double v = 0, uu = 0, uv = 0, vv = 0;
-      for (std::size_t i = 0; i < told.size(); ++i) {
+      for (std::size_t i = 0; i < reported.size(); ++i) {
         uu += v * v;
         uv += v * flown[i];
         vv += flown[i] * flown[i];
-        const double u = i < static_cast<std::size_t>(dead) ? 0 : told[i - static_cast<std::size_t>(dead)];
+        const double u = i < static_cast<std::size_t>(dead) ? 0 : reported[i - static_cast<std::size_t>(dead)];
         v += (u - v) * (1 - std::exp(-1.0 / lag));
       }
       if (const double squares = vv - uv * uv / uu; squares < least) {
@@ -206,7 +206,7 @@ TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
   EXPECT_TRUE(config->boolean({"pose.velocity_truncated", "."}, false));
   EXPECT_NEAR(config->number({"pose.velocity_lag_s", "."}, 0, 0, 1), 0.15, 1e-6);
   EXPECT_NEAR(config->number({"pose.velocity_lag_sd_s", "."}, 0, 0, 1), std::hypot(0.015, 0.02), 1e-3);
-  EXPECT_NEAR(config->number({"flight.told_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
+  EXPECT_NEAR(config->number({"flight.full_scale_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
   EXPECT_NEAR(config->number({"flight.lag_s", "."}, 0, 0.01, 2), 0.31, 1e-6);
   EXPECT_TRUE(config->finish());
 }

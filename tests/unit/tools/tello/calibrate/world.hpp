@@ -45,7 +45,7 @@ class World {
     for (const sim::Outgoing& datagram : out.datagrams) {
       if (!heard) continue;
       if (datagram.bytes.rfind("mid:", 0) == 0)
-        flight.on_state(now, as_told(datagram.bytes));
+        flight.on_state(now, as_reported(datagram.bytes));
       else
         flight.on_answer(datagram.bytes);
     }
@@ -65,7 +65,7 @@ class World {
     for (std::size_t i = 0; i < 4; ++i) rc[i] *= drone_.rc_signs[i];
     return std::string(link::rc_text(rc).view());
   }
-  std::string as_told(const std::string& text) const {
+  std::string as_reported(const std::string& text) const {
     link::TelloState state;
     link::parse_state(text, state);
     double x = state.velocity_dmps[0], y = state.velocity_dmps[1];

@@ -67,14 +67,14 @@ TEST_F(OrdererTest, AnUnsignedEnvelopeIsForbidden) {
   EXPECT_FALSE(orderer->next_cut());
 }
 
-TEST_F(OrdererTest, AnEnvelopeForAnotherChannelIsTold) {
+TEST_F(OrdererTest, AnEnvelopeForAnotherChannelIsReported) {
   start();
   const Reply reply = orderer->order(*fabric::sign_envelope(client, unsigned_envelope("other")), now);
   EXPECT_EQ(reply.code, Code::not_found);
   EXPECT_THAT(reply.detail, HasSubstr("status=BAD_REQUEST, info=channel other not found"));
 }
 
-TEST_F(OrdererTest, AnEnvelopeThatIsTooLargeIsTold) {
+TEST_F(OrdererTest, AnEnvelopeThatIsTooLargeIsReported) {
   common::Envelope parts;
   ASSERT_TRUE(parts.ParseFromString(envelope()));
   // As Fabric's orderer counts.

@@ -20,23 +20,23 @@ class AlarmSenderTest : public ::testing::Test {
  protected:
   /// The drones that a call made now is of; empty: no call.
   std::size_t call(TimeNs now) {
-    const auto sending = sender_.next(now, doubt_);
+    const auto sending = sender_.next(now, integrity_);
     number_ = sending ? sending->number : 0;
     return sending ? sending->drones.size() : 0;
   }
   void end(TimeNs now, Kind kind) { EXPECT_TRUE(sender_.finished(now, number_, ended(kind))); }
-  void doubt(TimeNs now) { doubt_.add(now, DoubtKind::stream, 0, "x"); }
+  void violate(TimeNs now) { integrity_.add(now, IntegrityViolation::stream, 0, "x"); }
 
-  Doubt doubt_{lasts};
+  IntegrityMonitor integrity_{lasts};
   AlarmSender sender_{{}, two, 1};
   std::uint64_t number_ = 0;
 };
 
 TEST_F(AlarmSenderTest, BeginAndEndGoAtOnceAndBetweenThemAtMostOneAMinute) {
-  EXPECT_EQ(call(0), 0U) << "nothing is doubted";
+  EXPECT_EQ(call(0), 0U) << "the ledger is trusted";
   std::size_t calls = 0;
   for (TimeNs now = 0; now < 150 * ns_per_s; now += 100 * ns_per_ms) {
-    doubt(now);
+    violate(now);
     if (call(now) == 0) continue;
     EXPECT_EQ(now, static_cast<TimeNs>(calls) * AlarmSender::gap_ns);
     ++calls;
@@ -50,12 +50,12 @@ TEST_F(AlarmSenderTest, BeginAndEndGoAtOnceAndBetweenThemAtMostOneAMinute) {
 }
 
 TEST_F(AlarmSenderTest, OneCallIsInFlightAndWhatEndsOtherwiseIsMadeAgainBehindABackOff) {
-  doubt(0);
+  violate(0);
   TimeNs now = 0;
   for (const Kind kind : {Kind::invalidated, Kind::unavailable, Kind::overloaded}) {
     ASSERT_EQ(call(now), 2U);
     const auto first = number_;
-    EXPECT_FALSE(sender_.next(now + 100 * ns_per_s, doubt_));
+    EXPECT_FALSE(sender_.next(now + 100 * ns_per_s, integrity_));
     number_ = first;
     end(now, kind);
     EXPECT_EQ(call(now), 0U) << "not at once";
@@ -67,8 +67,8 @@ TEST_F(AlarmSenderTest, OneCallIsInFlightAndWhatEndsOtherwiseIsMadeAgainBehindAB
   EXPECT_EQ(sender_.counters().repeated, 3U);
 }
 
-TEST_F(AlarmSenderTest, ADoubtThatIsOverBeforeTheLedgerIsBackIsStillToldOnce) {
-  doubt(0);
+TEST_F(AlarmSenderTest, AViolationThatEndsBeforeTheLedgerIsBackIsStillReportedOnce) {
+  violate(0);
   ASSERT_EQ(call(0), 2U);
   end(0, Kind::unavailable);
   EXPECT_EQ(call(3600 * ns_per_s), 2U);
@@ -77,7 +77,7 @@ TEST_F(AlarmSenderTest, ADoubtThatIsOverBeforeTheLedgerIsBackIsStillToldOnce) {
 }
 
 TEST_F(AlarmSenderTest, ADroneWhoseAlarmIsRefusedDoesNotSilenceTheOther) {
-  doubt(0);
+  violate(0);
   ASSERT_EQ(call(0), 2U);
   end(0, Kind::refused);
   ASSERT_EQ(call(2 * ns_per_s), 1U);

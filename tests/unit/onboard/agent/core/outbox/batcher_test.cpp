@@ -228,7 +228,7 @@ TEST(Batcher, AFrameRefusedBecauseOfOneDroneIsSentAgainAtOnceWithoutIt) {
   for (DroneNumber d = 1; d <= 3; ++d) expect_adds_up(batcher, d);
 }
 
-TEST(Batcher, AStrangersNameInARefusalIsNoDronesAndAPeersWordsAreNotTheContracts) {
+TEST(Batcher, AnOutsidersNameInARefusalIsNoDronesAndAPeersWordsAreNotTheContracts) {
   for (const char* message :
        {"chaincode response 500, Org2MSP CN=a tello2: not a member", "tello2: the peer is not ready"}) {
     Batcher batcher({}, three, 1);

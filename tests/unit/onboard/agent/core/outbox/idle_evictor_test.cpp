@@ -77,7 +77,7 @@ TEST_F(IdleEvictorTest, ANewLeaseStartsTheClockAnew) {
   EXPECT_TRUE(until(now_ + idle - ns_per_s, {.lease = 6, .on_ground = true, .ledger_heard = true}).empty());
 }
 
-TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrUnseenAndBackOnTheGroundTheClockStartsAnew) {
+TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrWithoutStateAndBackOnTheGroundTheClockStartsAnew) {
   EXPECT_TRUE(until(t0 + 5 * idle, {.lease = 5, .on_ground = false, .ledger_heard = true}).empty());
   EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
   EXPECT_EQ(until(now_ + 2 * ns_per_s).size(), 1U);

@@ -183,7 +183,7 @@ TEST(TransitionSender, TheCallIsOneAssetWithEveryTransition) {
   sender.add(transition(2));
   const auto call = encode_transitions(*sender.next(0), 1000 * ns_per_s);
   EXPECT_EQ(call.function, "set");
-  EXPECT_FALSE(call.told_by_block) << "its client has no block stream";
+  EXPECT_FALSE(call.reported_by_block) << "its client has no block stream";
   SetCall set;
   ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
   EXPECT_FALSE(set.stream()) << "a key of its own, not the frame that each state overwrites";

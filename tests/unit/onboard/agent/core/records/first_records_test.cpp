@@ -55,13 +55,13 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
     EnrollCall call;
     *call.mutable_identity() = testing::to_message({"Org3MSP", "CN=s" + std::to_string(i)});
     call.set_role(AUDITOR);
-    Controls told;
-    *told.mutable_identity() = call.identity();
-    told.set_role(AUDITOR);
+    Controls reported;
+    *reported.mutable_identity() = call.identity();
+    reported.set_role(AUDITOR);
     LedgerOfTests::Tx enroll;
     enroll.creator = {"Org3MSP", "CN=Admin@org3.ledgerline"};
     enroll.event_name = "enroll";
-    enroll.event_payload = told.SerializeAsString();
+    enroll.event_payload = reported.SerializeAsString();
     enroll.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
     check.check(now, now_s, ledger.block({enroll}));
   }

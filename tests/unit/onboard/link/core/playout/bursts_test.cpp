@@ -45,7 +45,7 @@ Flown fly(int block, bool smoothing) {
   double spacing = 0, jerk = 0;
   int spaces = 0, jerks = 0;
   TimeNs last_fresh = 0;
-  std::vector<std::array<float, 3>> told;
+  std::vector<std::array<float, 3>> sent;
   int next = 0;
   for (TimeNs now = begin; now < begin + end; now += ms) {
     while (made(next / block * block + block - 1) + way_ns <= now) {
@@ -68,7 +68,7 @@ Flown fly(int block, bool smoothing) {
       if (admission.admit(now, plan) == DropReason::none) playout.add(now, plan);
     }
     const Playout::CurrentSetpoint setpoint = playout.setpoint(now);
-    told.push_back(limiter.step(now, setpoint.velocity, false).mps);
+    sent.push_back(limiter.step(now, setpoint.velocity, false).mps);
     if (setpoint.valid && setpoint.fresh) {
       playout.mark_sent();
       if (now - begin > warm_up) {
@@ -81,7 +81,7 @@ Flown fly(int block, bool smoothing) {
     constexpr std::size_t step = 20;  // ms
     if (now - begin > warm_up) {
       const auto& [a, b, c] =
-          std::tie(told[told.size() - 1], told[told.size() - 1 - step], told[told.size() - 1 - 2 * step]);
+          std::tie(sent[sent.size() - 1], sent[sent.size() - 1 - step], sent[sent.size() - 1 - 2 * step]);
       for (std::size_t axis : {0, 1}) jerk += std::pow((a[axis] - 2 * b[axis] + c[axis]) / (0.02 * 0.02), 2);
       ++jerks;
     }

@@ -96,7 +96,7 @@ TEST_F(PlayoutTest, APlanThatComesAfterItsTimeIsLate) {
   expect_sums();
 }
 
-TEST_F(PlayoutTest, APlanWhoseTimePassedUnseenIsLateToo) {
+TEST_F(PlayoutTest, APlanWhoseTimePassedUnnoticedIsLateToo) {
   give(t, plan_of(1, t + 10 * ms, 2, 1, t));
   EXPECT_FALSE(fly(t + 900 * ms).valid);
   EXPECT_EQ(admission.counters().late, 1U);

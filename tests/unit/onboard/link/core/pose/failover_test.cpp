@@ -21,36 +21,36 @@ Pose at(TimeNs stamp_ns, double x, double speed_mps = 0, double yaw_rad = 0) {
   return pose;
 }
 
-TEST(Failover, WhatLiesBetweenTheSourcesIsLetInSlowlyAndToldAsVariance) {
+TEST(Failover, WhatLiesBetweenTheSourcesIsLetInSlowlyAndReportedAsVariance) {
   Failover failover(150 * ms, 0.2);
   EXPECT_DOUBLE_EQ(failover.tell(Source::mocap, at(1000 * ms, 1.0, 0.5), true).position_m[0], 1.0);
   // 0.2 s later it has flown on by 0.1 m; its own senses are 0.4 m and 0.3 rad off.
-  Pose told = failover.tell(Source::own, at(1200 * ms, 1.5, 0.5, 0.3), true);
-  EXPECT_NEAR(told.position_m[0], 1.1, 1e-9);
-  EXPECT_NEAR(told.yaw_rad, 0, 1e-9);
-  EXPECT_NEAR(told.variance[0], 0.01 + 0.16, 1e-6);
-  EXPECT_NEAR(told.variance[3], 0.01 + 0.09, 1e-6);
+  Pose sent = failover.tell(Source::own, at(1200 * ms, 1.5, 0.5, 0.3), true);
+  EXPECT_NEAR(sent.position_m[0], 1.1, 1e-9);
+  EXPECT_NEAR(sent.yaw_rad, 0, 1e-9);
+  EXPECT_NEAR(sent.variance[0], 0.01 + 0.16, 1e-6);
+  EXPECT_NEAR(sent.variance[3], 0.01 + 0.09, 1e-6);
   for (int i = 1; i <= 10; ++i) {
-    told = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
-    EXPECT_NEAR(told.position_m[0], 1.1 + 0.05 * i + 0.02 * i, 1e-9) << "0.2 m/s of the 0.4 m";
+    sent = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
+    EXPECT_NEAR(sent.position_m[0], 1.1 + 0.05 * i + 0.02 * i, 1e-9) << "0.2 m/s of the 0.4 m";
   }
   for (int i = 11; i <= 30; ++i)
-    told = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
-  EXPECT_NEAR(told.position_m[0], 3.0, 1e-9);
-  EXPECT_NEAR(told.yaw_rad, 0.3, 1e-9);
-  EXPECT_NEAR(told.variance[0], 0.01, 1e-6);
+    sent = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
+  EXPECT_NEAR(sent.position_m[0], 3.0, 1e-9);
+  EXPECT_NEAR(sent.yaw_rad, 0.3, 1e-9);
+  EXPECT_NEAR(sent.variance[0], 0.01, 1e-6);
   // And back.
-  told = failover.tell(Source::mocap, at(4300 * ms, 2.8, 0.5), true);
-  EXPECT_NEAR(told.position_m[0], 3.05, 1e-9);
+  sent = failover.tell(Source::mocap, at(4300 * ms, 2.8, 0.5), true);
+  EXPECT_NEAR(sent.position_m[0], 3.05, 1e-9);
   EXPECT_EQ(failover.source(), Source::mocap);
 }
 
 TEST(Failover, BehindAGapWithoutEitherTheNewPlaceCountsAtOnce) {
   Failover failover(100 * ms, 0.2);
   failover.tell(Source::own, at(1000 * ms, 1.0, 1.0), true);
-  const Pose told = failover.tell(Source::mocap, at(4000 * ms, 1.3), true);
-  EXPECT_DOUBLE_EQ(told.position_m[0], 1.3) << "it has braked meanwhile, and nobody flies by the place of before";
-  EXPECT_NEAR(told.variance[0], 0.01, 1e-6);
+  const Pose sent = failover.tell(Source::mocap, at(4000 * ms, 1.3), true);
+  EXPECT_DOUBLE_EQ(sent.position_m[0], 1.3) << "it has braked meanwhile, and nobody flies by the place of before";
+  EXPECT_NEAR(sent.variance[0], 0.01, 1e-6);
 }
 
 TEST(Failover, OnTheGroundTheSourceCountsAtOnce) {
@@ -97,9 +97,9 @@ TEST(Failover, ADroneFliesOnByItsOwnSensesAndNeverJumps) {
   for (int i = 0; i < 60; ++i) {
     if (i == 30) world.mocap = true;
     fly(world, 100 * ms);
-    const double told = world.states.back().position_m[0];
-    EXPECT_LT(std::abs(told - before), 0.12) << "0.3 m/s, a text or two";
-    before = told;
+    const double sent = world.states.back().position_m[0];
+    EXPECT_LT(std::abs(sent - before), 0.12) << "0.3 m/s, a text or two";
+    before = sent;
     EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
     if (i != 29) continue;
     EXPECT_GT(world.core.pose(1).stamp_ns, world.now - 150 * ms);

@@ -59,15 +59,15 @@ class Walker {
 
   void tell(bool stands) {
     TelloState state;
-    state.velocity_told = state.barometer_told = true;
+    state.has_velocity = state.has_barometer = true;
     state.motor_s = motor_s;
     // Its frame at power on: the map's, turned back by where its nose really pointed.
     const double turn = -(settings.start_yaw_rad + heading_error);
     const double vx = (moves[0] + flow[0]) / (1 + scale), vy = (moves[1] + flow[1]) / (1 + scale);
-    const std::array told{std::cos(turn) * vx - std::sin(turn) * vy, std::sin(turn) * vx + std::cos(turn) * vy,
+    const std::array sent{std::cos(turn) * vx - std::sin(turn) * vy, std::sin(turn) * vx + std::cos(turn) * vy,
                           moves[2]};
     for (std::size_t k = 0; k < 3; ++k)
-      state.velocity_dmps[k] = stands ? 0 : settings.velocity_signs[k] * static_cast<float>(std::lround(told[k] * 10));
+      state.velocity_dmps[k] = stands ? 0 : settings.velocity_signs[k] * static_cast<float>(std::lround(sent[k] * 10));
     state.attitude_deg[2] = static_cast<float>(std::lround(-yaw * 180 / std::numbers::pi));
     const double above = position[2] - below_m;
     state.tof_m = static_cast<float>(std::max(0.1, std::round((above + 0.01 * random.normal()) * 100) / 100));
@@ -104,9 +104,9 @@ void fly_square(Walker& drone, double side_m = 2, double speed = 0.5) {
 }
 
 /// A text with a velocity.
-TelloState told(double tof_m, double height_m) {
+TelloState sent(double tof_m, double height_m) {
   TelloState state;
-  state.velocity_told = true;
+  state.has_velocity = true;
   state.tof_m = static_cast<float>(tof_m);
   state.height_m = static_cast<float>(height_m);
   return state;
@@ -124,7 +124,7 @@ TEST(Odometry, WhereItStartsIsWhereTheConfigSaysAndStandingAddsNothing) {
   EXPECT_NEAR(drone.sigma(0), settings.start_sigma_m, 1e-6);
 }
 
-TEST(Odometry, TheVarianceThatIsToldIsTheErrorThatIsMade) {
+TEST(Odometry, TheVarianceThatIsReportedIsTheErrorThatIsMade) {
   double sum = 0;
   int samples = 0, inside = 0;
   for (int seed = 1; seed <= 60; ++seed) {
@@ -236,7 +236,7 @@ TEST(Odometry, FixesNowAndThenHoldTheErrorDown) {
 
 TEST(Odometry, FirstSeenInTheAirItIsAnywhere) {
   Odometry odometry({});
-  odometry.take(ns_per_s, told(1, 1), false);
+  odometry.take(ns_per_s, sent(1, 1), false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
 }
 
@@ -275,7 +275,7 @@ TEST(Odometry, AnOldTextInTheAirIsNoNewDrone) {
   EXPECT_LT(drone.sigma(0), 1);
 }
 
-TEST(Odometry, WhatLandedUnseenMayBeAnywhereNear) {
+TEST(Odometry, WhatLandedUnmeasuredMayBeAnywhereNear) {
   Walker drone(12);
   drone.fly(5, {0.5, 0, 0.2});
   drone.now += 4 * ns_per_s;
@@ -296,7 +296,7 @@ TEST(Odometry, WhatIsFlownWithoutAUsableVelocityIsUncertain) {
 
 TEST(Odometry, AFirstTextWithoutASightOfTheGroundIsMadeGoodByTheNext) {
   Odometry odometry({});
-  TelloState state = told(65.53, 0);
+  TelloState state = sent(65.53, 0);
   state.motor_s = 3;
   odometry.take(ns_per_s, state, false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
@@ -305,7 +305,7 @@ TEST(Odometry, AFirstTextWithoutASightOfTheGroundIsMadeGoodByTheNext) {
   EXPECT_LT(odometry.pose().variance[0], 0.01);
 }
 
-TEST(Odometry, OneFixFarOffIsRefusedAndThreeInARowAreBelieved) {
+TEST(Odometry, OneFixFarOffIsRefusedAndThreeInARowAreTrusted) {
   Walker drone(14);
   drone.fly(5, {0, 0, 0.2});
   const auto before = drone.odometry.pose().position_m;
@@ -321,7 +321,7 @@ TEST(Odometry, OneFixFarOffIsRefusedAndThreeInARowAreBelieved) {
   EXPECT_NEAR(drone.odometry.pose().position_m[0], before[0] + 5, 0.5);
 }
 
-TEST(Odometry, FixesFarOffThatDoNotAgreeAreNeverBelieved) {
+TEST(Odometry, FixesFarOffThatDoNotAgreeAreNeverTrusted) {
   Walker drone(16);
   drone.fly(5, {0, 0, 0.2});
   const auto before = drone.odometry.pose().position_m;
@@ -390,7 +390,7 @@ TEST(Odometry, AScaleACastAndALagThatAreKnownAreMadeGood) {
   settings.velocity_truncated = true;
   settings.velocity_lag_s = 0.2;
   Odometry odometry(settings);
-  TelloState state = told(0.1, 0);
+  TelloState state = sent(0.1, 0);
   odometry.take(ns_per_s, state, true);
   state.tof_m = 1;
   // It gathers speed evenly, backwards: 1 m/s after 5 s.

@@ -19,19 +19,19 @@ void brake(Motion motion, const Check& check) {
   constexpr double dt = 0.001;
   for (int i = 0; i < 3000; ++i) {
     check(motion);
-    const double told = std::hypot(motion.told_mps[0], motion.told_mps[1], motion.told_mps[2]);
+    const double sent = std::hypot(motion.sent_mps[0], motion.sent_mps[1], motion.sent_mps[2]);
     for (std::size_t k = 0; k < 3; ++k) {
-      motion.told_mps[k] *= told > 0 ? std::max(0.0, told - 4 * dt) / told : 0;
-      motion.velocity_mps[k] += (motion.told_mps[k] - motion.velocity_mps[k]) * dt / 0.3;
+      motion.sent_mps[k] *= sent > 0 ? std::max(0.0, sent - 4 * dt) / sent : 0;
+      motion.velocity_mps[k] += (motion.sent_mps[k] - motion.velocity_mps[k]) * dt / 0.3;
       motion.position_m[k] += motion.velocity_mps[k] * dt;
     }
   }
 }
 
-constexpr Motion turning{.position_m = {1, 2, 1}, .velocity_mps = {0.8, -0.3, 0.2}, .told_mps = {-0.2, 0.9, 0.4}};
+constexpr Motion turning{.position_m = {1, 2, 1}, .velocity_mps = {0.8, -0.3, 0.2}, .sent_mps = {-0.2, 0.9, 0.4}};
 
-TEST(Capsule, EndsWhereADroneThatIsToldToStopComesToRest) {
-  const Capsule capsule = until_rest(course(turning, braking), braking, turning.told_mps);
+TEST(Capsule, EndsWhereADroneThatIsOrderedToStopComesToRest) {
+  const Capsule capsule = until_rest(course(turning, braking), braking, turning.sent_mps);
   Vec3 rest{};
   brake(turning, [&](const Motion& at) { rest = at.position_m; });
   EXPECT_NEAR(capsule.to_m[0], rest[0], 0.002);
@@ -39,7 +39,7 @@ TEST(Capsule, EndsWhereADroneThatIsToldToStopComesToRest) {
 }
 
 TEST(Capsule, HasTheWholeWayToRestInIt) {
-  const Capsule capsule = until_rest(course(turning, braking), braking, turning.told_mps);
+  const Capsule capsule = until_rest(course(turning, braking), braking, turning.sent_mps);
   brake(turning, [&](const Motion& at) {
     EXPECT_LE(distance_m(capsule, at.position_m[0], at.position_m[1]), 0.002);
     EXPECT_GE(at.position_m[2], capsule.low_m - 0.002);
@@ -47,11 +47,11 @@ TEST(Capsule, HasTheWholeWayToRestInIt) {
   });
 }
 
-TEST(Capsule, OfADroneThatIsToldToStopComesNoNearerToAnybody) {
+TEST(Capsule, OfADroneThatIsOrderedToStopComesNoNearerToAnybody) {
   for (const auto& [x, y] : {std::pair{1.0, 4.0}, {2.5, 2.0}, {0.0, 2.0}, {1.3, 1.0}}) {
     double last = -1;
     brake(turning, [&](const Motion& at) {
-      const double gap = distance_m(until_rest(course(at, braking), braking, at.told_mps), x, y);
+      const double gap = distance_m(until_rest(course(at, braking), braking, at.sent_mps), x, y);
       EXPECT_GE(gap, last - 0.002);
       last = std::max(last, gap);
     });
@@ -60,14 +60,14 @@ TEST(Capsule, OfADroneThatIsToldToStopComesNoNearerToAnybody) {
 
 TEST(Capsule, OfAnOldPoseIsTheSameAsOfAFreshOne) {
   // Told the same for long: only the velocity's answer goes on meanwhile.
-  Motion old{.position_m = {0, 0, 1}, .velocity_mps = {0.5, 0, 0}, .told_mps = {1, 0, 0}, .late_s = 0.1, .age_s = 0.1};
+  Motion old{.position_m = {0, 0, 1}, .velocity_mps = {0.5, 0, 0}, .sent_mps = {1, 0, 0}, .late_s = 0.1, .age_s = 0.1};
   const double kept = std::exp(-0.1 / 0.3);
   Motion fresh = old;
   fresh.late_s = fresh.age_s = 0;
   fresh.velocity_mps[0] = 1 - 0.5 * kept;
   fresh.position_m[0] = 0.1 - 0.3 * 0.5 * (1 - kept);
-  const Capsule a = until_rest(course(old, braking), braking, old.told_mps);
-  const Capsule b = until_rest(course(fresh, braking), braking, fresh.told_mps);
+  const Capsule a = until_rest(course(old, braking), braking, old.sent_mps);
+  const Capsule b = until_rest(course(fresh, braking), braking, fresh.sent_mps);
   EXPECT_NEAR(a.from_m[0], b.from_m[0], 1e-9);
   EXPECT_NEAR(a.to_m[0], b.to_m[0], 1e-9);
 }

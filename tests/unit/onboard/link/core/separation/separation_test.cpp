@@ -276,7 +276,7 @@ TEST(Separation, OneThatAGustBringsTooNearIsLeft) {
   EXPECT_GE(world.nearest_m, min_m);
 }
 
-TEST(Separation, ADroneThatIsNotSteeredIsToldNothing) {
+TEST(Separation, ADroneThatIsNotSteeredIsSentNothing) {
   Separation separation(SeparationSettings{}, 4);
   const std::array neighbours{
       Neighbour{.number = 1, .kind = Neighbour::Kind::held, .motion = {.position_m = {0, 0, 1}}, .ceiling_m = 3},

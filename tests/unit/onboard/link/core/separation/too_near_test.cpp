@@ -202,7 +202,7 @@ TEST(TooNear, ALandingInACornerIsMadeBesideTheOther) {
   EXPECT_GE(w.nearest_m, settings.separation.min_m);
 }
 
-TEST(TooNear, ALandingWithNobodyBelowIsToldInTheSameStep) {
+TEST(TooNear, ALandingWithNobodyBelowIsSentInTheSameStep) {
   Above w;
   w.plan(PlanAction::land, 2);
   w.step();

@@ -82,9 +82,9 @@ class TrafficWorld {
       d.verdict = verdicts[i];
       if (d.lands && !d.verdict.landing_waits) d.kind = Neighbour::Kind::sinking;
       const bool steered = d.kind == Neighbour::Kind::steered;
-      const Vec3 told = steered ? clipped(d, verdicts[i].velocity_mps) : Vec3{};
+      const Vec3 sent = steered ? clipped(d, verdicts[i].velocity_mps) : Vec3{};
       Velocity desired;
-      for (std::size_t k = 0; k < 3; ++k) desired.mps[k] = static_cast<float>(told[k]);
+      for (std::size_t k = 0; k < 3; ++k) desired.mps[k] = static_cast<float>(sent[k]);
       send(d, d.limiter.step(now, desired, false));
       move(d, dt);
       if (!d.arrived()) d.arrived_s = to_seconds(now);
@@ -113,7 +113,7 @@ class TrafficWorld {
     Neighbour n{.number = d.number, .kind = d.kind, .motion = {}, .floor_m = floor_m, .ceiling_m = ceiling_m};
     for (std::size_t k = 0; k < 3; ++k) n.motion.position_m[k] = d.pose.place[k] + d.moved[k];
     n.motion.velocity_mps = d.pose.velocity;
-    for (std::size_t k = 0; k < 3; ++k) n.motion.told_mps[k] = static_cast<double>(d.limiter.output().mps[k]);
+    for (std::size_t k = 0; k < 3; ++k) n.motion.sent_mps[k] = static_cast<double>(d.limiter.output().mps[k]);
     n.motion.late_s = d.late_s;
     n.motion.age_s = to_seconds(now - d.pose.stamp);
     Vec3 way{};
@@ -131,9 +131,9 @@ class TrafficWorld {
     desired[2] = std::clamp(desired[2], -std::max(0.0, z - floor_m) / 0.7, std::max(0.0, ceiling_m - z) / 0.7);
     return desired;
   }
-  void send(PointDrone& d, const Velocity& told) {
+  void send(PointDrone& d, const Velocity& sent) {
     Vec3 rc{};
-    for (std::size_t k = 0; k < 3; ++k) rc[k] = std::round(static_cast<double>(told.mps[k]) * 100) / 100;
+    for (std::size_t k = 0; k < 3; ++k) rc[k] = std::round(static_cast<double>(sent.mps[k]) * 100) / 100;
     if (now - d.sent_at < (rc == d.sent ? 50 : 20) * ns_per_ms) return;
     d.sent = rc;
     d.sent_at = now;

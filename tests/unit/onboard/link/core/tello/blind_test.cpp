@@ -14,8 +14,8 @@ namespace {
 constexpr TimeNs tello_lands_after_ns = 15 * ns_per_s;
 
 /// One drone in the air, on the last rc of a link that died; a new link has yet to find it. Agent is dead, too.
-struct Unseen : LinkWorld {
-  Unseen() {
+struct WithoutState : LinkWorld {
+  WithoutState() {
     agent = mocap = false;
     FakeTello& tello = tellos[0];
     tello.connected = true;
@@ -32,7 +32,7 @@ struct Unseen : LinkWorld {
 };
 
 TEST(Blind, TheFirstStepOfALinkSaysCommandAndZero) {
-  Unseen w;
+  WithoutState w;
   w.step();
   ASSERT_EQ(w.sent.size(), 2U);
   EXPECT_EQ(w.sent[0].second, "command");
@@ -41,7 +41,7 @@ TEST(Blind, TheFirstStepOfALinkSaysCommandAndZero) {
 }
 
 TEST(Blind, AZeroThatIsLostIsSaidAgainWithinATenthOfASecond) {
-  Unseen w;
+  WithoutState w;
   w.tello().states = false;
   w.tello().hears = false;
   w.pass(150 * ms);
@@ -52,7 +52,7 @@ TEST(Blind, AZeroThatIsLostIsSaidAgainWithinATenthOfASecond) {
 
 TEST(Blind, HandshakesInVainEndInALanding) {
   for (const bool answers : {true, false}) {
-    Unseen w;
+    WithoutState w;
     w.tello().states = false;
     w.tello().answers = answers;  // an ok without state text is blind as well
     w.pass(3'400 * ms);
@@ -70,7 +70,7 @@ TEST(Blind, HandshakesInVainEndInALanding) {
 }
 
 TEST(Blind, TheWordIsBoundedAndSilenceBehindItIsLongerThanTheTellosOwn) {
-  Unseen w;
+  WithoutState w;
   w.tello().states = w.tello().answers = w.tello().lands = false;  // it hears everything, and obeys no landing
   const SessionSettings& s = w.settings_.session;
   w.pass(3'500 * ms + s.blind_land_for_ns + 100 * ms);
@@ -83,7 +83,7 @@ TEST(Blind, TheWordIsBoundedAndSilenceBehindItIsLongerThanTheTellosOwn) {
 }
 
 TEST(Blind, EveryFurtherTryBeginsWithZeroAndEndsInLandAndSilence) {
-  Unseen w;
+  WithoutState w;
   w.tello().states = w.tello().answers = false;
   const SessionSettings& s = w.settings_.session;
   w.pass(3'500 * ms + s.blind_land_for_ns + 100 * ms);
@@ -114,7 +114,7 @@ TEST(Blind, ADroneThatIsSwitchedOnLaterIsFoundOnTheGroundAndMayTakeOff) {
   }
 }
 
-TEST(Blind, ADroneThatFellSilentWhereItStoodIsSoughtWithoutAnEndAndNeverTold) {
+TEST(Blind, ADroneThatFellSilentWhereItStoodIsSoughtWithoutAnEndAndNeverCommanded) {
   LinkWorld w;
   w.pass(4 * ns_per_s);
   ASSERT_EQ(w.core.phase(1), FlightPhase::on_ground);
@@ -132,7 +132,7 @@ TEST(Blind, ADroneThatFellSilentWhereItStoodIsSoughtWithoutAnEndAndNeverTold) {
 
 TEST(Blind, WhatIsSeenOnTheGroundInTheTakeOffOfADeadLinkMayFly) {
   for (const bool answers : {true, false}) {
-    Unseen w;
+    WithoutState w;
     w.tello() = {};
     w.tello().connected = true;
     w.tello().hear("takeoff");
@@ -142,7 +142,7 @@ TEST(Blind, WhatIsSeenOnTheGroundInTheTakeOffOfADeadLinkMayFly) {
     w.pass(25 * ns_per_s);
     EXPECT_TRUE(w.down()) << answers;
   }
-  Unseen w;  // and what is seen to rise, though no answer comes
+  WithoutState w;  // and what is seen to rise, though no answer comes
   w.tello() = {};
   w.tello().connected = true;
   w.tello().hear("takeoff");
@@ -152,7 +152,7 @@ TEST(Blind, WhatIsSeenOnTheGroundInTheTakeOffOfADeadLinkMayFly) {
 }
 
 TEST(Blind, WhatIsFoundInTheAirBehindTheHandshakesComesDownAndIsNotFlownOn) {
-  Unseen w;
+  WithoutState w;
   w.tello().states = w.tello().lands = false;
   w.pass(5 * ns_per_s);
   w.tello().states = true;
@@ -164,7 +164,7 @@ TEST(Blind, WhatIsFoundInTheAirBehindTheHandshakesComesDownAndIsNotFlownOn) {
 }
 
 TEST(Blind, WithAnswersLostAloneItIsLandedByWhatIsSeenAndThenLeftAlone) {
-  Unseen w;
+  WithoutState w;
   w.tello().answers = false;
   w.pass(6 * ns_per_s + w.settings_.session.stands_after_ns);
   EXPECT_TRUE(w.down());
@@ -177,7 +177,7 @@ TEST(Blind, WithAnswersLostAloneItIsLandedByWhatIsSeenAndThenLeftAlone) {
 TEST(Blind, AStopALandingAndACutAreSaidAtOnceAndAgain) {
   for (const auto& [action, word] :
        {std::pair(PlanAction::stop, "land"), {PlanAction::land, "land"}, {PlanAction::cut, "emergency"}}) {
-    Unseen w;
+    WithoutState w;
     w.tello().states = w.tello().answers = false;
     w.tello().hears = false;
     w.pass(ns_per_s);
@@ -194,7 +194,7 @@ TEST(Blind, AStopALandingAndACutAreSaidAtOnceAndAgain) {
 }
 
 TEST(Blind, TheSilenceIsBrokenOnceByAStopALandingAndACutEach) {
-  Unseen w;
+  WithoutState w;
   const SessionSettings& s = w.settings_.session;
   const auto words = s.blind_land_for_ns / s.blind_repeat_ns;
   w.tello().states = w.tello().answers = w.tello().lands = false;
@@ -217,7 +217,7 @@ TEST(Blind, TheSilenceIsBrokenOnceByAStopALandingAndACutEach) {
 
 TEST(Blind, TheSameWillDuringAndBehindTheWordDoesNotBreakTheSilence) {
   for (const PlanAction action : {PlanAction::land, PlanAction::stop}) {
-    Unseen w;
+    WithoutState w;
     const SessionSettings& s = w.settings_.session;
     w.tello().states = w.tello().answers = w.tello().lands = false;
     w.pass(3'600 * ms);
@@ -233,32 +233,32 @@ TEST(Blind, TheSameWillDuringAndBehindTheWordDoesNotBreakTheSilence) {
 
 TEST(Blind, TheLocalStopKeyTellsADroneThatWasHeardToLandUntilTheEndOfItsTime) {
   for (const int after_s : {0, 2, 5, 15}) {  // in each stage
-    Unseen w;
+    WithoutState w;
     w.tello().states = w.tello().lands = false;
     w.pass(after_s * ns_per_s + 10 * ms);
     const long before = w.said("land");
     w.stop_all = true;
     w.pass(10 * ms);
     EXPECT_EQ(w.said("land"), before + 1) << after_s;
-    EXPECT_FALSE(w.core.all_landed_or_told()) << after_s;
+    EXPECT_FALSE(w.core.all_landed_or_commanded()) << after_s;
     w.pass(w.settings_.session.blind_land_for_ns - 100 * ms);
     EXPECT_EQ(w.said("land"), before + w.settings_.session.blind_land_for_ns / w.settings_.session.blind_repeat_ns);
-    EXPECT_FALSE(w.core.all_landed_or_told()) << after_s;
+    EXPECT_FALSE(w.core.all_landed_or_commanded()) << after_s;
     w.pass(200 * ms);
-    EXPECT_TRUE(w.core.all_landed_or_told()) << after_s;
+    EXPECT_TRUE(w.core.all_landed_or_commanded()) << after_s;
     EXPECT_FALSE(w.core.all_on_ground_or_unheard()) << "nobody saw it on the ground";
   }
 }
 
 TEST(Blind, TheLocalStopKeyTellsADroneThatWasNeverHeardForThreeSeconds) {
-  Unseen w;
+  WithoutState w;
   w.tello().states = w.tello().answers = false;
   w.pass(20 * ms);
   w.stop_all = true;
   w.pass(w.settings_.session.unheard_land_for_ns - 10 * ms);
-  EXPECT_FALSE(w.core.all_landed_or_told());
+  EXPECT_FALSE(w.core.all_landed_or_commanded());
   w.pass(20 * ms);
-  EXPECT_TRUE(w.core.all_landed_or_told());
+  EXPECT_TRUE(w.core.all_landed_or_commanded());
   EXPECT_FALSE(w.core.all_on_ground());
   EXPECT_TRUE(w.core.all_on_ground_or_unheard());
   EXPECT_EQ(w.said("land"), 7);
@@ -281,7 +281,7 @@ TEST(Blind, ALandingThatNobodySeesForThirtySecondsMayStillFly) {
 }
 
 TEST(Blind, ALinkThatIsStartedAgainAndAgainLandsInItsFirstStep) {
-  Unseen w;
+  WithoutState w;
   for (int start = 1; start <= 20; ++start) {
     w.core = LinkCore(w.settings_, 100 + static_cast<std::uint64_t>(start), start);
     w.pass(2 * ms);  // too short for an answer and a state text
@@ -314,27 +314,27 @@ class BlindSearch {
 
  private:
   static void fly(int kind, const std::vector<int>& course) {
-    Unseen w;
+    WithoutState w;
     FakeTello& tello = w.tello();
     tello.keeps_rc = (kind & 1) != 0;
     tello.command_counts = (kind & 2) != 0;
-    std::string told;
+    std::string sent;
     for (const int slot : course) {
       set(tello, static_cast<Channel>(slot / 2));
       if (slot % 2 == 1) w.core = LinkCore(w.settings_, 43 + w.sent.size());
-      told += " " + std::to_string(slot);
+      sent += " " + std::to_string(slot);
       pass(w, ns_per_s);
     }
     // What was heard last may be of the last slot's end.
     pass(w, 20 * ns_per_s);
-    ASSERT_TRUE(w.down()) << "kind " << kind << ", course" << told;
+    ASSERT_TRUE(w.down()) << "kind " << kind << ", course" << sent;
   }
   static void set(FakeTello& tello, Channel channel) {
     tello.hears = channel != nothing;
     tello.states = channel == fine || channel == no_answers;
     tello.answers = channel == fine || channel == no_states;
   }
-  static void pass(Unseen& w, TimeNs duration) {
+  static void pass(WithoutState& w, TimeNs duration) {
     const double from = w.tello().position[0];
     const bool stands = w.tello().rc == std::array<int, 4>{};
     w.pass(duration);

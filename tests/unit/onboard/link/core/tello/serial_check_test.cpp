@@ -70,7 +70,7 @@ TEST_F(SerialOfTheSession, AFirmwareThatKnowsNoSuchQuestionIsNotCheckedAndTakesO
     session = TelloSession({}, "0TQDG00EDPMV39");
     answer = refusal;
     pass(5 * ns_per_s);
-    EXPECT_EQ(session.serial().verdict(), Verdict::untold) << refusal;
+    EXPECT_EQ(session.serial().verdict(), Verdict::unreported) << refusal;
     EXPECT_TRUE(takes_off()) << refusal;
   }
 }

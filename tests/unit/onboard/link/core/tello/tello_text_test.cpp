@@ -28,28 +28,28 @@ TEST(TelloText, APacketOfSdk13WithoutPadsIsReadToo) {
   TelloState state;
   EXPECT_TRUE(parse_state("mid:257;pitch:0;roll:0;yaw:0;tof:10;h:0;bat:100;\r\n", state));
   EXPECT_EQ(state.pad, -2);
-  EXPECT_FALSE(state.velocity_told);
-  EXPECT_FALSE(state.barometer_told);
+  EXPECT_FALSE(state.has_velocity);
+  EXPECT_FALSE(state.has_barometer);
 }
 
 TEST(TelloText, VelocitiesBarometerAndPadAreOfTheNewestPacketAlone) {
   TelloState state;
   ASSERT_TRUE(parse_state("mid:3;x:-12;y:40;z:95;mpry:1,2,-90;vgx:-7;vgy:2;vgz:1;tof:10;h:0;bat:9;baro:147.94;time:12;",
                           state));
-  EXPECT_TRUE(state.velocity_told);
+  EXPECT_TRUE(state.has_velocity);
   EXPECT_EQ(state.velocity_dmps, (std::array<float, 3>{-7, 2, 1}));
-  EXPECT_TRUE(state.barometer_told);
+  EXPECT_TRUE(state.has_barometer);
   EXPECT_FLOAT_EQ(state.barometer_m, 147.94F);
   EXPECT_EQ(state.motor_s, 12);
   EXPECT_EQ(state.pad, 3);
   EXPECT_EQ(state.on_pad_m, (std::array<float, 3>{-0.12F, 0.4F, 0.95F}));
   EXPECT_FLOAT_EQ(state.on_pad_yaw_deg, -90);
   ASSERT_TRUE(parse_state("vgx:1;vgy:x;vgz:1;tof:10;h:0;bat:9;", state));
-  EXPECT_FALSE(state.velocity_told);
-  EXPECT_FALSE(state.barometer_told);
+  EXPECT_FALSE(state.has_velocity);
+  EXPECT_FALSE(state.has_barometer);
   EXPECT_EQ(state.pad, -2);
   ASSERT_TRUE(parse_state("mid:9;mpry:;vgx:5000;vgy:1;vgz:1;tof:10;h:0;bat:9;", state));
-  EXPECT_FALSE(state.velocity_told);
+  EXPECT_FALSE(state.has_velocity);
   EXPECT_EQ(state.pad, -2);
 }
 
@@ -89,10 +89,10 @@ TEST(TelloText, AFieldThatIsTornIsNotRead) {
   EXPECT_FALSE(parse_state("tof:10;h:0;bat:1", state));  // of 100
   EXPECT_FLOAT_EQ(state.battery, 0.64F);
   ASSERT_TRUE(parse_state("tof:10;h:0;bat:100;baro:14", state));
-  EXPECT_FALSE(state.barometer_told);
+  EXPECT_FALSE(state.has_barometer);
 }
 
-TEST(TelloText, AnyBytesAreSafeAndNeverGiveAnUnbelievableState) {
+TEST(TelloText, AnyBytesAreSafeAndNeverGiveAnInvalidState) {
   Random random(7);
   for (int round = 0; round < 20'000; ++round) {
     std::string bytes = real_state;

@@ -74,9 +74,9 @@ TEST(TiltWatch, WhatWasBeforeAGapOfTextsDoesNotCount) {
 
 class Moving {
  public:
-  void fly(double seconds, std::array<float, 3> told, std::array<double, 3> seen, std::array<double, 2> lean = {}) {
+  void fly(double seconds, std::array<float, 3> sent, std::array<double, 3> seen, std::array<double, 2> lean = {}) {
     for (int i = 0; i < static_cast<int>(seconds * 100); ++i) {
-      watch.tell(0.01, told);
+      watch.tell(0.01, sent);
       watch.lean(lean);
       watch.see(now += 10 * ms, seen);
       found = found || watch.differs();
@@ -229,7 +229,7 @@ TEST(MotionWatch, WhatIsLearnedAsDriftIsBounded) {
   EXPECT_TRUE(drone.found) << "it is carried off, be it by wind";
 }
 
-/// Ten texts a second, of a drone whose flight controller believes its flow.
+/// Ten texts a second, of a drone whose flight controller trusts its flow.
 class Flow {
  public:
   void fly(double seconds, double commanded_mps) {

@@ -1,0 +1,173 @@
+#include "common/verification/calls.hpp"
+
+#include <algorithm>
+#include <array>
+
+#include "common/fabric/tx/policy.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/verification/control_events.hpp"
+
+namespace ledgerline::verification {
+namespace {
+
+bool read(std::string_view bytes, CommandCall& call) { return parse_message(bytes, call).ok(); }
+
+bool read(std::string_view bytes, DeleteCall& call) { return parse_message(bytes, call).ok(); }
+
+bool read(std::string_view bytes, AnchorCall& call) { return parse_message(bytes, call).ok(); }
+
+/// In JSON one asset stands for a call of one.
+bool read(std::string_view bytes, SetCall& call) {
+  if (is_json(bytes)) {
+    Asset single;
+    if (parse_message(bytes, single)) {
+      call.Clear();
+      *call.add_assets() = std::move(single);
+      return true;
+    }
+  }
+  return parse_message(bytes, call).ok();
+}
+
+void complete(CommandCall&) {}
+void complete(DeleteCall&) {}
+void complete(AnchorCall&) {}
+
+/// The contract writes down the topic that a call may leave out.
+void complete(SetCall& call) {
+  for (Asset& asset : *call.mutable_assets()) {
+    if (asset.topic().empty()) asset.set_topic("/" + asset.id());
+  }
+}
+
+/// No message of ours has a map, so equal messages have equal bytes.
+template <typename Message>
+bool equal(const Message& a, const Message& b) {
+  return a.ByteSizeLong() == b.ByteSizeLong() && a.SerializeAsString() == b.SerializeAsString();
+}
+
+template <typename Message>
+Match match(std::string_view asked_bytes, std::string_view event_payload, Message& asked) {
+  if (!read(asked_bytes, asked)) {
+    asked.Clear();
+    return asked_bytes == event_payload ? Match::malformed : Match::altered;
+  }
+  if (asked_bytes == event_payload) return Match::same;
+  Message reported;
+  if (!read(event_payload, reported)) return Match::altered;
+  complete(asked);
+  complete(reported);
+  return equal(asked, reported) ? Match::same : Match::altered;
+}
+
+template <typename Message>
+Match match(const RequestedCall& call, std::string_view function, std::string_view event_payload, Message& asked) {
+  asked.Clear();
+  if (call.function != function || call.args.size() != 1) return Match::altered;
+  return match(call.args[0], event_payload, asked);
+}
+
+Match match_delete(const RequestedCall& call, std::string_view event_payload) {
+  DeleteCall asked;
+  if (call.args.size() != 1) return Match::altered;
+  const std::string& arg = call.args[0];
+  if (match(arg, event_payload, asked) == Match::same) return Match::same;
+  DeleteCall reported;  // a plain id
+  return read(event_payload, reported) && reported.id() == arg ? Match::same : Match::altered;
+}
+
+template <std::size_t n>
+bool one_of(std::string_view word, const std::array<std::string_view, n>& words) {
+  return std::find(words.begin(), words.end(), word) != words.end();
+}
+
+constexpr std::array<std::string_view, 3> questions{contract::get, contract::history, contract::verify};
+
+}  // namespace
+
+Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked) {
+  return match(call, contract::command, event_payload, asked);
+}
+
+Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked) {
+  return match(call, contract::set, event_payload, asked);
+}
+
+bool tells_set(const RequestedCall& call, std::string_view event_payload) {
+  // Every state of a drone host comes by here: equal bytes need no reading.
+  if (call.function == contract::set && call.args.size() == 1 && call.args[0] == event_payload) return true;
+  SetCall asked;
+  return match_set(call, event_payload, asked) == Match::same;
+}
+
+Plan plan_of(DroneNumber drone, const DronePlan& asked) {
+  Plan plan;
+  plan.drone = drone;
+  plan.action = static_cast<PlanAction>(asked.action());
+  plan.sequence = asked.sequence();
+  plan.epoch = asked.epoch();
+  plan.state_stamp_ns = asked.state_stamp_ns();
+  plan.body_frame = asked.body_frame();
+  plan.count = static_cast<std::uint32_t>(asked.setpoints_size());
+  for (int i = 0; i < asked.setpoints_size(); ++i) {
+    const PlannedSetpoint& s = asked.setpoints(i);
+    plan.setpoints[static_cast<std::size_t>(i)] = Setpoint{s.at_ns(), {s.vx(), s.vy(), s.vz()}, s.yaw_rate()};
+  }
+  return plan;
+}
+
+Status check_event(const RequestedCall& call, std::string_view event_name, std::string_view event_payload) {
+  const Error another{"its event is not the call"};
+  if (one_of(call.function, questions)) {
+    return event_name.empty() ? Status(done) : Error{"a question has no event"};
+  }
+  const bool is_call = call.function == contract::command || call.function == contract::set ||
+                       call.function == contract::delete_ || call.function == contract::anchor;
+  if (is_control_event(call.function)) {
+    const auto event = read_control_event(call, event_name, event_payload);
+    return event ? Status(done) : event.error();
+  }
+  if (!is_call) return done;
+  if (event_name != call.function) return another;
+  if (call.function == contract::set) return tells_set(call, event_payload) ? Status(done) : another;
+  if (call.function == contract::anchor) {
+    AnchorCall anchored;
+    return match(call, contract::anchor, event_payload, anchored) == Match::same ? Status(done) : another;
+  }
+  CommandCall asked;
+  const Match match = call.function == contract::command ? match_command(call, event_payload, asked)
+                                                         : match_delete(call, event_payload);
+  return match == Match::same ? Status(done) : another;
+}
+
+fabric::EndorsementNeed command_need(const std::string& organisation) {
+  return {fabric::EndorsementNeed::Count::one, organisation};
+}
+
+fabric::EndorsementNeed frame_need() { return {fabric::EndorsementNeed::Count::one}; }
+
+fabric::EndorsementNeed endorsement_need(std::string_view function) {
+  using Count = fabric::EndorsementNeed::Count;
+  if (function == contract::set) return {Count::two};
+  // What changes records that are there needs their keeper's peer alone: a second one must not hold it up.
+  const bool makes_records = function == contract::enroll || function == contract::acquire ||
+                             function == contract::hand_over || function == contract::anchor ||
+                             function == contract::delete_;
+  return {makes_records ? Count::two : Count::two_if_there_are, {}, function == contract::delete_};
+}
+
+bool is_of_hot_path(std::string_view key) { return key.starts_with("frame/") || key.starts_with("command/"); }
+
+std::optional<std::string> likely_policy(std::string_view key) {
+  constexpr std::array<std::string_view, 5> kinds{"command/", "lease/", "pilot/", "drones/",
+                                                  "role/"};  // docs/ledger.md
+  const auto kind =
+      std::find_if(kinds.begin(), kinds.end(), [&](std::string_view one) { return key.starts_with(one); });
+  if (kind == kinds.end()) return std::nullopt;
+  key.remove_prefix(kind->size());
+  if (*kind == "role/" && key.find('/') == std::string_view::npos) return std::nullopt;  // of the version before
+  return fabric::peer_policy(std::string(key.substr(0, key.find('/'))));
+}
+
+}  // namespace ledgerline::verification

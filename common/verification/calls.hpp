@@ -1,0 +1,58 @@
+#pragma once
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/fabric/tx/transaction.hpp"
+#include "common/msg/onboard.hpp"
+#include "ledgerline.pb.h"
+
+/// What may be trusted of a transaction of the contract without trusting the peer that ran it. A peer signs results;
+/// only the creator signs what was asked for. So what is done in a creator's name must be what that creator asked for,
+/// and an event is no more than the peer's copy of it. Pure; no thread of its own.
+namespace ledgerline::verification {
+
+/// What a creator asked for: of a received transaction (its reader checks the creator's signature), or of one that is
+/// about to be signed.
+struct RequestedCall {
+  std::string_view function;
+  const std::vector<std::string>& args;
+};
+
+enum class Match {
+  same,       ///< the event is the call
+  altered,    ///< the event says something else than the call, or the call is of another function
+  malformed,  ///< the event is the call, but that is no message of its function
+};
+
+/// Compares a call of `command` or `set` with the event of that name: byte for byte, or, where JSON or another order of
+/// fields makes bytes differ, as the messages that they are. `asked` is the call as it was signed: what is flown or
+/// shown comes from there. It is empty unless the call was of that function.
+Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked);
+Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked);
+/// Whether the event says what a call of `set` asked for, message or not: who reads its bytes finds that out.
+bool tells_set(const RequestedCall& call, std::string_view event_payload);
+
+/// A plan as link takes it; of one that has at most max_setpoints.
+Plan plan_of(DroneNumber drone, const DronePlan& asked);
+
+/// For clients, before they sign: why a result with this event (no name: none) cannot be the contract's of this call.
+/// Functions that the contract does not have are not judged.
+Status check_event(const RequestedCall& call, std::string_view event_name, std::string_view event_payload);
+
+/// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a frame's that of
+/// one's own, all others' those of two organisations, by their functions. A stop goes out with what there is.
+fabric::EndorsementNeed command_need(const std::string& organisation);
+fabric::EndorsementNeed frame_need();
+fabric::EndorsementNeed endorsement_need(std::string_view function);
+
+/// The policy that a key of the contract has once it is there, for the keys whose names say whose they are; none: it
+/// has none, or the name does not say. For ClientConfig::likely_policy.
+std::optional<std::string> likely_policy(std::string_view key);
+/// States and commands, by the key's name: agent goes by a command's sequence, ground by a state's stamp. For
+/// ClientConfig::is_of_hot_path.
+bool is_of_hot_path(std::string_view key);
+
+}  // namespace ledgerline::verification

@@ -1,0 +1,16 @@
+#pragma once
+#include "common/crypto/crypto.hpp"
+#include "ledgerline.pb.h"
+
+/// An identity's name, as the contract's messages and as certificates say it.
+namespace ledgerline::verification {
+
+inline Identity to_message(const crypto::IdentityName& name) {
+  Identity identity;
+  identity.set_msp_id(name.msp_id);
+  identity.set_subject(name.subject);
+  return identity;
+}
+inline crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
+
+}  // namespace ledgerline::verification

@@ -1,0 +1,78 @@
+#include "onboard/link/core/tello/lost_link_protocol.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::link {
+
+void LostLinkProtocol::enter(TimeNs now, Stage stage) noexcept {
+  stage_ = stage;
+  stage_since_ns_ = now;
+  said_ns_ = 0;
+}
+
+void LostLinkProtocol::seek() noexcept {
+  enter(0, Stage::seeks);
+  handshakes_ = 0;
+  word_ = Word::land;
+  begin_round();
+}
+
+void LostLinkProtocol::be_silent(TimeNs now, Word word) noexcept {
+  word_ = word;
+  begin_round();
+  enter(now, Stage::silent);
+}
+
+void LostLinkProtocol::land(TimeNs now, Word word) noexcept {
+  if (stage_ != Stage::seeks && (word == word_ || word == Word::land)) return;
+  word_ = word;
+  enter(now, Stage::lands);
+}
+
+void LostLinkProtocol::land_again(TimeNs now, Asker asker) noexcept {
+  if (asker != Asker::local) {
+    bool& may = asker == Asker::holder ? for_holder_ : for_contract_;
+    if (stage_ == Stage::seeks || !may) return;
+    may = false;
+    if (asker == Asker::holder && stage_ == Stage::lands) return;
+  }
+  enter(now, Stage::lands);
+}
+
+bool LostLinkProtocol::in_vain(TimeNs now) const noexcept {
+  return stage_ == Stage::seeks && handshakes_ >= settings_.handshakes && now - said_ns_ >= timeout_ns_;
+}
+
+bool LostLinkProtocol::said_for(TimeNs now, TimeNs duration) const noexcept {
+  return stage_ == Stage::silent || (stage_ == Stage::lands && now - stage_since_ns_ >= duration);
+}
+
+LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_fly) noexcept {
+  Due due;
+  const bool first = said_ns_ == 0;
+  if (first || (now - said_ns_ >= timeout_ns_ && !(may_fly && handshakes_ >= settings_.handshakes))) {
+    timeout_ns_ = first ? settings_.answer_timeout_ns : std::min(2 * timeout_ns_, settings_.answer_timeout_max_ns);
+    handshakes_ = std::min(handshakes_ + 1, settings_.handshakes);
+    said_ns_ = now;
+    due.command = true;
+  }
+  // Without the zero it would fly on with the last command of a link that is gone.
+  due.zero = due.command || (may_fly && !in_vain(now) && now - zero_ns_ >= settings_.zero_gap_ns);
+  if (due.zero) zero_ns_ = now;
+  return due;
+}
+
+LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_fly) noexcept {
+  if (stage_ != Stage::seeks && !may_fly) seek();  // seen on the ground, though no answer comes
+  if (stage_ == Stage::lands && now - stage_since_ns_ >= settings_.blind_land_for_ns) enter(now, Stage::silent);
+  if (stage_ == Stage::silent && now - stage_since_ns_ >= settings_.silence_ns) {
+    begin_round();
+    enter(now, Stage::lands);
+  }
+  if (stage_ == Stage::seeks) return due_seeking(now, may_fly);
+  if (stage_ == Stage::silent || (said_ns_ != 0 && now - said_ns_ < settings_.blind_repeat_ns)) return {};
+  said_ns_ = now;
+  return {true, true, true};
+}
+
+}  // namespace ledgerline::link

@@ -1,0 +1,130 @@
+#include "onboard/ipc/wakeup.hpp"
+
+#include <gtest/gtest.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cstring>
+#include <thread>
+
+#include "common/rt/spsc_ring.hpp"
+
+namespace ledgerline::ipc {
+namespace {
+
+class Wakeups : public ::testing::Test {
+ protected:
+  void TearDown() override {
+    ::unlink(path.c_str());
+    ::rmdir(folder.c_str());
+  }
+  static bool wait(const WakeupSink& wakeup, int timeout_ms) {
+    pollfd fd{.fd = wakeup.fd(), .events = POLLIN, .revents = 0};
+    return ::poll(&fd, 1, timeout_ms) == 1;
+  }
+  std::unique_ptr<WakeupSink> hang() const {
+    auto wakeup = WakeupSink::create(path);
+    EXPECT_TRUE(wakeup) << wakeup.error().what;
+    return wakeup ? std::move(*wakeup) : nullptr;
+  }
+  WakeupSource rope() const { return WakeupSource::create(path).value(); }
+
+  std::string folder = [] {
+    char name[] = "/tmp/wakeup_test.XXXXXX";
+    return std::string(::mkdtemp(name));
+  }();
+  std::string path = folder + "/wakeup";
+};
+
+TEST_F(Wakeups, ARingIsSeenOnce) {
+  const auto wakeup = hang();
+  WakeupSource rope = this->rope();
+  EXPECT_FALSE(wait(*wakeup, 0));
+  EXPECT_FALSE(wakeup->clear());
+  rope.pull();
+  rope.pull();
+  EXPECT_TRUE(wait(*wakeup, 0));
+  EXPECT_TRUE(wakeup->clear());
+  EXPECT_FALSE(wait(*wakeup, 0));
+  EXPECT_FALSE(wakeup->clear());
+}
+
+TEST_F(Wakeups, NotifyingAFullSinkDoesNotWait) {
+  const auto wakeup = hang();
+  WakeupSource rope = this->rope();
+  for (int i = 0; i < 10'000; ++i) rope.pull();
+  EXPECT_TRUE(wakeup->clear());
+  EXPECT_FALSE(wait(*wakeup, 0)) << "one look is enough for all of them";
+}
+
+TEST_F(Wakeups, NobodyIsThereAndARingIsNoHarm) {
+  WakeupSource rope = this->rope();
+  rope.pull();
+  hang().reset();
+  rope.pull();
+  EXPECT_NE(::access(path.c_str(), F_OK), 0) << "an owner that ends leaves nothing";
+}
+
+TEST_F(Wakeups, AnOwnerThatStartsAnewBehindAKilledOneIsHeard) {
+  WakeupSource rope = this->rope();
+  // As a killed one leaves it: a name that no socket answers to.
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::memcpy(address.sun_path, path.c_str(), path.size() + 1);
+  const int killed = ::socket(AF_UNIX, SOCK_DGRAM, 0);
+  ASSERT_EQ(::bind(killed, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
+  ::close(killed);
+  rope.pull();
+  const auto wakeup = hang();
+  ASSERT_TRUE(wakeup);
+  rope.pull();
+  EXPECT_TRUE(wakeup->clear());
+}
+
+TEST_F(Wakeups, OtherUsersMayNotRingWhateverTheUmask) {
+  const mode_t before = ::umask(0);
+  const auto wakeup = hang();
+  ::umask(before);
+  struct stat info {};
+  ASSERT_EQ(::stat(path.c_str(), &info), 0);
+  EXPECT_EQ(info.st_mode & 0777U, 0600U);
+}
+
+TEST_F(Wakeups, APlaceThatCannotBeTakenIsNamed) {
+  ASSERT_EQ(::mkdir(path.c_str(), 0700), 0);
+  const auto taken = WakeupSink::create(path);
+  ::rmdir(path.c_str());
+  ASSERT_FALSE(taken);
+  EXPECT_NE(taken.error().what.find(path), std::string::npos) << taken.error().what;
+  EXPECT_FALSE(WakeupSink::create(std::string(200, 'x')));
+  EXPECT_FALSE(WakeupSource::create(std::string(200, 'x')));
+}
+
+/// As link's publisher and agent: something is put where the other looks, then the wakeup rings; the other clears the
+/// wakeup, then looks. It fails when the other looks first, and when a full wakeup loses what came last.
+TEST_F(Wakeups, NoWakeupIsMissedHoweverFullTheSinkIs) {
+  constexpr std::uint64_t count = 100'000;
+  const auto wakeup = hang();
+  SpscRing<std::uint64_t, 64> ring;
+  std::thread publisher([&, rope = this->rope()]() mutable {
+    for (std::uint64_t i = 1; i <= count; ++i) {
+      while (!ring.push(i)) std::this_thread::yield();
+      rope.pull();
+      if (i % 64 == 0) std::this_thread::yield();  // now and then the other sleeps
+    }
+  });
+  std::uint64_t last = 0, missed = 0;
+  while (last < count) {
+    if (!wait(*wakeup, 2000)) ++missed;
+    wakeup->clear();
+    while (ring.pop(last)) {
+    }
+  }
+  publisher.join();
+  EXPECT_EQ(missed, 0U);
+}
+
+}  // namespace
+}  // namespace ledgerline::ipc
