@@ -11,7 +11,7 @@ namespace {
 constexpr FigureKind figure_table[] = {
     {.name = "path_rms_m", .help = "distance of the truth from the path, root mean square", .least = 0.002},
     {.name = "path_max_m", .help = "the same, at most", .least = 0.01},
-    {.name = "pose_rms_m", .help = "distance of what link trusts from the truth, in flight", .least = 0.002},
+    {.name = "pose_rms_m", .help = "distance of what link estimates from the truth, in flight", .least = 0.002},
     {.name = "pose_max_m", .help = "the same, at most", .least = 0.01},
     {.name = "beyond_fence_m", .help = "how far the truth got beyond the fence, in flight", .least = 0.01},
     {.name = "pose_beyond_fence_m", .help = "the same, as link takes it to be", .least = 0.01},

@@ -66,7 +66,7 @@ def of_another_user(path: pathlib.Path, _: Machines) -> None:
     os.chown(path, 65534, 65534)
 
 
-def of_a_outsiders_authority(path: pathlib.Path, machines: Machines) -> None:
+def of_another_authority(path: pathlib.Path, machines: Machines) -> None:
     run = lambda *command: subprocess.run(command, check=True, capture_output=True, cwd=machines.root)
     run("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-keyout", "o.key", "-out",
         "o.pem", "-days", "9", "-subj", "/CN=ca.org1.ledgerline")
@@ -235,7 +235,7 @@ ALL = [
     Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
     Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
     Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),
-    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_a_outsiders_authority), sign_anew, "tower_set_up_anew"),
+    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_another_authority), sign_anew, "tower_set_up_anew"),
 ]
 
 

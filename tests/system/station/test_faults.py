@@ -60,7 +60,7 @@ def test_a_silent_drone_is_braked_by_name_and_flies_on(tmp_path):
         assert time.monotonic() < deadline, faults(station)
         time.sleep(0.1)
 
-    # And with the flight: whoever is deaf could not be reported to land.
+    # And with the flight: a deaf drone could not be commanded to land.
     switch(station, "commands-lost-tello1", True)
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 0, printed(tmp_path)
