@@ -209,19 +209,29 @@ Status Deployment::wait_for_endorsers() {
     for (const int k : site_.own_organisations()) {
       const auto client = site_.connect(k, channel);
       if (!client) return client.error();
-      const std::string note = nlohmann::json{{"id", identities::msp_id_of(k) + "/ready"}, {"msgType", "none"}}.dump();
-      for (;;) {
-        const Status found = (*client)->endorsable({contract::set, {note}});
-        if (found) break;
-        if (monotonic_ns() > until) {
-          spdlog::warn("peer {} finds no majority to endorse on channel {} yet: {}", k, channel, found.error().what);
-          break;
-        }
-        if (Status s = site_.tend(ns_per_s / 10); !s) return s;
+      if (Status s = wait_for_endorser(**client, k, std::nullopt, until); !s) return s;
+      for (const int other : site_.own_organisations()) {
+        if (Status s = wait_for_endorser(**client, k, other, until); !s) return s;
       }
     }
   }
   return done;
+}
+
+Status Deployment::wait_for_endorser(fabric::Client& client, int k, std::optional<int> other, TimeNs until) {
+  fabric::Call call{contract::set,
+                    {nlohmann::json{{"id", identities::msp_id_of(k) + "/ready"}, {"msgType", "none"}}.dump()}};
+  if (other) call.need = fabric::EndorsementNeed{.organisation = identities::msp_id_of(*other)};
+  for (;;) {
+    const Status found = client.endorsable(call);
+    if (found) return done;
+    if (monotonic_ns() > until) {
+      spdlog::warn("peer {} does not find {} to endorse yet: {}", k,
+                   other ? fmt::format("peer {}", *other) : "a majority", found.error().what);
+      return done;
+    }
+    if (Status s = site_.tend(ns_per_s / 10); !s) return s;
+  }
 }
 
 Status Deployment::enroll_first() {

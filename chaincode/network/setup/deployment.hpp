@@ -1,5 +1,6 @@
 #pragma once
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -25,8 +26,8 @@ class Deployment {
   /// Until each channel has this contract's definition: another host commits it.
   Status wait_for_definition();
   Status wait_for_contract();
-  /// Until each own peer's gateway finds a majority to endorse, or, with a warning, until that has taken too long: the
-  /// other hosts may be down.
+  /// Until each own peer's gateway finds a majority to endorse, and each own organisation's peer (some calls need a
+  /// certain one), or, with a warning, until that has taken too long: the other hosts may be down.
   Status wait_for_endorsers();
   Status enroll_first();
 
@@ -46,6 +47,9 @@ class Deployment {
   std::vector<std::string> lifecycle(const std::string& verb, const std::string& channel, int sequence,
                                      const std::vector<std::string>& more = {}) const;
   Status enroll_first_on(const std::string& channel);
+  /// Until the gateway of peer `k` finds the peer of organisation `other` to endorse, or a majority; at most until
+  /// then.
+  Status wait_for_endorser(fabric::Client& client, int k, std::optional<int> other, TimeNs until);
   Status call_until(fabric::Client& client, const FirstCall& call, TimeNs until);
 
   Site& site_;
