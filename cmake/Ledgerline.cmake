@@ -47,7 +47,7 @@ add_dependencies(unit_tests part_tests)
 add_custom_target(onboard_tests)
 add_custom_target(threads_tests)
 
-# Two thirds of a compilation are optimisation. What a program or a test has beside the libraries runs once or judges, so it
+# Two thirds of a compilation are optimisation. What a program or a test has beside the libraries runs once or checks, so it
 # gets little of that: a third of the time of the whole release build is saved.
 set(LEDGERLINE_LITTLE_OPTIMISED $<$<CONFIG:RelWithDebInfo>:-O1>)
 

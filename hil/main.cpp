@@ -8,10 +8,10 @@
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "ground/shell/course_file.hpp"
-#include "hil/lines/recording/read_day.hpp"
+#include "hil/netem/recording/read_day.hpp"
 #include "hil/proxy/proxy.hpp"
 #include "hil/shim/shim_verb.hpp"
-#include "hil/virtual/virtual_flight.hpp"
+#include "hil/sitl/simulated_flight.hpp"
 
 namespace {
 
@@ -19,7 +19,7 @@ using namespace ledgerline;
 
 using nlohmann::json;
 
-json laps_of(const hil::VirtualFlightResult::Drone& drone) {
+json laps_of(const hil::SimulatedFlightResult::Drone& drone) {
   json laps = json::array();
   for (const auto& lap : drone.laps) {
     laps.push_back({{"asked_mps", lap.asked_mps},
@@ -32,9 +32,9 @@ json laps_of(const hil::VirtualFlightResult::Drone& drone) {
   return laps;
 }
 
-int virtual_flight(const hil::VirtualFlightConfig& config) {
+int simulated_flight(const hil::SimulatedFlightConfig& config) {
   const TimeNs start = monotonic_ns();
-  const auto flight = hil::fly_virtually(config);
+  const auto flight = hil::fly_simulated(config);
   const double wall_s = to_seconds(monotonic_ns() - start);
   if (!flight) return fail(flight.error());
   json out{{"ok", flight->ok},
@@ -65,13 +65,13 @@ int virtual_flight(const hil::VirtualFlightConfig& config) {
   return flight->ok ? 0 : 1;
 }
 
-/// What the options of `virtual` say in words, until read_words() has put it into the config.
+/// What the options of `sitl` say in words, until read_words() has put it into the config.
 struct Words {
   std::string shape = "square", mode = "ledger", predict = "on", ramp, delay = "none", side = "both";
   double max_age_s = 0, batch_timeout_s = 0;
 };
 
-void add_flight_options(Verb flight, hil::VirtualFlightConfig& config, Words& words) {
+void add_flight_options(Verb flight, hil::SimulatedFlightConfig& config, Words& words) {
   words.batch_timeout_s = to_seconds(config.batch_timeout_ns);
   flight.option("--drones", config.drones, "1 to 16").within(1, 16).shows_default();
   flight.option("--mode", words.mode, "ledger, or local: the same controller beside the driver, without a ledger")
@@ -114,7 +114,7 @@ void add_flight_options(Verb flight, hil::VirtualFlightConfig& config, Words& wo
   flight.option("--seed", config.seed, "of wind, noise and delays").shows_default();
 }
 
-Status read_words(const Words& words, hil::VirtualFlightConfig& config) {
+Status read_words(const Words& words, hil::SimulatedFlightConfig& config) {
   auto course = ground::course_from(words.shape);
   if (!course) return course.error();
   config.shape = course->shape;
@@ -155,13 +155,13 @@ int print_day(const std::string& capture, const hil::RecordingOptions& asked) {
 }
 
 constexpr const char* notes = R"(Examples:
-  ledgerline-hil virtual --drones 3 --shape x --seed 7
+  ledgerline-hil sitl --drones 3 --shape x --seed 7
   ledgerline-hil proxy --config proxy.toml
   ledgerline-hil shim --memory /dev/shm/tello --plans plans.toml --lockstep 10
   ledgerline-hil faults faults.sock 'drone tello1 to delay 200ms, loss 5%'
   ledgerline-hil day flight.pcap > day.csv; ledgerline-hil faults faults.sock 'drone tello1 state recorded-day day.csv')";
-constexpr const char* about_virtual =
-    "A whole flight as cores in one thread on a virtual clock; prints one JSON object.\n"
+constexpr const char* about_sitl =
+    "A whole flight as cores in one thread on a simulated clock; prints one JSON object.\n"
     "The same options give the same digest. Exit code 0: all drones finished and landed; 1: not; 2: bad options.";
 constexpr const char* about_proxy =
     "Stands between Tello clients and drones (UDP), and between Fabric clients and servers (TCP), and impairs what "
@@ -184,11 +184,11 @@ constexpr const char* about_day =
 
 int main(int argc, char** argv) {
   CommandLine line(
-      "hil", "Ledgerline's flights in virtual time, the proxy that impairs real ones, and the shim in place of UDP",
+      "hil", "Ledgerline's flights in simulated time, the proxy that impairs real ones, and the shim in place of UDP",
       notes);
-  hil::VirtualFlightConfig config;
+  hil::SimulatedFlightConfig config;
   Words words;
-  add_flight_options(line.verb("virtual", about_virtual), config, words);
+  add_flight_options(line.verb("sitl", about_sitl), config, words);
 
   std::string proxy_config, script;
   Verb proxy = line.verb("proxy", about_proxy);
@@ -220,5 +220,5 @@ int main(int argc, char** argv) {
   if (day.given()) return print_day(capture, asked);
   if (faults.given()) return tell_faults(socket, command);
   if (const Status read = read_words(words, config); !read) return fail(read.error(), exit_usage);
-  return virtual_flight(config);
+  return simulated_flight(config);
 }

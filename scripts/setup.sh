@@ -58,7 +58,7 @@ tree_version() { sed -n 's/^project(ledgerline VERSION \([0-9.]*\).*/\1/p' "$roo
 # Unix time of the commit, so that the same tree gives the same packages; without git, of the changelog.
 tree_time() { git -C "$root" log -1 --format=%ct 2>/dev/null || stat -c %Y "$root/CHANGELOG.md"; }
 
-make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requirements, made anew when they change
+make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requirements, recreated when they change
   if cmp -s "$2" "$1/requirements.txt"; then return 0; fi
   rm -rf "$1"
   python3 -m venv "$1" || die "cannot make a Python venv (apt-get install python3-venv)"
@@ -66,7 +66,7 @@ make_venv() {  # make_venv DIRECTORY REQUIREMENTS: a Python venv of pinned requi
   cp "$2" "$1/requirements.txt"
 }
 
-npm_packages() {  # npm_packages FROM TO: what FROM/package-lock.json names, anew when that changes
+npm_packages() {  # npm_packages FROM TO: what FROM/package-lock.json names, again when that changes
   cmp -s "$1/package-lock.json" "$2/package-lock.json" && return
   mkdir -p "$2"
   cp "$1/package.json" "$1/package-lock.json" "$2/"

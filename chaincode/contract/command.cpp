@@ -62,9 +62,9 @@ Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisatio
   }
   if (is_stopped(control)) {
     return Error{"stopped by " + stopper_names(control) + "; only LAND is accepted until they, or a supervisor of " +
-                 control.owner().msp_id() + ", resume it"};
+                 control.owner().msp_id() + ", clear it"};
   }
-  return Error{"its lease's record does not name it; its host's fold renews records of an older version"};
+  return Error{"its lease's record does not name it; its host's apply_stops renews records of an older version"};
 }
 
 Status check_plan(Stub& stub, const DronePlan& plan, const std::string& organisation, Records<Lease>& leases) {

@@ -12,16 +12,26 @@ struct Function {
 };
 
 constexpr std::array functions{
-    Function{contract::set, set_assets},      Function{contract::get, get_assets},
-    Function{contract::history, get_history}, Function{contract::delete_, delete_asset},
-    Function{contract::enroll, enroll},       Function{contract::revoke, revoke},
-    Function{contract::grant, grant},         Function{contract::acquire, acquire},
-    Function{contract::release, release},     Function{contract::request, request},
-    Function{contract::hand_over, hand_over}, Function{contract::deny, deny},
-    Function{contract::evict, evict},         Function{contract::command, command},
-    Function{contract::stop, stop},           Function{contract::resume, resume},
-    Function{contract::fold, fold},           Function{contract::claim, claim},
-    Function{contract::unclaim, unclaim},     Function{contract::anchor, anchor},
+    Function{contract::set, set_assets},
+    Function{contract::get, get_assets},
+    Function{contract::history, get_history},
+    Function{contract::delete_, delete_asset},
+    Function{contract::enroll, enroll},
+    Function{contract::revoke, revoke},
+    Function{contract::grant, grant},
+    Function{contract::acquire, acquire},
+    Function{contract::release, release},
+    Function{contract::request, request},
+    Function{contract::hand_over, hand_over},
+    Function{contract::deny, deny},
+    Function{contract::evict, evict},
+    Function{contract::command, command},
+    Function{contract::stop, stop},
+    Function{contract::clear_stop, clear_stop},
+    Function{contract::apply_stops, apply_stops},
+    Function{contract::claim, claim},
+    Function{contract::unclaim, unclaim},
+    Function{contract::anchor, anchor},
     Function{contract::verify, verify},
 };
 
@@ -33,9 +43,11 @@ Response invoke(Stub& stub, const std::string& function, const std::vector<std::
     const auto call = read_arguments(args);
     return call ? known.run(stub, *call) : refuse(function + ": " + call.error().what);
   }
+  const std::string now(contract::current_name(function));
   std::string names;
   for (const Function& known : functions) names += std::string(names.empty() ? "" : ", ") + known.name;
-  return refuse("unknown function " + function + "; known are " + names);
+  return refuse("unknown function " + function + (now == function ? "" : ", which is " + now + " now") +
+                "; known are " + names);
 }
 
 }  // namespace ledgerline::chaincode

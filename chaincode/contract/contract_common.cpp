@@ -101,8 +101,8 @@ std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stops_prefix(drone) + name_hash(stopper);
 }
-std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper) {
-  return stop_key(drone, stopper) + "/lifted";
+std::string cleared_key(const std::string& drone, const crypto::IdentityName& stopper) {
+  return stop_key(drone, stopper) + "/lifted";  // on ledgers since before the function was called clear_stop
 }
 std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant) {
   return stop_key(drone, claimant) + "/claim";

@@ -51,7 +51,7 @@ std::string grant_key(const std::string& drone);
 std::string request_key(const std::string& drone);
 std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
-std::string lifted_key(const std::string& drone, const crypto::IdentityName& stopper);
+std::string cleared_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant);
 std::string stops_prefix(const std::string& drone);  ///< what all of its stops' and claims' keys begin with
 /// The end of the range of all keys that begin with a prefix, which ends with "/".
@@ -95,8 +95,8 @@ Response deny(Stub& stub, const Arguments& call);
 Response evict(Stub& stub, const Arguments& call);
 Response command(Stub& stub, const Arguments& call);
 Response stop(Stub& stub, const Arguments& call);
-Response resume(Stub& stub, const Arguments& call);
-Response fold(Stub& stub, const Arguments& call);
+Response clear_stop(Stub& stub, const Arguments& call);
+Response apply_stops(Stub& stub, const Arguments& call);
 Response claim(Stub& stub, const Arguments& call);
 Response unclaim(Stub& stub, const Arguments& call);
 Response anchor(Stub& stub, const Arguments& call);

@@ -39,7 +39,7 @@ namespace {
 Status add_stops(Stub& stub, Control& control, std::vector<Identity>* claims) {
   constexpr std::size_t step = 64;
   control.clear_stoppers();
-  control.clear_resumed();
+  control.clear_cleared();
   const std::string prefix = stops_prefix(control.drone());
   std::string start = prefix;
   const std::string end = end_of(prefix);
@@ -50,10 +50,10 @@ Status add_stops(Stub& stub, Control& control, std::vector<Identity>* claims) {
       const auto stop = parse_record<Stop>(entry);
       if (!stop) return stop.error();
       if (entry.key == claim_key(control.drone(), to_name(stop->stopper()))) {
-        if (claims != nullptr && !stop->lifted()) claims->push_back(stop->stopper());
-      } else if (entry.key == lifted_key(control.drone(), to_name(stop->stopper()))) {
-        set_resumes(control, stop->stopper(), stop->resumes());  // its key follows that of the stop
-      } else if (!stop->lifted()) {
+        if (claims != nullptr && !stop->cleared()) claims->push_back(stop->stopper());
+      } else if (entry.key == cleared_key(control.drone(), to_name(stop->stopper()))) {
+        set_clears(control, stop->stopper(), stop->clears());  // its key follows that of the stop
+      } else if (!stop->cleared()) {
         add_stop(control, *stop);
       }
     }
@@ -109,7 +109,7 @@ Result<std::optional<ControlState>> read_control(Stub& stub, const std::string& 
 Control stored_part(const Control& control) {
   Control stored = control;
   stored.clear_stoppers();
-  stored.clear_resumed();
+  stored.clear_cleared();
   stored.clear_grants();
   stored.clear_revoked();
   stored.clear_requests();
@@ -130,23 +130,23 @@ Status write_claim(Stub& stub, const std::string& drone, const Identity& claiman
   Stop claim;
   claim.set_drone(drone);
   *claim.mutable_stopper() = claimant;
-  claim.set_lifted(!stands);
+  claim.set_cleared(!stands);
   return write_record(stub, claim_key(drone, to_name(claimant)), claim);
 }
 
-Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper) {
-  const auto lifted = read_record<Stop>(stub, lifted_key(drone, stopper));
-  if (!lifted) return lifted.error();
-  return *lifted ? (*lifted)->resumes() : 0;
+Result<std::uint64_t> read_clears(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper) {
+  const auto cleared = read_record<Stop>(stub, cleared_key(drone, stopper));
+  if (!cleared) return cleared.error();
+  return *cleared ? (*cleared)->clears() : 0;
 }
 
-Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resumed) {
-  Stop lifted;
-  lifted.set_drone(drone);
-  *lifted.mutable_stopper() = resumed.stopper();
-  lifted.set_lifted(true);
-  lifted.set_resumes(resumed.resumes());
-  return write_record(stub, lifted_key(drone, to_name(resumed.stopper())), lifted);
+Status write_clears(Stub& stub, const std::string& drone, const StopClears& clears) {
+  Stop cleared;
+  cleared.set_drone(drone);
+  *cleared.mutable_stopper() = clears.stopper();
+  cleared.set_cleared(true);
+  cleared.set_clears(clears.clears());
+  return write_record(stub, cleared_key(drone, to_name(clears.stopper())), cleared);
 }
 
 }  // namespace ledgerline::chaincode

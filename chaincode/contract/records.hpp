@@ -121,8 +121,8 @@ void insert(Names& names, const std::string& name);
 void erase(Names& names, const std::string& name);
 
 /// Adds to a control record what has keys of its own: the drone's grants, the stops that stand and how often stops were
-/// lifted, who is revoked and who requests it. Stops come from a range, so a transaction that writes after reading them
-/// loses to a stop that came between. The stop reads nothing of this and loses to nobody. `claims`: gets who has
+/// cleared, who is revoked and who requests it. Stops come from a range, so a transaction that writes after reading
+/// them loses to a stop that came between. The stop reads nothing of this and loses to nobody. `claims`: gets who has
 /// claimed the drone, which is in the same range.
 Status complete(Stub& stub, Control& control, std::vector<Identity>* claims = nullptr);
 struct ControlState : Versioned<Control> {
@@ -135,9 +135,9 @@ Control stored_part(const Control& control);
 Status write_stop(Stub& stub, const Stop& stop);
 /// stop/<drone>/<claimant>/claim. `stands`: or it is over.
 Status write_claim(Stub& stub, const std::string& drone, const Identity& claimant, bool stands);
-/// How often the stopper's stops of this drone were lifted.
-Result<std::uint64_t> read_resumes(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper);
-Status write_resumes(Stub& stub, const std::string& drone, const Resumed& resumed);
+/// How often the stopper's stops of this drone were cleared.
+Result<std::uint64_t> read_clears(Stub& stub, const std::string& drone, const crypto::IdentityName& stopper);
+Status write_clears(Stub& stub, const std::string& drone, const StopClears& clears);
 /// owner/<drone>.
 Status make_owner(Stub& stub, const std::string& drone, const std::string& msp_id);
 Result<Role> read_role(Stub& stub, const crypto::IdentityName& who);

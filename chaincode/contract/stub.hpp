@@ -56,9 +56,9 @@ struct Response {
 ///
 /// Forms. Answer and event have the form of the call (protobuf or JSON; plain strings count as JSON). Answers: `get`
 /// gives Assets (in JSON, of one id: the asset alone), `history` Versions, `stop` Stops, enroll, acquire, release,
-/// resume and fold give Controls (the records as they now are, with their epochs); set, delete and command give
-/// nothing. Events are as in ledgerline.proto; readers take both forms (common/msg/proto_json.hpp). Plain strings are
-/// ids or drones; options follow as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
+/// clear_stop and apply_stops give Controls (the records as they now are, with their epochs); set, delete and command
+/// give nothing. Events are as in ledgerline.proto; readers take both forms (common/msg/proto_json.hpp). Plain strings
+/// are ids or drones; options follow as `priority=5` (acquire), `cut=true` (stop), `bookmark=...` (get, history).
 ///
 /// A refusal for one id or drone begins with it: "tello3: the lease is held by ...", "tello3/odom: ...". So a client
 /// can send the rest again.

@@ -168,29 +168,29 @@ Status Lifecycle::commit(const Definition& definition) {
 Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& application_policy) {
   protos::ApplicationPolicy policy;
   Fitness out;
-  fabric::Policy judged = channel.endorsement;
+  fabric::Policy endorsement = channel.endorsement;
   if (!policy.ParseFromString(application_policy)) {
     out.policy = "one that cannot be read";
-    judged = fabric::nobody();
+    endorsement = fabric::nobody();
   } else if (policy.has_signature_policy()) {
     out.policy = "a signature policy of its own";
-    judged = {{policy.signature_policy().SerializeAsString()}, 1};
+    endorsement = {{policy.signature_policy().SerializeAsString()}, 1};
   } else {
     const std::string& reference = policy.channel_config_policy_reference();
     const bool usual =
         reference.empty() || reference == "/Channel/Application/Endorsement" || reference == "Endorsement";
     out.policy = usual ? "the channel's, " + channel.endorsement_words : "the channel's " + printable(reference);
-    if (!usual) judged = fabric::nobody();
+    if (!usual) endorsement = fabric::nobody();
   }
   const auto& all = channel.organisations;
   const auto suffice = [&](std::size_t i, std::size_t k) {
-    return fabric::satisfies(judged, {{all[i].msp_id, true}, {all[k].msp_id, true}});
+    return fabric::satisfies(endorsement, {{all[i].msp_id, true}, {all[k].msp_id, true}});
   };
   std::size_t pairs = 0, good = 0;
   for (std::size_t i = 0; i < all.size(); ++i) {
     for (std::size_t k = i + 1; k < all.size(); ++k, ++pairs) good += suffice(i, k) ? 1 : 0;
   }
-  if (all.size() == 1) pairs = 1, good = fabric::satisfies(judged, {{all[0].msp_id, true}}) ? 1 : 0;
+  if (all.size() == 1) pairs = 1, good = fabric::satisfies(endorsement, {{all[0].msp_id, true}}) ? 1 : 0;
   out.direct = pairs > 0 && good == pairs;
   out.direct_why = out.direct  ? "peers of any two organisations suffice"
                    : good == 0 ? "two organisations' endorsements do not suffice, and programs gather no more"

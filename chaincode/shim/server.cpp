@@ -78,7 +78,7 @@ class Service final : public protos::Chaincode::Service {
 
   grpc::Status Connect(grpc::ServerContext* context,
                        grpc::ServerReaderWriter<protos::ChaincodeMessage, protos::ChaincodeMessage>* stream) override {
-    if (!is_reported(*context)) {
+    if (!is_allowed(*context)) {
       spdlog::warn("peer {}: its certificate has none of the names in CHAINCODE_TLS_CLIENT_NAMES", context->peer());
       return {grpc::StatusCode::PERMISSION_DENIED, "this chaincode service does not take this certificate"};
     }
@@ -116,7 +116,7 @@ class Service final : public protos::Chaincode::Service {
   }
 
  private:
-  bool is_reported(const grpc::ServerContext& context) const {
+  bool is_allowed(const grpc::ServerContext& context) const {
     const std::set<std::string> names = names_of(context);
     return client_names_.empty() || std::any_of(names.begin(), names.end(),
                                                 [&](const std::string& name) { return client_names_.contains(name); });

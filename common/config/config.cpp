@@ -21,6 +21,7 @@ constexpr std::size_t max_key = 200;     // as shown; a damaged file may hold an
 
 // Keys of the release before: what they are now.
 constexpr auto renamed_keys = std::to_array<std::pair<std::string_view, std::string_view>>({
+    {"agent.beat_ms", "agent.heartbeat_ms"},
     {"agent.doubt_s", "agent.integrity_hold_s"},
     {"batch.longest_back_off_ms", "batch.max_back_off_ms"},
     {"failsafe.doubt", "failsafe.on_untrusted_ledger"},
@@ -30,6 +31,7 @@ constexpr auto renamed_keys = std::to_array<std::pair<std::string_view, std::str
     {"ledger.patience", "ledger.timeouts"},
     {"mocap.longest_gap_ms", "mocap.max_gap_ms"},
     {"patience_s", "timeout_s"},
+    {"pose.own_senses_after_ms", "pose.odometry_after_ms"},
 });
 
 Error parse_error(const std::string& name, const toml::parse_error& e) {

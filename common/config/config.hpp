@@ -87,7 +87,7 @@ class Config {
   /// The [table], or all [[table]] of that name, as TOML with headings, for another program's file. Empty where there
   /// is none. `without`: keys of the [table] that are not for that program.
   std::string table_text(const std::string& key, std::initializer_list<std::string_view> without = {}) const;
-  /// Another program judges what is in this table, which goes into its file: here none of its keys is unknown.
+  /// Another program checks what is in this table, which goes into its file: here none of its keys is unknown.
   void left_to_another(const Key& table);
   /// What the program itself finds wrong with a key's value, for finish(): "must ...".
   void wrong(const std::string& key, const std::string& what);

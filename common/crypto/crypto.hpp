@@ -43,7 +43,7 @@ Result<std::unique_ptr<Verifier>> make_verifier(Library library, const std::stri
 /// Real nonces and ids; from the operating system.
 std::string random_bytes(std::size_t count);
 
-/// Random that a virtual campaign can replace by a seeded one.
+/// Random that a simulated campaign can replace by a seeded one.
 class Entropy {
  public:
   virtual ~Entropy() = default;

@@ -20,11 +20,12 @@ crypto::Library library_of(Config& config, const Key& key, const std::string& ot
 Key verifier_key() { return {"ledger.verifier", "library that checks signatures"}; }
 
 BlockSource block_source(Config& config) {
-  const std::string name = config.choice(
-      {"ledger.blocks",
-       "whose blocks are taken: `peer`, the own peer's; `ordered`, an orderer's where they come first, judged here and "
-       "confirmed by the peer later (needs config_block; costs each block's transfer once more)"},
-      {"peer", "ordered"}, "peer");
+  const std::string name =
+      config.choice({"ledger.blocks",
+                     "whose blocks are taken: `peer`, the own peer's; `ordered`, an orderer's where they come first, "
+                     "validated here and confirmed by the peer later (needs config_block; costs each block's transfer "
+                     "once more)"},
+                    {"peer", "ordered"}, "peer");
   return name == "ordered" ? BlockSource::ordered : BlockSource::peer;
 }
 
@@ -126,7 +127,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
       {"ledger.config_block",
        "file with a config block of the channel, the trust anchor (`ledgerline fabric` and ledgerline-node write "
        "CHANNEL.block into their folder): blocks must be signed by the orderers that it names, or that a later "
-       "configuration names; none: the peer is trusted about blocks"},
+       "configuration names; none: the peer's blocks are taken unverified"},
       "");
   out.blocks = block_source(config);
   out.identity_place = identity_place(config);

@@ -17,7 +17,7 @@ namespace ledgerline::fabric {
 Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds deadline = std::chrono::seconds(5));
 
 /// For the log of a program that acts on blocks, where config_block is empty.
-inline constexpr const char* blocks_not_judged =
+inline constexpr const char* blocks_not_validated =
     "config_block is not set: the peer's blocks are accepted without a check of who signed them";
 
 /// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each

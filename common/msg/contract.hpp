@@ -75,16 +75,29 @@ inline constexpr const char* deny = "deny";
 inline constexpr const char* evict = "evict";
 inline constexpr const char* command = "command";
 inline constexpr const char* stop = "stop";
-inline constexpr const char* resume = "resume";
-inline constexpr const char* fold = "fold";
+inline constexpr const char* clear_stop = "clear_stop";
+inline constexpr const char* apply_stops = "apply_stops";
 inline constexpr const char* claim = "claim";
 inline constexpr const char* unclaim = "unclaim";
 inline constexpr const char* anchor = "anchor";
 inline constexpr const char* verify = "verify";
 
+/// Names that blocks written before still hold: of functions and their events, and of fields in JSON.
+struct Renamed {
+  std::string_view before, now;
+};
+inline constexpr std::array functions_before{Renamed{"fold", apply_stops}, Renamed{"resume", clear_stop}};
+inline constexpr std::array fields_before{Renamed{"resumes", "clears"}, Renamed{"resumed", "cleared"},
+                                          Renamed{"lifted", "cleared"}};
+/// What a function of a block is called today.
+constexpr std::string_view current_name(std::string_view function) {
+  const auto found = std::ranges::find(functions_before, function, &Renamed::before);
+  return found == functions_before.end() ? function : found->now;
+}
+
 /// The functions that write who may do what: roles, grants, leases, stops.
-inline constexpr std::array<std::string_view, 12> control_functions{enroll,    revoke, grant, acquire, release, request,
-                                                                    hand_over, deny,   evict, stop,    resume,  fold};
+inline constexpr std::array<std::string_view, 12> control_functions{
+    enroll, revoke, grant, acquire, release, request, hand_over, deny, evict, stop, clear_stop, apply_stops};
 constexpr bool is_control(std::string_view function) {
   return std::ranges::find(control_functions, function) != control_functions.end();
 }

@@ -7,7 +7,7 @@
 #include "common/msg/stops.hpp"
 #include "ledgerline.pb.h"
 
-/// What a drone's organisation lets others do with it, as the contract decides and as agent and ground judge its
+/// What a drone's organisation lets others do with it, as the contract decides and as agent and ground check its
 /// events. Thread-safe as the messages are.
 namespace ledgerline {
 
@@ -88,7 +88,7 @@ inline void forget_unnamed(Control& control) {
             all.end());
 }
 
-/// Whether nothing is flown under the lease any more, which the fold of the drone's host ends: its holder or his
+/// Whether nothing is flown under the lease any more, which apply_stops of the drone's host ends: its holder or his
 /// delegate is revoked.
 inline bool is_lease_revoked(const Control& control) {
   return control.has_holder() &&
@@ -146,7 +146,7 @@ inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_ep
   }
   forget_unnamed(control);
   if (!control.has_holder()) return;
-  // By the grants alone: a fold ends the lease of a revoked one, unless it is enrolled again before that.
+  // By the grants alone: apply_stops ends the lease of a revoked one, unless it is enrolled again before that.
   const Rights rights = rights_of(control.grants(), control.owner().msp_id(), control.holder());
   if (!rights.fly) return end_lease(control, new_epoch);
   control.set_priority(std::min(control.priority(), rights.max_priority));

@@ -16,24 +16,24 @@ inline constexpr DroneNumber max_drones = 16;
 
 /// What a plan wants. The first three are also on the wire (ledgerline.proto uses the same values); the others are said
 /// by agent alone, from the contract's control records: land now; motors off at once, only where asked for by name;
-/// nobody has it stopped on the ledger any more; and that the owner's organisation resumed it, which lifts the local
-/// stop of link as well.
+/// nobody has it stopped on the ledger any more; and that the owner's organisation cleared its stop, which clears
+/// link's local stop as well.
 enum class PlanAction : std::uint8_t {
   fly = 0,
   takeoff = 1,
   land = 2,
   stop = 3,
   cut = 4,
-  resumed = 5,
-  resumed_by_owner = 6
+  stop_cleared = 5,
+  stop_cleared_by_owner = 6
 };
 constexpr bool is_contract_stop(PlanAction action) noexcept {
   return action == PlanAction::stop || action == PlanAction::cut;
 }
 /// From the ledger, not from the lease's holder: such a plan answers no state, carries no sequence, and is always
-/// obeyed unless it is older (`verified_ns`) than the stop that it would lift.
+/// obeyed unless it is older (`verified_ns`) than the stop that it would clear.
 constexpr bool is_contract_word(PlanAction action) noexcept {
-  return action >= PlanAction::stop && action <= PlanAction::resumed_by_owner;
+  return action >= PlanAction::stop && action <= PlanAction::stop_cleared_by_owner;
 }
 
 /// Where the flight is, as link sees it.
@@ -130,11 +130,11 @@ struct Pose {
 };
 
 /// agent -> link, at least ten times a second. An agent on several channels sends one for each, with the drones of it.
-struct AgentBeat {
+struct AgentHeartbeat {
   TimeNs stamp_ns = 0;
   std::uint32_t drones = all_drones;  ///< whom it is for: bit N of drone N
   bool ledger_alive = false;          ///< blocks or commits came lately
-  bool ledger_untrusted = false;      ///< what agent is shown of it contradicts itself, others or agent's own judgement
+  bool ledger_untrusted = false;  ///< what agent is shown of it contradicts itself, others or agent's own validation
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.
   std::uint64_t boot_id = 0;

@@ -8,6 +8,7 @@
 
 #include "common/base/printable.hpp"
 #include "common/base/result.hpp"
+#include "common/msg/contract.hpp"
 
 /// The two forms of every message of the contract: protobuf bytes, or the same message as JSON text. A call, its answer
 /// and its event have one form; a reader of events must accept both (a person may `stop` a drone with JSON or plain
@@ -26,14 +27,28 @@ inline bool is_plain(std::string_view arg) {
   });
 }
 
-/// Fills `message` from either form. Unknown JSON fields are an error.
+/// The same JSON with the names that its fields have today: what stands in quotes before a colon is a name.
+inline std::string with_current_fields(std::string_view bytes) {
+  std::string text(bytes);
+  for (const auto& [before, now] : contract::fields_before) {
+    const std::string quoted = "\"" + std::string(before) + "\"";
+    for (auto at = text.find(quoted); at != std::string::npos; at = text.find(quoted, at + 1)) {
+      const auto behind = text.find_first_not_of(" \t\r\n", at + quoted.size());
+      if (behind != std::string::npos && text[behind] == ':') text.replace(at + 1, before.size(), now);
+    }
+  }
+  return text;
+}
+
+/// Fills `message` from either form; JSON with fields of today's names, or of those that blocks written before hold.
+/// Unknown JSON fields are an error.
 inline Status parse_message(std::string_view bytes, google::protobuf::Message& message) {
   if (!is_json(bytes)) {
     if (message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return done;
     return Error{"not a " + message.GetDescriptor()->name() + " in protobuf"};
   }
   message.Clear();
-  const auto status = google::protobuf::util::JsonStringToMessage({bytes.data(), bytes.size()}, &message);
+  const auto status = google::protobuf::util::JsonStringToMessage(with_current_fields(bytes), &message);
   if (status.ok()) return done;
   const auto why = status.message();  // quotes the text, as it is
   return Error{"not a " + message.GetDescriptor()->name() + " in JSON: " + printable({why.data(), why.size()})};

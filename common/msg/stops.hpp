@@ -8,7 +8,7 @@
 #include "ledgerline.pb.h"
 
 /// The set of those who have a drone stopped, as contract, agent and ground keep it. Each identity has one stop at
-/// most; each lifts its own, and no stop comes back that was lifted. Thread-safe as the messages are.
+/// most; each clears its own, and no stop comes back that was cleared. Thread-safe as the messages are.
 namespace ledgerline {
 
 inline bool same_identity(const Identity& a, const Identity& b) {
@@ -54,40 +54,41 @@ inline std::optional<std::uint64_t> said_of(const DronesCall& call,
   return at < list.size() ? std::optional(list.Get(static_cast<int>(at))) : std::nullopt;
 }
 
-/// How often that stopper's stops were lifted.
-inline std::uint64_t resumes_of(const Control& control, const Identity& stopper) {
-  const auto& all = control.resumed();
-  const auto found =
-      std::find_if(all.begin(), all.end(), [&](const Resumed& one) { return same_identity(one.stopper(), stopper); });
-  return found == all.end() ? 0 : found->resumes();
+/// How often that stopper's stops were cleared.
+inline std::uint64_t clears_of(const Control& control, const Identity& stopper) {
+  const auto& all = control.cleared();
+  const auto found = std::find_if(all.begin(), all.end(),
+                                  [&](const StopClears& one) { return same_identity(one.stopper(), stopper); });
+  return found == all.end() ? 0 : found->clears();
 }
 
-/// Adds a stop; of the same stopper, the newer word replaces the older one. One that was lifted since it was given is
+/// Adds a stop; of the same stopper, the newer word replaces the older one. One that was cleared since it was given is
 /// no stop any more, however late it comes.
 inline void add_stop(Control& control, const Stop& stop) {
-  if (stop.resumes() >= resumes_of(control, stop.stopper())) put_entry(*control.mutable_stoppers(), stop, whose_stop);
+  if (stop.clears() >= clears_of(control, stop.stopper())) put_entry(*control.mutable_stoppers(), stop, whose_stop);
 }
 
-/// Stops of a lower count are lifted.
-inline void set_resumes(Control& control, const Identity& stopper, std::uint64_t resumes) {
-  Resumed resumed;
-  *resumed.mutable_stopper() = stopper;
-  resumed.set_resumes(resumes);
-  put_entry(*control.mutable_resumed(), resumed, [](const Resumed& one) -> const Identity& { return one.stopper(); });
+/// Stops of a lower count are cleared.
+inline void set_clears(Control& control, const Identity& stopper, std::uint64_t clears) {
+  StopClears cleared;
+  *cleared.mutable_stopper() = stopper;
+  cleared.set_clears(clears);
+  put_entry(*control.mutable_cleared(), cleared,
+            [](const StopClears& one) -> const Identity& { return one.stopper(); });
   const auto& stops = control.stoppers();
   const auto of_stopper = [&](const Stop& one) { return same_identity(one.stopper(), stopper); };
   const auto stop = std::find_if(stops.begin(), stops.end(), of_stopper);
-  if (stop != stops.end() && stop->resumes() < resumes) remove_entry(*control.mutable_stoppers(), stopper, whose_stop);
+  if (stop != stops.end() && stop->clears() < clears) remove_entry(*control.mutable_stoppers(), stopper, whose_stop);
 }
 
-/// Lifts everybody's stop for a supervisor of the drone's organisation, else one's own. False: there was none.
-inline bool lift_stops(Control& control, const Identity& who, bool supervisor) {
+/// Clears everybody's stop for a supervisor of the drone's organisation, else one's own. False: there was none.
+inline bool clear_stops(Control& control, const Identity& who, bool supervisor) {
   const bool all = supervisor && control.owner().msp_id() == who.msp_id();
   bool found = all;
   const auto stops = control.stoppers();
   for (const Stop& stop : stops) {
     if (!all && !same_identity(stop.stopper(), who)) continue;
-    set_resumes(control, stop.stopper(), stop.resumes() + 1);
+    set_clears(control, stop.stopper(), stop.clears() + 1);
     found = true;
   }
   return found;

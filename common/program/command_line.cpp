@@ -1,6 +1,7 @@
 #include "common/program/command_line.hpp"
 
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <filesystem>
@@ -128,6 +129,10 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
   } catch (const CLI::ParseError& end) {
     std::ostringstream text;
     const int code = app_->exit(end, text, text);
+    for (const auto& [before, now] : renamed_verbs_) {
+      if (code != 0 && std::ranges::find(arguments, before) != arguments.end())
+        text << before << " is " << now << " now\n";
+    }
     return EarlyEnd{code == 0 ? 0 : exit_usage, text.str()};
   }
 }

@@ -3,6 +3,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace CLI {
@@ -90,6 +91,9 @@ class CommandLine : public Arguments {
   /// After the verbs: without one the program does something, too, and its own options may stand behind a verb as well.
   void verbs_are_optional();
 
+  /// After a rename: an error about a line with the old verb names the new one.
+  void renamed_verb(const std::string& before, const std::string& now) { renamed_verbs_.emplace_back(before, now); }
+
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
   /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins
   /// with
@@ -103,6 +107,7 @@ class CommandLine : public Arguments {
 
   std::string name_;
   std::unique_ptr<CLI::App> owned_;
+  std::vector<std::pair<std::string, std::string>> renamed_verbs_;
 };
 
 }  // namespace ledgerline

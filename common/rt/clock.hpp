@@ -4,7 +4,7 @@
 
 namespace ledgerline {
 
-/// Nanoseconds of CLOCK_MONOTONIC (or of a virtual clock): the only time that decisions are made with.
+/// Nanoseconds of CLOCK_MONOTONIC (or of a simulated clock): the only time that decisions are made with.
 using TimeNs = std::int64_t;
 
 inline constexpr TimeNs ns_per_us = 1'000;

@@ -9,7 +9,7 @@
 
 namespace ledgerline {
 
-/// The beat of a time-triggered loop: a turn is due every period. One that begins more than a period late is an
+/// The ticks of a time-triggered loop: a turn is due every period. One that begins more than a period late is an
 /// overrun; the turns missed by it are not made up for, since a burst of old turns helps nobody. One thread; its system
 /// calls are the clock and the sleep; no allocation.
 class LoopTicker {

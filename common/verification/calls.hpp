@@ -39,7 +39,7 @@ bool tells_set(const RequestedCall& call, std::string_view event_payload);
 Plan plan_of(DroneNumber drone, const DronePlan& asked);
 
 /// For clients, before they sign: why a result with this event (no name: none) cannot be the contract's of this call.
-/// Functions that the contract does not have are not judged.
+/// Functions that the contract does not have are not checked.
 Status check_event(const RequestedCall& call, std::string_view event_name, std::string_view event_payload);
 
 /// Whose endorsements a call of the contract needs: a command's that of the drones' organisation, a frame's that of

@@ -71,7 +71,7 @@ bool names_exactly(const List& entries, const std::set<std::string>& drones) {
 template <typename Message>
 Result<ControlEvent> read_as(const RequestedCall& call, std::string_view event_payload) {
   ControlEvent event;
-  event.function = std::string(call.function);
+  event.function = contract::current_name(call.function);
   Message asked;
   if (!read_call(call, asked)) return Error{"its call cannot be read"};
   const bool stops = call.function == contract::stop;
@@ -182,9 +182,9 @@ Status granted(const GrantCall& asked, const Control& before, const Control& aft
   return expect(expected, after);
 }
 
-Status resumed(const Control& before, const Control& after, const Creator& creator) {
+Status stop_cleared(const Control& before, const Control& after, const Creator& creator) {
   Control expected = before;
-  lift_stops(expected, to_message(creator.name), after.stoppers().empty());  // its role stays the peer's word
+  clear_stops(expected, to_message(creator.name), after.stoppers().empty());  // its role stays the peer's word
   return expect(expected, after);
 }
 
@@ -200,7 +200,7 @@ Status enrolled(const EnrollCall& asked, const Control& before, const Control& a
   return expect(expected, after);
 }
 
-Status folded(const Control& before, const Control& after, const Creator& creator) {
+Status stops_applied(const Control& before, const Control& after, const Creator& creator) {
   if (!same(before.owner(), creator.name)) return Error{"its creator is not the drone's host"};
   Control expected = before;
   end_revoked(expected, after.epoch());
@@ -211,7 +211,7 @@ Status folded(const Control& before, const Control& after, const Creator& creato
 
 }  // namespace
 
-bool is_control_event(std::string_view event_name) { return contract::is_control(event_name); }
+bool is_control_event(std::string_view event_name) { return contract::is_control(contract::current_name(event_name)); }
 
 Result<ControlEvent> read_control_event(const RequestedCall& call, std::string_view event_name,
                                         std::string_view event_payload) {
@@ -239,8 +239,8 @@ Status control_follows(const ControlEvent& event, const Control& before, const C
     return handed_over(std::get<AnswerCall>(event.asked), before, after, creator);
   if (event.function == contract::deny) return denied(std::get<AnswerCall>(event.asked), before, after, creator);
   if (event.function == contract::evict) return evicted(std::get<DronesCall>(event.asked), before, after, creator);
-  if (event.function == contract::resume) return resumed(before, after, creator);
-  if (event.function == contract::fold) return folded(before, after, creator);
+  if (event.function == contract::clear_stop) return stop_cleared(before, after, creator);
+  if (event.function == contract::apply_stops) return stops_applied(before, after, creator);
   if (event.function == contract::enroll) return enrolled(std::get<EnrollCall>(event.asked), before, after, creator);
   return Error{"a " + event.function + " changes no record"};
 }
@@ -269,14 +269,14 @@ Stop signed_stop(const DronesCall& asked, std::string_view event_payload, const 
   stop.set_drone(drone);
   *stop.mutable_stopper() = creator;
   stop.set_cut(asked.cut());
-  if (const auto resumes = said_of(asked, asked.resumes(), drone)) {
-    stop.set_resumes(*resumes);
+  if (const auto clears = said_of(asked, asked.clears(), drone)) {
+    stop.set_clears(*clears);
     return stop;
   }
   Stops reported;
   if (!parse_message(event_payload, reported)) return stop;
   for (const Stop& one : reported.stops()) {
-    if (one.drone() == drone && same_identity(one.stopper(), creator)) stop.set_resumes(one.resumes());
+    if (one.drone() == drone && same_identity(one.stopper(), creator)) stop.set_clears(one.clears());
   }
   return stop;
 }
@@ -287,13 +287,13 @@ bool may_stop(const Control& record, Role role, const Identity& who) {
 
 Status stop_follows(const ControlEvent& event, const Control& before, const Stop& stop, const Creator& creator) {
   if (event.function != contract::stop) return Error{"it is no stop"};
-  if (!same(stop.stopper(), creator.name) || stop.lifted()) return Error{"it is not its creator's own stop"};
+  if (!same(stop.stopper(), creator.name) || stop.cleared()) return Error{"it is not its creator's own stop"};
   if (stop.cut() != std::get<DronesCall>(event.asked).cut()) return Error{"its cut is not as it was asked for"};
   if (stop.cut() && !rights_of(before, to_message(creator.name)).cut)
     return Error{"its creator may not cut this drone's motors"};
   const auto& asked = std::get<DronesCall>(event.asked);
-  if (!asked.resumes().empty() && said_of(asked, asked.resumes(), stop.drone()) != stop.resumes())
-    return Error{"it is not for the resumes that it was asked for"};
+  if (!asked.clears().empty() && said_of(asked, asked.clears(), stop.drone()) != stop.clears())
+    return Error{"it is not for the count of clears that it was asked for"};
   return done;
 }
 

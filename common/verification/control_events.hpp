@@ -10,7 +10,7 @@
 #include "ledgerline.pb.h"
 
 /// Control events (enroll, revoke, grant, acquire, release, request,
-/// hand_over, deny, evict, stop, resume, fold) judged by what their creator signed and by the record
+/// hand_over, deny, evict, stop, clear_stop, apply_stops) checked by what their creator signed and by the record
 /// before: what a peer that lies may still do with one is to leave it out. What a peer alone can know stays its word:
 /// whether the creator has the role that the contract asks for. Pure.
 namespace ledgerline::verification {
@@ -20,7 +20,7 @@ using ControlCall = std::variant<EnrollCall, RevokeCall, GrantCall, LeaseCall, A
 
 /// A control event that its call vouches for: it is of that function, and of exactly the drones that were asked for.
 struct ControlEvent {
-  std::string function;
+  std::string function;  ///< by its name of today
   ControlCall asked;
   Controls controls;  ///< of all but stop
   Stops stops;        ///< of stop
@@ -43,7 +43,7 @@ struct Creator {
 
 /// Whether `after`, one of the event's records, is what its function makes of `before`; an error says why not. A record
 /// that is as before follows always: who reads records beside the blocks may have it already. An epoch never goes back,
-/// and grows with each change of holder; the owner's organisation never changes; nobody's stop is lifted but the
+/// and grows with each change of holder; the owner's organisation never changes; nobody's stop is cleared but the
 /// creator's own, or all by the owner's organisation; a lease is acquired as far as the grants of the record before
 /// allow, and taken from its holder by the owner's organisation alone, by a higher priority, where the holder is
 /// revoked, or where he gives it to one who requested it.
@@ -55,7 +55,7 @@ Status role_follows(const RoleChange& change, const Creator& creator);
 /// A call of `stop`, as its creator signed it.
 Result<DronesCall> read_stop_call(const RequestedCall& call);
 /// The creator's own stop of one of the drones that he asked for, without any peer's word: how often his stops had been
-/// lifted he signed in the call or, where that says nothing of it, in the event of the same payload; else never.
+/// cleared he signed in the call or, where that says nothing of it, in the event of the same payload; else never.
 Stop signed_stop(const DronesCall& asked, std::string_view event_payload, const std::string& drone,
                  const Identity& creator);
 /// Whether somebody of that role may stop the record's drone: the contract's own rule.

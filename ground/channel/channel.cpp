@@ -33,7 +33,7 @@ void Channel::open_stream() {
     tell(connected, why);
     put_(StreamState{connected, why});
   };
-  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
+  handlers.on_unverified = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what)
       spdlog::error("{}the ledger's blocks contradict what is known: {}", label_, what);

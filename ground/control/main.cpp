@@ -162,7 +162,7 @@ fabric::RepeatLimits limits_of(const Options& options) {
 /// A client that floods the ledger makes these invalid repeatedly, unless the drones are claimed for them.
 bool may_claim(const Options& options) {
   return options.function == contract::evict || options.function == contract::grant ||
-         options.function == contract::resume;
+         options.function == contract::clear_stop;
 }
 
 /// Of the drones of the call. Who may not claim is refused, and goes on without.
@@ -370,7 +370,8 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   stop.option("--within", options.within_s, "seconds for which it is said again until it is on the ledger")
       .within(0.0, 3600.0)
       .shows_default();
-  add(contract::resume, "end one's own stop, or all as a supervisor of the drone's organisation");
+  add(contract::clear_stop, "clear one's own stop, or all as a supervisor of the drone's organisation");
+  line.renamed_verb("resume", contract::clear_stop);
   add(contract::unclaim, "end what keeps others from changing a lease while one is evicted (a supervisor)");
   Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
   anchor.option("file", options.file, "the file").required().existing_file();

@@ -135,7 +135,7 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
 void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   std::size_t looked_at = out.news.size();
   for (const fabric::Transaction& tx : inputs.block->transactions) {
-    if (!tx.problem.empty()) ++transactions_.invalid;
+    if (!tx.problem.empty()) ++transactions_.transactions_unverified;
     if (tx.code != 0 || tx.config) continue;
     if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
     if (tx.event_name == contract::set) {

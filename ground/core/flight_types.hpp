@@ -176,10 +176,10 @@ struct FlightStatus {
 
 struct FlightTransactions {
   std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0, overloaded = 0;
-  std::uint64_t malformed = 0;   ///< frames and states that are none
-  std::uint64_t unverified = 0;  ///< states whose signer is not the owner of the drone, or not trusted; control events
-  std::uint64_t altered = 0;     ///< events that are not what their signer asked for, records that follow from nothing
-  std::uint64_t invalid = 0;     ///< not what their flags say (fabric::Transaction::problem)
+  std::uint64_t malformed = 0;          ///< frames and states that are none
+  std::uint64_t states_unverified = 0;  ///< states not signed by the drone's owner; control events
+  std::uint64_t altered = 0;            ///< events not as their signer asked for, records that follow from nothing
+  std::uint64_t transactions_unverified = 0;  ///< not what their flags say (fabric::Transaction::problem)
 };
 
 /// What this drone flies: its own task, or the flight's.

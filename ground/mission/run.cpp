@@ -287,7 +287,7 @@ void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std:
   part.paths = seen.paths;
   PilotCommand command{.drone = index};
   command.order = PilotOrder{PilotOrder::Kind::path, std::move(rest), mission_.drones[drone].land_behind};
-  part.reported_ns = now;
+  part.ordered_ns = now;
   commands_.push_back(std::move(command));
 }
 
@@ -303,7 +303,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
     if (paused_ && (part.leg == Leg::ordered || part.leg == Leg::flying) &&
         drones[indices[i]].phase == DronePhase::path) {
       commands_.push_back({.drone = indices[i], .pause = true});
-    } else if (!paused_ && part.leg == Leg::ordered && now - part.reported_ns >= again_ns) {
+    } else if (!paused_ && part.leg == Leg::ordered && now - part.ordered_ns >= again_ns) {
       // Its failsafe may have braked it for a moment; order_ns says when it is too late for the others.
       const TimeNs asked_ns = part.asked_ns;
       order(now, i, drones[indices[i]], indices[i]);

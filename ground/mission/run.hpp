@@ -115,7 +115,7 @@ class MissionRun {
     std::size_t reached = 0;
     std::size_t begun_at = 0;  ///< reached, when the newest path was ordered
     TimeNs asked_ns = 0;       ///< for what the leg waits for
-    TimeNs reported_ns = 0;    ///< its path, the last time
+    TimeNs ordered_ns = 0;     ///< its path, the last time
     std::uint64_t paths = 0;   ///< DroneNow::paths before the newest order
     bool found = true;         ///< after a restart: FlightCore has it
     bool to_land = false;      ///< and was not commanded to yet

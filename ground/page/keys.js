@@ -40,7 +40,7 @@ export class Hand extends EventTarget {
     if (shares) this.#sources.set(source, shares);
     else if (!this.#sources.delete(source)) return;
     if (this.#sources.size === 0) this.#zero();
-    else if (!this.#flown) this.#tick(); // at once, not at the next beat
+    else if (!this.#flown) this.#tick(); // at once, not at the next tick
   }
 
   /// All is released: keys that are still down must be pressed again.

@@ -69,7 +69,7 @@ int fly(Config& config) {
   if (checked && !trusted) checked = trusted.error();
   if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
-  if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
+  if (ledger->config_block.empty()) spdlog::warn("{}", fabric::blocks_not_validated);
   fabric::ClientConfig careful = verification::for_contract(std::move(ledger).value());
   auto certificates = fabric::watch_certificates(config, careful, channels.tls_pairs());
   if (!certificates) return fail(certificates.error(), exit_usage);

@@ -125,11 +125,11 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
     // A mission is approved on the channel of [ledger], whatever those of its drones.
     const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
     fabric::Outcome outcome = fabric::submit_repeatedly(*clients.of_channel[channel].leases, contract, limits, nullptr);
-    // Ground signs for those without a session: any operator who is signed in may lift that stop, but no other
+    // Ground signs for those without a session: any operator who is signed in may clear that stop, but no other
     // operator's.
-    if (call.ground_too && service::may_lift_ground_stop(outcome, drone)) {
-      spdlog::info("operator {} lifts ground's own stop of {}", name, drone);
-      outcome = parts_.lift_ground_stop(channel, contract);
+    if (call.ground_too && service::may_clear_ground_stop(outcome, drone)) {
+      spdlog::info("operator {} clears ground's own stop of {}", name, drone);
+      outcome = parts_.clear_ground_stop(channel, contract);
     }
     news = service::news_of(name, call, outcome);
   }

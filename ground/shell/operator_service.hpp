@@ -24,8 +24,8 @@ class OperatorService final : public service::OperatorKeys {
     std::vector<fabric::ClientConfig> ledgers;
     std::vector<std::string> drones;  ///< names, in the config's order
     std::function<std::size_t(std::size_t drone)> channel_of;
-    /// Lifts ground's own stop, signed by ground, on that channel; waits for what comes of it. On the worker.
-    std::function<fabric::Outcome(std::size_t channel, const fabric::Call& call)> lift_ground_stop;
+    /// Clears ground's own stop, signed by ground, on that channel; waits for what comes of it. On the worker.
+    std::function<fabric::Outcome(std::size_t channel, const fabric::Call& call)> clear_ground_stop;
     /// What became of a call; `drone`: its name, empty: of none. On a thread of the service.
     std::function<void(service::Level level, const std::string& drone, std::string words)> tell;
     /// A session began (true), or is over. On the thread that says so.

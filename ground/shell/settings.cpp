@@ -300,10 +300,11 @@ std::vector<const PilotTopic*> topics_read(const PilotSettings& settings) {
 }
 
 std::string checkpoint_path(Config& config) {
-  return config.text({"output.checkpoint",
-                      "file, of this ground alone, with the newest block that was trusted: a peer that serves an older "
-                      "chain, or another one, is refused at the next start; none: each start begins from nothing"},
-                     "");
+  return config.text(
+      {"output.checkpoint",
+       "file, of this ground alone, with the newest block that was verified: a peer that serves an older "
+       "chain, or another one, is refused at the next start; none: each start begins from nothing"},
+      "");
 }
 
 std::string status_line(const FlightView& flights, std::optional<std::int64_t> certificate_days) {
@@ -368,9 +369,9 @@ std::string summary(const FlightCore& core, const ShellCounters& shell) {
              {"unavailable", t.unavailable},
              {"overloaded", t.overloaded}}},
            {"states_malformed", t.malformed},
-           {"states_unverified", t.unverified},
+           {"states_unverified", t.states_unverified},
            {"transactions_altered", t.altered},
-           {"transactions_invalid", t.invalid},
+           {"transactions_unverified", t.transactions_unverified},
            {"news_unpublished", shell.news_unpublished},
            {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
            {"delay_ms", to_ms(core.delay_ns())},

@@ -31,7 +31,7 @@ OutputSettings output_settings(Config& config);
 service::ServiceSettings service_settings(Config& config);
 /// Reads [mission].
 service::MissionSettings mission_settings(Config& config);
-/// Reads [output] checkpoint, of who follows a ledger: the file of the newest block trusted; empty: none.
+/// Reads [output] checkpoint, of who follows a ledger: the file of the newest block verified; empty: none.
 std::string checkpoint_path(Config& config);
 
 /// What pilots may say by DDS, which knows no users.

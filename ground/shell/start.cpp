@@ -21,7 +21,7 @@ namespace {
 constexpr TimeNs others_wait_ns = 2 * ns_per_s;
 
 // As an operator's own call (OperatorService): what loses to another one is sent again.
-constexpr fabric::RepeatLimits lift_limits{.attempts = 10, .conflicts_only = true};
+constexpr fabric::RepeatLimits clear_limits{.attempts = 10, .conflicts_only = true};
 
 }  // namespace
 
@@ -122,9 +122,9 @@ Status Ground::open_service(const std::string& folder, const std::vector<fabric:
        .ledgers = ledgers,
        .drones = names_,
        .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
-       .lift_ground_stop =
+       .clear_ground_stop =
            [this](std::size_t channel, const fabric::Call& call) {
-             return fabric::submit_repeatedly(channels_[channel]->urgent(), call, lift_limits, nullptr);
+             return fabric::submit_repeatedly(channels_[channel]->urgent(), call, clear_limits, nullptr);
            },
        .tell = std::bind_front(&Ground::say, this),
        .on_session =

@@ -6,7 +6,7 @@
 #include <array>
 #include <numbers>
 
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {

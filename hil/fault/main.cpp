@@ -1,7 +1,7 @@
 #include <vector>
 
 #include "common/program/command_line.hpp"
-#include "hil/fault/judge/rule.hpp"
+#include "hil/fault/checker/rule.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace {
@@ -10,7 +10,7 @@ using namespace ledgerline;
 namespace verbs = ledgerline::hil::verbs;
 
 std::string about() {
-  return "Flies fault scripts in virtual time and says whether what must hold held.\n"
+  return "Flies fault scripts in simulated time and says whether what must hold held.\n"
          "A script is a TOML file: a flight, its faults, and rules (docs/faults.md). Rules:\n" +
          hil::rule_help();
 }

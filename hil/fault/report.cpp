@@ -52,7 +52,7 @@ json run_json(const RunResult& result) {
           {"seed", result.seed},
           {"held", result.held()},
           {"verdicts", verdicts},
-          {"not_judged", result.not_judged},
+          {"not_checked", result.not_checked},
           {"flown_s", to_seconds(result.flown_ns)},
           {"finished", result.ok},
           {"why", result.why},
@@ -100,9 +100,9 @@ std::string broken_text(const RunResult& result) {
   return text;
 }
 
-std::string not_judged_text(const RunResult& result) {
+std::string not_checked_text(const RunResult& result) {
   std::string text;
-  for (const std::string& what : result.not_judged) text += fmt::format("  not judged: {}\n", what);
+  for (const std::string& what : result.not_checked) text += fmt::format("  not checked: {}\n", what);
   return text;
 }
 
@@ -158,8 +158,8 @@ std::string junit_text(const std::vector<RunResult>& results, const std::vector<
     if (!run.broken.empty())
       text += fmt::format("    <failure message=\"{}\">{}</failure>\n", xml_text(result ? result->title : run.script),
                           xml_text(result ? broken_text(*result) : fmt::format("{}", fmt::join(run.broken, "\n"))));
-    if (result && !result->not_judged.empty())
-      text += fmt::format("    <system-out>{}</system-out>\n", xml_text(not_judged_text(*result)));
+    if (result && !result->not_checked.empty())
+      text += fmt::format("    <system-out>{}</system-out>\n", xml_text(not_checked_text(*result)));
     text += "  </testcase>\n";
   }
   for (const NotFlown& flight : not_flown)

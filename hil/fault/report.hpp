@@ -13,8 +13,8 @@ namespace ledgerline::hil {
 /// "  broke at 12.345 s: RULE: what was seen", a line for each.
 std::string broken_text(const RunResult& result);
 
-/// "  not judged: WHAT", a line for each.
-std::string not_judged_text(const RunResult& result);
+/// "  not checked: WHAT", a line for each.
+std::string not_checked_text(const RunResult& result);
 
 /// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/results_file.hpp).
 struct RunSummary {

@@ -12,7 +12,7 @@
 #include "common/msg/names.hpp"
 #include "hil/fault/own/course_keys.hpp"
 #include "hil/fault/run/schedule.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 #include "sim/core/pads.hpp"
 
 namespace ledgerline::hil {

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "hil/fault/judge/judge.hpp"
+#include "hil/fault/checker/checker.hpp"
 #include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/own/pilot.hpp"
 
@@ -27,7 +27,7 @@ struct Script {
   std::string title;  ///< one sentence
   FlightKind kind = FlightKind::path;
   WorldConfig flight;
-  std::vector<PilotRow> pilot;        ///< of a manual flight in virtual time
+  std::vector<PilotRow> pilot;        ///< of a manual flight in simulated time
   std::optional<std::uint64_t> seed;  ///< it is flown with, unless another is asked for
   TimeNs limit_ns = 120 * ns_per_s;   ///< longer a run never takes: not over by then is broken
   std::vector<Fault> faults;

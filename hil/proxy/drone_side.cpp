@@ -13,7 +13,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {
@@ -96,7 +96,7 @@ void earlier(std::optional<TimeNs>& least, std::optional<TimeNs> other) {
 
 }  // namespace
 
-nlohmann::json to_json(const LineCounts& c) {
+nlohmann::json to_json(const EmulatedLinkCounts& c) {
   return {{"came", c.pushed},           {"went", c.delivered},      {"bytes_in", c.bytes_in},
           {"bytes_out", c.bytes_out},   {"lost", c.lost},           {"no_room", c.no_room},
           {"duplicated", c.duplicated}, {"reordered", c.reordered}, {"corrupted", c.corrupted},
@@ -136,8 +136,9 @@ std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSid
 DroneSide::DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed)
     : route_(route),
       source_(source),
-      lines_{Line(Line::Kind::datagrams, seed), Line(Line::Kind::datagrams, seed + 1),
-             Line(Line::Kind::datagrams, seed + 2), Line(Line::Kind::datagrams, seed + 3)},
+      links_{EmulatedLink(EmulatedLink::Kind::datagrams, seed), EmulatedLink(EmulatedLink::Kind::datagrams, seed + 1),
+             EmulatedLink(EmulatedLink::Kind::datagrams, seed + 2),
+             EmulatedLink(EmulatedLink::Kind::datagrams, seed + 3)},
       noise_(seed + 4) {}
 
 Result<DroneSide> DroneSide::open(const DroneRoute& route, in_addr source, std::uint64_t seed) {
@@ -157,7 +158,7 @@ DroneSide::DroneSide(DroneSide&& other) noexcept
       source_(other.source_),
       lock_(std::exchange(other.lock_, -1)),
       front_(std::exchange(other.front_, -1)),
-      lines_(std::move(other.lines_)),
+      links_(std::move(other.links_)),
       noise_(other.noise_),
       clients_(std::exchange(other.clients_, {})) {}
 
@@ -168,7 +169,7 @@ DroneSide::~DroneSide() {
 }
 
 void DroneSide::impair(Way way, const Impairment& impairment) {
-  if (const auto set = line(way).set(impairment); !set) spdlog::error("{}: {}", route_.name, set.error().what);
+  if (const auto set = link_of(way).set(impairment); !set) spdlog::error("{}: {}", route_.name, set.error().what);
 }
 
 void DroneSide::add_to(std::vector<pollfd>& polled) const {
@@ -181,7 +182,7 @@ void DroneSide::receive(TimeNs now, std::span<const pollfd> polled) {
     if (polled[i + 1].revents == 0) continue;
     receive_from(clients_[i].back, [&](const sockaddr_in& from, std::string_view bytes) {
       const bool from_drone = from.sin_addr.s_addr == route_.address.s_addr;
-      if (from_drone) line(Way::answers).push(now, bytes, tag_of(clients_[i].address));
+      if (from_drone) link_of(Way::answers).push(now, bytes, tag_of(clients_[i].address));
     });
   }
   if (polled[0].revents == 0) return;
@@ -193,31 +194,31 @@ void DroneSide::take_from_client(TimeNs now, const sockaddr_in& from, std::strin
   if (!client) return;
   client->heard = now;
   const auto words = words_of(bytes.substr(0, 40));
-  if (words.empty() || words[0] != "port") return line(Way::to).push(now, bytes, tag_of(from));
+  if (words.empty() || words[0] != "port") return link_of(Way::to).push(now, bytes, tag_of(from));
   if (ports_refused_++ == 0)
     spdlog::warn("{}: a client asked for other ports, which the proxy does not do: answered with error", route_.name);
-  line(Way::answers).push(now, "error", tag_of(from));
+  link_of(Way::answers).push(now, "error", tag_of(from));
 }
 
 void DroneSide::take(Way way, TimeNs now, std::string_view bytes) {
   std::string said(bytes);
   if (way == Way::state && !hil::misreport(now, sensors_, noise_, said)) return;
   if (commander_)
-    line(way).push(now, said, tag_of(*commander_));
+    link_of(way).push(now, said, tag_of(*commander_));
   else
     ++nobody_;
 }
 
 void DroneSide::send(TimeNs now) {
-  while (const auto unit = line(Way::to).pop(now)) send_to_drone(now, *unit);
+  while (const auto unit = link_of(Way::to).pop(now)) send_to_drone(now, *unit);
   for (const Way way : {Way::answers, Way::state, Way::video}) {
-    while (const auto unit = line(way).pop(now)) send_to_client(way, *unit);
+    while (const auto unit = link_of(way).pop(now)) send_to_client(way, *unit);
   }
 }
 
 std::optional<TimeNs> DroneSide::next_due() const {
   std::optional<TimeNs> due;
-  for (const Line& line : lines_) earlier(due, line.next_due());
+  for (const EmulatedLink& link : links_) earlier(due, link.next_due());
   return due;
 }
 
@@ -245,7 +246,7 @@ DroneSide::Client* DroneSide::client_at(const sockaddr_in& address, TimeNs now) 
   return &clients_.back();
 }
 
-void DroneSide::send_to_drone(TimeNs now, const Line::Unit& unit) {
+void DroneSide::send_to_drone(TimeNs now, const EmulatedLink::Unit& unit) {
   const Client* client = client_at(from_tag(unit.tag), now);
   if (!client) return;
   const auto words = words_of(unit.bytes);
@@ -256,7 +257,7 @@ void DroneSide::send_to_drone(TimeNs now, const Line::Unit& unit) {
     ++unsent_;
 }
 
-void DroneSide::send_to_client(Way way, const Line::Unit& unit) {
+void DroneSide::send_to_client(Way way, const EmulatedLink::Unit& unit) {
   sockaddr_in to = from_tag(unit.tag);
   if (way == Way::state) to.sin_port = htons(state_port);
   if (way == Way::video) to.sin_port = htons(video_port);
@@ -268,9 +269,9 @@ void DroneSide::send_to_client(Way way, const Line::Unit& unit) {
 nlohmann::json DroneSide::summary() const {
   nlohmann::json out{{"name", route_.name}, {"clients", clients_.size()}, {"too_many_clients", too_many_clients_},
                      {"nobody", nobody_},   {"unsent", unsent_},          {"ports_refused", ports_refused_}};
-  for (std::size_t i = 0; i < lines_.size(); ++i) {
-    nlohmann::json counts = to_json(lines_[i].counts());
-    counts["waiting"] = lines_[i].waiting();
+  for (std::size_t i = 0; i < links_.size(); ++i) {
+    nlohmann::json counts = to_json(links_[i].counts());
+    counts["waiting"] = links_[i].waiting();
     out[std::string(name_of(Way{static_cast<int>(i)}))] = std::move(counts);
   }
   return out;

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "hil/lines/line.hpp"
+#include "hil/netem/emulated_link.hpp"
 #include "hil/proxy/settings.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -28,10 +28,10 @@ class SharedPorts {
   int state_ = -1, video_ = -1;
 };
 
-/// Between the clients of one drone and the drone: four lines, to it, and answers, state and video from it. Each client
-/// has a socket of its own toward the drone, so that answers find back; state and video go to the client whose
-/// `command` went through last, as a Tello does. `port` commands are answered with `error`: state and video would go
-/// past the proxy. One thread.
+/// Between the clients of one drone and the drone: four emulated links, to it, and answers, state and video from it.
+/// Each client has a socket of its own toward the drone, so that answers find back; state and video go to the client
+/// whose `command` went through last, as a Tello does. `port` commands are answered with `error`: state and video would
+/// go past the proxy. One thread.
 class DroneSide {
  public:
   static constexpr std::size_t max_clients = 8;
@@ -65,16 +65,16 @@ class DroneSide {
     TimeNs heard = 0;
   };
   DroneSide(const DroneRoute& route, in_addr source, std::uint64_t seed);
-  Line& line(Way way) { return lines_[static_cast<std::size_t>(way)]; }
+  EmulatedLink& link_of(Way way) { return links_[static_cast<std::size_t>(way)]; }
   Client* client_at(const sockaddr_in& address, TimeNs now);
   void take_from_client(TimeNs now, const sockaddr_in& from, std::string_view bytes);
-  void send_to_drone(TimeNs now, const Line::Unit& unit);
-  void send_to_client(Way way, const Line::Unit& unit);
+  void send_to_drone(TimeNs now, const EmulatedLink::Unit& unit);
+  void send_to_client(Way way, const EmulatedLink::Unit& unit);
 
   DroneRoute route_;
   in_addr source_;
   int lock_ = -1, front_ = -1;
-  std::array<Line, 4> lines_;
+  std::array<EmulatedLink, 4> links_;
   std::vector<SensorFault> sensors_;
   Random noise_;
   std::vector<Client> clients_;
@@ -86,6 +86,6 @@ class DroneSide {
 /// others.
 std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides);
 
-nlohmann::json to_json(const LineCounts& counts);
+nlohmann::json to_json(const EmulatedLinkCounts& counts);
 
 }  // namespace ledgerline::hil::proxy

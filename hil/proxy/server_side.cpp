@@ -19,7 +19,7 @@ namespace ledgerline::hil::proxy {
 namespace {
 
 constexpr std::size_t max_read = 16'384;       // of a connection in a turn
-constexpr TimeNs room_period = 1 * ns_per_ms;  // how often a line that takes nothing more is asked again
+constexpr TimeNs room_period = 1 * ns_per_ms;  // how often a link that takes nothing more is asked again
 constexpr int waiting_connections = 64;
 
 void no_delay(int fd) {
@@ -35,7 +35,7 @@ void close_socket(int fd, bool reset) {
 
 bool would_block() { return errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR; }
 
-void add(LineCounts& sum, const LineCounts& more) {
+void add(EmulatedLinkCounts& sum, const EmulatedLinkCounts& more) {
   sum.pushed += more.pushed;
   sum.delivered += more.delivered;
   sum.bytes_in += more.bytes_in;
@@ -46,22 +46,22 @@ void add(LineCounts& sum, const LineCounts& more) {
 
 /// One direction of a connection.
 struct ServerSide::Half {
-  Line line;
+  EmulatedLink link;
   int source, sink;
   std::string pending = {};  ///< due, and not yet taken by the sink; at most one unit
   bool end_read = false, end_due = false, end_sent = false;
 
-  bool may_read(TimeNs now) const { return !end_read && line.room(now) > 0; }
+  bool may_read(TimeNs now) const { return !end_read && link.room(now) > 0; }
 
   /// False: the source was reset.
   bool read(TimeNs now) {
     std::array<char, max_read> buffer;
-    const std::size_t room = std::min(buffer.size(), line.room(now));
+    const std::size_t room = std::min(buffer.size(), link.room(now));
     if (end_read || room == 0) return true;
     const ssize_t got = ::recv(source, buffer.data(), room, MSG_DONTWAIT);
     if (got < 0) return would_block();
     end_read = got == 0;
-    line.push(now, {buffer.data(), static_cast<std::size_t>(got)});
+    link.push(now, {buffer.data(), static_cast<std::size_t>(got)});
     return true;
   }
 
@@ -74,7 +74,7 @@ struct ServerSide::Half {
         pending.erase(0, static_cast<std::size_t>(sent));
       }
       if (end_due && !std::exchange(end_sent, true)) ::shutdown(sink, SHUT_WR);
-      auto unit = line.pop(now);
+      auto unit = link.pop(now);
       if (!unit) return true;
       end_due = unit->bytes.empty();
       pending = std::move(unit->bytes);
@@ -125,7 +125,7 @@ ServerSide::~ServerSide() {
 void ServerSide::impair(Way way, const Impairment& impairment) {
   (way == Way::to ? to_ : from_) = impairment;
   for (const auto& connection : connections_) {
-    const auto set = (way == Way::to ? connection->to : connection->from).line.set(impairment);
+    const auto set = (way == Way::to ? connection->to : connection->from).link.set(impairment);
     if (!set) spdlog::error("{}: {}", route_.name, set.error().what);
   }
 }
@@ -200,12 +200,13 @@ void ServerSide::accept_all(TimeNs now) {
     no_delay(client);
     no_delay(server);
     const std::uint64_t seed = seed_ + 2 * ++taken_;
-    using Kind = Line::Kind;
-    connections_.push_back(std::make_unique<Connection>(Connection{client,
-                                                                   server,
-                                                                   false,
-                                                                   {Line(Kind::stream, seed), client, server},
-                                                                   {Line(Kind::stream, seed + 1), server, client}}));
+    using Kind = EmulatedLink::Kind;
+    connections_.push_back(
+        std::make_unique<Connection>(Connection{client,
+                                                server,
+                                                false,
+                                                {EmulatedLink(Kind::stream, seed), client, server},
+                                                {EmulatedLink(Kind::stream, seed + 1), server, client}}));
     impair(Way::to, to_);
     impair(Way::from, from_);
     // The socket reports what becomes of it.
@@ -222,8 +223,8 @@ std::optional<TimeNs> ServerSide::next_due(TimeNs now) const {
   std::optional<TimeNs> least;
   if (now < accept_from_) least = accept_from_;
   const auto consider = [&](const Half& half) {
-    auto due = half.pending.empty() ? half.line.next_due() : std::nullopt;
-    if (!half.end_read && half.line.room(now) == 0) due = std::min(due.value_or(now + room_period), now + room_period);
+    auto due = half.pending.empty() ? half.link.next_due() : std::nullopt;
+    if (!half.end_read && half.link.room(now) == 0) due = std::min(due.value_or(now + room_period), now + room_period);
     if (due && (!least || *due < *least)) least = due;
   };
   for (const auto& connection : connections_) {
@@ -241,17 +242,17 @@ void ServerSide::close(Connection& connection, bool reset) {
 }
 
 void ServerSide::add_counts(const Connection& connection) {
-  add(to_counts_, connection.to.line.counts());
-  add(from_counts_, connection.from.line.counts());
+  add(to_counts_, connection.to.link.counts());
+  add(from_counts_, connection.from.link.counts());
 }
 
 nlohmann::json ServerSide::summary() const {
-  LineCounts to = to_counts_, from = from_counts_;
+  EmulatedLinkCounts to = to_counts_, from = from_counts_;
   for (const auto& connection : connections_) {
-    add(to, connection->to.line.counts());
-    add(from, connection->from.line.counts());
+    add(to, connection->to.link.counts());
+    add(from, connection->from.link.counts());
   }
-  const auto counts = [](const LineCounts& c) {
+  const auto counts = [](const EmulatedLinkCounts& c) {
     return nlohmann::json{{"bytes_in", c.bytes_in}, {"bytes_out", c.bytes_out}};
   };
   return {{"name", route_.name},

@@ -8,14 +8,14 @@
 #include <string>
 #include <vector>
 
-#include "hil/lines/line.hpp"
+#include "hil/netem/emulated_link.hpp"
 #include "hil/proxy/settings.hpp"
 
 namespace ledgerline::hil::proxy {
 
-/// Between the clients of one server and the server (TCP): two lines a connection. While a direction is partitioned no
-/// connection is taken up: it waits, as it would for a lost SYN. One that is reset on one side is reset on the other.
-/// One thread.
+/// Between the clients of one server and the server (TCP): two emulated links a connection. While a direction is
+/// partitioned no connection is taken up: it waits, as it would for a lost SYN. One that is reset on one side is reset
+/// on the other. One thread.
 class ServerSide {
  public:
   static constexpr std::size_t max_connections = 64;       ///< beyond them a new one is reset
@@ -56,7 +56,7 @@ class ServerSide {
   int listener_ = -1;
   Impairment to_, from_;
   std::vector<std::unique_ptr<Connection>> connections_;
-  LineCounts to_counts_, from_counts_;  ///< of connections that ended
+  EmulatedLinkCounts to_counts_, from_counts_;  ///< of connections that ended
   std::uint64_t taken_ = 0, too_many_ = 0, unreached_ = 0, resets_ = 0, cut_ = 0, not_taken_ = 0;
   TimeNs accept_from_ = 0, first_reset_ = 0;
 };

@@ -8,7 +8,7 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil::proxy {
 namespace {

@@ -7,9 +7,9 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/rt/clock.hpp"
-#include "hil/lines/impairment.hpp"
-#include "hil/lines/sdk/sdk_fault.hpp"
-#include "hil/lines/sensor_text.hpp"
+#include "hil/netem/impairment.hpp"
+#include "hil/netem/sdk/sdk_fault.hpp"
+#include "hil/netem/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
 
@@ -32,15 +32,15 @@ struct Target {
 
 /// What is switched at the moment, and how commands change it. A core; one thread. Commands:
 ///
-///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/lines/impairment.hpp on one way: to, answers, state,
+///     drone tello1 to delay 200ms, loss 5%   EFFECTS of hil/netem/impairment.hpp on one way: to, answers, state,
 ///     video, from
 ///                                            (the three before), both (all four)
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
-///     sensor tello1 h stuck                  one more fault of hil/lines/sensor_text.hpp in that drone's state text
+///     sensor tello1 h stuck                  one more fault of hil/netem/sensor_text.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
-///     sdk tello1 answers late 300ms          one more fault of hil/lines/sdk/sdk_fault.hpp; `off` as with sensors
+///     sdk tello1 answers late 300ms          one more fault of hil/netem/sdk/sdk_fault.hpp; `off` as with sensors
 ///     clear                                  no effect and no fault is left
 ///     list                                   changes nothing; what is switched is in list()
 ///

@@ -17,8 +17,9 @@ sim::Endpoint endpoint_of(std::uint64_t tag) {
 DroneWays::DroneWays(int drones, std::uint64_t seed) : sdk_(seed, static_cast<std::size_t>(drones)) {
   Random seeds(seed);
   for (int k = 0; k < drones; ++k) {
-    drones_.push_back({{Line(Line::Kind::datagrams, seeds.next()), Line(Line::Kind::datagrams, seeds.next()),
-                        Line(Line::Kind::datagrams, seeds.next())},
+    drones_.push_back({{EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next()),
+                        EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next()),
+                        EmulatedLink(EmulatedLink::Kind::datagrams, seeds.next())},
                        {},
                        Random(seeds.next()),
                        {},
@@ -38,7 +39,8 @@ void DroneWays::set(const proxy::Switches& switches) {
     for (const auto& [way, switched] :
          {std::pair(Way::to, proxy::Way::to), std::pair(Way::answers, proxy::Way::answers),
           std::pair(Way::state, proxy::Way::state)}) {
-      if (const Status set = drone.line(way).set(switches.of(i, switched)); !set) spdlog::error("{}", set.error().what);
+      if (const Status set = drone.link_of(way).set(switches.of(i, switched)); !set)
+        spdlog::error("{}", set.error().what);
     }
     renew(drone.sensors, switches.sensors(i));
     if (const Status set = sdk_.set(i, switches.sdk(i)); !set) spdlog::error("{}", set.error().what);
@@ -47,7 +49,7 @@ void DroneWays::set(const proxy::Switches& switches) {
 
 void DroneWays::from_client(TimeNs now, DroneNumber drone, sim::Endpoint client, std::string_view bytes) {
   if (drone == 0 || drone > drones_.size()) return;
-  drones_[drone - 1u].line(Way::to).push(now, bytes, tag_of(client));
+  drones_[drone - 1u].link_of(Way::to).push(now, bytes, tag_of(client));
 }
 
 void DroneWays::from_drone(TimeNs now, const sim::Outgoing& datagram) {
@@ -67,14 +69,14 @@ void DroneWays::from_drone(TimeNs now, const sim::Outgoing& datagram) {
 void DroneWays::push_due(TimeNs now) {
   while (auto unit = sdk_.pop(now)) {
     Drone& drone = drones_[unit->drone];
-    drone.line(unit->is_state ? Way::state : Way::answers)
+    drone.link_of(unit->is_state ? Way::state : Way::answers)
         .push(now, unit->bytes, tag_of(unit->is_state ? drone.listener : drone.client));
   }
 }
 
 std::optional<DroneWays::ToDrone> DroneWays::to_drone(TimeNs now) {
   for (std::size_t i = 0; i < drones_.size(); ++i) {
-    auto unit = drones_[i].line(Way::to).pop(now);
+    auto unit = drones_[i].link_of(Way::to).pop(now);
     if (!unit) continue;
     sdk_.command(now, i, unit->bytes);
     return ToDrone{static_cast<DroneNumber>(i + 1), endpoint_of(unit->tag), std::move(unit->bytes)};
@@ -86,7 +88,7 @@ std::optional<sim::Outgoing> DroneWays::to_client(TimeNs now) {
   push_due(now);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     for (const Way way : {Way::answers, Way::state}) {
-      if (auto unit = drones_[i].line(way).pop(now))
+      if (auto unit = drones_[i].link_of(way).pop(now))
         return sim::Outgoing{static_cast<DroneNumber>(i + 1), endpoint_of(unit->tag), std::move(unit->bytes)};
     }
   }
@@ -96,8 +98,8 @@ std::optional<sim::Outgoing> DroneWays::to_client(TimeNs now) {
 std::optional<TimeNs> DroneWays::next_due() const {
   std::optional<TimeNs> due = sdk_.next_due();
   for (const Drone& drone : drones_) {
-    for (const Line& line : drone.lines) {
-      const auto next = line.next_due();
+    for (const EmulatedLink& link : drone.links) {
+      const auto next = link.next_due();
       if (next && (!due || *next < *due)) due = next;
     }
   }

@@ -5,17 +5,17 @@
 #include <string_view>
 #include <vector>
 
-#include "hil/lines/line.hpp"
-#include "hil/lines/sdk/sdk_faults.hpp"
-#include "hil/lines/sensor_text.hpp"
+#include "hil/netem/emulated_link.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
+#include "hil/netem/sensor_text.hpp"
 #include "hil/proxy/switches.hpp"
 #include "sim/core/simulator.hpp"
 
 namespace ledgerline::hil::shim {
 
-/// What lies between clients and simulated drones, without a network: for each drone three lines (to it, its answers,
-/// its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed, switches
-/// and calls give the same bytes. One thread; `now` never goes back.
+/// What lies between clients and simulated drones, without a network: for each drone three emulated links (to it, its
+/// answers, its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed,
+/// switches and calls give the same bytes. One thread; `now` never goes back.
 class DroneWays {
  public:
   DroneWays(int drones, std::uint64_t seed);
@@ -46,12 +46,12 @@ class DroneWays {
   enum class Way : std::uint8_t { to, answers, state };
   static constexpr std::size_t way_count = 3;
   struct Drone {
-    std::array<Line, way_count> lines;
+    std::array<EmulatedLink, way_count> links;
     std::vector<SensorFault> sensors;
     Random noise;
     sim::Endpoint client;    ///< that said the newest command: answers of the SDK's faults go there
     sim::Endpoint listener;  ///< where its state text goes
-    Line& line(Way way) { return lines[static_cast<std::size_t>(way)]; }
+    EmulatedLink& link_of(Way way) { return links[static_cast<std::size_t>(way)]; }
   };
   void push_due(TimeNs now);
   std::vector<Drone> drones_;

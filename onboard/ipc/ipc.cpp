@@ -29,7 +29,7 @@ std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 // transitions come again.
 constexpr std::uint64_t plan_queue = 128;
 constexpr std::uint64_t pose_queue = 256;
-constexpr std::uint64_t beat_queue = 32;  // two of each channel that an agent may be on
+constexpr std::uint64_t heartbeat_queue = 32;  // two of each channel that an agent may be on
 constexpr std::uint64_t state_queue = 256;
 constexpr std::uint64_t transition_queue = 256;
 
@@ -71,15 +71,15 @@ class IceoryxLinkEnd final : public LinkEnd {
   explicit IceoryxLinkEnd(WakeupSource agent) : agent_(std::move(agent)) {}
   bool take_plan(Plan& out) noexcept override { return plans_.take(out); }
   bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
-  bool take_beat(AgentBeat& out) noexcept override { return beats_.take(out); }
+  bool take_heartbeat(AgentHeartbeat& out) noexcept override { return heartbeats_.take(out); }
   bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
   bool send_transition(const Transition& transition) noexcept override { return transitions_.send(transition); }
-  void wake_agent() noexcept override { agent_.pull(); }
+  void wake_agent() noexcept override { agent_.notify(); }
 
  private:
   Receiver<Plan> plans_{"plan", plan_queue};
   Receiver<Pose> poses_{"pose", pose_queue};
-  Receiver<AgentBeat> beats_{"beat", beat_queue};
+  Receiver<AgentHeartbeat> heartbeats_{"heartbeat", heartbeat_queue};
   Sender<StateSample> states_{"state"};
   Sender<Transition> transitions_{"transition"};
   WakeupSource agent_;
@@ -92,7 +92,7 @@ class IceoryxAgentEnd final : public AgentEnd {
   bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
-  bool send_beat(const AgentBeat& beat) noexcept override { return beats_.send(beat); }
+  bool send_heartbeat(const AgentHeartbeat& heartbeat) noexcept override { return heartbeats_.send(heartbeat); }
   int wake_fd() const noexcept override { return wakeup_->fd(); }
   bool woken() noexcept override { return wakeup_->clear(); }
 
@@ -101,7 +101,7 @@ class IceoryxAgentEnd final : public AgentEnd {
   Receiver<Transition> transitions_{"transition", transition_queue};
   Sender<Plan> plans_{"plan"};
   Sender<Pose> poses_{"pose"};
-  Sender<AgentBeat> beats_{"beat"};
+  Sender<AgentHeartbeat> heartbeats_{"heartbeat"};
   std::unique_ptr<WakeupSink> wakeup_;
 };
 

@@ -31,7 +31,7 @@ class LinkEnd {
   virtual ~LinkEnd() = default;
   virtual bool take_plan(Plan& out) noexcept = 0;
   virtual bool take_pose(Pose& out) noexcept = 0;
-  virtual bool take_beat(AgentBeat& out) noexcept = 0;
+  virtual bool take_heartbeat(AgentHeartbeat& out) noexcept = 0;
   /// False when there is no chunk left: the sample is lost and the caller counts it.
   virtual bool send_state(const StateSample& sample) noexcept = 0;
   virtual bool send_transition(const Transition& transition) noexcept = 0;
@@ -48,7 +48,7 @@ class AgentEnd {
   virtual bool take_transition(Transition& out) noexcept = 0;
   virtual bool send_plan(const Plan& plan) noexcept = 0;
   virtual bool send_pose(const Pose& pose) noexcept = 0;
-  virtual bool send_beat(const AgentBeat& beat) noexcept = 0;
+  virtual bool send_heartbeat(const AgentHeartbeat& heartbeat) noexcept = 0;
   /// Readable once link has sent something, until woken().
   virtual int wake_fd() const noexcept = 0;
   /// Whether link woke this end since the last call. To be called before the takes, so that no wake is lost.

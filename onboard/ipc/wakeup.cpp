@@ -35,7 +35,7 @@ Result<std::unique_ptr<WakeupSink>> WakeupSink::create(const std::string& path) 
   const int fd = datagram_socket();
   if (fd < 0) return error(path, "");
   std::unique_ptr<WakeupSink> wakeup(new WakeupSink(fd, path));
-  // Before it has a name: no moment in which another user may ring.
+  // Before it has a name: at no moment may another user notify.
   if (::fchmod(fd, S_IRUSR | S_IWUSR) != 0) return error(path, "");
   if (::unlink(path.c_str()) != 0 && errno != ENOENT)
     return error(path, ": remove it, or run as the user that owns it");
@@ -49,9 +49,9 @@ WakeupSink::~WakeupSink() {
 }
 
 bool WakeupSink::clear() noexcept {
-  bool rang = false;
-  for (char byte = 0; ::recv(fd_, &byte, 1, MSG_DONTWAIT) >= 0;) rang = true;
-  return rang;
+  bool notified = false;
+  for (char byte = 0; ::recv(fd_, &byte, 1, MSG_DONTWAIT) >= 0;) notified = true;
+  return notified;
 }
 
 Result<WakeupSource> WakeupSource::create(const std::string& path) {
@@ -69,7 +69,7 @@ WakeupSource::~WakeupSource() {
   if (fd_ >= 0) ::close(fd_);
 }
 
-void WakeupSource::pull() noexcept {
+void WakeupSource::notify() noexcept {
   (void)!::sendto(fd_, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL, reinterpret_cast<const sockaddr*>(&address_),
                   sizeof address_);
 }

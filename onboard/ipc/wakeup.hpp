@@ -8,22 +8,22 @@
 
 namespace ledgerline::ipc {
 
-/// Wakes another process: a datagram socket with a name. A ring says only "look", so it comes behind what is to be
-/// seen. Where the socket is full, rings wait in it that the owner has yet to clear, before it looks. So a look is
-/// never missed while the owner lives, and an owner that restarts looks at its start.
+/// Wakes another process: a datagram socket with a name. A notification carries no data, so the data is written before
+/// it. Where the socket is full, earlier notifications wait in it that the owner clears before it reads the data. So
+/// nothing is missed while the owner lives, and an owner that restarts reads the data at its start.
 ///
-/// Its file belongs to the owner's user alone (mode 0600): the kernel turns away rings of other users.
+/// Its file belongs to the owner's user alone (mode 0600): the kernel refuses notifications of other users.
 class WakeupSink {
  public:
-  /// Takes the place of a wakeup that a dead owner left. No other owner of this path may live.
+  /// Replaces the socket that a dead owner left. No other owner of this path may live.
   static Result<std::unique_ptr<WakeupSink>> create(const std::string& path);
   ~WakeupSink();
   WakeupSink(const WakeupSink&) = delete;
   WakeupSink& operator=(const WakeupSink&) = delete;
 
-  /// Readable from a ring to the next clear().
+  /// Readable from a notification to the next clear().
   int fd() const noexcept { return fd_; }
-  /// True if it rang since the last call. To be called before the look that it asks for. Does not wait.
+  /// True if a notification came since the last call. To be called before the data is read. Does not wait.
   bool clear() noexcept;
 
  private:
@@ -32,7 +32,7 @@ class WakeupSink {
   const std::string path_;
 };
 
-/// The other end. Knows the path alone, so it outlives owners of the wakeup, and may be there before the first one.
+/// The other end. Knows the path alone, so it outlives sinks, and may be there before the first one.
 class WakeupSource {
  public:
   static Result<WakeupSource> create(const std::string& path);
@@ -40,8 +40,8 @@ class WakeupSource {
   WakeupSource& operator=(WakeupSource&&) = delete;
   ~WakeupSource();
 
-  /// One send that does not wait. Nobody is there, or the wakeup is full: nothing is to be done.
-  void pull() noexcept;
+  /// One send that does not wait. Without a sink, or with a full one, it does nothing.
+  void notify() noexcept;
 
  private:
   WakeupSource(int fd, const sockaddr_un& address) : fd_(fd), address_(address) {}

@@ -17,7 +17,7 @@ A config for one simulated drone:
   rate_hz = 30.0
 SIGTERM, SIGINT, or SIGHUP of a terminal that is closed, lands what flies, and what may be airborne without state (at most 10 s; 3 s
 for drones that nobody ever heard of), then ends. What it lands so stays down, for the next link, too ([output]
-local_stops), until the drone's organisation resumes it on the ledger, or SIGUSR1 comes.
+local_stops), until the drone's organisation clears it on the ledger, or SIGUSR1 comes.
 It ends, too, when RouDi is gone, but not before all drones are on the ground: start it again behind a new RouDi.
 Exit codes: 0 all drones on the ground, or never heard of; 1 cannot serve, or a drone was not seen down; 2 bad
 usage or config)";

@@ -28,7 +28,7 @@ std::string user_group() { return iox::posix::PosixGroup::getGroupOfCurrentProce
 iox::RouDiConfig_t small_pools() {
   iox::mepoo::MePooConfig pools;
   pools.addMemPool({128, 1024});   // poses, transitions
-  pools.addMemPool({384, 1024});   // states, beats
+  pools.addMemPool({384, 1024});   // states, heartbeats
   pools.addMemPool({1280, 1024});  // plans
   const auto group = iox::posix::PosixGroup::getGroupOfCurrentProcess().getName();
   iox::RouDiConfig_t config;

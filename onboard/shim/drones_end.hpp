@@ -23,7 +23,7 @@ class DronesEnd {
   bool link_lives() const noexcept { return mapping_.other_lives(); }
 
   enum class Turn : std::uint8_t { made, under_way, no_link };
-  /// Lockstep: asks for link's turn at the virtual time `now`, which never goes back. Then wait_turn() until it is
+  /// Lockstep: asks for link's turn at the simulated time `now`, which never goes back. Then wait_turn() until it is
   /// made.
   void ask_turn(TimeNs now) noexcept;
   Turn wait_turn(TimeNs max_ns) noexcept;

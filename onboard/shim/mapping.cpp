@@ -145,7 +145,7 @@ void Mapping::forget_what_came() noexcept {
   empty(memory_->to_link, Datagram{});
   empty(memory_->plans, Plan{});
   empty(memory_->poses, Pose{});
-  empty(memory_->beats, AgentBeat{});
+  empty(memory_->heartbeats, AgentHeartbeat{});
 }
 
 Mapping::Mapping(Mapping&& other) noexcept

@@ -48,7 +48,7 @@ struct Memory {
 
   SpscRing<Datagram, datagrams> to_link, to_drones;
 
-  /// Lockstep alone: link makes a turn when `asked` differs from `done`, at the virtual time `now_ns`; both are
+  /// Lockstep alone: link makes a turn when `asked` differs from `done`, at the simulated time `now_ns`; both are
   /// futexes.
   struct Turns {
     alignas(64) std::atomic<std::uint32_t> asked{0};
@@ -60,7 +60,7 @@ struct Memory {
   /// (onboard/ipc/ipc.cpp), but here the newest goes when one is full.
   SpscRing<Plan, 128> plans;
   SpscRing<Pose, 256> poses;
-  SpscRing<AgentBeat, 8> beats;
+  SpscRing<AgentHeartbeat, 8> heartbeats;
   SpscRing<StateSample, 512> states;
   SpscRing<Transition, 256> transitions;
 };

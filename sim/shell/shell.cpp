@@ -189,7 +189,7 @@ Status run_real_time(const ShellOptions& options, const OpenWire& open, const st
   return record.close(simulator, max_late, wire.unsent());
 }
 
-Status run_virtual(const ShellOptions& options, double seconds) {
+Status run_simulated_time(const ShellOptions& options, double seconds) {
   Record record;
   if (auto opened = record.open(options); !opened) return opened;
   Simulator simulator(options.parameters, 0);
@@ -212,7 +212,8 @@ Status run_virtual(const ShellOptions& options, double seconds) {
     record.look(simulator, now);
   }
   const double wall_s = to_seconds(monotonic_ns() - began);
-  print_line({{"drones", simulator.drones()}, {"virtual_s", seconds}, {"wall_s", wall_s}, {"ratio", seconds / wall_s}});
+  print_line(
+      {{"drones", simulator.drones()}, {"simulated_s", seconds}, {"wall_s", wall_s}, {"ratio", seconds / wall_s}});
   return record.close(simulator, 0, 0);
 }
 

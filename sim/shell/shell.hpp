@@ -27,7 +27,7 @@ using OpenWire = std::function<Result<std::unique_ptr<DroneWire>>()>;
 Status run_real_time(const ShellOptions& options, const OpenWire& open, const std::string& ready);
 
 /// As fast as possible, without sockets and DDS: all drones take off and fly circles for `seconds` of simulated time.
-/// Prints one JSON object: {"drones","virtual_s","wall_s","ratio"}.
-Status run_virtual(const ShellOptions& options, double seconds);
+/// Prints one JSON object: {"drones","simulated_s","wall_s","ratio"}.
+Status run_simulated_time(const ShellOptions& options, double seconds);
 
 }  // namespace ledgerline::sim

@@ -34,7 +34,7 @@ class Entry {
   virtual ~Entry() = default;
   /// Valid inputs to begin from.
   virtual std::vector<std::string> seeds() = 0;
-  /// Must be accepted at any time, whatever came before; made anew by each call.
+  /// Must be accepted at any time, whatever came before; made again by each call.
   virtual std::vector<std::string> probes() { return seeds(); }
   /// Must return, and throw nothing.
   virtual Outcome feed(std::string_view bytes) = 0;

@@ -129,7 +129,7 @@ TEST_P(HostileBytes, AreRefusedClearlyAndDoNoHarm) {
   std::size_t taken = 0, refused = 0, dropped = 0;
   using Clock = std::chrono::steady_clock;
   const auto start = Clock::now();
-  Clock::duration longest{};
+  Clock::duration max_duration{};
   std::uint64_t slowest = 0;
   for (std::uint64_t number = 1; number <= inputs; ++number) {
     Random random(number);
@@ -141,8 +141,8 @@ TEST_P(HostileBytes, AreRefusedClearlyAndDoNoHarm) {
     } catch (const std::exception& e) {
       FAIL() << "threw " << e.what() << "\n" << place();
     }
-    if (Clock::now() - before > longest) {
-      longest = Clock::now() - before;
+    if (Clock::now() - before > max_duration) {
+      max_duration = Clock::now() - before;
       slowest = number;
     }
     switch (outcome.verdict) {
@@ -161,9 +161,9 @@ TEST_P(HostileBytes, AreRefusedClearlyAndDoNoHarm) {
     }
   }
   const auto seconds = [](Clock::duration d) { return std::chrono::duration<double>(d).count(); };
-  std::printf("[  inputs  ] %-32s %6zu refused %6zu dropped %6zu accepted %7.2f s, longest %.1f ms (input %llu)\n",
-              GetParam().name.c_str(), refused, dropped, taken, seconds(Clock::now() - start), 1e3 * seconds(longest),
-              static_cast<unsigned long long>(slowest));
+  std::printf("[  inputs  ] %-32s %6zu refused %6zu dropped %6zu accepted %7.2f s, maximum %.1f ms (input %llu)\n",
+              GetParam().name.c_str(), refused, dropped, taken, seconds(Clock::now() - start),
+              1e3 * seconds(max_duration), static_cast<unsigned long long>(slowest));
   const auto all = static_cast<double>(inputs);
   EXPECT_GE(static_cast<double>(refused + dropped), GetParam().least_refused * all);
   EXPECT_GE(static_cast<double>(taken), GetParam().least_accepted * all);

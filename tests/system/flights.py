@@ -111,7 +111,7 @@ def assert_nothing_left() -> None:
 
 
 def without_commands(trace: list[tuple], since_ns: int = 0) -> float:
-    """The longest time in which link flew no new command, between the first lap's beginning and the end."""
+    """The maximum time in which link flew no new command, between the first lap's beginning and the end."""
     times = [r[0] for r in trace if r[1] == TraceKind.COMMAND_APPLIED]
     times = [t for t in times if t - times[0] > 5e9]  # the first one asks for the take-off
     return max(b - a for a, b in zip(times, times[1:]) if b > since_ns) / 1e9

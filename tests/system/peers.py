@@ -97,11 +97,11 @@ def nodes(kind: str, domain: int, wanted: str) -> Peer:
 def pilot(domain: int, drone: str, forward_mps: float, seconds: float) -> Peer:
     """Flies a drone by its topics alone; what it says is in main.rs. Within 20 s it says whether it found its readers; who
     says nothing at all stands in RustDDS's create_datawriter (it waits for room among ten new writers with a lock in hand that
-    its event loop needs first) and is started anew."""
+    its event loop needs first) and is restarted."""
     for _ in range(3):
         peer = Peer([RUST, "fly", drone, forward_mps, seconds], domain)
         if select.select([peer.process.stdout], [], [], 40)[0]:
             return peer
-        print("the pilot's DDS stands: started anew")
+        print("the pilot's DDS hangs: restarted")
         peer.end()
     raise AssertionError("the pilot's DDS stood three times")

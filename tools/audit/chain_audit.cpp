@@ -30,7 +30,7 @@ const std::string& metadata(const common::Block& block, int index) {
 bool has_unsigned_bytes(const common::Block& block) {
   const std::string& bytes = metadata(block, common::SIGNATURES);
   common::Metadata said;
-  if (!said.ParseFromString(bytes)) return false;  // BlockJudge reports it
+  if (!said.ParseFromString(bytes)) return false;  // BlockValidator reports it
   common::Metadata known;
   known.set_value(said.value());
   for (const common::MetadataSignature& one : said.signatures()) {
@@ -61,8 +61,8 @@ Result<ChainAudit> ChainAudit::start(Trust trust) {
   ChainAudit audit(std::move(trust));
   audit.rules_.channel = audit.trust_.channel;
   if (audit.trust_.anchor.empty()) return audit;
-  const auto judge = fabric::BlockJudge::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
-  if (!judge) return judge.error();
+  const auto validator = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
+  if (!validator) return validator.error();
   common::Block anchor;
   if (!parse(audit.trust_.anchor, anchor)) return Error{"the anchor cannot be parsed"};
   audit.anchor_number_ = anchor.header().number();
@@ -72,7 +72,7 @@ Result<ChainAudit> ChainAudit::start(Trust trust) {
     auto config = fabric::read_channel_config(anchor);
     if (!config) return config.error();
     audit.configure(*config);
-    auto first = fabric::BlockJudge::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
+    auto first = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
     if (!first) return first.error();
     audit.orderers_ = std::move(*first);
   }
@@ -113,8 +113,8 @@ void ChainAudit::add(std::string_view bytes) {
     return;
   }
   check_anchor(block);
-  judge_orderers(block);
-  judge_transactions(block, bytes);
+  validate_orderers(block);
+  validate_transactions(block, bytes);
   hash_ = hash_of(block.header());
   hash_is_known_ = true;
   ++next_;
@@ -136,21 +136,21 @@ bool ChainAudit::follow_chain(const common::Block& block) {
 void ChainAudit::check_anchor(const common::Block& block) {
   if (trust_.anchor.empty()) {
     if (next_ != 0 || orderers_) return;
-    auto judge = fabric::BlockJudge::from(block.SerializeAsString(), trust_.channel, trust_.library);
+    auto validator = fabric::BlockValidator::from(block.SerializeAsString(), trust_.channel, trust_.library);
     auto config = fabric::read_channel_config(block);
-    if (!judge || !config) return find(std::nullopt, "", judge ? config.error().what : judge.error().what);
-    orderers_ = std::move(*judge);
+    if (!validator || !config) return find(std::nullopt, "", validator ? config.error().what : validator.error().what);
+    orderers_ = std::move(*validator);
     configure(*config);
     return;
   }
   if (next_ == 0 && !orderers_) {  // the anchor is a later one: what is before it counts by its hash
-    auto judge = fabric::BlockJudge::from(block.SerializeAsString(), trust_.channel, trust_.library);
+    auto validator = fabric::BlockValidator::from(block.SerializeAsString(), trust_.channel, trust_.library);
     auto config = fabric::read_channel_config(block);
-    if (judge && config) {
-      orderers_ = std::move(*judge);
+    if (validator && config) {
+      orderers_ = std::move(*validator);
       configure(*config);
     } else {
-      find(std::nullopt, "", judge ? config.error().what : judge.error().what);
+      find(std::nullopt, "", validator ? config.error().what : validator.error().what);
     }
   }
   if (next_ != anchor_number_) return;
@@ -161,13 +161,13 @@ void ChainAudit::check_anchor(const common::Block& block) {
     find(std::nullopt, "", "its signatures are not those of the trust anchor");
 }
 
-void ChainAudit::judge_orderers(const common::Block& block) {
+void ChainAudit::validate_orderers(const common::Block& block) {
   if (!orderers_) {
-    if (!orderers_missing_said_) find(std::nullopt, "", "no configuration is known: signatures cannot be judged");
+    if (!orderers_missing_said_) find(std::nullopt, "", "no configuration is known: signatures cannot be validated");
     orderers_missing_said_ = true;
     return;
   }
-  if (const Status status = orderers_->judge(block); !status) {
+  if (const Status status = orderers_->validate(block); !status) {
     const std::string prefix = fmt::format("block {}: ", block.header().number());
     const std::string& what = status.error().what;
     find(std::nullopt, "", what.starts_with(prefix) ? what.substr(prefix.size()) : what);
@@ -176,9 +176,9 @@ void ChainAudit::judge_orderers(const common::Block& block) {
   }
 }
 
-void ChainAudit::judge_transactions(const common::Block& block, std::string_view bytes) {
+void ChainAudit::validate_transactions(const common::Block& block, std::string_view bytes) {
   if (!members_) return;
-  const auto verdicts = next_ == 0 ? first_verdict() : fabric::judge_transactions(block, state_, *members_, rules_);
+  const auto verdicts = next_ == 0 ? first_verdict() : fabric::validate_transactions(block, state_, *members_, rules_);
   const std::uint64_t found_before = counts_.findings;
   compare(block, verdicts);
   const auto decoded = fabric::decode_block(bytes);

@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/judge/block_judge.hpp"
-#include "common/fabric/judge/key_state.hpp"
+#include "common/fabric/validation/block_validator.hpp"
+#include "common/fabric/validation/key_state.hpp"
 #include "tools/audit/story/story.hpp"
 
 namespace ledgerline::audit {
@@ -41,10 +41,10 @@ struct Counts {
   std::uint64_t findings = 0;
 };
 
-/// Judges a channel's whole chain, block by block from number 0: form, order and hashes; the orderers' signatures; each
-/// transaction by Fabric's own rule, against the flag that the peer gave it; control events against the records before.
-/// What is verified goes into the story. Goes on behind a finding as well as it can, so that what follows a first one
-/// may follow from it. Memory: that of KeyState, the story's bounds, and max_findings. Pure; one thread.
+/// Validates a channel's whole chain, block by block from number 0: form, order and hashes; the orderers' signatures;
+/// each transaction by Fabric's own rule, against the flag that the peer gave it; control events against the records
+/// before. What is verified goes into the story. Goes on behind a finding as well as it can, so that what follows a
+/// first one may follow from it. Memory: that of KeyState, the story's bounds, and max_findings. Pure; one thread.
 class ChainAudit {
  public:
   /// An error: the anchor is no configuration of that channel.
@@ -69,10 +69,10 @@ class ChainAudit {
   explicit ChainAudit(Trust trust) : trust_(std::move(trust)) {}
   void find(std::optional<std::size_t> transaction, const std::string& tx_id, std::string what);
   bool follow_chain(const common::Block& block);
-  void judge_orderers(const common::Block& block);
+  void validate_orderers(const common::Block& block);
   void check_anchor(const common::Block& block);
   void configure(const fabric::ChannelConfig& config);
-  void judge_transactions(const common::Block& block, std::string_view bytes);
+  void validate_transactions(const common::Block& block, std::string_view bytes);
   void compare(const common::Block& block, const std::vector<fabric::Verdict>& verdicts);
   void tell(const fabric::Block& block, const std::vector<fabric::Verdict>& verdicts);
 
@@ -84,9 +84,9 @@ class ChainAudit {
   std::uint64_t anchor_number_ = 0;
   std::string anchor_hash_, anchor_signatures_;
   bool anchor_seen_ = false;
-  std::optional<fabric::BlockJudge> orderers_;
+  std::optional<fabric::BlockValidator> orderers_;
   bool orderers_missing_said_ = false;
-  fabric::JudgeRules rules_;
+  fabric::ValidationRules rules_;
   fabric::KeyState state_;
   std::unique_ptr<crypto::MspRegistry> members_;
   std::unique_ptr<Story> story_ = std::make_unique<Story>();

@@ -102,8 +102,8 @@ int run(const Options& options) {
 }
 
 constexpr const char* about =
-    "Judges a channel's whole chain, from a peer or from a copy without any network, trusting no flag: who commanded, "
-    "held and stopped which drone, and the first transaction that is not as it must be.";
+    "Validates a channel's whole chain, from a peer or from a copy without any network, trusting no flag: who "
+    "commanded, held and stopped which drone, and the first transaction that is not as it must be.";
 constexpr const char* notes = R"(Examples:
   audit --config operator.toml --html audit.html
   audit --config operator.toml --save copy

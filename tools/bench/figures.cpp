@@ -87,7 +87,7 @@ const std::vector<Competitor>& competitors() {
       {"polling", "gateway, polling", Way::polling, false, ""},
       {"ledgerline", "Ledgerline, libcrypto", Way::ledgerline, false, "libcrypto"},
       {"ledgerline-mbedtls", "Ledgerline, mbedTLS", Way::ledgerline, false, "mbedtls"},
-      {"ledgerline-judged", "Ledgerline, judged", Way::ledgerline, false, "libcrypto", false, "peer", true},
+      {"ledgerline-validated", "Ledgerline, validated", Way::ledgerline, false, "libcrypto", false, "peer", true},
       {"ledgerline-ordered", "Ledgerline, ordered", Way::ledgerline, false, "libcrypto", false, "ordered", true},
       {"endorser", "own endorser", Way::ledgerline, false, "libcrypto", true, "peer", true,
        Competitor::Endorser::beside},

@@ -19,7 +19,7 @@ struct Competitor {
   std::string signer = {};          ///< of Ledgerline alone: "libcrypto" or "mbedtls"
   bool only_when_asked = false;
   std::string blocks = "peer";  ///< of Ledgerline: ledger.blocks
-  bool judged = false;          ///< of Ledgerline: blocks and transactions are judged, by a trust anchor
+  bool validated = false;       ///< of Ledgerline: blocks and transactions are validated, by a trust anchor
   /// Of Ledgerline: each side's organisation has an endorser of its own, as a program beside its client or in it.
   enum class Endorser { none, beside, within } endorser = Endorser::none;
 };

@@ -312,7 +312,7 @@ class Pair {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
                          fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", competitor_.signer, competitor_.blocks);
-      if (competitor_.judged) text += fmt::format("config_block = \"{}\"\n", access.config_block);
+      if (competitor_.validated) text += fmt::format("config_block = \"{}\"\n", access.config_block);
       for (const std::string& orderer : access.orderers) {
         text += fmt::format("\n[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n", orderer, access.orderer_tls_ca);
       }

@@ -33,9 +33,9 @@ Clients:
   polling               as gateway, but asking repeatedly, with a cache of what was there the last time
   ledgerline            frames and the direct path, signed by libcrypto; reads from its peer alone, as the others
   ledgerline-mbedtls    the same, signed by mbedTLS
-  ledgerline-judged     as ledgerline, and each side judges every block and transaction
-  ledgerline-ordered    as ledgerline-judged, and takes an orderer's blocks where they are first
-  endorser              as ledgerline-judged; each organisation's own endorser endorses in its peer's place (Fabric alone;
+  ledgerline-validated  as ledgerline, and each side validates every block and transaction
+  ledgerline-ordered    as ledgerline-validated, and takes an orderer's blocks where they are first
+  endorser              as ledgerline-validated; each organisation's own endorser endorses in its peer's place (Fabric alone;
                         when it is asked for)
   endorser-ordered      both of these
   endorser-within-ordered  as endorser-ordered, with each side's endorser within its client: its CPU time is the client's

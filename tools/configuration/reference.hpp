@@ -21,7 +21,7 @@ struct Part {
 std::vector<Part> parts();
 
 /// Has the readers of a program ("agent") read its file: the keys, as at its start. What else it loads, such as keys
-/// and certificates, is not judged.
+/// and certificates, is not checked.
 Status check(const std::string& part, Config& config);
 
 /// One part, or the whole page, as Markdown.

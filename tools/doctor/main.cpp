@@ -64,22 +64,22 @@ void look_at_host(const Configs& configs, Findings& all) {
   for (const ProgramConfig& one : configs.programs) {
     for (const std::string& file : one.written) {
       const DirectoryFacts facts = look_at_folder_of(file);
-      if (folders.insert(facts.path).second) add(all, judge(facts));
+      if (folders.insert(facts.path).second) add(all, assess(facts));
     }
     for (const std::string& name : one.interfaces)
-      if (interfaces.insert(name).second) all.push_back(judge(look_at_interface(name, one.file)));
+      if (interfaces.insert(name).second) all.push_back(assess(look_at_interface(name, one.file)));
   }
-  all.push_back(judge(look_at_clock()));
+  all.push_back(assess(look_at_clock()));
   const ProgramConfig* const link = configs.of("link");
   if (!link && !configs.of("agent")) return;
-  add(all, judge(look_at_shared_memory()));
+  add(all, assess(look_at_shared_memory()));
   if (!link) return;
-  add(all, judge(look_at_real_time(link->real_time)));
-  if (!link_runs()) all.push_back(judge(look_at_state_port(link->state_listen)));
+  add(all, assess(look_at_real_time(link->real_time)));
+  if (!link_runs()) all.push_back(assess(look_at_state_port(link->state_listen)));
   if (const ProgramConfig* const agent = configs.of("agent"))
-    all.push_back(judge_names(names_of(link->drones), names_of(agent->drones)));
+    all.push_back(assess_names(names_of(link->drones), names_of(agent->drones)));
   for (const DroneKeys& drone : link->drones)
-    all.push_back(judge(look_at_route(drone.name, drone.address, drone.interface)));
+    all.push_back(assess(look_at_route(drone.name, drone.address, drone.interface)));
 }
 
 /// The own certificate of TLS, once. False: nobody can be reached with it.
@@ -92,7 +92,7 @@ bool look_at_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map
   pair.msp_id = "TLS";  // what it is called in words
   pair.certificate = keys.tls_certificate;
   pair.private_key = keys.tls_key;
-  Findings found = judge_tls_pair(read_identity(pair), one.file, realtime_ns() / ns_per_s);
+  Findings found = assess_tls_pair(read_identity(pair), one.file, realtime_ns() / ns_per_s);
   place->second = !anything_broken(found);
   add_new(all, std::move(found));
   return place->second;
@@ -120,7 +120,7 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds timeout
       if (kind == "peer") good = false;
       return;
     }
-    const Finding finding = judge(look_at_server(keys, fmt::format("{} of {}", kind, one.file), timeout));
+    const Finding finding = assess(look_at_server(keys, fmt::format("{} of {}", kind, one.file), timeout));
     if (kind == "peer") good = !finding.problem;
     all.push_back(finding);
   };
@@ -141,14 +141,14 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, F
     if (!one.ledger || one.ledger->peer.endpoint.empty()) continue;
     Findings trust;
     const AnchorFacts anchor = read_anchor(*one.ledger, one.file, trust);
-    if (!one.ledger->msps.empty()) add(trust, judge(read_trust(*one.ledger, one.file, anchor)));
+    if (!one.ledger->msps.empty()) add(trust, assess(read_trust(*one.ledger, one.file, anchor)));
     const IdentityFacts identity = read_identity(*one.ledger);
     Findings own;
     // By each channel's authorities; what is the same on all is reported once.
     const auto [good, is_new] =
         seen.identities.emplace(identity.msp_id + " " + identity.place + " " + identity.channel, true);
     if (is_new) {
-      own = judge(identity, anchor.organisations, realtime_ns() / ns_per_s);
+      own = assess(identity, anchor.organisations, realtime_ns() / ns_per_s);
       good->second = !anything_broken(own);
     }
     const bool known = good->second && !anything_broken(trust);

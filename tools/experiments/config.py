@@ -13,12 +13,12 @@ NUMBER = (int, float)
 FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int,
           "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
           "batch_count": int, "batch_timeout": str, "crypto": str, "gateway": bool, "endorser": bool}
-VIRTUAL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
+SITL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
            "predict": str, "max_age": NUMBER, "delay": (int, float, str), "model_error": NUMBER, "gust": NUMBER,
            "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}
 EXCHANGE = {"rates": list, "clients": list, "seconds": NUMBER, "warm_up": NUMBER, "drain": NUMBER, "ramp": str, "laps": int}
 HOSTS = {"shape": str, "rate": NUMBER, "speed": NUMBER, "laps": int, "wifi": str}
-OPTIONS = {"flight": FLIGHT, "virtual": VIRTUAL, "exchange": EXCHANGE, "hosts": HOSTS}
+OPTIONS = {"flight": FLIGHT, "sitl": SITL, "exchange": EXCHANGE, "hosts": HOSTS}
 # The ledger's settings: what they mean for a flight.
 SETTINGS = {"ours": {"batch_count": 1, "batch_timeout": "10ms", "orderers": 1},
             "published": {"batch_count": 10, "batch_timeout": "2s", "orderers": 3}}

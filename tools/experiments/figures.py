@@ -247,7 +247,7 @@ def overview(documents: dict[str, dict], published: dict, file: pathlib.Path) ->
     fig, all_axes = plt.subplots(1, len(drawn), figsize=(6.4 * len(drawn), 3.6), squeeze=False)
     for axes, (document, cases, draw_it) in zip(all_axes.flat, drawn):
         draw_it(axes, document, cases)
-        where = "virtual time" if document["asked"]["runs"] == "virtual" else f"{document['asked']['ledger']} ledger"
+        where = "simulated time" if document["asked"]["runs"] == "sitl" else f"{document['asked']['ledger']} ledger"
         axes.set_title(f"{OVERVIEW[document['experiment']]} ({where})", fontsize=9)
     save(fig, file)
     return True

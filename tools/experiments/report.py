@@ -95,8 +95,8 @@ def cases_table(document: dict) -> str:
 def section(document: dict, drawn: list[tuple[str, pathlib.Path]]) -> str:
     asked, machine = document["asked"], document["machine"]
     where = f"ledger: {asked['ledger']}, on {asked['storage']} where a case says nothing else"
-    if asked["runs"] == "virtual":
-        where = "virtual time"
+    if asked["runs"] == "sitl":
+        where = "simulated time"
     parts = [f'<section class="card" id="{document["experiment"]}"><h2>{document["number"]}. {escape(document["title"])}</h2>',
              f"<p>{escape(document['question'])}</p>",
              f"<p>{escape(where)}; {asked['seeds']} repetition{'s' if asked['seeds'] > 1 else ''} of each case"

@@ -1,4 +1,4 @@
-"""One repetition of one case, on the programs themselves: a flight, a virtual flight, an exchange of messages, three hosts."""
+"""One repetition of one case, on the programs themselves: a flight, a simulated flight, an exchange of messages, three hosts."""
 import contextlib
 import ctypes
 import dataclasses
@@ -21,13 +21,13 @@ LANDING_S = 60       # that an interrupted run gets to land and end
 PR_SET_PDEATHSIG = 1
 PROGRAMS = {"flight": ["fly", "link", "agent", "ground", "sim", "node", "fabric", "chaincode", "local", "roudi",
                        "control"],
-            "virtual": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
+            "sitl": ["hil"], "exchange": ["bench", "node", "fabric", "chaincode", "hil"],
             "hosts": ["link", "agent", "ground", "sim", "node", "hil", "roudi", "control"]}
 SOURCES = {"exchange": [HERE.parent / "bench/node/client.cjs"], "hosts": [HERE / "hosts.py", HERE.parent / "python/netns.py", HERE.parent / "python/running.py"]}
 STATE_HZ = {70: 30, 110: 50}  # states a second of the published rates, messages a second
 FULL_SCALE_MPS = 1.0                # what a drone can be commanded at most, where nothing else is asked for: rc 100
-MAX_DELAY_MS = 3000       # of hil virtual
-VIRTUAL_LEDGER_MS = 17        # two-way latency of hil virtual without a delay added
+MAX_DELAY_MS = 3000       # of hil sitl
+SITL_LEDGER_MS = 17        # two-way latency of hil sitl without a delay added
 libc = ctypes.CDLL(None, use_errno=True)
 
 
@@ -135,7 +135,7 @@ def flight_laps(drone: dict, peaks: list[float]) -> list[dict]:
             for turn, seconds, peak in zip(drone["turns"], drone["lap_s"], peaks)]
 
 
-def virtual_laps(drone: dict) -> list[dict]:
+def sitl_laps(drone: dict) -> list[dict]:
     return [{"speed_mps": lap["asked_mps"], "flown_mps": lap["flown_mps"], "peak_mps": lap["peak_mps"],
              "seconds": lap["seconds"], "rms_m": lap["rms_m"], "max_m": lap["max_m"], "finished": lap["seconds"] > 0}
             for lap in drone["laps"]]
@@ -216,17 +216,17 @@ def flight(case: Case, place: Place, seed: int) -> dict:
     return {**seen, **of_laps, "figures": figures, "why": out.get("why", ""), "ledger": out["ledger"], "turns": laps}
 
 
-def virtual(case: Case, place: Place, seed: int) -> dict:
+def sitl(case: Case, place: Place, seed: int) -> dict:
     log = place.work / "hil.log"
     options = {**case.options, "seed": seed}
-    code, printed = run_program([place.program("hil"), "virtual", *words(options)], log, TIMEOUT_S)
+    code, printed = run_program([place.program("hil"), "sitl", *words(options)], log, TIMEOUT_S)
     if code == 2:
-        raise NotMeasured(f"hil virtual {' '.join(words(options))}: {tail(log)}")
+        raise NotMeasured(f"hil sitl {' '.join(words(options))}: {tail(log)}")
     try:
         out = json.loads(printed)
     except ValueError:
-        return failed(ending("hil virtual", code, log), options)
-    laps = virtual_laps(out["drones"][0])
+        return failed(ending("hil sitl", code, log), options)
+    laps = sitl_laps(out["drones"][0])
     of_laps = lap_figures(laps, options, code == 0)
     figures = {**tracking_figures(out["drones"], code == 0), **of_laps["figures"]}
     for name in ("two_way_ms", "age_ms"):
@@ -281,10 +281,10 @@ def exchange(case: Case, place: Place, seed: int) -> dict:
 
 
 def plain_top_speed(place: Place, seed: int, rate: int, median_ms: float, ramp: dict) -> float:
-    """What a controller without prediction, as the published one, reaches with this latency, in virtual time."""
-    delay_s = round(max(0.0, median_ms - VIRTUAL_LEDGER_MS) * 1e-3, 4)
+    """What a controller without prediction, as the published one, reaches with this latency, in simulated time."""
+    delay_s = round(max(0.0, median_ms - SITL_LEDGER_MS) * 1e-3, 4)
     options = {**ramp, "predict": "off", "rate": STATE_HZ[rate], "delay": delay_s}
-    return virtual(Case("top speed", options), place, seed)["figures"]["top_speed_mps"]
+    return sitl(Case("top speed", options), place, seed)["figures"]["top_speed_mps"]
 
 
 def hosts(case: Case, place: Place, seed: int) -> dict:
@@ -307,7 +307,7 @@ def hosts(case: Case, place: Place, seed: int) -> dict:
     return {**out, "figures": figures, "why": "" if finished else "the path was not finished", "turns": []}
 
 
-RUN = {"flight": flight, "virtual": virtual, "exchange": exchange, "hosts": hosts}
+RUN = {"flight": flight, "sitl": sitl, "exchange": exchange, "hosts": hosts}
 
 
 def repetition(runs: str, case: Case, place: Place, seed: int) -> dict:

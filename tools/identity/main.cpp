@@ -87,7 +87,7 @@ Status enroll(Options& options) {
   return tell(*pair);
 }
 
-/// Judged as the programs that take it will.
+/// Checked as the programs that take it will.
 Status renew(Options& options) {
   const auto files = options.place.now();
   if (!files) return files.error();
@@ -108,8 +108,8 @@ Status renew(Options& options) {
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
   crypto::Renewal renewal(options.place.text(), old->certificate.subject, old->certificate.not_after_s);
-  if (Status judged = renewal.judge(pair, unix_now_s()); !judged)
-    return Error{"the new certificate is not put in place: " + judged.error().what};
+  if (Status checked = renewal.check(pair, unix_now_s()); !checked)
+    return Error{"the new certificate is not put in place: " + checked.error().what};
   if (Status placed = identity::put(options.place, *pair); !placed) return placed;
   return tell(*pair);
 }

@@ -154,12 +154,12 @@ int main(int argc, char** argv) {
   Options options;
   bool example = false;
   std::string request, certificate, collect;
-  crypto::Asker asker;
+  crypto::Subject subject;
   role_options(line, options);
   line.flag("--deployment-example", example, "prints a deployment.toml to begin with");
   line.option("--request", request, "makes a key and OUT/NAME.csr, for an authority to sign");
-  line.option("--organisation", asker.organization, "with --request: O of the subject");
-  line.option("--unit", asker.unit, "with --request: OU, which is the role in Fabric").shows_default();
+  line.option("--organisation", subject.organization, "with --request: O of the subject");
+  line.option("--unit", subject.unit, "with --request: OU, which is the role in Fabric").shows_default();
   line.option("--certificate", certificate, "what the authority made of the request: beside the key with it");
   line.option("--collect", collect, "folder of a ledger: copies what other hosts need, and no key").existing_path();
   if (const auto end = line.parse(argc, argv)) return *end;
@@ -181,17 +181,17 @@ int main(int argc, char** argv) {
   if (!collect.empty()) return exit_code(init::collect_public(collect, options.folders.config));
   const std::string msp_dir = options.folders.msp();
   if (!request.empty()) {
-    asker.common_name = request;
+    subject.common_name = request;
     if (request.find('/') != std::string::npos) return fail({"--request is a name, not a path"}, exit_usage);
     const std::string file = options.folders.config + "/" + request + ".csr";
-    if (auto status = init::request_identity(msp_dir, file, asker); !status) return fail(status.error());
+    if (auto status = init::request_identity(msp_dir, file, subject); !status) return fail(status.error());
     print_line(file);
     return 0;
   }
   if (!certificate.empty()) {
-    const auto subject = init::take_certificate(msp_dir, certificate);
-    if (!subject) return fail(subject.error());
-    print_line(printable(*subject));
+    const auto certified = init::take_certificate(msp_dir, certificate);
+    if (!certified) return fail(certified.error());
+    print_line(printable(*certified));
     return 0;
   }
   if (const std::string fault = fault_of(options); !fault.empty()) return fail({fault}, exit_usage);

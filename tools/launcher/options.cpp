@@ -131,7 +131,7 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
       .one_of({"libcrypto", "mbedtls"})
       .shows_default();
   line.option("--blocks", o.blocks,
-              "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are judged")
+              "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")
       .one_of({"peer", "ordered"})
       .shows_default();
   line.option("--batch-timeout", words.batch_timeout,

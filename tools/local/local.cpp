@@ -18,7 +18,7 @@ namespace {
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
 constexpr std::chrono::microseconds poll{500};  // iceoryx
 constexpr TimeNs tick_ns = 20 * ns_per_ms;      // for time-outs, where no state comes
-constexpr TimeNs beat_period_ns = 50 * ns_per_ms;
+constexpr TimeNs heartbeat_period_ns = 50 * ns_per_ms;
 
 }  // namespace
 
@@ -78,24 +78,24 @@ void LocalShell::take_mocap() {
 void LocalShell::take_states(std::vector<StateSample>& states) {
   StateSample sample;
   while (end_->take_state(sample)) {
-    beat_.boot_id = sample.boot_id;
+    heartbeat_.boot_id = sample.boot_id;
     states.push_back(sample);
   }
   // Nobody keeps transitions; link need not either.
   Transition transition;
   while (end_->take_transition(transition)) {
     const std::size_t i = std::min(transition.drone, max_drones);
-    beat_.boot_id = transition.boot_id;
-    beat_.transitions_taken[i] = beat_.transitions_on_ledger[i] = transition.number;
+    heartbeat_.boot_id = transition.boot_id;
+    heartbeat_.transitions_taken[i] = heartbeat_.transitions_on_ledger[i] = transition.number;
   }
 }
 
-void LocalShell::beat(TimeNs now_ns) {
-  if (now_ns < next_beat_ns_) return;
-  next_beat_ns_ = now_ns + beat_period_ns;
-  beat_.stamp_ns = now_ns;
-  beat_.ledger_alive = true;  // there is none to be silent
-  (void)end_->send_beat(beat_);
+void LocalShell::send_heartbeat(TimeNs now_ns) {
+  if (now_ns < next_heartbeat_ns_) return;
+  next_heartbeat_ns_ = now_ns + heartbeat_period_ns;
+  heartbeat_.stamp_ns = now_ns;
+  heartbeat_.ledger_alive = true;  // there is none to be silent
+  (void)end_->send_heartbeat(heartbeat_);
 }
 
 void LocalShell::step(const ground::FlightInputs& inputs) {
@@ -122,7 +122,7 @@ Result<bool> LocalShell::run() {
     take_mocap();
     states.clear();
     take_states(states);
-    beat(now_ns);
+    send_heartbeat(now_ns);
     ground::FlightInputs inputs;
     inputs.states = states;
     const bool leaving = quit_ && leave_ns == 0;

@@ -40,7 +40,7 @@ class LocalShell {
   Status hear_mocap();
   void take_mocap();
   void take_states(std::vector<StateSample>& states);
-  void beat(TimeNs now_ns);
+  void send_heartbeat(TimeNs now_ns);
   void step(const ground::FlightInputs& inputs);
 
   ground::OutputSettings output_;
@@ -49,8 +49,8 @@ class LocalShell {
   const std::atomic<bool>& quit_;
   std::unique_ptr<ipc::AgentEnd> end_;
   Recorder recorder_;
-  AgentBeat beat_;
-  TimeNs next_beat_ns_ = 0, next_status_ns_ = 0;
+  AgentHeartbeat heartbeat_;
+  TimeNs next_heartbeat_ns_ = 0, next_status_ns_ = 0;
   std::uint64_t plans_lost_ = 0, poses_implausible_ = 0;
   agent::MocapIntake mocap_intake_{[] { return realtime_ns() - monotonic_ns(); }};
   std::vector<Drone> drones_;  ///< last: their readers end first

@@ -11,7 +11,7 @@
 #include "common/fabric/config.hpp"
 #include "common/fabric/receipt/asking.hpp"
 #include "common/fabric/receipt/receipt.hpp"
-#include "common/fabric/receipt/receipt_judge.hpp"
+#include "common/fabric/receipt/receipt_verifier.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/receipt/show.hpp"
@@ -61,7 +61,7 @@ Result<std::string> read_lists(const std::vector<std::string>& files, const std:
   return all;
 }
 
-Result<fabric::ReceiptJudge> judge_of(const Options& options) {
+Result<fabric::ReceiptVerifier> verifier_of(const Options& options) {
   auto organisations = read_roots(options.organisations);
   if (!organisations) return organisations.error();
   auto orderers = read_roots(options.orderers);
@@ -70,14 +70,14 @@ Result<fabric::ReceiptJudge> judge_of(const Options& options) {
   all.insert(all.end(), orderers->begin(), orderers->end());
   auto lists = read_lists(options.revocation_lists, all);
   if (!lists) return lists.error();
-  return fabric::ReceiptJudge::from(
+  return fabric::ReceiptVerifier::from(
       {options.channel, std::move(*organisations), std::move(*orderers), std::move(*lists)});
 }
 
 std::int64_t now_s() { return realtime_ns() / ns_per_s; }
 
-Status check(const fabric::ReceiptJudge& judge, bool as_json, const std::string& bytes, const std::string& name) {
-  const auto proven = judge.verify(bytes);
+Status check(const fabric::ReceiptVerifier& verifier, bool as_json, const std::string& bytes, const std::string& name) {
+  const auto proven = verifier.verify(bytes);
   if (proven) {
     print_line(as_json ? receipt::json(*proven, now_s()) : receipt::words(*proven, now_s()));
     return done;
@@ -86,11 +86,11 @@ Status check(const fabric::ReceiptJudge& judge, bool as_json, const std::string&
   return Error{fmt::format("{}: nothing is proven: {}", name, proven.error().what)};
 }
 
-Status check_all(const fabric::ReceiptJudge& judge, bool as_json, const std::vector<std::string>& files) {
+Status check_all(const fabric::ReceiptVerifier& verifier, bool as_json, const std::vector<std::string>& files) {
   std::size_t not_proven = 0;
   for (const std::string& file : files) {
     const auto bytes = read_file(file);
-    const Result<fabric::Proven> proven = bytes ? judge.verify(*bytes) : bytes.error();
+    const Result<fabric::Proven> proven = bytes ? verifier.verify(*bytes) : bytes.error();
     if (!proven) ++not_proven;
     print_line(as_json ? receipt::json_line(file, proven, now_s()) : receipt::line(file, proven));
   }
@@ -109,9 +109,9 @@ Status make(const Options& options) {
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
   const std::string bytes = fabric::receipt_bytes(asked->receipt);
   if (options.trusts()) {
-    const auto judge = judge_of(options);
-    if (!judge) return judge.error();
-    if (auto status = check(*judge, options.json, bytes, "the receipt"); !status) return status;
+    const auto verifier = verifier_of(options);
+    if (!verifier) return verifier.error();
+    if (auto status = check(*verifier, options.json, bytes, "the receipt"); !status) return status;
   }
   const std::string out = options.out.empty() ? options.transaction + ".receipt" : options.out;
   if (auto status = replace_file(out, bytes); !status) return status;
@@ -149,13 +149,13 @@ std::string nonsense(const Options& options) {
 }
 
 Status verify(const Options& options) {
-  const auto judge = judge_of(options);
-  if (!judge) return judge.error();
-  if (options.verify.size() > 1) return check_all(*judge, options.json, options.verify);
+  const auto verifier = verifier_of(options);
+  if (!verifier) return verifier.error();
+  if (options.verify.size() > 1) return check_all(*verifier, options.json, options.verify);
   const std::string& file = options.verify.front();
   const auto bytes = read_file(file);
   if (!bytes) return bytes.error();
-  return check(*judge, options.json, *bytes, file);
+  return check(*verifier, options.json, *bytes, file);
 }
 
 }  // namespace

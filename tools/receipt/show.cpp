@@ -81,7 +81,7 @@ void add_certificates(const fabric::Proven& proven, std::int64_t now_s, std::vec
   for (const Certificate& one : proven.certificates) {
     const std::string whose = fmt::format("certificate of {} {}", name_of(one.role), name_of(one.who));
     if (one.revoked)
-      lines.push_back(whose + (counts(one) ? ": revoked by now; the peers judged it when the transaction came"
+      lines.push_back(whose + (counts(one) ? ": revoked by now; the peers validated it when the transaction came"
                                            : ": revoked, so its word was not counted"));
     const std::string then =
         fmt::format("{} valid at {}, which {} claims", one.valid_when_used() ? "was" : "was not", time_of(one.used_s),

@@ -2,7 +2,7 @@
 #include <cstdint>
 #include <string>
 
-#include "common/fabric/receipt/receipt_judge.hpp"
+#include "common/fabric/receipt/receipt_verifier.hpp"
 
 namespace ledgerline::receipt {
 

@@ -153,7 +153,7 @@ const std::string notes = R"(Examples:
   ledgerline drones stop --all
 
 takeoff, land, pause ...: done is that the station has taken it; what comes of it the table and `ledgerline alarms` show.
-acquire, release, request, lift, hand_over, deny: done is that the ledger has it.
+acquire, release, request, clear_stop, hand_over, deny: done is that the ledger has it.
 )" + std::string(shared_notes);
 
 /// In the order in which help lists them.
@@ -165,7 +165,7 @@ struct Verbs {
                                                                     {"pause", "Hover, and keep the rest of the path"},
                                                                     {"resume", "Fly the rest of the path"},
                                                                     {"return", "Fly to where it took off"},
-                                                                    {"lift", "Lift the stop"}})
+                                                                    {"clear_stop", "Clear the stop"}})
       with_names(line, verb_options, name, help).required();
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
              {"acquire", "Take the lease: take control"}, {"request", "Ask its holder for the lease"}}) {
@@ -175,7 +175,7 @@ struct Verbs {
     with_names(line, verb_options, "release", "Give the lease back").required();
     all.back().flag("--yes", verb_options.yes, "of a drone in the air, too: it lands by its failsafe");
     for (const auto& [name, help] : std::initializer_list<std::pair<const char*, const char*>>{
-             {"stop", "Stop: land, and stay there until somebody lifts it"},
+             {"stop", "Stop: land, and stay there until somebody clears it"},
              {"cut", "Stop with motors off, at once"}}) {
       with_names(line, verb_options, name, help);
       all.back().flag("--all", verb_options.all, "every drone");
@@ -196,6 +196,7 @@ struct Verbs {
     all.back().option("--pass-phrase-file", verb_options.pass_phrase_file,
                       "file that nobody else may read; else it is asked for");
     all.push_back(line.verb("logout", "Sign out: what this operator holds is landed and given back"));
+    line.renamed_verb("lift", "clear_stop");
     line.verbs_are_optional();
   }
   std::string given() const {

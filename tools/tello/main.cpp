@@ -146,7 +146,7 @@ int preflight(const Options& options) {
   const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
   const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", options.listen_s});
   if (!facts) return fail(facts.error());
-  const auto lines = fly::judge(*facts);
+  const auto lines = fly::assess(*facts);
   print_line(options.json ? fly::to_json(lines) : fly::words(lines));
   return fly::anything_bad(lines) ? exit_failed : 0;
 }

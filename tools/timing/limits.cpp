@@ -78,7 +78,7 @@ Result<Limit> parse_limit(const std::string& text) {
   return limit;
 }
 
-Verdict judge(const Limit& limit, const Figures& figures) {
+Verdict check(const Limit& limit, const Figures& figures) {
   Verdict verdict{limit.text, std::nullopt, false};
   if (limit.quantity == "overruns") {
     if (figures.loop.late.count() > 0) verdict.measured = static_cast<double>(figures.loop.overruns);

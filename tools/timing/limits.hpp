@@ -27,6 +27,6 @@ struct Verdict {
   std::optional<double> measured;  ///< in the bound's unit; none: nothing was measured, which keeps no limit
   bool kept = false;
 };
-Verdict judge(const Limit& limit, const Figures& figures);
+Verdict check(const Limit& limit, const Figures& figures);
 
 }  // namespace ledgerline::timing

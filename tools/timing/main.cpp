@@ -70,7 +70,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
   const std::vector<Walk> walks = recording.walks().take();
   const Figures figures = figures_of(recording, walks, newest);
   std::vector<Verdict> verdicts;
-  for (const Limit& limit : limits) verdicts.push_back(judge(limit, figures));
+  for (const Limit& limit : limits) verdicts.push_back(check(limit, figures));
   std::cout << to_table(figures, options.threads) << to_table(verdicts);
 
   json document = to_json(figures, verdicts);

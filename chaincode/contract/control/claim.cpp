@@ -2,13 +2,13 @@
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
 
-/// claim and unclaim: the right of way for evict, grant and resume. These read what holders and requesters change (the
-/// lease, its requests), so a client that floods the ledger makes each of them invalid. A claim loses to nobody, as a
-/// stop does: it writes a key of its claimant's own without reading it, and reads what administrators alone write. From
-/// its block on that client is refused. Its transactions in flight are invalid, since they have read the range that the
-/// claim is in. A ledger has no clock, so a claim stands until its claimant's next such call, or until somebody who may
-/// claim says unclaim; therefore it is the owner's organisation's alone. What it does not keep off are stops, which win
-/// against everything.
+/// claim and unclaim: the right of way for evict, grant and clear_stop. These read what holders and requesters change
+/// (the lease, its requests), so a client that floods the ledger makes each of them invalid. A claim loses to nobody,
+/// as a stop does: it writes a key of its claimant's own without reading it, and reads what administrators alone write.
+/// From its block on that client is refused. Its transactions in flight are invalid, since they have read the range
+/// that the claim is in. A ledger has no clock, so a claim stands until its claimant's next such call, or until
+/// somebody who may claim says unclaim; therefore it is the owner's organisation's alone. What it does not keep off are
+/// stops, which win against everything.
 namespace ledgerline::chaincode {
 namespace {
 

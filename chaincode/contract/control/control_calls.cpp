@@ -87,9 +87,9 @@ Status write_changes(Stub& stub, const Control& before, const Control& after, st
   if (status) status = records.write(request_key(drone), requests_of(before), requests_of(after));
   if (status) status = records.write_owner(drone);
   if (!status) return status;
-  for (const Resumed& resumed : after.resumed()) {
-    if (resumes_of(before, resumed.stopper()) == resumed.resumes()) continue;
-    if (status = write_resumes(stub, drone, resumed); !status) return status;
+  for (const StopClears& cleared : after.cleared()) {
+    if (clears_of(before, cleared.stopper()) == cleared.clears()) continue;
+    if (status = write_clears(stub, drone, cleared); !status) return status;
   }
   return done;
 }
@@ -104,8 +104,8 @@ Status check_claims(const ControlState& known, const std::string& function, cons
                                                   contract::deny};
   if (known.claims.empty()) return done;
   const std::string& owner = known.message.owner().msp_id();
-  const bool foreign_resume = function == contract::resume && caller.msp_id != owner;
-  if (!foreign_resume && std::ranges::find(waits, function) == waits.end()) return done;
+  const bool foreign_clear = function == contract::clear_stop && caller.msp_id != owner;
+  if (!foreign_clear && std::ranges::find(waits, function) == waits.end()) return done;
   return Error{to_text(to_name(known.claims.front())) +
                " has claimed it for a change of its own; try again. A supervisor of " + owner +
                " may end the claim by unclaim"};
@@ -113,7 +113,7 @@ Status check_claims(const ControlState& known, const std::string& function, cons
 
 /// Ends the caller's own claim, by one of the calls that claims are for. False: it has none.
 Result<bool> end_claim(Stub& stub, const ControlState& known, const std::string& function) {
-  constexpr std::array<std::string_view, 3> ends{contract::evict, contract::grant, contract::resume};
+  constexpr std::array<std::string_view, 3> ends{contract::evict, contract::grant, contract::clear_stop};
   if (!is_among(known.claims, stub.caller()) || std::ranges::find(ends, function) == ends.end()) return false;
   const Status status = write_claim(stub, known.message.drone(), to_message(stub.caller()), false);
   return status ? Result<bool>(true) : Result<bool>(status.error());
@@ -122,7 +122,7 @@ Result<bool> end_claim(Stub& stub, const ControlState& known, const std::string&
 /// Whether the holder or the stops that a call is to end are gone already.
 bool has_nothing_to_do(const Control& control, const std::string& function) {
   return (function == contract::evict && !control.has_holder()) ||
-         (function == contract::resume && !is_stopped(control));
+         (function == contract::clear_stop && !is_stopped(control));
 }
 
 }  // namespace

@@ -9,7 +9,7 @@
 #include "common/msg/contract.hpp"
 
 /// What the calls share that say who may fly what: enroll, revoke, grant, acquire, release, request,
-/// hand_over, deny, evict, stop, resume, fold and claim.
+/// hand_over, deny, evict, stop, clear_stop, apply_stops and claim.
 namespace ledgerline::chaincode {
 
 /// Why somebody may neither fly nor stop anything, by the role that its organisation gives it.
@@ -49,11 +49,11 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
 
 /// Changes the control record of each drone. `change` changes it, or says why that is refused (without the drone's
 /// name, which comes first in every refusal); it gets an epoch that is new to all of them. What is written is what
-/// differs afterwards: the record, its grants, how often stops were lifted (no stop can come), and the leases that
+/// differs afterwards: the record, its grants, how often stops were cleared (no stop can come), and the leases that
 /// follow from these; and all of a drone's records, where they are of an older version. Event and answer hold all
 /// records as they now are. While somebody's claim stands, `acquire`, `request`, `hand_over` and `deny` are refused,
-/// and `resume` to others than the owner's organisation. A claim is over by its claimant's next `evict`, `grant` or
-/// `resume`, also by one that finds nothing to change.
+/// and `clear_stop` to others than the owner's organisation. A claim is over by its claimant's next `evict`, `grant` or
+/// `clear_stop`, also by one that finds nothing to change.
 Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
                          const std::function<Status(Control&, std::uint64_t new_epoch)>& change);
 

@@ -10,8 +10,8 @@
 #include "chaincode/node/core/endorser.hpp"
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/types.hpp"
-#include "common/fabric/judge/block_judge.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/fabric/validation/block_validator.hpp"
 
 namespace ledgerline::endorser {
 
@@ -27,14 +27,14 @@ class Core {
   struct Setup {
     fabric::ChannelAndContract where;
     crypto::SigningIdentity identity;  ///< OU=peer, of its own: SECURITY.md says what its key can do
-    fabric::BlockJudge::MakeRegistry make_registry;
+    fabric::BlockValidator::MakeRegistry make_registry;
   };
   explicit Core(Setup setup);
   Core(const Core&) = delete;
   Core& operator=(const Core&) = delete;
 
-  /// The next block, as a stream that judges blocks handed it over (fabric::Client::blocks): `block` says which of the
-  /// transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not
+  /// The next block, as a stream that validates blocks handed it over (fabric::Client::blocks): `block` says which of
+  /// the transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not
   /// read.
   Status take(const fabric::Block& block, std::string_view raw);
   std::uint64_t height() const { return ledger_.height(); }

@@ -21,7 +21,7 @@ std::string config_in(const common::Block& block) {
 }
 
 /// A block of the chain whose data match its header.
-Result<common::Block> fetch_whole(std::uint64_t number, const fabric::BlockJudge::Fetch& fetch) {
+Result<common::Block> fetch_whole(std::uint64_t number, const fabric::BlockValidator::Fetch& fetch) {
   auto block = fetch(number);
   if (!block) return block;
   if (const auto decoded = fabric::decode_block(block->SerializeAsString()); !decoded) return decoded.error();
@@ -30,24 +30,24 @@ Result<common::Block> fetch_whole(std::uint64_t number, const fabric::BlockJudge
 
 }  // namespace
 
-Result<std::string> confirm(const PeerSnapshot& said, fabric::BlockJudge& judge,
-                            const fabric::BlockJudge::Fetch& fetch) {
+Result<std::string> confirm(const PeerSnapshot& said, fabric::BlockValidator& validator,
+                            const fabric::BlockValidator::Fetch& fetch) {
   const std::uint64_t last = said.end.height - 1;
-  if (last < judge.config())
+  if (last < validator.config())
     return Error{
-        fmt::format("its newest block, {}, is older than config_block, which is block {}", last, judge.config())};
+        fmt::format("its newest block, {}, is older than config_block, which is block {}", last, validator.config())};
   const auto newest = fetch_whole(last, fetch);
   if (!newest) return newest.error();
   if (newest->header().number() != last || node::header_hash(newest->header()) != said.end.hash)
     return Error{fmt::format("the peer has another block {} than the snapshot's newest: it is of another chain", last)};
-  if (Status known = judge.catch_up(*newest, fetch); !known) return known.error();
-  if (Status judged = judge.judge(*newest); !judged) return judged.error();
-  const auto config = fetch_whole(judge.config(), fetch);
+  if (Status known = validator.catch_up(*newest, fetch); !known) return known.error();
+  if (Status valid = validator.validate(*newest); !valid) return valid.error();
+  const auto config = fetch_whole(validator.config(), fetch);
   if (!config) return config.error();
-  if (Status judged = judge.judge(*config); !judged) return judged.error();
-  if (said.config_block != judge.config() || said.config != config_in(*config))
+  if (Status valid = validator.validate(*config); !valid) return valid.error();
+  if (said.config_block != validator.config() || said.config != config_in(*config))
     return Error{fmt::format("its configuration, of block {}, is not the channel's, of block {}", said.config_block,
-                             judge.config())};
+                             validator.config())};
   return config->SerializeAsString();
 }
 

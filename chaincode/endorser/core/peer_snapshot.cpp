@@ -12,8 +12,8 @@
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/unhex.hpp"
-#include "common/fabric/judge/channel_state.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "common/fabric/validation/channel_state.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::endorser {

@@ -5,7 +5,7 @@
 
 #include "chaincode/endorser/core/comparison.hpp"
 #include "chaincode/node/core/types.hpp"
-#include "common/fabric/judge/channel_state.hpp"
+#include "common/fabric/validation/channel_state.hpp"
 
 namespace ledgerline::endorser {
 

@@ -59,7 +59,7 @@ void Service::begin_stream() {
   handlers.on_connection = [this](bool connected, const std::string& why) {
     on_connection(Feed::Source::own, connected, why);
   };
-  handlers.on_invalid = [this](const std::string& what) { fail("the peer's blocks: " + what); };
+  handlers.on_unverified = [this](const std::string& what) { fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [this](const std::string& what) { fail("the peer's blocks: " + what); };
   stream_ = begun_behind_ ? client_->blocks_behind({*begun_behind_, any_absence}, std::move(handlers))
                           : client_->blocks(0, std::move(handlers));
@@ -71,7 +71,7 @@ Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<vo
       place_(ledger.where.channel + "/" + ledger.where.contract),
       on_failure_(std::move(on_failure)),
       seen_identity_(identity_->now()),
-      core_({ledger.where, *seen_identity_, fabric::BlockJudge::registry_of(ledger.verifier)}),
+      core_({ledger.where, *seen_identity_, fabric::BlockValidator::registry_of(ledger.verifier)}),
       random_(seed()) {}
 
 Service::~Service() {
@@ -118,9 +118,9 @@ Status Service::read_first_state(const FirstStateSettings& settings, const fabri
   }
   auto said = read_first_state_folder(settings, ledger.where);
   if (!said) return said.error();
-  auto judge = fabric::BlockJudge::from(ledger.config_block, ledger.where.channel, ledger.verifier);
-  if (!judge) return judge.error();
-  first_state_.emplace(FirstState{std::move(*said), std::move(*judge)});
+  auto validator = fabric::BlockValidator::from(ledger.config_block, ledger.where.channel, ledger.verifier);
+  if (!validator) return validator.error();
+  first_state_.emplace(FirstState{std::move(*said), std::move(*validator)});
   return done;
 }
 
@@ -135,7 +135,7 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
                              bytes ? "its answer is no block" : bytes.error().what)};
   };
   lock.unlock();
-  const auto config_block = confirm(first_state_->said, first_state_->judge, fetch);
+  const auto config_block = confirm(first_state_->said, first_state_->validator, fetch);
   lock.lock();
   if (!config_block && !reached) {
     if (std::exchange(first_state_->problem, config_block.error().what) != config_block.error().what)
@@ -244,17 +244,17 @@ void Service::tell_connection(bool connected, const std::string& why) {
   spdlog::info("endorser: {}", connected ? "follows the peer's blocks" : "clients are to ask the peer: " + why);
 }
 
-node::Reply Service::process_proposal(const std::string& signed_proposal, Asker asker) {
+node::Reply Service::process_proposal(const std::string& signed_proposal, Caller caller) {
   Status renewed = done;
-  node::Reply reply = process_locked(signed_proposal, asker, renewed);
+  node::Reply reply = process_locked(signed_proposal, caller, renewed);
   if (!renewed)
     spdlog::error("endorser: it goes on signing with its old certificate, the renewed one is refused: {}",
                   renewed.error().what);
   return reply;
 }
 
-node::Reply Service::process_locked(const std::string& signed_proposal, Asker asker, Status& renewed) {
-  auto lock = asker == Asker::own ? lanes_.first() : lanes_.later();
+node::Reply Service::process_locked(const std::string& signed_proposal, Caller caller, Status& renewed) {
+  auto lock = caller == Caller::own ? lanes_.first() : lanes_.later();
   if (const std::string why = readiness_.why_not(core_.height()); !why.empty()) {
     ++counts_.sent_to_the_peer;
     return {node::Code::unavailable, why, why, {}};

@@ -42,8 +42,8 @@ class Service {
                                                 std::function<void(const std::string& why)> on_failure);
   ~Service();
 
-  enum class Asker { own, other };  ///< of this process, or whom it serves: who waits behind blocks and own proposals
-  node::Reply process_proposal(const std::string& signed_proposal, Asker asker);
+  enum class Caller { own, other };  ///< of this process, or whom it serves: who waits behind blocks and own proposals
+  node::Reply process_proposal(const std::string& signed_proposal, Caller caller);
   /// Blocks of a stream that this process reads anyway: once it has met the own stream, the own one is ended.
   void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
   /// The peer has delivered the same block that the shared stream took from an orderer (Block::confirmed).
@@ -70,7 +70,7 @@ class Service {
     Readiness::DefinedAt defined_at{};
   };
   /// process_proposal() under the lock. `renewed`: what take_renewed() said.
-  node::Reply process_locked(const std::string& signed_proposal, Asker asker, Status& renewed);
+  node::Reply process_locked(const std::string& signed_proposal, Caller caller, Status& renewed);
   /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused.
   /// With the lock held.
   Status take_renewed();
@@ -88,7 +88,7 @@ class Service {
   /// A peer's snapshot, until the peer's chain says that it is of it.
   struct FirstState {
     PeerSnapshot said;
-    fabric::BlockJudge judge;
+    fabric::BlockValidator validator;
     std::string problem{};  ///< why the peer was not reached, as the log has it
   };
   Status read_first_state(const FirstStateSettings& settings, const fabric::ClientConfig& ledger);

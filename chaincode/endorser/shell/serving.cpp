@@ -25,7 +25,7 @@ class EndorserService final : public protos::Endorser::CallbackService {
   grpc::ServerUnaryReactor* ProcessProposal(grpc::CallbackServerContext* context, const protos::SignedProposal* request,
                                             protos::ProposalResponse* response) override {
     grpc::ServerUnaryReactor* reactor = context->DefaultReactor();
-    const node::Reply reply = service_.process_proposal(request->SerializeAsString(), endorser::Service::Asker::other);
+    const node::Reply reply = service_.process_proposal(request->SerializeAsString(), endorser::Service::Caller::other);
     if (reply.code != node::Code::ok) {
       const bool elsewhere = reply.code == node::Code::unavailable;
       reactor->Finish({elsewhere ? grpc::StatusCode::UNAVAILABLE : grpc::StatusCode::UNKNOWN, reply.message});

@@ -39,7 +39,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   void watch() { certificates_->start(fabric::CertificateWatch::log); }
 
   Answer endorse(const std::string& signed_proposal) override {
-    node::Reply reply = service_->process_proposal(signed_proposal, Service::Asker::own);
+    node::Reply reply = service_->process_proposal(signed_proposal, Service::Caller::own);
     if (reply.code == node::Code::ok) return {.response = std::move(reply.bytes)};
     return {.problem = std::move(reply.message), .elsewhere = reply.code == node::Code::unavailable};
   }

@@ -1,8 +1,8 @@
 #include "chaincode/node/core/committer.hpp"
 
 #include "chaincode/node/core/tx/proposal.hpp"
-#include "common/fabric/judge/transaction_judge.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "common/fabric/validation/transaction_validator.hpp"
 #include "msp/identities.pb.h"
 #include "peer/transaction.pb.h"
 
@@ -50,7 +50,7 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   if (cut.number == 0) {
     cut.transactions.push_back({"", 0, protos::VALID});  // the config block, which is the node's own
   } else {
-    for (fabric::Verdict& verdict : fabric::judge_transactions(block, view_, *members_, rules_)) {
+    for (fabric::Verdict& verdict : fabric::validate_transactions(block, view_, *members_, rules_)) {
       const Version at{cut.number, cut.transactions.size()};
       if (verdict.code == protos::VALID) {
         writes.push_back({at, set_of(verdict.sets, config_.contract), std::move(verdict.creator_msp)});

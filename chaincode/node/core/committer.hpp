@@ -10,7 +10,7 @@
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/ordering/orderer.hpp"
 #include "chaincode/node/core/types.hpp"
-#include "common/fabric/judge/transaction_judge.hpp"
+#include "common/fabric/validation/transaction_validator.hpp"
 
 namespace ledgerline::node {
 
@@ -40,9 +40,9 @@ struct Applied {
 };
 
 /// The peer's committing half: says of each transaction of an ordered block whether it is valid, puts the block into
-/// the ledger once it is on disk, and notifies those who wait. Blocks from disk are replayed without judging again.
-/// From validate() to apply() exactly one block is in progress. `config` and `ledger` must outlive it. One thread at a
-/// time.
+/// the ledger once it is on disk, and notifies those who wait. Blocks from disk are replayed without validating them
+/// again. From validate() to apply() exactly one block is in progress. `config` and `ledger` must outlive it. One
+/// thread at a time.
 class Committer {
  public:
   Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger);
@@ -79,7 +79,7 @@ class Committer {
   void replay_transaction(std::string_view envelope, Version at, int code);
 
   const CoreConfig& config_;
-  const fabric::JudgeRules rules_;
+  const fabric::ValidationRules rules_;
   const std::shared_ptr<crypto::MspRegistry> members_;
   const StateView view_;
   Ledger& ledger_;

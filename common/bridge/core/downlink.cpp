@@ -40,11 +40,11 @@ Downlink::Downlink(DownlinkConfig config, crypto::MspRegistry& trusted)
 void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector<Delivery>& out) {
   held_.clear();
   for (const fabric::Transaction& tx : block.transactions) {
-    if (!tx.problem.empty()) ++invalid_transactions_;
+    if (!tx.problem.empty()) ++unverified_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
     // A peer could have put other messages into the event than its writer signed.
     if (!verification::tells_set({tx.function, tx.args}, tx.event_payload)) {
-      ++invalid_transactions_;
+      ++unverified_transactions_;
       continue;
     }
     if (is_json(tx.event_payload)) {
@@ -110,7 +110,7 @@ void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& 
   const auto member = trusted_.member(tx.creator, real_now / ns_per_s);
   if (!member) return;
   signer.name = (*member)->name;
-  signer.trusted = fabric::creator_signed(tx, *(*member)->verifier);
+  signer.verified = fabric::creator_signed(tx, *(*member)->verifier);
 }
 
 bool Downlink::may_write(const Signer& signer, std::string_view id) {
@@ -126,13 +126,13 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     if (known != by_id_.end()) {
       index = known->second;
     } else if (!is_ledger_id(asset.id)) {
-      ++invalid_transactions_;
+      ++unverified_transactions_;
       return;
     } else {
       const Match found = match(asset.id);
       if (!found.rule) continue;
       if (!signer.known) identify(real_now, tx, signer);
-      index = topic_of(asset.id, found, !signer.trusted || !may_write(signer, asset.id));
+      index = topic_of(asset.id, found, !signer.verified || !may_write(signer, asset.id));
     }
     Topic& topic = topics_[index];
     Slot& slot = slots_[index];
@@ -146,7 +146,7 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
     if (!signer.known) identify(real_now, tx, signer);
     if (asset.origin.writer == config_.writer || (asset.origin.writer == 0 && signer.name == config_.self)) {
       refuse(topic, Refusal::echo);
-    } else if (!signer.trusted) {
+    } else if (!signer.verified) {
       refuse(topic, Refusal::unverified);
     } else if (!may_write(signer, asset.id)) {
       refuse(topic, Refusal::wrong_writer);

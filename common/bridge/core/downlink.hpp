@@ -102,7 +102,7 @@ class Downlink {
   std::uint64_t malformed_frames() const { return malformed_frames_; }
   /// Not what their flags say (fabric::Transaction::problem), of an event that is not what its writer asked for, or of
   /// an id that no honest peer endorses (is_ledger_id).
-  std::uint64_t invalid_transactions() const { return invalid_transactions_; }
+  std::uint64_t unverified_transactions() const { return unverified_transactions_; }
 
  private:
   struct Writer {
@@ -121,7 +121,7 @@ class Downlink {
   };
   /// Who signed a transaction; found out once one of its messages is wanted.
   struct Signer {
-    bool known = false, trusted = false;
+    bool known = false, verified = false;
     std::uint64_t hash = 0;
     crypto::IdentityName name;
   };
@@ -151,7 +151,7 @@ class Downlink {
   std::size_t strange_ids_ = 0;
   std::optional<std::size_t> further_;  ///< the topic of all ids beyond the bounds
   std::uint64_t malformed_frames_ = 0;
-  std::uint64_t invalid_transactions_ = 0;
+  std::uint64_t unverified_transactions_ = 0;
   std::string name_buffer_;
   SetView set_;
   std::vector<std::unique_ptr<SetCall>> held_;  ///< what came as JSON, while its deliveries are out

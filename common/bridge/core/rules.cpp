@@ -73,7 +73,7 @@ Rule read_rule(Config& config, const std::string& at) {
   rule.config_block =
       config.text({at + "config_block",
                    "trust anchor of a channel of its own, as config_block of [ledger]: one topic of the "
-                   "channel names it; none: the peer is trusted about the channel's blocks"},
+                   "channel names it; none: the blocks of the channel are taken unverified"},
                   "");
   if (rule.channel.empty() && !rule.config_block.empty())
     config.wrong(at + "config_block", "is of a channel of its own; that of [ledger] has its own key there");
@@ -157,7 +157,7 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
   if (!host)
     out.checkpoint = config.text(
         {"output.checkpoint",
-         "file, of this bridge alone, with the newest block that was trusted; a channel that is not [ledger]'s has "
+         "file, of this bridge alone, with the newest block that was verified; a channel that is not [ledger]'s has "
          "FILE.CHANNEL. A peer that serves an older chain, or another one, is refused at the next start; none: each "
          "start begins from nothing. Beside agent's and ground's work: their own file's name and .bridge"},
         "");

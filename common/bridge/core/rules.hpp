@@ -44,7 +44,7 @@ struct BridgeConfig {
   bool beside = false;                ///< beside a program whose own traffic comes first
   std::string status_file;            ///< for `ledgerline topics`; empty: none
   TimeNs status_period_ns = 0;
-  std::string checkpoint;  ///< file of the newest block trusted on the channel of [ledger]; empty: none is kept
+  std::string checkpoint;  ///< file of the newest block verified on the channel of [ledger]; empty: none is kept
   std::vector<Rule> rules;
 
   bool carries_something() const;
@@ -73,7 +73,7 @@ const Rule* rule_up(const std::vector<Rule>& rules, std::string_view ros_topic);
 const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id,
                       bool by_name = false);
 
-/// A topic by which a drone is flown, placed or judged: who may write it on a DDS domain moves drones there. It is
+/// A topic by which a drone is flown, placed or checked: who may write it on a DDS domain moves drones there. It is
 /// taken from the ledger only by a rule that names it without "*". All names that pilots, mocap, agent and ground have.
 bool is_guarded(std::string_view ros_topic);
 

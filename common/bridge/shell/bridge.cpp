@@ -102,7 +102,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
     connected_ = connected;
     connection_problem_ = why;
   };
-  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
+  handlers.on_unverified = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
   handlers.on_orderers = fabric::tell_connections(channel_ + ": orderer's block stream");
   handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
     if (std::exchange(last, what) != what)
@@ -341,7 +341,7 @@ nlohmann::json Bridge::status() {
   for (auto& topic : report(downlink_)) topics.push_back(std::move(topic));
   out["topics"] = std::move(topics);
   out["malformed_frames"] = downlink_.malformed_frames();
-  out["invalid_transactions"] = downlink_.invalid_transactions();
+  out["unverified_transactions"] = downlink_.unverified_transactions();
   return out;
 }
 

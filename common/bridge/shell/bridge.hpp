@@ -33,7 +33,7 @@ class Bridge {
   Status start(const std::atomic<bool>& quit);
   /// Takes nothing more off DDS, waits a moment for what is on its way, and ends; status() can still be asked.
   void end();
-  /// {channel, connected, topics, malformed_frames, invalid_transactions, topics_left_out}. Any thread.
+  /// {channel, connected, topics, malformed_frames, unverified_transactions, topics_left_out}. Any thread.
   nlohmann::json status();
 
  private:

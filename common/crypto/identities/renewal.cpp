@@ -8,7 +8,7 @@
 
 namespace ledgerline::crypto {
 
-Status Renewal::judge(const Result<Pair>& found, std::int64_t now_s) {
+Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
   valid_from_s_.reset();
   if (!found) return found.error();
   const Certificate& next = found->certificate;

@@ -30,7 +30,7 @@ class Renewal {
     std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
   };
   /// done: to be taken, and what is reported from here on is of the new one. An error: why not.
-  Status judge(const Result<Pair>& found, std::int64_t now_s);
+  Status check(const Result<Pair>& found, std::int64_t now_s);
 
   enum class Weight { warning, alarm };
   struct Word {
@@ -40,7 +40,7 @@ class Renewal {
   /// What is to be reported of the end now: once a day from a month before, as an alarm from three days before.
   std::optional<Word> look(std::int64_t now_s);
 
-  /// True, once: what was refused as not valid yet is valid now, and is to be judged again though no file has changed.
+  /// True, once: what was refused as not valid yet is valid now, and is to be checked again though no file has changed.
   bool due(std::int64_t now_s);
 
   std::int64_t not_after_s() const { return not_after_s_; }
@@ -54,7 +54,7 @@ class Renewal {
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
 };
 
-/// What lies in the files, the key as read_key_file() takes it. Whether the two fit is for Renewal::judge().
+/// What lies in the files, the key as read_key_file() takes it. Whether the two fit is for Renewal::check().
 Result<Renewal::Pair> read_pair(const IdentityFiles& files);
 
 }  // namespace ledgerline::crypto

@@ -14,18 +14,18 @@ using RequestPtr = std::unique_ptr<X509_REQ, Freed<X509_REQ_free>>;
 
 }  // namespace
 
-Result<KeyAndRequest> make_request(const Asker& asker) {
+Result<KeyAndRequest> make_request(const Subject& subject) {
   const KeyPtr key(EVP_EC_gen("P-256"));
   const RequestPtr request(X509_REQ_new());
   const BioPtr key_text(BIO_new(BIO_s_secmem())), request_text(BIO_new(BIO_s_mem()));
   X509_NAME* const name = request ? X509_REQ_get_subject_name(request.get()) : nullptr;
   const bool good =
-      key && name && add_name(name, "O", asker.organization) && add_name(name, "OU", asker.unit) &&
-      add_name(name, "CN", asker.common_name) && X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
+      key && name && add_name(name, "O", subject.organization) && add_name(name, "OU", subject.unit) &&
+      add_name(name, "CN", subject.common_name) && X509_REQ_set_pubkey(request.get(), key.get()) == 1 &&
       X509_REQ_sign(request.get(), key.get(), EVP_sha256()) != 0 &&
       PEM_write_bio_PKCS8PrivateKey(key_text.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr) == 1 &&
       PEM_write_bio_X509_REQ(request_text.get(), request.get()) == 1;
-  if (!good) return Error{"cannot make the request of \"" + asker.common_name + "\": " + openssl_error()};
+  if (!good) return Error{"cannot make the request of \"" + subject.common_name + "\": " + openssl_error()};
   return KeyAndRequest{text_of(key_text.get()), text_of(request_text.get())};
 }
 

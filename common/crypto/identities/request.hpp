@@ -8,8 +8,8 @@
 /// An identity whose key never leaves the host that it was made on: the authority sees the request alone.
 namespace ledgerline::crypto {
 
-/// Who asks for a certificate. An authority may leave out, or set by itself, all of it.
-struct Asker {
+/// The subject of a certificate request. An authority may leave out, or set by itself, all of it.
+struct Subject {
   std::string common_name;
   std::string organization{};   ///< O; empty: none
   std::string unit = "client";  ///< OU: "admin", "client", "peer" (NodeOUs); empty: none
@@ -19,7 +19,7 @@ struct KeyAndRequest {
   std::string request_pem;  ///< PKCS #10, "CERTIFICATE REQUEST"
 };
 /// With a new key of P-256.
-Result<KeyAndRequest> make_request(const Asker& asker);
+Result<KeyAndRequest> make_request(const Subject& subject);
 
 /// An error: one of them cannot be read, or the certificate is of another key.
 Status check_fits(const std::string& key_pem, const std::string& certificate_pem);

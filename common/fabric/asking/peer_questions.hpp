@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {
 
@@ -23,7 +23,7 @@ class PeerQuestions {
   /// A serialized common.Block of the channel.
   Result<std::string> block(std::uint64_t number);
   /// The channel's newest config block, as the peer reports it: a common.Block for read_channel_config. Nobody has
-  /// judged it.
+  /// validated it.
   Result<std::string> config_block();
   /// That, read.
   Result<ChannelConfig> channel_config();

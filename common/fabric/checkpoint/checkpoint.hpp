@@ -8,13 +8,13 @@
 
 namespace ledgerline::fabric {
 
-/// The newest block that a program has trusted, so that a peer cannot show it another chain, or an older one, when it
+/// The newest block that a program has verified, so that a peer cannot show it another chain, or an older one, when it
 /// starts again.
 struct Checkpoint {
   std::string channel;
   std::uint64_t number = 0;
   std::string hash;     ///< of the block's header, as ChainCheck has it
-  std::string records;  ///< what the program itself trusted behind that block; any bytes
+  std::string records;  ///< what the program itself verified behind that block; any bytes
 };
 
 /// As it is in a file: lines, the records, and a SHA-256 of all of it, which detects a torn or overwritten file. It is

@@ -6,13 +6,13 @@
 
 namespace ledgerline::fabric {
 
-Result<Continuation> continue_behind(const LastVerified& trusted, const common::Block& newest,
+Result<Continuation> continue_behind(const LastVerified& verified, const common::Block& newest,
                                      const std::function<Result<common::Block>(std::uint64_t number)>& fetch) {
-  const Checkpoint& last = trusted.last;
+  const Checkpoint& last = verified.last;
   const std::uint64_t height = newest.header().number();
   if (height < last.number)
     return Error{
-        fmt::format("the peer serves a chain that ends at block {}; we have trusted block {}: it lags behind, or "
+        fmt::format("the peer serves a chain that ends at block {}; we have verified block {}: it lags behind, or "
                     "serves an old chain",
                     height, last.number)};
   std::string hash = header_hash(newest.header());
@@ -25,10 +25,10 @@ Result<Continuation> continue_behind(const LastVerified& trusted, const common::
   }
   if (hash.empty())
     return Error{fmt::format(
-        "the peer serves another block {} than the one that we have trusted: a fork, or the channel was recreated "
+        "the peer serves another block {} than the one that we have verified: a fork, or the channel was recreated "
         "(then remove the checkpoint's file)",
         last.number)};
-  if (height - last.number <= trusted.max_absence_blocks)
+  if (height - last.number <= verified.max_absence_blocks)
     return Continuation{ChainCheck::behind(last.number, last.hash), last.number, height, false};
   return Continuation{ChainCheck::behind(height, std::move(hash)), last.number, height, true};
 }

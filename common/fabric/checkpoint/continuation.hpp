@@ -19,18 +19,18 @@ struct LastVerified {
   std::uint64_t max_absence_blocks = 0;
 };
 
-/// How a peer's chain goes on behind what was trusted.
+/// How a peer's chain goes on behind what was verified.
 struct Continuation {
   ChainCheck chain;  ///< its height() is the first block to read
-  std::uint64_t trusted = 0, newest = 0;
+  std::uint64_t verified = 0, newest = 0;
   /// The blocks between them are not read: only the newest one's own signatures say that it is of this chain.
   bool gap = false;
 };
 
-/// Whether the peer's chain, whose newest block has that header, can be the one that was trusted. Refused, in words:
+/// Whether the peer's chain, whose newest block has that header, can be the one that was verified. Refused, in words:
 /// it ends before the checkpoint, or has another block in its place (a fork). Fetches at most the checkpoint's block.
 /// Pure.
-Result<Continuation> continue_behind(const LastVerified& trusted, const common::Block& newest,
+Result<Continuation> continue_behind(const LastVerified& verified, const common::Block& newest,
                                      const std::function<Result<common::Block>(std::uint64_t number)>& fetch);
 
 }  // namespace ledgerline::fabric

@@ -43,8 +43,8 @@ class KeptBlocks final : public Client::Stream {
   void go_on(const Continuation& how) {
     if (!how.gap) return;
     spdlog::warn("channel {}: blocks {} to {} came while this program was away, and are not read", channel_,
-                 how.trusted + 1, how.newest);
-    // Judged already; a program that ends before the next block must not forget it.
+                 how.verified + 1, how.newest);
+    // Validated already; a program that ends before the next block must not forget it.
     keeper_.keep({channel_, how.newest, how.chain.hash(), {}});
   }
 

@@ -62,8 +62,8 @@ class GatewayClient final : public Client {
     return follow_blocks(connection_, {start, std::nullopt}, shared(std::move(handlers)));
   }
 
-  std::unique_ptr<Stream> blocks_behind(LastVerified trusted, StreamHandlers handlers) override {
-    return follow_blocks(connection_, {std::nullopt, std::move(trusted)}, shared(std::move(handlers)));
+  std::unique_ptr<Stream> blocks_behind(LastVerified verified, StreamHandlers handlers) override {
+    return follow_blocks(connection_, {std::nullopt, std::move(verified)}, shared(std::move(handlers)));
   }
 
   std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,

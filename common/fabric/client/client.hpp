@@ -55,7 +55,8 @@ struct ClientConfig {
   /// Peers that stand in while the one at `endpoint` is not reached, for everything; the first that is reached.
   std::vector<Server> other_peers;
   /// A common.Block with a configuration of the channel, the trust anchor: blocks must then be signed by the orderers
-  /// that it names, or that a later configuration names (BlockJudge). Empty: the peer's blocks are accepted unverified.
+  /// that it names, or that a later configuration names (BlockValidator). Empty: the peer's blocks are accepted
+  /// unverified.
   std::string config_block;
   crypto::Library verifier = crypto::Library::libcrypto;  ///< of those signatures
   /// Whose blocks blocks() hands over. Beside the peer's alone it needs `orderers`; `ordered` needs config_block, too.
@@ -118,7 +119,7 @@ class Client {
     /// Transactions that are not what their flags say (Transaction::problem), in words: block, transaction, why, and
     /// how many there were. The first at once, then at most one word a minute; on_block has them all. And, once, that
     /// the peer does not say whose endorsement the contract needs.
-    std::function<void(const std::string& what)> on_invalid = {};
+    std::function<void(const std::string& what)> on_unverified = {};
     /// A stream contradicts what is known: a fork, a block that the orderers have not signed, peer and orderers that
     /// deliver two chains or verdicts. In words, at each attempt. What was refused was not handed over; a block that
     /// was taken as it was ordered was before.
@@ -140,12 +141,12 @@ class Client {
     std::function<void(const Continuation&)> on_continued = {};
   };
   /// Blocks from number `start` (nullopt: from the next new one on). Reconnects with back-off and jitter, for ever, and
-  /// resumes behind the last block handed over. With config_block each transaction is judged by the rule of Fabric's
+  /// resumes behind the last block handed over. With config_block each transaction is validated by the rule of Fabric's
   /// peers, as far as the blocks of this stream show what it rests on (BlockIntake). One that cannot be trusted is
   /// left out alone, see decode_block. A block that breaks the chain is reported through on_connection and the stream
   /// starts again at the last good one. With ClientConfig::blocks `ordered` a second stream brings an orderer's blocks;
   /// once the two differ, nothing more is handed over, and on_connection says so. A block is then handed over as soon
-  /// as an orderer delivers it, where our own judgement needs no flag of the peer (its flags are our verdicts then),
+  /// as an orderer delivers it, where our own validation needs no flag of the peer (its flags are our verdicts then),
   /// and on_confirmed says when the peer delivered the same; at most BlockIntake::max_unconfirmed blocks ahead of the
   /// peer. Calls that are reported_by_block end with the block, too.
   virtual std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) = 0;
@@ -153,7 +154,7 @@ class Client {
   /// the next new one on, whose predecessor then counts by its orderers' signatures (needs config_block, or is the
   /// peer's word). A chain that ends before the checkpoint, or has another block in its place, is refused:
   /// on_connection says so, and the peer is asked again.
-  virtual std::unique_ptr<Stream> blocks_behind(LastVerified trusted, StreamHandlers handlers) = 0;
+  virtual std::unique_ptr<Stream> blocks_behind(LastVerified verified, StreamHandlers handlers) = 0;
   /// Contract events through the gateway's ChaincodeEvents, from block `start` on (nullopt: from the next new one on),
   /// behind transaction `after_tx_id` of that block where one is named: the last event handled is a checkpoint.
   /// Reconnects like blocks(), without loss or duplicate.

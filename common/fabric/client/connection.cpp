@@ -12,7 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/crypto/identities/request.hpp"
-#include "common/fabric/judge/block_judge.hpp"
+#include "common/fabric/validation/block_validator.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"
 
@@ -155,10 +155,10 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
   if (config.own_endorser && config.orderers.empty())
     return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
   if (config.blocks == BlockSource::ordered && config.config_block.empty())
-    return Error{"ledger.blocks: an orderer's blocks cannot be judged without ledger.config_block"};
+    return Error{"ledger.blocks: an orderer's blocks cannot be validated without ledger.config_block"};
   if (!config.config_block.empty()) {
-    const auto judge = BlockJudge::from(config.config_block, config.where.channel, config.verifier);
-    if (!judge) return Error{"ledger.config_block: " + judge.error().what};
+    const auto validator = BlockValidator::from(config.config_block, config.where.channel, config.verifier);
+    if (!validator) return Error{"ledger.config_block: " + validator.error().what};
   }
   if (!config.identity.in_use) config.identity.in_use = std::make_shared<crypto::IdentityInUse>(config.identity);
   auto channels = make_channels(config);

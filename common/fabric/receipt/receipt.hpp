@@ -7,7 +7,7 @@
 #include "common/base/result.hpp"
 
 /// A receipt: one file that shows what became of one transaction, to somebody who has no network and trusts nobody
-/// but the authorities of the channel's organisations and orderers (receipt_judge.hpp). Pure.
+/// but the authorities of the channel's organisations and orderers (receipt_verifier.hpp). Pure.
 namespace ledgerline::fabric {
 
 struct Receipt {

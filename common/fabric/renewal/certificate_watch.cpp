@@ -122,11 +122,11 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
 }
 
 /// True: what was found is to be used from now on.
-bool CertificateWatch::judge(Renewal& renewal, const Result<Renewal::Pair>& found, bool same, std::int64_t now_s) {
-  const Status judged = renewal.judge(found, now_s);
-  if (!judged) {
+bool CertificateWatch::check(Renewal& renewal, const Result<Renewal::Pair>& found, bool same, std::int64_t now_s) {
+  const Status fits = renewal.check(found, now_s);
+  if (!fits) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
-                                     judged.error().what));
+                                     fits.error().what));
     return false;
   }
   if (same) return false;
@@ -145,7 +145,7 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
     auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
                        : Result<crypto::SigningIdentity>(files.error());
     const bool same = found && found->serialized == identity_->now()->serialized;
-    if (judge(identity_renewal_, take(found, now_s), same, now_s)) identity_->replace(std::move(*found));
+    if (check(identity_renewal_, take(found, now_s), same, now_s)) identity_->replace(std::move(*found));
   }
   tell_end(identity_renewal_, now_s);
 }
@@ -155,7 +155,7 @@ void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
   if (pair.changes.look({pair.files.certificate_file, pair.files.key_file}) || due) {
     auto found = crypto::read_pair({pair.files.certificate_file, pair.files.key_file});
     const bool same = found && found->certificate_pem == pair.in_use_pem;
-    if (judge(pair.renewal, found, same, now_s)) {
+    if (check(pair.renewal, found, same, now_s)) {
       pair.in_use_pem = found->certificate_pem;
       in_use_->renew(pair.files.certificate_file, {std::move(found->certificate_pem), std::move(found->key_pem)});
     }

@@ -18,7 +18,7 @@
 namespace ledgerline::fabric {
 
 class CertificateWatch;
-/// Of a program's config: judges new identities by its [[msp]], read again, since a registry is of one thread. `ledger`
+/// Of a program's config: checks new identities by its [[msp]], read again, since a registry is of one thread. `ledger`
 /// as for CertificateWatch::create; `further`: TLS pairs of tables that it does not have, such as [[channel]].
 Result<std::unique_ptr<CertificateWatch>> watch_certificates(Config& config, ClientConfig& ledger,
                                                              const std::vector<ClientConfig::TlsPair>& further = {});
@@ -66,7 +66,7 @@ class CertificateWatch {
   void look_at_identity(std::int64_t now_s);
   void keep_first_end();
   void look_at(Pair& pair, std::int64_t now_s);
-  bool judge(crypto::Renewal& renewal, const Result<crypto::Renewal::Pair>& found, bool same, std::int64_t now_s);
+  bool check(crypto::Renewal& renewal, const Result<crypto::Renewal::Pair>& found, bool same, std::int64_t now_s);
   void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
   Result<crypto::Renewal::Pair> take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
 

@@ -8,7 +8,7 @@
 
 namespace ledgerline::fabric {
 
-/// The TLS pairs of a program's clients that were renewed while it runs, as they were judged: what lies in the files
+/// The TLS pairs of a program's clients that were renewed while it runs, as they were checked: what lies in the files
 /// may be something else by then. Any thread.
 class TlsPairsInUse {
  public:

@@ -29,9 +29,10 @@ void set_flags(common::Block& message, const std::vector<Verdict>& verdicts) {
 Result<BlockIntake> BlockIntake::make(Setup setup) {
   BlockIntake intake(std::move(setup));
   if (intake.setup_.config_block.empty()) return intake;
-  auto judge = BlockJudge::from(intake.setup_.config_block, intake.setup_.where.channel, intake.setup_.make_registry);
-  if (!judge) return judge.error();
-  intake.judge_ = std::move(*judge);
+  auto validator =
+      BlockValidator::from(intake.setup_.config_block, intake.setup_.where.channel, intake.setup_.make_registry);
+  if (!validator) return validator.error();
+  intake.validator_ = std::move(*validator);
   intake.rules_.channel = intake.setup_.where.channel;
   intake.forget();
   return intake;
@@ -39,7 +40,7 @@ Result<BlockIntake> BlockIntake::make(Setup setup) {
 
 /// Blocks are missing: what was followed up to there says nothing of what comes.
 void BlockIntake::forget() {
-  if (!judge_) return;
+  if (!validator_) return;
   state_.emplace(KeyState::Part{.contract = setup_.where.contract,
                                 .likely_policy = setup_.likely_policy,
                                 .is_of_hot_path = setup_.is_of_hot_path});
@@ -48,9 +49,9 @@ void BlockIntake::forget() {
 }
 
 void BlockIntake::configure() {
-  const ChannelConfig& config = judge_->channel_config();
+  const ChannelConfig& config = validator_->channel_config();
   configured_ = config.block;
-  members_ = judge_->make_members();
+  members_ = validator_->make_members();
   rules_.foreign_events = !config.embedded_node;
   state_->configure(config);
   if (!config.embedded_node) return;
@@ -64,13 +65,13 @@ void BlockIntake::define(const std::string& policy) {
   defined_ = true;
 }
 
-Result<Continuation> BlockIntake::continue_chain(const LastVerified& trusted, const common::Block& newest,
+Result<Continuation> BlockIntake::continue_chain(const LastVerified& verified, const common::Block& newest,
                                                  const Fetch& fetch) {
-  auto on = continue_behind(trusted, newest, fetch);
+  auto on = continue_behind(verified, newest, fetch);
   if (!on) return on;
   caught_up_ = false;
   if (on->gap) {
-    if (const Status judged = judge_block(newest, fetch); !judged) return judged.error();
+    if (const Status valid = validate_block(newest, fetch); !valid) return valid.error();
     forget();
   }
   chain_ = on->chain;
@@ -78,12 +79,12 @@ Result<Continuation> BlockIntake::continue_chain(const LastVerified& trusted, co
   return on;
 }
 
-Status BlockIntake::judge_block(const common::Block& message, const Fetch& fetch) {
-  if (!judge_) return done;
+Status BlockIntake::validate_block(const common::Block& message, const Fetch& fetch) {
+  if (!validator_) return done;
   if (!std::exchange(caught_up_, true)) {
-    if (auto caught_up = judge_->catch_up(message, fetch); !caught_up) return caught_up;
+    if (auto caught_up = validator_->catch_up(message, fetch); !caught_up) return caught_up;
   }
-  return judge_->judge(message);
+  return validator_->validate(message);
 }
 
 Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch) {
@@ -95,13 +96,13 @@ Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch
     return Error{fmt::format("block {} came where {} was due", block->number, *next_)};
   ChainCheck chain = chain_;
   if (Status follows = chain.add(*block); !follows) return follows.error();
-  if (Status judged = judge_block(message, fetch); !judged) return judged.error();
+  if (Status valid = validate_block(message, fetch); !valid) return valid.error();
   if (Status same = compare_with_ordered(block->number, chain.hash()); !same) return same.error();
   forget_waiting(block->number);
   next_is_uncertain_ = false;
   chain_ = std::move(chain);
   next_ = chain_.height();
-  if (state_) judge_transactions(message, *block);
+  if (state_) validate_transactions(message, *block);
   return block;
 }
 
@@ -110,7 +111,7 @@ Error BlockIntake::contradict(std::string what) {
   return Error{contradiction_};
 }
 
-bool BlockIntake::is_signed(const common::Block& message) { return !judge_ || judge_->is_signed(message); }
+bool BlockIntake::is_signed(const common::Block& message) { return !validator_ || validator_->is_signed(message); }
 
 /// Of a block that the peer delivers.
 Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string& hash) {
@@ -218,11 +219,11 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
   next_is_uncertain_ = is_config(out.message);  // the peer's word decides, and is waited for
   if (next_is_uncertain_) return none;
   ChainCheck chain = chain_;
-  if (Status follows = judge_ordered(out.message, chain); !follows) {
+  if (Status follows = validate_ordered(out.message, chain); !follows) {
     (void)reported_.take_ordered(number);
     return follows.error();
   }
-  const std::vector<Verdict> verdicts = fabric::judge_transactions(out.message, *state_, *members_, rules_);
+  const std::vector<Verdict> verdicts = fabric::validate_transactions(out.message, *state_, *members_, rules_);
   next_is_uncertain_ = !std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& verdict) {
     return verdict.code == protos::VALID && verdict.repeatable && !verdict.by_flag;
   });
@@ -247,8 +248,8 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
 }
 
 /// That it is the next block, and signed. Before its transactions are looked at: anybody can make up some.
-Status BlockIntake::judge_ordered(const common::Block& message, ChainCheck& chain) {
-  if (Status judged = judge_->judge(message); !judged) return judged;
+Status BlockIntake::validate_ordered(const common::Block& message, ChainCheck& chain) {
+  if (Status valid = validator_->validate(message); !valid) return valid;
   const auto block = decode_block(message);
   return block ? chain.add(*block) : Status(block.error());
 }
@@ -265,12 +266,12 @@ std::optional<TimeNs> BlockIntake::came_ns(const Block& block) const {
   return newest_ns;
 }
 
-void BlockIntake::judge_transactions(const common::Block& message, Block& block) {
-  if (judge_->config() != configured_ && judge_->config() != block.number) configure();
+void BlockIntake::validate_transactions(const common::Block& message, Block& block) {
+  if (validator_->config() != configured_ && validator_->config() != block.number) configure();
   // Nobody orders the first block.
   if (block.number == 0) return;
-  take_verdicts(fabric::judge_transactions(message, *state_, *members_, rules_), block);
-  if (judge_->config() != configured_) configure();
+  take_verdicts(fabric::validate_transactions(message, *state_, *members_, rules_), block);
+  if (validator_->config() != configured_) configure();
 }
 
 void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& block) {
@@ -281,7 +282,7 @@ void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& blo
     if (verdict.by_flag) {
       ++counts_.by_flag;
     } else {
-      ++counts_.judged;
+      ++counts_.validated;
     }
     const bool reported_again = transaction.code == protos::DUPLICATE_TXID && verdict.code != protos::DUPLICATE_TXID;
     transaction.by_flag = verdict.by_flag || reported_again;

@@ -8,18 +8,18 @@
 #include <vector>
 
 #include "common/fabric/checkpoint/continuation.hpp"
-#include "common/fabric/judge/block_judge.hpp"
-#include "common/fabric/judge/key_state.hpp"
-#include "common/fabric/judge/transaction_judge.hpp"
 #include "common/fabric/stream/block_source.hpp"
 #include "common/fabric/stream/reported_headers.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/fabric/validation/block_validator.hpp"
+#include "common/fabric/validation/key_state.hpp"
+#include "common/fabric/validation/transaction_validator.hpp"
 
 namespace ledgerline::fabric {
 
 /// Verifies the blocks that a peer serves, without its I/O: the core of every stream of blocks. Each must be
-/// the next of the chain and signed by the channel's orderers; each of its transactions is judged by the rule of
-/// judge_transactions, as far as the blocks that came through here allow. Beyond that its flag is accepted.
+/// the next of the chain and signed by the channel's orderers; each of its transactions is validated by the rule of
+/// validate_transactions, as far as the blocks that came through here allow. Beyond that its flag is accepted.
 ///
 /// Where an orderer's stream is read, too, its blocks have no flags. With BlockSource::ordered the next block is taken
 /// from the stream that brings it first:
@@ -34,9 +34,9 @@ class BlockIntake {
  public:
   struct Setup {
     ChannelAndContract where;
-    /// As ClientConfig::config_block. Empty: neither blocks nor transactions are judged, the peer is trusted.
+    /// As ClientConfig::config_block. Empty: neither blocks nor transactions are validated: what the peer says counts.
     std::string config_block;
-    BlockJudge::MakeRegistry make_registry;
+    BlockValidator::MakeRegistry make_registry;
     /// As ClientConfig::likely_policy.
     std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
     /// As ClientConfig::is_of_hot_path.
@@ -53,8 +53,8 @@ class BlockIntake {
   /// The first block; without it the first that comes.
   void start_at(std::uint64_t number) { next_ = number; }
   /// Goes on behind a checkpoint: an error where the peer's chain, whose newest block that is, cannot continue it.
-  using Fetch = BlockJudge::Fetch;
-  Result<Continuation> continue_chain(const LastVerified& trusted, const common::Block& newest, const Fetch& fetch);
+  using Fetch = BlockValidator::Fetch;
+  Result<Continuation> continue_chain(const LastVerified& verified, const common::Block& newest, const Fetch& fetch);
 
   /// The next block, with the verified transactions: one that is flagged valid and is not is left out
   /// (code_unverified), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the
@@ -108,9 +108,9 @@ class BlockIntake {
   const std::string& contradiction() const { return contradiction_; }
 
   struct Counts {
-    std::uint64_t judged = 0;         ///< transactions whose flag rests on our own judgement as well
+    std::uint64_t validated = 0;      ///< transactions whose flag rests on our own validation as well
     std::uint64_t by_flag = 0;        ///< on the peer's word
-    std::uint64_t differ = 0;         ///< of those that are judged
+    std::uint64_t differ = 0;         ///< of those that are validated
     std::uint64_t ordered_first = 0;  ///< blocks taken before the peer delivered them
     std::uint64_t confirmed = 0;      ///< of these
     std::uint64_t uncertain = 0;      ///< blocks that an orderer delivered first, and that had to wait for the peer
@@ -119,9 +119,9 @@ class BlockIntake {
 
  private:
   explicit BlockIntake(Setup setup) : setup_(std::move(setup)) {}
-  Status judge_block(const common::Block& message, const Fetch& fetch);
-  void judge_transactions(const common::Block& message, Block& block);
-  Status judge_ordered(const common::Block& message, ChainCheck& chain);
+  Status validate_block(const common::Block& message, const Fetch& fetch);
+  void validate_transactions(const common::Block& message, Block& block);
+  Status validate_ordered(const common::Block& message, ChainCheck& chain);
   std::optional<TimeNs> came_ns(const Block& block) const;
   void take_verdicts(const std::vector<Verdict>& verdicts, Block& block);
   bool may_take_ordered() const;
@@ -136,15 +136,15 @@ class BlockIntake {
   void forget();
 
   Setup setup_;
-  std::optional<BlockJudge> judge_;
+  std::optional<BlockValidator> validator_;
   bool caught_up_ = false;
   std::optional<std::uint64_t> next_;
   ChainCheck chain_;
 
-  // Of the transactions; none where they are not judged.
+  // Of the transactions; none where they are not validated.
   std::optional<KeyState> state_;
   std::unique_ptr<crypto::MspRegistry> members_;
-  JudgeRules rules_;
+  ValidationRules rules_;
   std::uint64_t configured_ = 0;  ///< the config block by which that is so
   bool defined_ = false;
   Counts counts_;

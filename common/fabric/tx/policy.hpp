@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-/// Signature policies: common.SignaturePolicyEnvelope, as peers judge endorsements, and orderers' signatures. Pure.
+/// Signature policies: common.SignaturePolicyEnvelope, as peers validate endorsements, and orderers' signatures. Pure.
 namespace ledgerline::fabric {
 
 /// Who has signed.

@@ -10,7 +10,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 
-/// Fabric's transactions and blocks as pure functions over bytes: used by the real client and by virtual campaigns.
+/// Fabric's transactions and blocks as pure functions over bytes: used by the real client and by simulated campaigns.
 /// All byte strings are serialized protobuf messages of Fabric, named in the comments.
 namespace ledgerline::fabric {
 
@@ -118,7 +118,7 @@ struct Transaction {
   std::vector<Endorsement> endorsements;
   bool config = false;  ///< a config transaction: only tx_id, channel and code are set
   /// Why its flag is not accepted. Of one that was flagged valid and cannot be read as one (decode_block) only tx_id,
-  /// channel, contract and code are set then; else it is as it came, and our own judgement contradicts its flag: with
+  /// channel, contract and code are set then; else it is as it came, and our own validation contradicts its flag: with
   /// code_unverified (or that of a duplicate, 9) where it was flagged valid.
   std::string problem;
 };

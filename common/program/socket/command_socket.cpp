@@ -16,7 +16,7 @@
 namespace ledgerline {
 namespace {
 
-constexpr std::size_t max_askers = 8, max_line = 1'000, max_answer = 1'000'000;
+constexpr std::size_t max_connections = 8, max_line = 1'000, max_answer = 1'000'000;
 constexpr TimeNs timeout = 5 * ns_per_s, accept_pause = 100 * ns_per_ms;
 
 Result<sockaddr_un> place(const std::string& path) {
@@ -72,58 +72,59 @@ Result<CommandSocket> CommandSocket::open(const std::string& path) {
   out.listener_ = fd;
   if (!bound) return Error{fmt::format("cannot make the socket {}: {}", path, std::strerror(why))};
   out.path_ = path;
-  if (::listen(fd, max_askers) != 0) return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
+  if (::listen(fd, max_connections) != 0)
+    return Error{fmt::format("cannot listen on {}: {}", path, std::strerror(errno))};
   return out;
 }
 
 CommandSocket::CommandSocket(CommandSocket&& other) noexcept
     : path_(std::exchange(other.path_, {})),
       listener_(std::exchange(other.listener_, -1)),
-      askers_(std::exchange(other.askers_, {})) {}
+      connections_(std::exchange(other.connections_, {})) {}
 
 CommandSocket::~CommandSocket() {
-  for (const Asker& asker : askers_) ::close(asker.fd);
+  for (const Connection& connection : connections_) ::close(connection.fd);
   if (listener_ >= 0) ::close(listener_);
   if (!path_.empty()) ::unlink(path_.c_str());
 }
 
 void CommandSocket::add_to(TimeNs now, std::vector<pollfd>& polled) const {
-  polled.push_back({askers_.size() < max_askers && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
-  for (const Asker& asker : askers_) polled.push_back({asker.fd, POLLIN, 0});
+  polled.push_back({connections_.size() < max_connections && now >= accept_from_ ? listener_ : -1, POLLIN, 0});
+  for (const Connection& connection : connections_) polled.push_back({connection.fd, POLLIN, 0});
 }
 
 void CommandSocket::serve(TimeNs now, std::span<const pollfd> polled, const Do& act) {
-  for (std::size_t i = 0; i < askers_.size(); ++i) {
-    Asker& asker = askers_[i];
+  for (std::size_t i = 0; i < connections_.size(); ++i) {
+    Connection& connection = connections_[i];
     const bool spoke = polled[i + 1].revents != 0;
-    if (spoke ? serve(asker, act) : now < asker.until) {
-      if (spoke) asker.until = now + timeout;
+    if (spoke ? serve(connection, act) : now < connection.until) {
+      if (spoke) connection.until = now + timeout;
       continue;
     }
-    ::close(std::exchange(asker.fd, -1));
+    ::close(std::exchange(connection.fd, -1));
   }
-  std::erase_if(askers_, [](const Asker& asker) { return asker.fd < 0; });
+  std::erase_if(connections_, [](const Connection& connection) { return connection.fd < 0; });
   if (polled[0].revents == 0) return;
   const int fd = ::accept4(listener_, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC);
   if (fd >= 0)
-    askers_.push_back({fd, {}, now + timeout});
+    connections_.push_back({fd, {}, now + timeout});
   else if (errno != EAGAIN && errno != EINTR && errno != ECONNABORTED)
     accept_from_ = now + accept_pause;
 }
 
-bool CommandSocket::serve(Asker& asker, const Do& act) {
+bool CommandSocket::serve(Connection& connection, const Do& act) {
   std::array<char, max_line> buffer;
-  const ssize_t got = ::recv(asker.fd, buffer.data(), buffer.size(), 0);
+  const ssize_t got = ::recv(connection.fd, buffer.data(), buffer.size(), 0);
   if (got <= 0) return got < 0 && (errno == EAGAIN || errno == EINTR);
-  asker.line.append(buffer.data(), static_cast<std::size_t>(got));
-  for (std::size_t end; (end = asker.line.find('\n')) != std::string::npos;) {
-    const auto result = act(asker.line.substr(0, end));
-    asker.line.erase(0, end + 1);
+  connection.line.append(buffer.data(), static_cast<std::size_t>(got));
+  for (std::size_t end; (end = connection.line.find('\n')) != std::string::npos;) {
+    const auto result = act(connection.line.substr(0, end));
+    connection.line.erase(0, end + 1);
     const std::string answer = result ? "ok\n" + *result : "error: " + result.error().what + "\n";
     // An answer fits the socket's buffer; who lets several of them lie there is let go.
-    if (!send_all(asker.fd, answer + "\n")) return false;
+    if (!send_all(connection.fd, answer + "\n")) return false;
   }
-  return asker.line.size() <= max_line;
+  return connection.line.size() <= max_line;
 }
 
 Result<std::string> tell_command(const std::string& socket_path, const std::string& command, TimeNs timeout_ns) {

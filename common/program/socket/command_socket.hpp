@@ -30,17 +30,17 @@ class CommandSocket {
   void serve(TimeNs now, std::span<const pollfd> polled, const Do& act);
 
  private:
-  struct Asker {
+  struct Connection {
     int fd = -1;
     std::string line = {};
     TimeNs until = 0;
   };
   CommandSocket() = default;
-  bool serve(Asker& asker, const Do& act);
+  bool serve(Connection& connection, const Do& act);
 
   std::string path_;  // its own, to be removed
   int listener_ = -1;
-  std::vector<Asker> askers_;
+  std::vector<Connection> connections_;
   TimeNs accept_from_ = 0;  // when this process may open no more files it waits a while
 };
 

@@ -16,7 +16,7 @@ StateIntake::StateIntake(const FlightConfig& config, const LeaseBook& leases, Fl
     : config_(config), leases_(leases), counters_(counters), seen_(config.drones.size()) {}
 
 // The contract let only the drone's owner write; this is the check that does not lean on the peer.
-bool StateIntake::trusted(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const {
+bool StateIntake::is_verified(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const {
   if (!config_.trusted) return true;
   const auto member = config_.trusted->member(tx.creator, realtime_s);
   const auto& owner = leases_.of(drone).owner;
@@ -63,8 +63,8 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     const bool alarm = what == "alarm" && asset.msg_type() == alarms_type;
     if (!status && !odometry && !battery && !transitions && !alarm) continue;
     if (drone != checked) {
-      if (!trusted(tx, realtime_s, *drone)) {
-        ++counters_.unverified;
+      if (!is_verified(tx, realtime_s, *drone)) {
+        ++counters_.states_unverified;
         continue;
       }
       checked = drone;

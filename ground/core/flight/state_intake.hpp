@@ -34,7 +34,7 @@ class StateIntake {
   const IntakeState& of(std::size_t drone) const { return seen_[drone]; }
 
  private:
-  bool trusted(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const;
+  bool is_verified(const fabric::Transaction& tx, std::int64_t realtime_s, std::size_t drone) const;
 
   const FlightConfig& config_;
   const LeaseBook& leases_;

@@ -42,7 +42,7 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.holder.reset();
   lease.commander.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
-  *lease.stoppers.mutable_resumed() = control.resumed();
+  *lease.stoppers.mutable_cleared() = control.cleared();
   if (control.has_owner()) lease.owner = verification::to_name(control.owner());
   if (control.has_holder()) {
     lease.holder = verification::to_name(control.holder());
@@ -76,7 +76,7 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
   if (!ours(event->controls.controls()) && !ours(event->stops.stops()) && !role_of_ours) return {};
   std::optional<verification::Creator> creator;
   if (config_.trusted && !(creator = creator_of(tx, realtime_s))) {
-    ++counters_.unverified;
+    ++counters_.states_unverified;
     return {};
   }
   std::vector<Change> changes;

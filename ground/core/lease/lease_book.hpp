@@ -15,7 +15,7 @@ struct Lease {
   std::optional<crypto::IdentityName> owner, holder;
   std::optional<crypto::IdentityName> commander;  ///< the holder, or who commands in its place
   std::optional<Control> record;                  ///< the newest, whole: what control events have to follow from
-  Control stoppers;  ///< who has it stopped, and whose stops were lifted; nothing else of the record
+  Control stoppers;  ///< who has it stopped, and whose stops were cleared; nothing else of the record
   std::uint64_t epoch = 0;
   bool revoked = false;      ///< its holder or its commander
   bool may_command = false;  ///< we are its commander, nobody of it is revoked and the drone is not stopped

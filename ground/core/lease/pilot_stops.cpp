@@ -44,10 +44,10 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
                         std::vector<Submission>& submissions) {
   for (Slot& slot : slots_) {
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
-    slot.stop->clear_resumes();
+    slot.stop->clear_clears();
     const std::optional<Control>& record = leases.of(slot.drone).record;
     if (slot.counted && record)
-      slot.stop->add_resumes(resumes_of(*record, verification::to_message(slot.by ? *slot.by : self_)));
+      slot.stop->add_clears(clears_of(*record, verification::to_message(slot.by ? *slot.by : self_)));
     slot.id = next_id++;
     submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true, slot.by});
   }
@@ -63,7 +63,7 @@ std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabr
   slot->next_ns = slot->repeat->at_ns();
   Ended ended{slot->drone, ""};
   if (next == Next::again) return ended;
-  if (next == Next::refused && !slot->stop->resumes().empty()) {
+  if (next == Next::refused && !slot->stop->clears().empty()) {
     slot->counted = false;
     slot->next_ns = now;
     return ended;

@@ -11,8 +11,8 @@
 namespace ledgerline::ground {
 
 /// A pilot's stops on their way: each goes out by itself, at once, and again until the ledger has it, the contract
-/// refuses it, or 30 s are over. It says how often our stops of that drone were lifted, so that none stops what was
-/// resumed since; where the contract refuses that one, as another count may have come meanwhile, it goes out once more
+/// refuses it, or 30 s are over. It says how often our stops of that drone were cleared, so that none stops what was
+/// cleared since; where the contract refuses that one, as another count may have come meanwhile, it goes out once more
 /// without. One of a drone and stopper at a time; a cut replaces a stop. Deterministic; one thread.
 class PilotStops {
  public:
@@ -39,7 +39,7 @@ class PilotStops {
     std::optional<crypto::IdentityName> by{};
     std::uint64_t seed = 0;                  ///< of the pauses' jitter
     std::optional<DronesCall> stop{};        ///< to be submitted, or in flight
-    bool counted = true;                     ///< it says how often our stops were lifted
+    bool counted = true;                     ///< it says how often our stops were cleared
     std::optional<fabric::Repeat> repeat{};  ///< of that one
     std::uint64_t id = 0;                    ///< 0: not in flight
     TimeNs next_ns = 0;

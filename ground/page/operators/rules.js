@@ -49,7 +49,7 @@ export const CONTROLS = {
   acquire: ['Take control', (drone, who) => !isHeld(drone) || (isMine(drone, who) && !drone.lease.ours), () => null],
   release: ['Give back', isMine, () => null],
   request: ['Ask for it', (drone, who) => isHeld(drone) && !isMine(drone, who), (drone, who) => (hasAsked(drone, who) ? `${drone.name} is asked for already: its holder answers.` : null)],
-  lift: ['Lift the stop', isStopped, (drone, _who, flying) => (flying ? `${drone.name} is still landing.` : null)],
+  clear_stop: ['Clear stop', isStopped, (drone, _who, flying) => (flying ? `${drone.name} is still landing.` : null)],
 };
 
 export const whyNotControl = (what, drone, who, flying) => (who.identity ? CONTROLS[what][2](drone, who, flying) : SIGN_IN);

@@ -114,12 +114,13 @@ auto kind_in(const Verbs& verbs, std::string_view verb) {
 
 std::optional<OperatorCall::Kind> call_of(std::string_view verb) {
   using Kind = OperatorCall::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 2> verbs{{{"acquire", Kind::acquire},
-                                                                                       {"release", Kind::release},
-                                                                                       {"request", Kind::request},
-                                                                                       {"hand_over", Kind::hand_over},
-                                                                                       {"deny", Kind::deny},
-                                                                                       {"lift", Kind::resume}}};
+  constexpr std::array<std::pair<std::string_view, Kind>, enum_count<Kind> - 2> verbs{
+      {{"acquire", Kind::acquire},
+       {"release", Kind::release},
+       {"request", Kind::request},
+       {"hand_over", Kind::hand_over},
+       {"deny", Kind::deny},
+       {"clear_stop", Kind::clear_stop}}};
   return kind_in(verbs, verb);
 }
 
@@ -153,7 +154,7 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiCon
   } else if (const Status keys = only(*body, {}); !keys) {
     return refusal(400, keys.error().what);
   }
-  call.ground_too = call.kind == Kind::resume && has(known.stopped_by_ground, *call.drone);
+  call.ground_too = call.kind == Kind::clear_stop && has(known.stopped_by_ground, *call.drone);
   return {.status = 202, .body = taken, .call = std::move(call)};
 }
 
@@ -267,7 +268,7 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const A
   } else if (verb != "path") {
     return refusal(404,
                    "a drone knows takeoff, land, stop, cut, path, pause, resume, return, acquire, release, request, "
-                   "hand_over, deny, lift");
+                   "hand_over, deny, clear_stop");
   }
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body);

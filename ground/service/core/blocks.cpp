@@ -12,7 +12,7 @@ std::size_t kind_of(const fabric::Transaction& tx, std::string_view contract) {
   constexpr std::size_t other = block_kinds.size() - 1, config = other - 1;
   if (tx.config) return config;
   if (tx.contract != contract) return other;
-  const auto known = std::find(block_kinds.begin(), block_kinds.begin() + config, tx.function);
+  const auto known = std::find(block_kinds.begin(), block_kinds.begin() + config, contract::current_name(tx.function));
   return known == block_kinds.begin() + config ? other : static_cast<std::size_t>(known - block_kinds.begin());
 }
 

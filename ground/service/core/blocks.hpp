@@ -29,8 +29,8 @@ inline constexpr std::array<std::string_view, 18> block_kinds{contract::set,
                                                               contract::deny,
                                                               contract::evict,
                                                               contract::stop,
-                                                              contract::resume,
-                                                              contract::fold,
+                                                              contract::clear_stop,
+                                                              contract::apply_stops,
                                                               "config",
                                                               "other"};
 

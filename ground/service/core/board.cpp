@@ -168,7 +168,7 @@ void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<
   }
   if (std::string stoppers = stopper_names(lease.stoppers); stoppers != before.stoppers) {
     add(now, stoppers.empty() ? Level::info : Level::alarm, name,
-        stoppers.empty() ? "its stop is lifted" : "stopped by " + stoppers, events);
+        stoppers.empty() ? "its stop is cleared" : "stopped by " + stoppers, events);
     before.stoppers = std::move(stoppers);
   }
 }

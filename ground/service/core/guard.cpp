@@ -57,7 +57,7 @@ ApiAnswer Guard::check_place(const Head& head) const {
   return {.status = 0, .body = {}};
 }
 
-Guard::Judged Guard::check(const Head& head, const FindSession& find) const {
+Guard::Admission Guard::check(const Head& head, const FindSession& find) const {
   if (ApiAnswer place = check_place(head); place.status != 0) return {place};
   for (const std::string_view token : tokens_of(head)) {
     if (same_secret(token, token_)) return {{.status = 0, .body = {}}};

@@ -30,7 +30,7 @@ class Guard {
   ApiAnswer check_place(const Head& head) const;
   /// For the API and the stream: status 0, the request is heard; `session`: that it belongs to. `over`: it is refused,
   /// but its session was one until it ended, and it may still bring drones down (ApiRequest::over).
-  struct Judged {
+  struct Admission {
     ApiAnswer refused;
     std::optional<SignIns::Session> session{};
     bool over = false;
@@ -41,7 +41,7 @@ class Guard {
     bool over = false;
   };
   using FindSession = std::function<Found(std::string_view token)>;
-  Judged check(const Head& head, const FindSession& find) const;
+  Admission check(const Head& head, const FindSession& find) const;
 
  private:
   bool is_own(std::string_view host) const;

@@ -17,7 +17,7 @@ struct Row {
 constexpr std::array rows{
     Row{contract::acquire, "take control"},    Row{contract::release, "give back"},
     Row{contract::request, "ask for control"}, Row{contract::hand_over, "hand over"},
-    Row{contract::deny, "deny the request"},   Row{contract::resume, "lift the stop"},
+    Row{contract::deny, "deny the request"},   Row{contract::clear_stop, "clear the stop"},
     Row{contract::anchor, "approve"},          Row{contract::anchor, "withdraw the approval of"},
 };
 static_assert(rows.size() == enum_count<OperatorCall::Kind>);
@@ -49,7 +49,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
     *answer.mutable_to() = verification::to_message(call.to);
     return as_call(answer);
   }
-  if (call.kind == Kind::resume) {
+  if (call.kind == Kind::clear_stop) {
     DronesCall drones;
     drones.add_drones(drone);
     return as_call(drones);

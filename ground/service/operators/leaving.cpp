@@ -26,7 +26,7 @@ std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
   std::vector<std::size_t> stopped;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
     const Control& stoppers = flights.lease(drone).stoppers;
-    // A ground that is a supervisor would lift the others' stops with its own.
+    // A ground that is a supervisor would clear the others' stops with its own.
     if (stoppers.stoppers_size() == 1 && is_stopped_by(stoppers, ground)) stopped.push_back(drone);
   }
   return stopped;

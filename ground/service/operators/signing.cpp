@@ -8,8 +8,8 @@ std::string not_signed(const KeyState& key, OperatorCall::Kind kind) {
   return key.unlocked && (!key.left || kind == OperatorCall::Kind::release) ? "" : "the session is over";
 }
 
-bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone) {
-  return resume.refusal && resume.refusal->about == drone;
+bool may_clear_ground_stop(const fabric::Outcome& outcome, const std::string& drone) {
+  return outcome.refusal && outcome.refusal->about == drone;
 }
 
 CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why) {

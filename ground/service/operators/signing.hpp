@@ -17,9 +17,9 @@ struct KeyState {
 /// he gives back: what he asked for before would outlive him.
 std::string not_signed(const KeyState& key, OperatorCall::Kind kind);
 
-/// Whether ground lifts its own stop of that drone behind an operator's resume that ended so: the contract had nothing
-/// of his to lift there. One whose role is revoked is refused as a whole, and lifts nothing.
-bool may_lift_ground_stop(const fabric::Outcome& resume, const std::string& drone);
+/// Whether ground clears its own stop of that drone behind an operator's clear_stop that ended so: the contract had
+/// nothing of his to clear there. One whose role is revoked is refused as a whole, and clears nothing.
+bool may_clear_ground_stop(const fabric::Outcome& outcome, const std::string& drone);
 
 /// What people get to know of a call, as an event.
 struct CallUpdate {

@@ -152,7 +152,7 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
   // A mission is long, and only who knows the token may send one.
   void read_body() {
     const Request& request = parser_->get();
-    const bool known = judge(head_of(request)).refused.status == 0;
+    const bool known = admission_of(head_of(request)).refused.status == 0;
     const std::size_t limit = known ? body_limit(view(request.target())) : max_body_bytes;
     if (parser_->content_length().value_or(0) > limit) return on_read(http::error::body_limit);
     parser_->body_limit(limit);
@@ -170,7 +170,7 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
     if (auto response = make_response(request)) write(std::move(*response));
   }
 
-  Guard::Judged judge(const Head& head) {
+  Guard::Admission admission_of(const Head& head) {
     return guard_.check(head, [&](std::string_view token) -> Guard::Found {
       const TimeNs now = monotonic_ns();
       const auto session = hub_.sign_ins().of(now, token);
@@ -186,16 +186,16 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
       const ApiAnswer place = guard_.check_place(head);
       return place.status != 0 ? respond(request, place) : page(request);
     }
-    Guard::Judged judged = judge(head);
-    keep_place(judged, Places::Use::request);
-    if (judged.refused.status != 0 && !judged.over) return respond(request, judged.refused);
+    Guard::Admission admission = admission_of(head);
+    keep_place(admission, Places::Use::request);
+    if (admission.refused.status != 0 && !admission.over) return respond(request, admission.refused);
     const TimeNs now = monotonic_ns();
     ApiRequest asked{.method = view(request.method_string()),
                      .target = target,
                      .body = request.body(),
                      .content_type = view(request[http::field::content_type]),
-                     .over = judged.over};
-    if (judged.session) asked.who = judged.session->who;
+                     .over = admission.over};
+    if (admission.session) asked.who = admission.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     if (target == "/api/v1/session") wipe_body();
     const bool lands = std::any_of(made.commands.begin(), made.commands.end(), brings_down);
@@ -209,7 +209,7 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
       if (!signed_now) return respond(request, refusal(503, signed_now.error().what));
     }
     if (made.sign_out) {
-      hub_.sign_ins().end(*judged.session);
+      hub_.sign_ins().end(*admission.session);
       hub_.keys().leave(*asked.who);
     }
     if (made.sign_in) return sign_in(now, std::move(*made.sign_in));
@@ -284,19 +284,19 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
     const Request& request = parser_->get();
     if (view(request.target()) != "/api/v1/stream")
       return write(respond(request, refusal(404, "the stream is /api/v1/stream")));
-    const Guard::Judged judged = judge(head_of(request));
-    if (judged.refused.status != 0) return write(respond(request, judged.refused));
-    if (!keep_place(judged, Places::Use::stream))
+    const Guard::Admission admission = admission_of(head_of(request));
+    if (admission.refused.status != 0) return write(respond(request, admission.refused));
+    if (!keep_place(admission, Places::Use::stream))
       return write(respond(request, refusal(503, "there are too many connections from here: close one")));
     wire_.tcp().expires_never();
-    serve_stream(std::move(wire_), hub_, {std::move(place_), std::move(*kept_)}, judged.session, request);
+    serve_stream(std::move(wire_), hub_, {std::move(place_), std::move(*kept_)}, admission.session, request);
   }
 
   /// Whether this connection may last beyond its answer; a request is answered without that.
-  bool keep_place(const Guard::Judged& judged, Places::Use use) {
-    const bool known = judged.refused.status == 0;
+  bool keep_place(const Guard::Admission& admission, Places::Use use) {
+    const bool known = admission.refused.status == 0;
     Places::Owner owner{address_, {}};
-    if (judged.session) owner.who = judged.session->who;
+    if (admission.session) owner.who = admission.session->who;
     if (known && kept_ && kept_->owner() == owner) return true;
     kept_.reset();
     if (!known) return false;

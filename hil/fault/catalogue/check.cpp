@@ -8,7 +8,7 @@ namespace ledgerline::hil {
 
 Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealStack>& real) {
   auto script = parse_script(toml, file, true);
-  const bool only_real = script && !check_virtual(*script);
+  const bool only_real = script && !check_sitl(*script);
   if (!real && !only_real) return parse_script(toml, file);
   if (!script) return script;
   auto config = Config::parse(toml, file);  // it knows the lines

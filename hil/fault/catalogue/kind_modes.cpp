@@ -7,7 +7,7 @@
 #include <cctype>
 #include <optional>
 
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -119,7 +119,7 @@ KindModes modes_of(const FaultKind& kind) {
 
 std::string modes_text(const KindModes& modes) {
   std::vector<std::string> said;
-  if (const auto text = said_of("virtual", modes.in_virtual_time); !text.empty()) said.push_back(text);
+  if (const auto text = said_of("sitl", modes.sitl); !text.empty()) said.push_back(text);
   if (modes.embedded.possible == modes.fabric.possible) {
     if (const auto text = said_of("real", modes.embedded); !text.empty()) said.push_back(text);
   } else {
@@ -130,7 +130,7 @@ std::string modes_text(const KindModes& modes) {
     if (const auto text = said_of("real over the shim", modes.shim); !text.empty()) said.push_back(text);
   }
   if (!said.empty()) return fmt::format("{}", fmt::join(said, ", "));
-  return modes.in_virtual_time.refused.empty() ? "refused" : "refused: " + modes.in_virtual_time.refused.front().second;
+  return modes.sitl.refused.empty() ? "refused" : "refused: " + modes.sitl.refused.front().second;
 }
 
 }  // namespace ledgerline::hil

@@ -24,12 +24,12 @@ struct InMode {
 };
 struct KindModes {
   const FaultKind* kind = nullptr;
-  InMode in_virtual_time, embedded, fabric;  ///< the latter two: with the real processes, on this ledger
-  InMode shim;                               ///< with the real processes, and drones behind the shim
+  InMode sitl, embedded, fabric;  ///< the latter two: with the real processes, on this ledger
+  InMode shim;                    ///< with the real processes, and drones behind the shim
 };
 KindModes modes_of(const FaultKind& kind);
 
-/// "virtual, real", "real: `agent kill`", "refused: why" ...: the modes in words.
+/// "sitl, real", "real: `agent kill`", "refused: why" ...: the modes in words.
 std::string modes_text(const KindModes& modes);
 
 }  // namespace ledgerline::hil

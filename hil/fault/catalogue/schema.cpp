@@ -11,14 +11,14 @@
 #include "common/msg/names.hpp"
 #include "hil/fault/catalogue/kind_modes.hpp"
 #include "hil/fault/script.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
 using Json = nlohmann::ordered_json;
 
-constexpr const char* duration_pattern = R"(^[0-9.]+(us|ms|s)$)";  // of hil/lines/distribution.cpp
+constexpr const char* duration_pattern = R"(^[0-9.]+(us|ms|s)$)";  // of hil/netem/distribution.cpp
 constexpr const char* number_pattern = "[0-9.]+";
 constexpr const char* moment_pattern =
     R"(^\s*([0-9.]+(us|ms|s)|(takeoff|flying|path|landing|landed|lap\s+\S+|height\s+\S+)(\s*\+\s*[0-9.]+(us|ms|s))?)\s*$)";
@@ -78,7 +78,7 @@ Json schema_of_faults() {
   for (const FaultKind* kind : fault_kinds()) {
     const KindModes modes = modes_of(*kind);
     const bool anywhere =
-        !modes.in_virtual_time.possible.empty() || !modes.fabric.possible.empty() || !modes.embedded.possible.empty();
+        !modes.sitl.possible.empty() || !modes.fabric.possible.empty() || !modes.embedded.possible.empty();
     if (!anywhere) continue;  // rows that only say why there is no such fault
     kinds.push_back(
         {{"pattern", pattern_of(*kind)}, {"description", fmt::format("{} ({})", kind->form, modes_text(modes))}});

@@ -76,7 +76,7 @@ class Comparer {
       for (const FigureKind& kind : figure_kinds()) compare_figure(both, kind);
     }
     for (const FigureKind& kind : figure_kinds()) compare_all_scripts(kind);
-    judge();
+    decide();
     return std::move(out_);
   }
 
@@ -265,7 +265,7 @@ class Comparer {
     out_.figures.push_back(std::move(change));
   }
 
-  void judge() {
+  void decide() {
     // Tests that could not show anything even alone, of too few runs that differ, cost the others nothing (Tarone
     // 1990).
     std::vector<Test> able;

@@ -17,7 +17,7 @@ struct FlownRun {
   std::uint64_t seed = 0;
   std::string source;               ///< of which text of the script; empty: not known
   std::string digest;               ///< of all its bytes; empty: a run that promises none, in real time
-  std::string mode;                 ///< how it was flown: "virtual", "real" ...; empty: not said
+  std::string mode;                 ///< how it was flown: "sitl", "real" ...; empty: not said
   std::vector<std::string> broken;  ///< rules
   std::map<std::string, double, std::less<>> figures;
 };
@@ -59,7 +59,7 @@ struct RuleChange {
   std::size_t old_broken = 0, old_runs = 0, new_broken = 0, new_runs = 0;
   std::vector<std::uint64_t> newly{};  ///< seeds whose run held with the old build and broke with the new one
   /// No statistics, and no part of the error rate: the same seeds, the same bytes each time, and it never broke before,
-  /// or never does now; or both builds flew the same bytes, and judge them otherwise.
+  /// or never does now; or both builds flew the same bytes, and their verdicts differ.
   bool fact = false;
   double p = 1;  ///< not of a fact
   Change verdict = Change::none;

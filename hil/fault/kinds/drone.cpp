@@ -1,30 +1,30 @@
-// Faults of the drones themselves, of their lines, sensors and air.
+// Faults of the drones themselves, of their network, sensors and air.
 #include <cmath>
 #include <numbers>
 
 #include "hil/fault/kinds/said.hpp"
-#include "hil/virtual/facts.hpp"
+#include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
 using ParsedWords = FaultKind::ParsedWords;
 
-DroneNumber number_of(VirtualWorld& world, std::size_t drone) { return world.facts()[drone].number; }
+DroneNumber number_of(SimulatedWorld& world, std::size_t drone) { return world.facts()[drone].number; }
 
-Result<FaultActs> line_effects(const ParsedWords& said) {
-  const std::string_view line = said.words[0];
+Result<FaultActs> link_effects(const ParsedWords& said) {
+  const std::string_view way = said.words[0];
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
-  std::vector<LineAt> lines;
-  if (line == "to" || line == "both") lines.push_back(LineAt::to);
-  if (line == "answers" || line == "from" || line == "both") lines.push_back(LineAt::answers);
-  if (line == "states" || line == "from" || line == "both") lines.push_back(LineAt::states);
+  std::vector<DroneTraffic> traffic;
+  if (way == "to" || way == "both") traffic.push_back(DroneTraffic::to);
+  if (way == "answers" || way == "from" || way == "both") traffic.push_back(DroneTraffic::answers);
+  if (way == "states" || way == "from" || way == "both") traffic.push_back(DroneTraffic::states);
   return FaultActs{.lasts_on =
-                       [lines, effects = *effects](Effects::OfDrone& drone, std::size_t) {
-                         for (const LineAt at : lines) overlay(effects, drone.line(at));
+                       [traffic, effects = *effects](Effects::OfDrone& drone, std::size_t) {
+                         for (const DroneTraffic at : traffic) overlay(effects, drone.impairment(at));
                        },
-                   .deafens = lines.front() == LineAt::to};
+                   .deafens = traffic.front() == DroneTraffic::to};
 }
 
 Result<FaultActs> plan_effects(const ParsedWords& said) {
@@ -35,14 +35,15 @@ Result<FaultActs> plan_effects(const ParsedWords& said) {
                                 : effects->rate         ? "rate"
                                                         : "";
   if (!none.empty()) return Error{"agent hands plans on in shared memory, which has no " + std::string(none)};
-  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
-                                                    std::size_t) { overlay(effects, drone.line(LineAt::plans)); },
-                   .not_real = because("plans go from agent to link in shared memory")};
+  return FaultActs{
+      .lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                       std::size_t) { overlay(effects, drone.impairment(DroneTraffic::plans)); },
+      .not_real = because("plans go from agent to link in shared memory")};
 }
 
 Result<FaultActs> reboot(const ParsedWords&) {
   return FaultActs{
-      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
+      .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
       .not_real = because(inside_the_simulation),
       .momentary = true,
       .pushes = true};
@@ -50,7 +51,7 @@ Result<FaultActs> reboot(const ParsedWords&) {
 
 Result<FaultActs> lose_propeller(const ParsedWords&) {
   return FaultActs{
-      .strike = [](VirtualWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
+      .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
       .not_real = because(inside_the_simulation),
       .momentary = true,
       .pushes = true,
@@ -62,7 +63,7 @@ Result<FaultActs> set_battery(const ParsedWords& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"battery must be followed by a share, 0% to 100%"};
   return FaultActs{
-      .strike = [share = *share](VirtualWorld& world,
+      .strike = [share = *share](SimulatedWorld& world,
                                  std::size_t drone) { world.sim().set_battery(number_of(world, drone), share); },
       .not_real = because(inside_the_simulation),
       .momentary = true};
@@ -73,7 +74,7 @@ Result<FaultActs> heat(const ParsedWords& said) {
   const auto celsius = parse_number(said.words[0]);
   if (!celsius || *celsius < 0 || *celsius > max_c) return Error{"heat must be followed by 0 to 150 degrees Celsius"};
   return FaultActs{.strike = [celsius = *celsius](
-                                 VirtualWorld& world,
+                                 SimulatedWorld& world,
                                  std::size_t drone) { world.sim().set_temperature(number_of(world, drone), celsius); },
                    .not_real = because(inside_the_simulation),
                    .momentary = true};
@@ -90,7 +91,7 @@ Result<FaultActs> kick(const ParsedWords& said) {
   const auto velocity = vector_of(said.words);
   if (!velocity) return Error{"kick must be followed by three velocities in m/s"};
   return FaultActs{
-      .strike = [velocity = *velocity](VirtualWorld& world,
+      .strike = [velocity = *velocity](SimulatedWorld& world,
                                        std::size_t drone) { world.sim().kick(number_of(world, drone), velocity); },
       .not_real = because(inside_the_simulation),
       .momentary = true,
@@ -194,14 +195,15 @@ Result<FaultActs> mocap_every(const ParsedWords& said) {
 Result<FaultActs> mocap_effects(const ParsedWords& said) {
   const auto effects = effects_in(said.rest);
   if (!effects) return effects.error();
-  return FaultActs{.lasts_on = [effects = *effects](Effects::OfDrone& drone,
-                                                    std::size_t) { overlay(effects, drone.line(LineAt::mocap)); },
-                   .not_real = because("mocap goes past the proxy, by DDS"),
-                   .idle_in = without_mocap};
+  return FaultActs{
+      .lasts_on = [effects = *effects](Effects::OfDrone& drone,
+                                       std::size_t) { overlay(effects, drone.impairment(DroneTraffic::mocap)); },
+      .not_real = because("mocap goes past the proxy, by DDS"),
+      .idle_in = without_mocap};
 }
 
 constexpr FaultKind drone_table[] = {
-    {"drone NAME to|answers|states|from|both EFFECTS...", line_effects},
+    {"drone NAME to|answers|states|from|both EFFECTS...", link_effects},
     {"drone NAME plans EFFECTS...", plan_effects},
     {"drone NAME reboot", reboot},
     {"drone NAME propeller", lose_propeller},

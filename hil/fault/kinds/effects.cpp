@@ -2,7 +2,7 @@
 
 #include <cassert>
 
-#include "hil/lines/sdk/sdk_faults.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -22,7 +22,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
 
 }  // namespace
 
-void Effects::apply_to(VirtualWorld& world) const {
+void Effects::apply_to(SimulatedWorld& world) const {
   world.relay().lie(relay ? relay->lie : RelayTampering::none);
   if (relay) world.relay().compared(relay->compared);
   world.stall_ledger(ledger_stalled);
@@ -31,14 +31,15 @@ void Effects::apply_to(VirtualWorld& world) const {
     if (process != Process::link) set_port(world.port(process), world.now(), port(process));
   }
   world.sim().set_wind(wind_mps);
-  for (const auto host : {VirtualWorld::Host::mocap, VirtualWorld::Host::drones})
+  for (const auto host : {SimulatedWorld::Host::mocap, SimulatedWorld::Host::drones})
     world.drift_clock(host, clock_drift[static_cast<std::size_t>(host)]);
   for (std::size_t i = 0; i < drones.size(); ++i) {
-    for (std::size_t at = 0; at < line_count; ++at) world.lines(i).impair(static_cast<LineAt>(at), drones[i].lines[at]);
+    for (std::size_t at = 0; at < drone_traffic_count; ++at)
+      world.network(i).impair(static_cast<DroneTraffic>(at), drones[i].impairments[at]);
     [[maybe_unused]] const Status set = world.sdk().set(i, drones[i].sdk);
     assert(set.ok());  // a fault that needs another drone was refused where there is none
-    world.lines(i).set_sensor_faults(drones[i].sensors);
-    world.lines(i).set_mocap_fault(drones[i].mocap);
+    world.network(i).set_sensor_faults(drones[i].sensors);
+    world.network(i).set_mocap_fault(drones[i].mocap);
     world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
     world.sim().set_sensing(world.facts()[i].number, drones[i].sensing);
   }

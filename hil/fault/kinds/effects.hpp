@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "hil/lines/sdk/sdk_fault.hpp"
-#include "hil/virtual/world.hpp"
+#include "hil/netem/sdk/sdk_fault.hpp"
+#include "hil/sitl/world.hpp"
 
 namespace ledgerline::hil {
 
@@ -13,14 +13,14 @@ namespace ledgerline::hil {
 /// begins or ends. Plain data.
 struct Effects {
   struct OfDrone {
-    std::array<Impairment, line_count> lines;
+    std::array<Impairment, drone_traffic_count> impairments;
     std::vector<SensorFault> sensors;
     std::vector<SdkFault> sdk;
     MocapFault mocap;
     double drain_per_s = 0;
     sim::Sensing sensing;
-    Impairment& line(LineAt at) { return lines[static_cast<std::size_t>(at)]; }
-    const Impairment& line(LineAt at) const { return lines[static_cast<std::size_t>(at)]; }
+    Impairment& impairment(DroneTraffic at) { return impairments[static_cast<std::size_t>(at)]; }
+    const Impairment& impairment(DroneTraffic at) const { return impairments[static_cast<std::size_t>(at)]; }
   };
   /// A process' connection to the ledger.
   struct OfPort {
@@ -42,12 +42,12 @@ struct Effects {
   std::array<bool, process_count> stopped{};
   std::optional<OfRelay> relay;
   bool ledger_stalled = false;
-  std::array<double, 2> clock_drift{};  ///< by VirtualWorld::Host: so much faster than real time
+  std::array<double, 2> clock_drift{};  ///< by SimulatedWorld::Host: so much faster than real time
   std::array<double, 3> wind_mps{};
 
   OfPort& port(Process process) { return ports[static_cast<std::size_t>(process)]; }
   const OfPort& port(Process process) const { return ports[static_cast<std::size_t>(process)]; }
-  void apply_to(VirtualWorld& world) const;
+  void apply_to(SimulatedWorld& world) const;
 };
 
 }  // namespace ledgerline::hil

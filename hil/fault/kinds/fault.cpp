@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <cctype>
 
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -89,8 +89,8 @@ Result<const FaultKind*> kind_of(std::string_view text, bool real) {
                  "must begin with drone, sdk, sensor, mocap, pads, wind, ledger, agent, link, ground, clock, operator, "
                  "supervisor or outsider");
   if (!real && nearest.front()->real_only)
-    return wrong(
-        text, fmt::format("{} is not there in virtual time: such a fault needs the real processes (--real)", words[0]));
+    return wrong(text, fmt::format("{} is not there in simulated time: such a fault needs the real processes (--real)",
+                                   words[0]));
   std::string forms;
   for (const FaultKind* kind : nearest) {
     if (fit_of(words, words_of(kind->form)).whole) return kind;

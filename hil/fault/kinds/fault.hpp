@@ -13,18 +13,18 @@ namespace ledgerline::hil {
 
 struct Fault;
 
-/// What a fault does, in virtual time and with the real processes, and what a judge may expect behind it. Its row of
-/// the table makes it of the words of the script; a function that is empty does nothing.
+/// What a fault does, in simulated time and with the real processes, and what a checker may expect behind it. Its row
+/// of the table makes it of the words of the script; a function that is empty does nothing.
 struct FaultActs {
-  // Virtual time.
-  std::function<void(VirtualWorld&, std::size_t drone)> strike{};  ///< at its beginning, each drone that it names
-  std::function<void(VirtualWorld&)> begin{};                      ///< behind that, once
-  std::function<void(VirtualWorld&)> end{};                        ///< unless the same words go on
-  std::function<void(Effects&)> lasts{};                           ///< while it goes on
+  // Simulated time.
+  std::function<void(SimulatedWorld&, std::size_t drone)> strike{};  ///< at its beginning, each drone that it names
+  std::function<void(SimulatedWorld&)> begin{};                      ///< behind that, once
+  std::function<void(SimulatedWorld&)> end{};                        ///< unless the same words go on
+  std::function<void(Effects&)> lasts{};                             ///< while it goes on
   /// The same, of each drone that it names; `item` is its number in the script.
   std::function<void(Effects::OfDrone&, std::size_t item)> lasts_on{};
 
-  // The real processes; what `lasts` and `lasts_on` do to drones' lines and connections is done by the proxy.
+  // The real processes; what `lasts` and `lasts_on` do to drones' networks and connections is done by the proxy.
   std::function<void(RealActs&, const RealStack&)> really_begin{};
   std::function<void(RealActs&, const RealStack&, bool goes_on)> really_end{};  ///< `goes_on`: the same words do
   /// Why it cannot be; empty: it can.
@@ -75,14 +75,14 @@ struct FaultKind {
     std::string rest;                     ///< what stands for ...
   };
   Result<FaultActs> (*make)(const ParsedWords& said);
-  bool real_only = false;  ///< virtual time has no such thing
+  bool real_only = false;  ///< simulated time has no such thing
 };
 std::span<const FaultKind> drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(),
     machine_faults();
 /// All of them, in one row of rows.
 std::vector<const FaultKind*> fault_kinds();
 
-/// `text` as in the table; what cannot be done in virtual time is refused with the reason, as is what a connection
+/// `text` as in the table; what cannot be done in simulated time is refused with the reason, as is what a connection
 /// cannot have. `for` and `at` are texts too; an empty `for` means until the end.
 /// `real`: for a flight with the real processes, which has some faults more.
 Result<Fault> parse_fault(std::string_view text, std::string_view at, std::string_view duration, bool real = false);

@@ -5,7 +5,7 @@
 #include <csignal>
 
 #include "hil/fault/kinds/said.hpp"
-#include "hil/virtual/peer/words.hpp"
+#include "hil/sitl/peer/words.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -28,7 +28,7 @@ Result<FaultActs> stall_ledger(const ParsedWords&) {
 }
 
 Result<FaultActs> restart_ledger(const ParsedWords&) {
-  return FaultActs{.begin = [](VirtualWorld& world) { world.restart_ledger(); },
+  return FaultActs{.begin = [](SimulatedWorld& world) { world.restart_ledger(); },
                    .not_real = [](const Fault&, const RealStack& stack) -> std::string {
                      return stack.fabric
                                 ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
@@ -57,7 +57,7 @@ Result<FaultActs> cut(const ParsedWords& said) {
 
 Result<FaultActs> stale(const ParsedWords& said) {
   return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
-                   .not_real = because("a peer that is behind its channel is not built: virtual time alone has it")};
+                   .not_real = because("a peer that is behind its channel is not built: simulated time alone has it")};
 }
 
 Result<FaultActs> lie(const ParsedWords& said) {
@@ -145,17 +145,17 @@ Result<FaultActs> say_control(const ParsedWords& said) {
                                                 : Stopper::outsider;
   const auto word = static_cast<ControlWord>(std::ranges::find(control_words, name) - control_words.begin());
   return FaultActs{
-      .strike = [stopper, word](VirtualWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
+      .strike = [stopper, word](SimulatedWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
       .really_begin =
           [name = std::string(name), drone = said.drone](RealActs& real, const RealStack&) {
             real.control = {name, drone};
           },
       .not_real = [stopper, word](const Fault&, const RealStack&) -> std::string {
-        if (stopper != Stopper::operating) return "nobody but the operator speaks there: virtual time alone has it";
-        if (word == ControlWord::cut) return "a real flight's motors are not cut: virtual time alone has it";
-        return word == ControlWord::stop || word == ControlWord::resume
+        if (stopper != Stopper::operating) return "nobody but the operator speaks there: simulated time alone has it";
+        if (word == ControlWord::cut) return "a real flight's motors are not cut: simulated time alone has it";
+        return word == ControlWord::stop || word == ControlWord::clear_stop
                    ? ""
-                   : "a real flight keeps its lease: virtual time alone has it";
+                   : "a real flight keeps its lease: simulated time alone has it";
       },
       .momentary = true,
       .pushes = word == ControlWord::cut,
@@ -165,9 +165,9 @@ Result<FaultActs> say_control(const ParsedWords& said) {
 
 Result<FaultActs> revoke(const ParsedWords&) {
   return FaultActs{
-      .strike = [](VirtualWorld& world,
+      .strike = [](SimulatedWorld& world,
                    std::size_t drone) { world.say_control(Stopper::administrator, drone, ControlWord::revoke); },
-      .not_real = because("nobody but the operator speaks there: virtual time alone has it"),
+      .not_real = because("nobody but the operator speaks there: simulated time alone has it"),
       .momentary = true};
 }
 
@@ -187,7 +187,7 @@ constexpr FaultKind ledger_table[] = {
     {"ledger agent|ground|both orders WHAT...", order},
     {"ledger relay LIE...", relay},
     {"operator errs WHAT...", slip},
-    {"operator|supervisor|outsider stop|cut|resume|acquire|claim|evict|request|hand_over|deny NAME", say_control},
+    {"operator|supervisor|outsider stop|cut|clear_stop|acquire|claim|evict|request|hand_over|deny NAME", say_control},
     {"administrator revoke NAME", revoke},
 };
 

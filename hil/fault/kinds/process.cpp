@@ -19,8 +19,8 @@ void signal(RealActs& real, Process process, int signal) {
 
 Result<FaultActs> kill(const ParsedWords& said) {
   const Process process = processes_of(said.words[0])[0];
-  return FaultActs{.begin = [process](VirtualWorld& world) { world.kill(process); },
-                   .end = [process](VirtualWorld& world) { world.start(process); },
+  return FaultActs{.begin = [process](SimulatedWorld& world) { world.kill(process); },
+                   .end = [process](SimulatedWorld& world) { world.start(process); },
                    .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGKILL); },
                    .not_real = [process](const Fault& fault, const RealStack&) -> std::string {
                      if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
@@ -45,21 +45,21 @@ Result<FaultActs> stop(const ParsedWords& said) {
 }
 
 Result<FaultActs> end_link(const ParsedWords&) {
-  return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(); },
-                   .not_real = because("link's end is the flight's end: virtual time alone has it"),
+  return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(); },
+                   .not_real = because("link's end is the flight's end: simulated time alone has it"),
                    .momentary = true,
                    .for_good = true,
                    .stops_link = true};
 }
 
 Result<FaultActs> restart_link(const ParsedWords&) {
-  return FaultActs{.begin = [](VirtualWorld& world) { world.end_link(true); },
-                   .not_real = because("the launcher takes link's end for the flight's: virtual time alone has it"),
+  return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(true); },
+                   .not_real = because("the launcher takes link's end for the flight's: simulated time alone has it"),
                    .momentary = true,
                    .stops_link = true};
 }
 
-constexpr const char* not_its_clock = "the machine's clock is not this flight's alone: virtual time alone has it";
+constexpr const char* not_its_clock = "the machine's clock is not this flight's alone: simulated time alone has it";
 
 Result<TimeNs> jump_of(std::string_view word) {
   const bool back = word.starts_with('-');
@@ -71,13 +71,13 @@ Result<TimeNs> jump_of(std::string_view word) {
 Result<FaultActs> jump_clock(const ParsedWords& said) {
   const auto by = jump_of(said.words[0]);
   if (!by) return by.error();
-  return FaultActs{.begin = [by_ns = *by](VirtualWorld& world) { world.jump_clock(by_ns); },
+  return FaultActs{.begin = [by_ns = *by](SimulatedWorld& world) { world.jump_clock(by_ns); },
                    .not_real = because(not_its_clock),
                    .momentary = true};
 }
 
-VirtualWorld::Host host_of(std::string_view word) {
-  return word == "mocap" ? VirtualWorld::Host::mocap : VirtualWorld::Host::drones;
+SimulatedWorld::Host host_of(std::string_view word) {
+  return word == "mocap" ? SimulatedWorld::Host::mocap : SimulatedWorld::Host::drones;
 }
 
 // Its stamps are of another time than they say, by a second at most: older ones are refused.
@@ -87,7 +87,7 @@ Result<FaultActs> jump_clock_of(const ParsedWords& said) {
   const auto by = jump_of(said.words[1]);
   if (!by) return by.error();
   return FaultActs{
-      .begin = [host = host_of(said.words[0]), by_ns = *by](VirtualWorld& world) { world.jump_clock(host, by_ns); },
+      .begin = [host = host_of(said.words[0]), by_ns = *by](SimulatedWorld& world) { world.jump_clock(host, by_ns); },
       .not_real = because(not_its_clock),
       .momentary = true,
       .for_good = true,
@@ -106,9 +106,9 @@ Result<FaultActs> drift_clock_of(const ParsedWords& said) {
 }
 
 Result<FaultActs> suspend_host(const ParsedWords&) {
-  return FaultActs{.begin = [](VirtualWorld& world) { world.suspend_host(true); },
-                   .end = [](VirtualWorld& world) { world.suspend_host(false); },
-                   .not_real = because("who looks on would sleep with it: virtual time alone has it"),
+  return FaultActs{.begin = [](SimulatedWorld& world) { world.suspend_host(true); },
+                   .end = [](SimulatedWorld& world) { world.suspend_host(false); },
+                   .not_real = because("who looks on would sleep with it: simulated time alone has it"),
                    .stops_link = true};
 }
 

@@ -4,7 +4,7 @@
 #include <utility>
 #include <vector>
 
-#include "hil/virtual/facts.hpp"
+#include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {
 

@@ -6,13 +6,13 @@
 #include <vector>
 
 #include "hil/fault/kinds/fault.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 // What the rows of the tables read from words, and the reasons that several of them have.
 namespace ledgerline::hil {
 
-inline constexpr std::string_view inside_the_simulation = "it is inside of the simulation: virtual time alone has it";
-inline constexpr std::string_view nobody_real = "no real peer or operator does this: virtual time alone has it";
+inline constexpr std::string_view inside_the_simulation = "it is inside of the simulation: simulated time alone has it";
+inline constexpr std::string_view nobody_real = "no real peer or operator does this: simulated time alone has it";
 
 /// For FaultActs::not_real.
 inline auto because(std::string_view reason) {

@@ -1,7 +1,7 @@
 // Faults at the SDK's own calls.
 #include "hil/fault/kinds/said.hpp"
-#include "hil/lines/sdk/sdk_fault.hpp"
-#include "hil/virtual/facts.hpp"
+#include "hil/netem/sdk/sdk_fault.hpp"
+#include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -21,7 +21,7 @@ Result<FaultActs> sdk(const ParsedWords& said) {
       .really_end = [text = said.text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); },
       .not_real = [](const Fault&, const RealStack& stack) -> std::string {
         return stack.shim ? ""
-                          : "the proxy knows datagrams, not the SDK's calls: virtual time has it, and the shim "
+                          : "the proxy knows datagrams, not the SDK's calls: simulated time has it, and the shim "
                             "(--shim, docs/shim.md)";
       },
       // As a state text that says another velocity or heading, up to the other way round.

@@ -5,8 +5,8 @@
 #include <array>
 #include <utility>
 
-#include "hil/lines/distribution.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/distribution.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 

@@ -3,7 +3,7 @@
 #include <string_view>
 
 #include "common/base/result.hpp"
-#include "hil/virtual/facts.hpp"
+#include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {
 

@@ -2,7 +2,7 @@
 #include <string>
 
 #include "common/config/config.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 // What a script's drones fly, in [flight] and [[task]], and the same as text again.
 namespace ledgerline::hil {

@@ -53,14 +53,14 @@ Result<std::string> program_at(const std::string& name) {
   return Error{fmt::format("there is no program {} in PATH", name)};
 }
 
-Status check_virtual(const Script& script) {
+Status check_sitl(const Script& script) {
   const bool flown = script.kind == FlightKind::path || !script.pilot.empty();
   if (flown) return done;
   const bool manual = script.kind == FlightKind::manual;
   return Error{
       fmt::format("{}: flight.kind = \"{}\" is flown by a program of yours, in real time: give --program COMMAND{} "
                   "(docs/own-code.md)",
-                  script.name, name_of(script.kind), manual ? ", or rows [[pilot]] for virtual time" : "")};
+                  script.name, name_of(script.kind), manual ? ", or rows [[pilot]] for simulated time" : "")};
 }
 
 Status put_into(Script& script, const OwnCode& own) {

@@ -7,7 +7,7 @@
 // Somebody's own code in a fault run (docs/own-code.md).
 namespace ledgerline::hil {
 
-/// What is under the judge besides Ledgerline. Empty: nothing.
+/// What is under test besides Ledgerline. Empty: nothing.
 struct OwnCode {
   std::string controller;            ///< file: a plug-in in the place of ground's controller
   std::vector<std::string> program;  ///< command: a client of the SDK, or one that speaks to a drone's topics
@@ -20,8 +20,8 @@ Result<std::vector<std::string>> words_of_command(const std::string& line);
 /// Where a program is that a command line names: as it is where it has a slash, else in PATH. The error says so.
 Result<std::string> program_at(const std::string& name);
 
-/// Why this script cannot be flown in virtual time: nobody is there who flies it.
-Status check_virtual(const Script& script);
+/// Why this script cannot be flown in simulated time: nobody is there who flies it.
+Status check_sitl(const Script& script);
 
 /// Whether this script can be flown with that code, and puts a controller into it. Errors name the script.
 Status put_into(Script& script, const OwnCode& own);

@@ -7,7 +7,7 @@
 
 #include "common/base/printable.hpp"
 #include "hil/fault/own/own_code.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {

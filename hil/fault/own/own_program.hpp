@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/process/children.hpp"
-#include "hil/fault/judge/rule.hpp"
+#include "hil/fault/checker/rule.hpp"
 
 namespace ledgerline::hil {
 

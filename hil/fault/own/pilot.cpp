@@ -7,8 +7,8 @@
 #include <array>
 #include <cmath>
 
-#include "hil/lines/distribution.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/distribution.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -108,7 +108,7 @@ Pilot::Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneFacts>& d
   }
 }
 
-void Pilot::step(VirtualWorld& world) {
+void Pilot::step(SimulatedWorld& world) {
   const TimeNs now = world.now();
   for (Row& one : rows_) {
     const PilotRow& row = one.row;

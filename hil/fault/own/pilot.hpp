@@ -5,7 +5,7 @@
 
 #include "common/config/config.hpp"
 #include "hil/fault/kinds/trigger.hpp"
-#include "hil/virtual/world.hpp"
+#include "hil/sitl/world.hpp"
 
 namespace ledgerline::hil {
 
@@ -34,7 +34,7 @@ class Pilot {
  public:
   Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneFacts>& drones);
   /// Before each step of the world.
-  void step(VirtualWorld& world);
+  void step(SimulatedWorld& world);
   /// Rows whose moment has not come, in words.
   std::vector<std::string> never_said() const;
 

@@ -145,7 +145,7 @@ Status SdkFlight::watch() {
         return Error{fmt::format("{} {}: {}", name, children_.how_it_ended(name), children_.log_tail(name, 3))};
     }
     if (live_.begin_ns() == 0 && now < start_until) continue;
-    if (live_.begin_ns() == 0) return Error{run_ + "/sim.trace says nothing: nobody could judge this flight"};
+    if (live_.begin_ns() == 0) return Error{run_ + "/sim.trace says nothing: nobody could check this flight"};
     if (auto stepped = faults_.step(now); !stepped) return stepped;
     if (!program_.running() && ended_ns == 0) ended_ns = now;
     const bool down = std::all_of(live_.facts().begin(), live_.facts().end(),
@@ -191,7 +191,7 @@ Result<RunResult> SdkFlight::fly() {
   for (const char* name : {"hil-proxy", "sim"}) children_.stop(name, sdk_end_timeout_ns);
   const auto recorded = recording();
   if (!recorded) return recorded.error();
-  RunResult result = judge_recording(script_, seed_, *recorded);
+  RunResult result = check_recording(script_, seed_, *recorded);
   result.verdicts.push_back(program_.verdict(result.flown_ns));
   return result;
 }

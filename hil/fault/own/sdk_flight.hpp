@@ -6,7 +6,7 @@
 namespace ledgerline::hil {
 
 /// Flies a script of kind sdk in real time: ledgerline-sim, ledgerline-hil proxy before it, and somebody's own SDK
-/// client (options.own.program), which is judged by the truth and by how it ends.
+/// client (options.own.program), which is checked against the truth and by how it ends.
 ///
 ///     a network of its own                another one
 ///     client, any Tello program -- veth -- proxy 192.168.10.k -- drone 10.77.0.(k+1)

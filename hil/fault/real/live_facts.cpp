@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 

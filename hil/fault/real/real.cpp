@@ -16,7 +16,7 @@
 #include "hil/fault/real/live_facts.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -241,7 +241,7 @@ Result<RunResult> RealFlight::fly() {
         fmt::format("the flight did not begin: {}\n{}", children_.how_it_ended("fly"), children_.log_tail("fly", 10))};
   const auto recorded = recording();
   if (!recorded) return recorded.error();
-  RunResult result = judge_recording(script_, seed_, *recorded);
+  RunResult result = check_recording(script_, seed_, *recorded);
   if (program_.wanted()) result.verdicts.push_back(program_.verdict(result.flown_ns));
   return result;
 }

@@ -15,7 +15,7 @@ struct RealOptions {
 };
 
 /// Flies a script with the real processes, `ledgerline-fly --proxy` (of an SDK client: hil/fault/own/sdk_flight.hpp),
-/// in real time, and judges it by their traces. A moment comes up to a second late: that is how long traces are
+/// in real time, and checks it by their traces. A moment comes up to a second late: that is how long traces are
 /// buffered. It promises a verdict, not bytes; digest and counts of the ledger are not in the result. Errors: what
 /// check_real() says, and whatever kept it from being flown or from doing what the script says. One at a time on a
 /// machine; the calling thread starts the programs.

@@ -6,15 +6,17 @@
 #include <algorithm>
 
 #include "hil/fault/own/sdk_script.hpp"
-#include "hil/lines/text_parse.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/netem/text_parse.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
 
 constexpr double min_side_m = 0.5, max_side_m = 15;  // of tools/launcher/options.cpp
 
-std::string way_of(LineAt line) { return line == LineAt::to ? "to" : line == LineAt::answers ? "answers" : "state"; }
+std::string way_of(DroneTraffic traffic) {
+  return traffic == DroneTraffic::to ? "to" : traffic == DroneTraffic::answers ? "answers" : "state";
+}
 
 std::string all_of_it(const Impairment& impairment) {
   return impairment.any() ? "clear, " + text_of(impairment) : "clear";
@@ -47,10 +49,10 @@ RealActs set_proxy(const Fault& changed, const std::vector<Fault>& active, int d
   const Effects touched = effects_of({changed}, drones), all = effects_of(active, drones);
   for (int k = 1; k <= drones; ++k) {
     const auto i = static_cast<std::size_t>(k) - 1;
-    for (const LineAt line : {LineAt::to, LineAt::answers, LineAt::states}) {
-      if (touched.drones[i].line(line).any())
-        acts.proxy.push_back(
-            fmt::format("drone {} {} {}", drone_name(k), way_of(line), all_of_it(all.drones[i].line(line))));
+    for (const DroneTraffic traffic : {DroneTraffic::to, DroneTraffic::answers, DroneTraffic::states}) {
+      if (touched.drones[i].impairment(traffic).any())
+        acts.proxy.push_back(fmt::format("drone {} {} {}", drone_name(k), way_of(traffic),
+                                         all_of_it(all.drones[i].impairment(traffic))));
     }
   }
   for (const Process process : {Process::agent, Process::ground}) {

@@ -10,7 +10,7 @@
 #include "common/msg/names.hpp"
 #include "hil/fault/run/recorder.hpp"
 #include "hil/fault/run/schedule.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -247,7 +247,7 @@ std::vector<std::string> transitions_of(const RunResult& run, std::size_t drone)
 
 }  // namespace
 
-RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
+RunResult check_recording(const Script& script, std::uint64_t seed, const Recording& recording) {
   Player player(script, recording);
   RunRecorder recorder(script, seed, player.facts());
   const FaultTimes times(recording, player.facts());
@@ -278,18 +278,18 @@ RunResult judge_recording(const Script& script, std::uint64_t seed, const Record
   ending.crashed = recording.crashed;
   RunResult result = recorder.finish(ending);
   if (!recording.has_link) {
-    result.not_judged = {"whatever link, agent, ground and a ledger do: there are none in a flight by the SDK"};
+    result.not_checked = {"whatever link, agent, ground and a ledger do: there are none in a flight by the SDK"};
     return result;
   }
-  result.not_judged = {"that each plan's own end is followed by a hold: it is judged 2.05 s behind the newest command",
-                       recording.lost_is_known
-                           ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
-                           : "whether the ledger has all that was acknowledged: who counts it was killed",
-                       "that what a drone is sent ramps: each rc's range is judged",
-                       "that agent hands each command on once and in order: link's own order is judged",
-                       "that what is flown was signed: tests/system/relay compares it with the ledger",
-                       "that no plan that waited during a brake is flown behind it: that of the plan in hand alone",
-                       "that no motor of an upright drone is cut: of what it is sent traces have rc alone"};
+  result.not_checked = {
+      "that each plan's own end is followed by a hold: it is checked 2.05 s behind the newest command",
+      recording.lost_is_known ? "commits that were acknowledged: the failsafe's transitions alone are looked for"
+                              : "whether the ledger has all that was acknowledged: who counts it was killed",
+      "that what a drone is sent ramps: each rc's range is checked",
+      "that agent hands each command on once and in order: link's own order is checked",
+      "that what is flown was signed: tests/system/relay compares it with the ledger",
+      "that no plan that waited during a brake is flown behind it: that of the plan in hand alone",
+      "that no motor of an upright drone is cut: of what it is sent traces have rc alone"};
   return result;
 }
 
@@ -311,7 +311,7 @@ Agreement compare(const RunResult& a, const RunResult& b) {
 
 Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns) {
   Verdict verdict;
-  verdict.rule.text = "agrees with its virtual run";
+  verdict.rule.text = "agrees with its simulated run";
   verdict.rule.always = true;
   verdict.held = agreement.same_transitions && agreement.farthest_m <= within_m;
   if (verdict.held) return verdict;

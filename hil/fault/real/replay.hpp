@@ -15,7 +15,7 @@ struct Recording {
   std::vector<TraceRecord> sim;     ///< where the drones were
   std::vector<TraceRecord> ground;  ///< its commands
   TimeNs begin_ns = 0, end_ns = 0;
-  bool has_link = true;  ///< else an SDK client flew, and the truth alone is judged
+  bool has_link = true;  ///< else an SDK client flew, and the truth alone is checked
   bool over = false;     ///< ended by itself
   bool ok = false;
   std::string why;
@@ -34,11 +34,11 @@ struct Recording {
   std::vector<std::pair<TimeNs, TimeNs>> link_away;  ///< when link was dead or stood still
 };
 
-/// Judges a recording by the script's rules and the invariants, as run_script() judges a virtual run, with what traces
-/// show: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's beginning.
-/// A plan's end is not in them: link must hold max_plan (the contract's limit, and how long a last setpoint is
-/// flown) after the newest command, not after its own end.
-RunResult judge_recording(const Script& script, std::uint64_t seed, const Recording& recording);
+/// Checks a recording by the script's rules and the invariants, as run_script() checks a simulated run, with what
+/// traces show: the truth thirty times a second, link's modes, the commands applied. Times are from the recording's
+/// beginning. A plan's end is not in them: link must hold max_plan (the contract's limit, and how long a last setpoint
+/// is flown) after the newest command, not after its own end.
+RunResult check_recording(const Script& script, std::uint64_t seed, const Recording& recording);
 inline constexpr TimeNs max_plan_ns = contract::max_plan_ns + 50 * ns_per_ms;
 
 /// How much two runs of one script are alike: the modes and phases that each drone went through from take-off to

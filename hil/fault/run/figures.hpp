@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/rt/histogram.hpp"
-#include "hil/fault/judge/moment.hpp"
+#include "hil/fault/checker/moment.hpp"
 
 namespace ledgerline::hil {
 
@@ -28,7 +28,7 @@ struct FigureValue {
 };
 using Figures = std::vector<FigureValue>;
 
-/// Makes a run's figures of its moments, of all drones together. A virtual run has a moment each millisecond, a
+/// Makes a run's figures of its moments, of all drones together. A simulated run has a moment each millisecond, a
 /// recording of a real one as many as its traces show. Of bounded size; one thread.
 class FigureMaker {
  public:

@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "common/msg/names.hpp"
-#include "hil/virtual/world_setup.hpp"
+#include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -15,12 +15,12 @@ namespace {
 // senses hide, and it stays behind the fault: what it had time to become, and no more. (How wrong they are without a
 // fault needs no room: by so much link draws the fence in.)
 double misled_m(const Script& script) {
-  const bool own_senses = script.flight.pose != link::PoseSource::mocap;
+  const bool by_odometry = script.flight.pose != link::PoseSource::mocap;
   double metres = 0;
   for (const Fault& fault : script.faults) {
     metres += fault.acts.misleads_m;
     const TimeNs lasts_ns = fault.for_ns > 0 ? fault.for_ns : script.limit_ns;
-    if (own_senses) metres += fault.acts.misleads_mps * to_seconds(lasts_ns);
+    if (by_odometry) metres += fault.acts.misleads_mps * to_seconds(lasts_ns);
   }
   return metres;
 }
@@ -78,7 +78,7 @@ RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::ve
 
 RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones,
                          const Limits& limits)
-    : judge_(script.must, limits), figures_(limits) {
+    : checker_(script.must, limits), figures_(limits) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;
@@ -89,7 +89,7 @@ RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::ve
 }
 
 void RunRecorder::observe(const Moment& moment) {
-  judge_.observe(moment);
+  checker_.observe(moment);
   figures_.observe(moment);
   for (const WorldEvent& event : moment.events) keep_event(moment, event);
   if (moment.now < next_point_ns_) return;
@@ -115,7 +115,7 @@ std::string mode_text(const DroneFacts& facts) {
 }
 
 RunResult RunRecorder::finish(const Ending& ending) {
-  result_.verdicts = judge_.finish(ending);
+  result_.verdicts = checker_.finish(ending);
   result_.flown_ns = ending.now;
   result_.over = ending.over;
   result_.ok = ending.ok;

@@ -3,7 +3,7 @@
 #include <string>
 #include <vector>
 
-#include "hil/fault/judge/judge.hpp"
+#include "hil/fault/checker/checker.hpp"
 #include "hil/fault/run/result.hpp"
 #include "hil/fault/script.hpp"
 
@@ -18,9 +18,9 @@ std::vector<std::string> in_the_air(const std::vector<DroneFacts>& drones);
 /// "flying, hold (pose_lost)"; without mode and cause where there is none.
 std::string mode_text(const DroneFacts& facts);
 
-/// Has one run judged, moment by moment, and keeps of it its figures and what pictures and reports show: a point of
-/// each drone every timeline_period_ns, and the first max_events events. The run may be a virtual one or a recording of
-/// a real one. One thread.
+/// Has one run checked, moment by moment, and keeps of it its figures and what pictures and reports show: a point of
+/// each drone every timeline_period_ns, and the first max_events events. The run may be a simulated one or a recording
+/// of a real one. One thread.
 class RunRecorder {
  public:
   /// `drones`: as they stand before the first moment.
@@ -35,7 +35,7 @@ class RunRecorder {
   void keep_event(const Moment& moment, const WorldEvent& event);
 
   RunResult result_;
-  Judge judge_;
+  Checker checker_;
   FigureMaker figures_;
   TimeNs next_point_ns_ = 0;
 };

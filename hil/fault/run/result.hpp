@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "hil/fault/judge/rule.hpp"
+#include "hil/fault/checker/rule.hpp"
 #include "hil/fault/run/figures.hpp"
 
 namespace ledgerline::hil {
@@ -28,10 +28,10 @@ struct RunResult {
   std::string script, title;
   std::uint64_t seed = 0;
   std::vector<Verdict> verdicts;  ///< the script's rules in their order, then the invariants
-  /// What is judged of a virtual run and is not of this one, in words.
-  std::vector<std::string> not_judged;
+  /// What is checked of a simulated run and is not of this one, in words.
+  std::vector<std::string> not_checked;
   bool held() const;
-  TimeNs flown_ns = 0;  ///< virtual
+  TimeNs flown_ns = 0;  ///< of its own clock
   bool over = false, ok = false;
   std::string why;
   crypto::Digest digest{};

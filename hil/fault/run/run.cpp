@@ -12,7 +12,7 @@ namespace ledgerline::hil {
 namespace {
 
 // What agent and link counted: each of its last life, agent's the mean of the drones that it has a figure of.
-void add_counts(const VirtualWorld& world, Figures& figures) {
+void add_counts(const SimulatedWorld& world, Figures& figures) {
   Quantiles two_way;
   for (std::size_t i = 0; i < world.facts().size(); ++i) {
     const Quantiles drone = world.two_way_ms(i);
@@ -41,14 +41,14 @@ void add_counts(const VirtualWorld& world, Figures& figures) {
 }  // namespace
 
 Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
-  if (const Status flown = check_virtual(script); !flown) return flown.error();
+  if (const Status flown = check_sitl(script); !flown) return flown.error();
   WorldConfig config = script.flight;
   config.supervisors = std::any_of(script.faults.begin(), script.faults.end(),
                                    [](const Fault& fault) { return fault.acts.needs_supervisors; });
   config.seed = seed;
-  auto made = VirtualWorld::create(config);
+  auto made = SimulatedWorld::create(config);
   if (!made) return made.error();
-  VirtualWorld& world = **made;
+  SimulatedWorld& world = **made;
   auto scheduled = FaultSchedule::create(script.faults, world.facts());
   if (!scheduled) return scheduled.error();
   FaultSchedule& schedule = *scheduled;

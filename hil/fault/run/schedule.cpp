@@ -25,7 +25,7 @@ Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std
   return FaultSchedule(std::move(items), drones.size());
 }
 
-void FaultSchedule::step(VirtualWorld& world) {
+void FaultSchedule::step(SimulatedWorld& world) {
   const TimeNs now = world.now();
   bool changed = false;
   for (Item& item : items_) {
@@ -51,7 +51,7 @@ void FaultSchedule::step(VirtualWorld& world) {
   if (changed) effects().apply_to(world);
 }
 
-void FaultSchedule::begin(VirtualWorld& world, const Item& item) const {
+void FaultSchedule::begin(SimulatedWorld& world, const Item& item) const {
   const FaultActs& acts = item.fault.acts;
   world.note(WorldEvent::Kind::fault, item.drones[0], "begins: " + item.fault.text);
   for (const std::size_t drone : item.drones) {
@@ -60,7 +60,7 @@ void FaultSchedule::begin(VirtualWorld& world, const Item& item) const {
   if (acts.begin) acts.begin(world);
 }
 
-void FaultSchedule::end(VirtualWorld& world, const Item& item) const {
+void FaultSchedule::end(SimulatedWorld& world, const Item& item) const {
   world.note(WorldEvent::Kind::fault, item.drones[0], "ends: " + item.fault.text);
   const bool goes_on = std::any_of(items_.begin(), items_.end(), [&](const Item& other) {
     return other.active() && other.fault.text == item.fault.text;

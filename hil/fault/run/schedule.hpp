@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "hil/fault/kinds/fault.hpp"
-#include "hil/virtual/world.hpp"
+#include "hil/sitl/world.hpp"
 
 namespace ledgerline::hil {
 
@@ -16,7 +16,7 @@ class FaultSchedule {
   static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones);
 
   /// Before each step of the world.
-  void step(VirtualWorld& world);
+  void step(SimulatedWorld& world);
 
   struct Item {
     Fault fault;
@@ -52,8 +52,8 @@ class FaultSchedule {
 
  private:
   FaultSchedule(std::vector<Item> items, std::size_t drones) : items_(std::move(items)), drone_count_(drones) {}
-  void begin(VirtualWorld& world, const Item& item) const;
-  void end(VirtualWorld& world, const Item& item) const;
+  void begin(SimulatedWorld& world, const Item& item) const;
+  void end(SimulatedWorld& world, const Item& item) const;
   Effects effects() const;  ///< of all that are active
 
   std::vector<Item> items_;

@@ -10,7 +10,7 @@
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/scenarios.hpp"
 #include "hil/fault/own/own_code.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -34,7 +34,7 @@ int check_scripts(const CheckOptions& options) {
     if (script) {
       const auto demanded = std::ranges::count_if(script->must, [](const Rule& rule) { return !rule.always; });
       fmt::print("{}: fine: {} drones, {} faults, {} rules{}\n", file, script->flight.drones, script->faults.size(),
-                 demanded, check_virtual(*script) ? "" : "; in real time alone, by --program");
+                 demanded, check_sitl(*script) ? "" : "; in real time alone, by --program");
       continue;
     }
     fmt::print(stderr, "{}\n", script.error().what);

@@ -7,7 +7,7 @@
 #include "hil/fault/compare/comparison.hpp"
 #include "hil/fault/compare/comparison_text.hpp"
 #include "hil/fault/compare/results_file.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -41,7 +41,7 @@ Act compare(CommandLine& line) {
       R"(OLD and NEW are what `fault run --json` wrote. Runs of one script and seed are paired; a figure has changed where
 Wilcoxon's signed-rank test says so behind Holm's correction for all of them (of other seeds: the rank-sum test), and its
 mean did by as much as counts. A rule that broke for the first time with the same seed is a regression without statistics.
-The same bytes are equal. Runs are compared with those of the same script, text and mode (virtual, real ...).
+The same bytes are equal. Runs are compared with those of the same script, text and mode (sitl, real ...).
 
 Exit codes: 0 no regression; 1 a regression, or a file could not be written; 2 bad usage, nothing to compare, or unknown:
 too few runs to tell, or NEW lacks runs or figures that OLD has.)");

@@ -11,7 +11,7 @@
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real_script.hpp"
 #include "hil/fault/run/figures.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -40,7 +40,7 @@ int list_faults(bool as_json) {
     if (as_json)
       rows.push_back({{"form", kind->form},
                       {"modes", modes_text(modes)},
-                      {"virtual", json_of(modes.in_virtual_time)},
+                      {"sitl", json_of(modes.sitl)},
                       {"real_embedded", json_of(modes.embedded)},
                       {"real_fabric", json_of(modes.fabric)},
                       {"real_shim", json_of(modes.shim)}});
@@ -54,11 +54,11 @@ int list_faults(bool as_json) {
 int list_rules(bool as_json) {
   json rows = json::array();
   for (const RuleKind& kind : rule_kinds()) {
-    const std::string modes = kind.not_real.empty() ? "virtual, real" : fmt::format("virtual ({})", kind.not_real);
+    const std::string modes = kind.not_real.empty() ? "sitl, real" : fmt::format("sitl ({})", kind.not_real);
     if (as_json)
       rows.push_back({{"rule", form_of(kind)},
                       {"help", kind.help},
-                      {"virtual", true},
+                      {"sitl", true},
                       {"real", kind.not_real.empty()},
                       {"why_not_real", kind.not_real}});
     else
@@ -109,7 +109,7 @@ int list_scenarios(const std::string& asked, bool as_json) {
       continue;
     }
     const std::string group = group_of(file, folder);
-    const bool virtually = check_virtual(*script).ok();
+    const bool simulated = check_sitl(*script).ok();
     if (as_json) {
       const OwnCode given{.controller = "", .program = {"given"}};  // of one that somebody's own program flies
       const auto real =
@@ -118,14 +118,14 @@ int list_scenarios(const std::string& asked, bool as_json) {
                       {"group", group},
                       {"title", script->title},
                       {"file", file},
-                      {"virtual", virtually},
+                      {"sitl", simulated},
                       {"real", real.ok()},
                       {"why_not_real", real ? "" : real.error().what}});
       continue;
     }
     if (group != group_before) fmt::print("{}{}:\n", group_before.empty() ? "" : "\n", group);
     group_before = group;
-    fmt::print("  {:<26} {}{}\n", script->name, script->title, virtually ? "" : " (--real --program)");
+    fmt::print("  {:<26} {}{}\n", script->name, script->title, simulated ? "" : " (--real --program)");
   }
   if (as_json) print_json(rows);
   return code;

@@ -7,7 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
 #include "hil/fault/catalogue/first_script.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

@@ -7,7 +7,7 @@
 #include "hil/fault/campaign.hpp"
 #include "hil/fault/draw.hpp"
 #include "hil/fault/shrink.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
@@ -37,7 +37,7 @@ int fly_random(const RandomOptions& options) {
   const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
   if (!seeds) return usage_error(seeds.error().what);
   const std::size_t count = seeds->second - seeds->first + 1;
-  Teller teller(count, true, "virtual");
+  RunPrinter printer(count, true, "sitl");
   std::vector<Flight> broken;
   bool fine = true;
   fly_all(
@@ -48,16 +48,16 @@ int fly_random(const RandomOptions& options) {
       },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
-          teller.could_not_fly(flight, result.error().what);
+          printer.print_failure(flight, result.error().what);
           return true;
         }
         if (!result->held()) broken.push_back(flight);
-        teller.sent(std::move(*result), source_of(text_of(flight.script)));
+        printer.print_run(std::move(*result), source_of(text_of(flight.script)));
         return true;
       });
-  teller.end();
+  printer.print_total();
   for (const Flight& flight : broken) fine = tell_shortest(flight, options) && fine;
-  return teller.write_files(options) && fine && teller.all_held() ? 0 : exit_broken;
+  return printer.write_files(options) && fine && printer.all_held() ? 0 : exit_broken;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-// ledgerline fault run: scripts in virtual time, or with the real processes.
+// ledgerline fault run: scripts in simulated time, or with the real processes.
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
@@ -15,13 +15,13 @@
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
-#include "hil/fault/verbs/teller.hpp"
+#include "hil/fault/verbs/run_printer.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {
 namespace {
 
-constexpr double agree_within_m = 0.1;          // of the real processes and the virtual run of a script without faults
+constexpr double agree_within_m = 0.1;  // of the real processes and the simulated run of a script without faults
 constexpr std::uint64_t max_flights = 200'000;  // all are held ready
 
 struct RunOptions : FlightOptions {
@@ -62,7 +62,7 @@ Result<Wanted> read_all(const RunOptions& options) {
       return Error{fmt::format("{} and {}: two scripts of one name, {}: their results could not be distinguished",
                                same->second, file, script->name)};
     if (auto put = put_into(*script, options.own); !put) return put.error();
-    if (const auto flown = check_virtual(*script); !flown && !options.real) {
+    if (const auto flown = check_sitl(*script); !flown && !options.real) {
       if (named.contains(file)) return flown.error();
       fmt::print(stderr, "not flown: {}\n", flown.error().what);
       wanted.passed_over.push_back({script->name, std::nullopt, flown.error().what, false});
@@ -85,19 +85,19 @@ Result<Wanted> read_all(const RunOptions& options) {
   return wanted;
 }
 
-/// What is said of a flight without faults, whose virtual run must agree; that is in the result's verdicts, too.
+/// What is said of a flight without faults, whose simulated run must agree; that is in the result's verdicts, too.
 std::string agree(const Script& script, std::uint64_t seed, RunResult& result) {
-  const auto virtually = run_script(script, seed);
-  const Agreement agreement = virtually ? hil::compare(result, *virtually) : Agreement{false, 0, "no virtual run"};
+  const auto simulated = run_script(script, seed);
+  const Agreement agreement = simulated ? hil::compare(result, *simulated) : Agreement{false, 0, "no simulated run"};
   result.verdicts.push_back(verdict_on(agreement, agree_within_m, result.flown_ns));
-  return fmt::format("{} its virtual run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
+  return fmt::format("{} its simulated run: {} transitions, places within {:.3f} m ({:.1f} m may be){}\n",
                      result.verdicts.back().held ? "agrees with" : "DIFFERS from",
                      agreement.same_transitions ? "the same" : "other", agreement.farthest_m, agree_within_m,
                      agreement.difference.empty() ? "" : "\n  " + agreement.difference);
 }
 
 /// The real processes, one flight after another.
-void fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller) {
+void fly_really(const Wanted& wanted, const RunOptions& options, RunPrinter& printer) {
   const char* elsewhere = std::getenv("LEDGERLINE_BIN");  // as for ledgerline-fly
   const std::string programs = elsewhere ? elsewhere : program_folder();
   for (const Flight& flight : wanted.flights) {
@@ -106,22 +106,22 @@ void fly_really(const Wanted& wanted, const RunOptions& options, Teller& teller)
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
     auto result = run_really(script, seed, {programs, directory, stack_of(options), options.own});
     if (!result) {
-      teller.could_not_fly(flight, result.error().what);
+      printer.print_failure(flight, result.error().what);
       continue;
     }
     const std::string agreed = script.faults.empty() && options.own.program.empty() ? agree(script, seed, *result) : "";
-    teller.sent(std::move(*result), wanted.sources.at(script.name), agreed);
+    printer.print_run(std::move(*result), wanted.sources.at(script.name), agreed);
   }
 }
 
-void fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& teller) {
+void fly_simulated(const Wanted& wanted, const RunOptions& options, RunPrinter& printer) {
   fly_all(
       wanted.flights.size(), options.jobs, [&](std::size_t i) { return wanted.flights[i]; },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (result) {
-          teller.sent(std::move(*result), wanted.sources.at(flight.script.name));
+          printer.print_run(std::move(*result), wanted.sources.at(flight.script.name));
         } else {
-          teller.could_not_fly(flight, result.error().what);
+          printer.print_failure(flight, result.error().what);
         }
         return true;
       });
@@ -129,7 +129,7 @@ void fly_virtually(const Wanted& wanted, const RunOptions& options, Teller& tell
 
 /// How the flights are flown, for their results.
 std::string mode_of(const RunOptions& options) {
-  if (!options.real) return "virtual";
+  if (!options.real) return "sitl";
   const RealStack stack = stack_of(options);
   return fmt::format("real{}{}", stack.shim ? "-shim" : "", stack.fabric ? "-fabric" : "");
 }
@@ -149,14 +149,14 @@ int run_scripts(RunOptions& options) {
     if (const auto possible = check_real(script, stack_of(options), options.own); !possible)
       return usage_error(possible.error().what);
   }
-  Teller teller(wanted->flights.size(), options.quiet, mode_of(options));
-  for (const NotFlown& script : wanted->passed_over) teller.passed_over(script);
+  RunPrinter printer(wanted->flights.size(), options.quiet, mode_of(options));
+  for (const NotFlown& script : wanted->passed_over) printer.add_passed_over(script);
   if (options.real)
-    fly_really(*wanted, options, teller);
+    fly_really(*wanted, options, printer);
   else
-    fly_virtually(*wanted, options, teller);
-  teller.end();
-  return teller.write_files(options) && teller.all_held() ? 0 : exit_broken;
+    fly_simulated(*wanted, options, printer);
+  printer.print_total();
+  return printer.write_files(options) && printer.all_held() ? 0 : exit_broken;
 }
 
 }  // namespace
@@ -171,7 +171,7 @@ Act run(CommandLine& line) {
   const Option real =
       verb.flag("--real", options->real,
                 "with the real processes, in real time, one flight after another (./fly --proxy); a script without "
-                "faults must agree with its virtual run");
+                "faults must agree with its simulated run");
   verb.option("--ledger", options->ledger, "of --real").needs(real).one_of({"embedded", "fabric"}).shows_default();
   verb.flag("--shim", options->shim,
             "of --real: drones behind shared memory in place of UDP, which has faults at the SDK's own calls "

@@ -124,7 +124,7 @@ class Lockstep {
   bool say() {
     const auto& said = agent_.step(now_, drones_);
     bool taken = true;
-    for (const AgentBeat& beat : said.beats) taken = end_.memory().beats.push(beat) && taken;
+    for (const AgentHeartbeat& heartbeat : said.heartbeats) taken = end_.memory().heartbeats.push(heartbeat) && taken;
     for (const Pose& pose : said.poses) taken = end_.memory().poses.push(pose) && taken;
     for (const Plan& plan : said.plans) taken = end_.memory().plans.push(plan) && taken;
     return taken;
@@ -147,16 +147,16 @@ bool wait_for_link(const drone_shim::DronesEnd& end) {
   return end.link_lives();
 }
 
-/// So that `virtual_ns` of the clock take as long as asked for; time that the clock stood does not count.
+/// So that `simulated_ns` of the clock take as long as asked for; time that the clock stood does not count.
 class Pace {
  public:
   explicit Pace(double times) : times_(times) {}
-  void keep(TimeNs virtual_ns) {
+  void keep(TimeNs simulated_ns) {
     const TimeNs halt_ns = monotonic_ns();
     while (halted && !stop_requested) sleep_for(look_ns);
     begin_ns_ += monotonic_ns() - halt_ns;
     if (times_ <= 0) return;
-    const TimeNs due_ns = begin_ns_ + static_cast<TimeNs>(static_cast<double>(virtual_ns) / times_);
+    const TimeNs due_ns = begin_ns_ + static_cast<TimeNs>(static_cast<double>(simulated_ns) / times_);
     const TimeNs left_ns = due_ns - monotonic_ns();
     if (left_ns > 0) sleep_for(left_ns);
   }
@@ -227,7 +227,7 @@ Status fly_in_real_time(const FlightOptions& options) {
     }
     for (const sim::Outgoing& datagram : drones.step(now).datagrams) drones_wire.send(datagram);
     const auto& said = agent.step(now, drones);
-    for (const AgentBeat& beat : said.beats) unsaid += link.send_beat(beat) ? 0 : 1;
+    for (const AgentHeartbeat& heartbeat : said.heartbeats) unsaid += link.send_heartbeat(heartbeat) ? 0 : 1;
     for (const Pose& pose : said.poses) unsaid += link.send_pose(pose) ? 0 : 1;
     for (const Plan& plan : said.plans) unsaid += link.send_plan(plan) ? 0 : 1;
     while (link.take_state(state)) {

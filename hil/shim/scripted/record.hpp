@@ -6,8 +6,8 @@
 
 #include "common/base/result.hpp"
 #include "common/msg/onboard.hpp"
-#include "hil/lines/sdk/sdk_faults.hpp"
-#include "hil/virtual/digester.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
+#include "hil/sitl/digester.hpp"
 #include "sim/core/simulator.hpp"
 
 namespace ledgerline::hil::shim {

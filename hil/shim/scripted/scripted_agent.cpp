@@ -6,7 +6,7 @@ namespace ledgerline::hil::shim {
 namespace {
 
 constexpr TimeNs flown_period_ns = ns_per_s / 30, other_period_ns = 100 * ns_per_ms;
-constexpr TimeNs pose_period_ns = 10 * ns_per_ms, beat_period_ns = 50 * ns_per_ms;
+constexpr TimeNs pose_period_ns = 10 * ns_per_ms, heartbeat_period_ns = 50 * ns_per_ms;
 constexpr TimeNs setpoint_period_ns = 50 * ns_per_ms;
 constexpr std::uint32_t setpoints = 12;          // 0.6 s, as ground's plans
 constexpr TimeNs ahead_ns = 20 * ns_per_ms;      // time for an ordinary thread to hand the plan over before it is due
@@ -16,25 +16,25 @@ constexpr std::size_t max_transitions = 10'000;
 }  // namespace
 
 ScriptedAgent::ScriptedAgent(const PlanScript& script, TimeNs begin_ns)
-    : script_(script), begin_ns_(begin_ns), next_pose_ns_(begin_ns), next_beat_ns_(begin_ns) {
+    : script_(script), begin_ns_(begin_ns), next_pose_ns_(begin_ns), next_heartbeat_ns_(begin_ns) {
   for (const auto& say : script.says) next_ns_.push_back(begin_ns + say.at_ns);
 }
 
 const ScriptedAgent::DueMessages& ScriptedAgent::step(TimeNs now, const sim::Simulator& drones) {
   said_.plans.clear();
   said_.poses.clear();
-  said_.beats.clear();
+  said_.heartbeats.clear();
   const auto silent_at = [&](TimeNs moment) {
     return std::any_of(script_.silences.begin(), script_.silences.end(), [&](const auto& silence) {
       return moment - begin_ns_ >= silence.at_ns && moment - begin_ns_ < silence.until_ns;
     });
   };
   const bool silent = silent_at(now);
-  if (now >= next_beat_ns_) {
-    next_beat_ns_ += beat_period_ns;
-    beat_.stamp_ns = now;
-    beat_.ledger_alive = true;
-    if (!silent) said_.beats.push_back(beat_);
+  if (now >= next_heartbeat_ns_) {
+    next_heartbeat_ns_ += heartbeat_period_ns;
+    heartbeat_.stamp_ns = now;
+    heartbeat_.ledger_alive = true;
+    if (!silent) said_.heartbeats.push_back(heartbeat_);
   }
   if (now >= next_pose_ns_) {
     next_pose_ns_ += pose_period_ns;
@@ -77,14 +77,14 @@ void ScriptedAgent::plan(TimeNs due, TimeNs now, const PlanScript::Say& say, boo
 
 void ScriptedAgent::take(const Transition& transition) {
   if (transition.drone > max_drones) return;
-  if (beat_.boot_id != transition.boot_id) {
-    beat_.boot_id = transition.boot_id;
-    beat_.transitions_taken = {};
+  if (heartbeat_.boot_id != transition.boot_id) {
+    heartbeat_.boot_id = transition.boot_id;
+    heartbeat_.transitions_taken = {};
   }
-  std::uint64_t& taken = beat_.transitions_taken[transition.drone];
+  std::uint64_t& taken = heartbeat_.transitions_taken[transition.drone];
   if (transition.number != taken + 1) return;  // given again
   taken = transition.number;
-  beat_.transitions_on_ledger[transition.drone] = taken;
+  heartbeat_.transitions_on_ledger[transition.drone] = taken;
   if (transitions_.size() < max_transitions) transitions_.push_back(transition);
 }
 

@@ -18,7 +18,7 @@ class ScriptedAgent {
   struct DueMessages {
     std::vector<Plan> plans;
     std::vector<Pose> poses;
-    std::vector<AgentBeat> beats;
+    std::vector<AgentHeartbeat> heartbeats;
   };
   /// What is due now: valid until the next call.
   const DueMessages& step(TimeNs now, const sim::Simulator& drones);
@@ -38,9 +38,9 @@ class ScriptedAgent {
   TimeNs begin_ns_;
   DueMessages said_;
   std::vector<TimeNs> next_ns_;  ///< of each say
-  TimeNs next_pose_ns_, next_beat_ns_;
+  TimeNs next_pose_ns_, next_heartbeat_ns_;
   std::array<std::uint64_t, max_drones + 1> sequences_{};
-  AgentBeat beat_;
+  AgentHeartbeat heartbeat_;
   std::vector<Transition> transitions_;
 };
 

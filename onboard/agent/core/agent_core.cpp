@@ -29,7 +29,7 @@ void AgentOutputs::clear() {
   submits.clear();
   plans.clear();
   poses.clear();
-  beat.reset();
+  heartbeat.reset();
   traces.clear();
   evictions.clear();
   unconfirmed_stops.clear();
@@ -40,7 +40,7 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       batcher_(config_.batch, config_.drones, config_.seed),
       transitions_(config_.batch, config_.drones, config_.seed + 1),
-      folds_(config_.batch, config_.drones, config_.seed + 2),
+      stop_applier_(config_.batch, config_.drones, config_.seed + 2),
       idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
       alarms_(config_.batch, config_.drones, config_.seed + 4),
       check_(config_.check, config_.drones, registry),
@@ -62,10 +62,10 @@ void AgentCore::set_control(TimeNs now, const Control& control) {
   check_.set_control(control);
   const auto drone = std::find_if(config_.drones.begin(), config_.drones.end(),
                                   [&](const DroneName& d) { return d.name == control.drone(); });
-  // Whether it was folded before this agent's start the record does not say; a fold that changes nothing writes
-  // nothing.
+  // Whether its stops were applied before this agent's start the record does not say; an apply_stops that changes
+  // nothing writes nothing.
   if (drone != config_.drones.end() && (is_stopped(control) || !control.revoked().empty()))
-    folds_.want(now, drone->number);
+    stop_applier_.want(now, drone->number);
 }
 
 void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
@@ -122,7 +122,7 @@ void AgentCore::progress(TimeNs) {
 constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
-  if (transitions_.finished(now, frame, outcome) || folds_.finished(now, frame, outcome) ||
+  if (transitions_.finished(now, frame, outcome) || stop_applier_.finished(now, frame, outcome) ||
       alarms_.finished(now, frame, outcome) || take_eviction(now, frame, outcome, out)) {
     if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
     return;
@@ -134,12 +134,12 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
   if (outcome.ordered_ns != 0)
     out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
   if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
-    // The contract has become a newer version, and our records have no policy yet: a fold renews them.
-    folds_.renew(now);
+    // The contract has become a newer version, and our records have no policy yet: apply_stops renews them.
+    stop_applier_.renew(now);
   }
   if (outcome.kind != fabric::Outcome::Kind::committed) return;
   progress(now);
-  folds_.renewed();
+  stop_applier_.renewed();
   out.traces.push_back(TraceRecord{.t_ns = now,
                                    .kind = TraceKind::frame_committed,
                                    .extra = static_cast<std::uint32_t>(ended->samples.size()),
@@ -159,7 +159,7 @@ void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& o
                                      .stamp_ns = refused.state_stamp_ns});
   }
   violation_block(now, block, checked);
-  judged_share_.add(now, block);
+  validated_share_.add(now, block);
   if (!checked.chain_ok) {
     last_chain_error_ = checked.chain_error;
     return;
@@ -183,20 +183,20 @@ void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const Comma
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
-    if (is_contract_stop(plan.action)) folds_.want(now, plan.drone);  // a stop or cut of the ledger's
+    if (is_contract_stop(plan.action)) stop_applier_.want(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
   out.unconfirmed_stops.insert(out.unconfirmed_stops.end(), checked.unconfirmed.begin(), checked.unconfirmed.end());
-  for (const DroneNumber drone : checked.revoked) folds_.want(now, drone);
+  for (const DroneNumber drone : checked.revoked) stop_applier_.want(now, drone);
   for (const DroneNumber drone : checked.heard) idle_.heard(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
 void AgentCore::violation_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked) {
   if (!checked.chain_ok) integrity_.add(now, IntegrityViolation::chain, block.number, checked.chain_error);
-  integrity_.add(now, IntegrityViolation::transaction, block.number, checked.invalid_problem, checked.invalid);
+  integrity_.add(now, IntegrityViolation::transaction, block.number, checked.unverified_problem, checked.unverified);
   for (const auto& stop : checked.unconfirmed) {
-    if (stop.judged) continue;  // it came to nothing, by our own judgement as well
+    if (stop.validated) continue;  // it came to nothing, by our own validation as well
     integrity_.add(now, IntegrityViolation::stop, block.number,
                    "drone " + std::to_string(stop.drone) + ": stopped by " + stop.stopper.msp_id + " " +
                        stop.stopper.subject + ", which the block flags " + std::to_string(stop.code));
@@ -267,10 +267,10 @@ void AgentCore::submit_alarm(TimeNs now, AgentOutputs& out) {
   out.submits.push_back({sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), true});
 }
 
-void AgentCore::submit_folds(TimeNs now, AgentOutputs& out) {
-  while (const auto sending = folds_.next(now)) {
+void AgentCore::submit_apply_stops(TimeNs now, AgentOutputs& out) {
+  while (const auto sending = stop_applier_.next(now)) {
     if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-    out.submits.push_back({sending->number, encode_fold(*sending), true});
+    out.submits.push_back({sending->number, encode_apply_stops(*sending), true});
   }
 }
 
@@ -297,18 +297,18 @@ bool AgentCore::take_eviction(TimeNs now, std::uint64_t number, const fabric::Ou
   return ended.has_value();
 }
 
-// A beat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it, only
-// not yet heard it.
-bool AgentCore::may_beat(TimeNs now) {
+// A heartbeat without a pose says that the pose is lost. An agent that was started again in mid-flight has not lost it,
+// only not yet heard it.
+bool AgentCore::may_send_heartbeat(TimeNs now) {
   if (!first_step_ns_) first_step_ns_ = now;
-  return now - *first_step_ns_ >= config_.first_beat_wait_ns ||
+  return now - *first_step_ns_ >= config_.first_heartbeat_wait_ns ||
          std::all_of(drones_.begin(), drones_.end(), [](const Drone& d) { return d.has_pose; });
 }
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
   stepped_ns_ = now;
   hand_over_plans(now, out);
-  submit_folds(now, out);
+  submit_apply_stops(now, out);
   submit_transitions(now, out);
   log_violations(now, out);
   if (submitting_) {
@@ -316,20 +316,20 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
     submit_evictions(now, out);
     submit_frame(now, out);
   }
-  if (now >= next_beat_ns_ && may_beat(now)) {
-    out.beat =
-        AgentBeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_untrusted = integrity_.stands(now)};
-    transitions_.tell(*out.beat);
-    // Beats keep their grid, except after a pause: then none are made up for.
-    const bool paused = next_beat_ns_ + config_.beat_period_ns <= now;
-    next_beat_ns_ = (paused ? now : next_beat_ns_) + config_.beat_period_ns;
+  if (now >= next_heartbeat_ns_ && may_send_heartbeat(now)) {
+    out.heartbeat =
+        AgentHeartbeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_untrusted = integrity_.stands(now)};
+    transitions_.tell(*out.heartbeat);
+    // Heartbeats keep their grid, except after a pause: then none are made up for.
+    const bool paused = next_heartbeat_ns_ + config_.heartbeat_period_ns <= now;
+    next_heartbeat_ns_ = (paused ? now : next_heartbeat_ns_) + config_.heartbeat_period_ns;
   }
 }
 
 TimeNs AgentCore::due_ns() const {
   const TimeNs frame_ns = submitting_ ? batcher_.due_ns(stepped_ns_) : INT64_MAX;
   // One that is over already waits for poses, which come with a step of their own.
-  return next_beat_ns_ > stepped_ns_ ? std::min(frame_ns, next_beat_ns_) : frame_ns;
+  return next_heartbeat_ns_ > stepped_ns_ ? std::min(frame_ns, next_heartbeat_ns_) : frame_ns;
 }
 
 DroneReport AgentCore::report(DroneNumber drone) const {

@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "common/fabric/sending/outcome.hpp"
-#include "common/fabric/tx/judged_share.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/fabric/tx/validated_share.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"
@@ -14,8 +14,8 @@
 #include "onboard/agent/core/integrity_monitor.hpp"
 #include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/core/outbox/fold_sender.hpp"
 #include "onboard/agent/core/outbox/idle_evictor.hpp"
+#include "onboard/agent/core/outbox/stop_applier.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {
@@ -25,8 +25,8 @@ struct AgentConfig {
   BatchConfig batch;
   CheckConfig check;
   FusionConfig fusion;
-  TimeNs beat_period_ns = 50 * ns_per_ms;
-  TimeNs first_beat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
+  TimeNs heartbeat_period_ns = 50 * ns_per_ms;
+  TimeNs first_heartbeat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
   /// How long an integrity violation counts. It outlasts the peer's next try of a stream that it has broken off,
@@ -41,12 +41,12 @@ struct AgentOutputs {
   struct Submit {
     std::uint64_t frame = 0;  ///< give it back to on_outcome()
     fabric::Call call;
-    bool urgent = false;  ///< transitions, alarms, folds, evictions: must not wait behind states
+    bool urgent = false;  ///< transitions, alarms, applied stops, evictions: must not wait behind states
   };
   std::vector<Submit> submits;
   std::vector<Plan> plans;  ///< to link
   std::vector<Pose> poses;  ///< to link
-  std::optional<AgentBeat> beat;
+  std::optional<AgentHeartbeat> heartbeat;
   std::vector<TraceRecord> traces;
   /// For the log, of an eviction of an idle holder: how a call ended, or that one goes out.
   struct Eviction {
@@ -71,11 +71,11 @@ struct DroneReport {
   Histogram two_way;                    ///< verified - state stamp
 };
 
-/// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, beats. Inputs
-/// first, then step() with the same or a later time: frames, verified plans and the beat come out of step() alone, so
-/// that `verified_ns` is the time of handing over, checking included. Call step() after every burst of inputs, when
-/// due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no less. `now`
-/// never goes back. One thread; deterministic: the same inputs give the same outputs.
+/// The agent without its I/O: batches states into frames, checks commands from blocks, fuses mocap, sends heartbeats.
+/// Inputs first, then step() with the same or a later time: frames, verified plans and the heartbeat come out of step()
+/// alone, so that `verified_ns` is the time of handing over, checking included. Call step() after every burst of
+/// inputs, when due_ns() says so, and at least every few milliseconds: what is sent again after a failure waits for no
+/// less. `now` never goes back. One thread; deterministic: the same inputs give the same outputs.
 class AgentCore {
  public:
   /// The registry must outlive the core.
@@ -106,16 +106,16 @@ class AgentCore {
   /// Whether another organisation's peer tells other records now.
   void set_records_differ(bool differ) { integrity_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
-  /// After step(): when the next frame or beat is due, if nothing comes before; INT64_MAX: none is.
+  /// After step(): when the next frame or heartbeat is due, if nothing comes before; INT64_MAX: none is.
   TimeNs due_ns() const;
   /// Writes integrity violations to the log now: step() does it, too, but not before there is a stream.
   void log_violations(TimeNs now, AgentOutputs& out);
 
   /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
-  /// folds still go. For an orderly end.
+  /// apply_stops still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
   bool anything_under_way() const {
-    return batcher_.in_flight() > 0 || transitions_.pending() || folds_.pending() || idle_.in_flight() ||
+    return batcher_.in_flight() > 0 || transitions_.pending() || stop_applier_.pending() || idle_.in_flight() ||
            alarms_.in_flight();
   }
 
@@ -126,15 +126,15 @@ class AgentCore {
   const std::string& last_chain_error() const { return last_chain_error_; }
   std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
-  const FoldSender& folds() const { return folds_; }
+  const StopApplier& stop_applier() const { return stop_applier_; }
   const IntegrityMonitor& integrity() const { return integrity_; }
-  fabric::JudgedShare& judged_share() { return judged_share_; }
-  const fabric::JudgedShare& judged_share() const { return judged_share_; }
+  fabric::ValidatedShare& validated_share() { return validated_share_; }
+  const fabric::ValidatedShare& validated_share() const { return validated_share_; }
   const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
   std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
   std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
-  std::uint64_t invalid_transactions() const { return check_.invalid_transactions(); }
+  std::uint64_t unverified_transactions() const { return check_.unverified_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
   DroneReport report(DroneNumber drone) const;
 
@@ -153,7 +153,7 @@ class AgentCore {
   void hand_over_plans(TimeNs now, AgentOutputs& out);
   void submit_frame(TimeNs now, AgentOutputs& out);
   void submit_transitions(TimeNs now, AgentOutputs& out);
-  void submit_folds(TimeNs now, AgentOutputs& out);
+  void submit_apply_stops(TimeNs now, AgentOutputs& out);
   void submit_evictions(TimeNs now, AgentOutputs& out);
   void submit_alarm(TimeNs now, AgentOutputs& out);
   void take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked, AgentOutputs& out);
@@ -161,21 +161,21 @@ class AgentCore {
   std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
   bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   void progress(TimeNs now);
-  bool may_beat(TimeNs now);
+  bool may_send_heartbeat(TimeNs now);
 
   AgentConfig config_;
   Batcher batcher_;
   TransitionSender transitions_;
-  FoldSender folds_;
+  StopApplier stop_applier_;
   IdleEvictor idle_;
   AlarmSender alarms_;
   CommandCheck check_;
-  fabric::JudgedShare judged_share_;
+  fabric::ValidatedShare validated_share_;
   IntegrityMonitor integrity_;
   std::vector<Drone> drones_;  ///< as in config_.drones
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;
-  TimeNs next_beat_ns_ = INT64_MIN;
+  TimeNs next_heartbeat_ns_ = INT64_MIN;
   std::optional<TimeNs> first_step_ns_;
   TimeNs stepped_ns_ = INT64_MIN;  ///< last
   bool submitting_ = true;

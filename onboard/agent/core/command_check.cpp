@@ -125,7 +125,8 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;
-    if (!tx.problem.empty() && out.invalid++ == 0) out.invalid_problem = "transaction " + tx.tx_id + ": " + tx.problem;
+    if (!tx.problem.empty() && out.unverified++ == 0)
+      out.unverified_problem = "transaction " + tx.tx_id + ": " + tx.problem;
     if (tx.event_name == contract::command) take_commands(now, now_s, tx, out);
     if (!out.chain_ok) continue;
     const bool stops = tx.event_name == contract::stop;
@@ -134,7 +135,7 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
     const bool again = tx.code == duplicate_tx_id && !tx.by_flag;
     if (!again && (stops || tx.function == contract::stop)) take_stops(now, tx, out);
   }
-  invalid_transactions_ += out.invalid;
+  unverified_transactions_ += out.unverified;
   return out;
 }
 
@@ -266,8 +267,9 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
   return Refusal::none;
 }
 
-std::optional<verification::ControlEvent> CommandCheck::trusted(std::int64_t now_s, const fabric::Transaction& tx,
-                                                                verification::Creator& signer, Checked& out) {
+std::optional<verification::ControlEvent> CommandCheck::verified_event(std::int64_t now_s,
+                                                                       const fabric::Transaction& tx,
+                                                                       verification::Creator& signer, Checked& out) {
   Controls reported;
   Refusal why = parse_message(tx.event_payload, reported) ? Refusal::none : Refusal::malformed;
   if (why == Refusal::none) {
@@ -293,7 +295,7 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
 
 void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
   verification::Creator signer;
-  const auto event = trusted(now_s, tx, signer, out);
+  const auto event = verified_event(now_s, tx, signer, out);
   if (!event) return;
   const auto role = verification::role_change(*event);
   bool follows = !role || verification::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
@@ -309,7 +311,7 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
   for (const Control& control : event->controls.controls()) {
     Drone* drone = find(control.drone());
     if (!drone) continue;
-    const bool lifted = event->function == contract::resume && is_stopped(*drone->control) && !is_stopped(control);
+    const bool cleared = event->function == contract::clear_stop && is_stopped(*drone->control) && !is_stopped(control);
     // Who commands no more must not fly on until the end of his plan, seconds on a far ledger. Who hands the drone over
     // does, until the first plan of the other: nobody holds it up in between.
     const bool lost =
@@ -318,15 +320,16 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
         verification::to_name(commander_of(*drone->control)) != verification::to_name(commander_of(control));
     if (lost) out.plans.push_back(empty_plan(now, drone->name.number, control.epoch()));
     drone->control = control;
-    // What no record shows after its host's fold, or after somebody lifted stops, the ledger never had.
+    // What no record shows after its host's apply_stops, or after somebody cleared stops, the ledger never had.
     if (drone->heard && !is_stopped(control)) {
-      if (event->function == contract::fold) drone->heard->not_on_ledger = true;
-      if (event->function == contract::resume) drone->heard.reset();
+      if (event->function == contract::apply_stops) drone->heard->not_on_ledger = true;
+      if (event->function == contract::clear_stop) drone->heard.reset();
     }
-    if (!lifted || drone->heard) continue;
+    if (!cleared || drone->heard) continue;
     // A member of the owner's organisation also acts for the person who pressed the key beside the drone.
     const bool owners = signer.name.msp_id == control.owner().msp_id();
-    out.plans.push_back(contract_word(now, *drone, owners ? PlanAction::resumed_by_owner : PlanAction::resumed));
+    out.plans.push_back(
+        contract_word(now, *drone, owners ? PlanAction::stop_cleared_by_owner : PlanAction::stop_cleared));
   }
   if (role) take_role(*role, out);
 }
@@ -357,7 +360,7 @@ std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) 
 std::optional<Plan> CommandCheck::no_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
   if (!drone || !drone->control || is_stopped(*drone->control) || drone->heard) return std::nullopt;
-  return contract_word(now, *drone, PlanAction::resumed);
+  return contract_word(now, *drone, PlanAction::stop_cleared);
 }
 
 void CommandCheck::landed(DroneNumber number) {

@@ -63,7 +63,7 @@ struct CheckConfig {
 /// comes from Control records: the first ones are set by the caller as read from the ledger, later ones come from the
 /// control events in the blocks. Such an event must be what its creator asked for, of the drones that were asked for,
 /// and follow from the record before (common/verification/control_events.hpp), so an epoch never goes back and nobody's
-/// stop is lifted by another. A stop needs less: its creator's signature and right by these records, whatever flag,
+/// stop is cleared by another. A stop needs less: its creator's signature and right by these records, whatever flag,
 /// endorser or clock; a cut is only flown where it is flagged valid. What stays the peers' word: the first records and
 /// roles, and what they leave out.
 ///
@@ -85,21 +85,22 @@ class CommandCheck {
     Refusal why = Refusal::none;
   };
   struct Checked {
-    std::vector<Plan> plans;  ///< in block order, verified_ns not set yet; a `stop` event comes as stop or cut, the
-                              ///< last stopper's `resume` as resumed; a change of who commands as one without setpoints
+    /// In block order, verified_ns not set yet; a `stop` event comes as stop or cut, the last stopper's `clear_stop` as
+    /// stop_cleared; a change of who commands as one without setpoints.
+    std::vector<Plan> plans;
     std::vector<Refused> refused;
-    std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: a fold is due
+    std::vector<DroneNumber> revoked;  ///< drones whose record names somebody who is now revoked: apply_stops is due
     /// Stops that are obeyed although the reported ledger has none such: a peer may lie, or it came to nothing.
     struct UnconfirmedStop {
       DroneNumber drone = 0;
       crypto::IdentityName stopper;
-      int code = 0;         ///< its flag, protos.TxValidationCode
-      bool judged = false;  ///< our own judgement of the transaction says the same as its flag
+      int code = 0;            ///< its flag, protos.TxValidationCode
+      bool validated = false;  ///< our own validation of the transaction says the same as its flag
     };
     std::vector<UnconfirmedStop> unconfirmed;
     /// Transactions that the stream does not accept (fabric::Transaction::problem): how many, and the first's problem.
-    std::uint64_t invalid = 0;
-    std::string invalid_problem;
+    std::uint64_t unverified = 0;
+    std::string unverified_problem;
     std::vector<DroneNumber> heard;  ///< drones that are commanded under their lease, flown or refused
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
@@ -143,7 +144,7 @@ class CommandCheck {
   /// The epoch of its holder's lease; none: nobody holds the drone, or no record of it was read.
   std::optional<std::uint64_t> lease(DroneNumber number) const;
 
-  /// The trusted records now, as set at the start and changed by the blocks since.
+  /// The verified records now, as set at the start and changed by the blocks since.
   FirstRecords records() const;
 
   const Counters& counters(DroneNumber number) const;
@@ -153,13 +154,13 @@ class CommandCheck {
   std::uint64_t malformed_commands() const { return malformed_commands_; }  ///< of no drone, therefore
   std::uint64_t refused_control_events() const { return refused_control_events_; }
   std::uint64_t unconfirmed_stops() const { return unconfirmed_stops_; }
-  std::uint64_t invalid_transactions() const { return invalid_transactions_; }  ///< of anybody
+  std::uint64_t unverified_transactions() const { return unverified_transactions_; }  ///< of anybody
 
  private:
   static constexpr std::size_t max_heard_stops = 256;  ///< remembered, so that each lands its drones once
   using Organisations = std::set<std::string>;
   /// A stop that its creator may give, and that the blocks do not show as valid. It stands until the drone is down, and
-  /// a fold's record, which comes from behind it, does not show it either.
+  /// the record of an apply_stops, which comes from behind it, does not show it either.
   struct PendingStop {
     bool not_on_ledger = false;
   };
@@ -196,8 +197,8 @@ class CommandCheck {
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was
   /// refused.
-  std::optional<verification::ControlEvent> trusted(std::int64_t now_s, const fabric::Transaction& tx,
-                                                    verification::Creator& signer, Checked& out);
+  std::optional<verification::ControlEvent> verified_event(std::int64_t now_s, const fabric::Transaction& tx,
+                                                           verification::Creator& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   bool concerns_us(const Controls& reported);
@@ -223,7 +224,7 @@ class CommandCheck {
   std::uint64_t malformed_commands_ = 0;
   std::uint64_t refused_control_events_ = 0;
   std::uint64_t unconfirmed_stops_ = 0;
-  std::uint64_t invalid_transactions_ = 0;
+  std::uint64_t unverified_transactions_ = 0;
 };
 
 }  // namespace ledgerline::agent

@@ -6,7 +6,7 @@ namespace ledgerline::agent {
 
 std::string_view name(IntegrityViolation kind) {
   constexpr std::array<std::string_view, violation_kinds> names{
-      "transaction_invalid", "records_differ", "stop_unconfirmed", "stream_contradicted", "chain_broken"};
+      "transaction_unverified", "records_differ", "stop_unconfirmed", "stream_contradicted", "chain_broken"};
   return names.at(static_cast<std::size_t>(kind));
 }
 

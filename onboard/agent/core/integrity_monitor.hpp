@@ -13,7 +13,7 @@ namespace ledgerline::agent {
 
 /// Why the ledger that agent is shown is not to be trusted as it is.
 enum class IntegrityViolation : std::uint8_t {
-  transaction = 0,  ///< cannot be what its flag says, by our own judgement
+  transaction = 0,  ///< cannot be what its flag says, by our own validation
   records = 1,      ///< another organisation's peer reports other control records
   stop = 2,         ///< obeyed, though the ledger is said to have none such
   stream = 3,       ///< the stream contradicts itself, its orderers' signatures or an orderer's stream

@@ -86,7 +86,7 @@ void Agent::begin() {
   if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
 }
 
-// The wakeup is cleared before the states are taken: one that comes behind the take rings for the next turn.
+// The wakeup is cleared before the states are taken: one that comes after that notifies the next turn.
 void Agent::wait() {
   const TimeNs now = monotonic_ns();
   TimeNs until_ns = now + max_wait_ns;

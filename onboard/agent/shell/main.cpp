@@ -75,7 +75,7 @@ Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
 Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::Settings settings,
                                                         const fabric::ClientConfig& known,
                                                         const dds::ParticipantPtr& participant) {
-  settings.blocks_are_judged = !known.config_block.empty();
+  settings.blocks_are_validated = !known.config_block.empty();
   auto registry = fabric::msp_registry(config);
   if (!registry) return registry.error();
   auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
@@ -110,7 +110,7 @@ int run(Config& config) {
   if (checked) checked = own_msp;
   if (checked) checked = endorser::check_channels(within, channels);
   if (!checked) return fail(checked.error(), exit_usage);
-  if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_judged);
+  if (known.config_block.empty()) spdlog::warn("{}", fabric::blocks_not_validated);
   auto certificates = fabric::watch_certificates(config, known, channels.tls_pairs());
   if (!certificates) return fail(certificates.error(), exit_usage);
   auto ledgers = fabric::each_channel(known, channels);
@@ -155,7 +155,7 @@ agent.toml: [[drone]] name, number;
     outliers_before_reset, max_gap_ms, frozen_after_ms
   [check] max_age_ms, max_speed_mps, max_yaw_rate_radps, horizon_ms, stamps_kept
   [batch] min_gap_ms, linger_ms, freshness_ms, first_back_off_ms, max_back_off_ms, refused_drone_pause_ms
-  [agent] beat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, integrity_hold_s, max_absence_blocks, seed,
+  [agent] heartbeat_ms, ledger_silent_after_ms, idle_evict_s, recheck_s, integrity_hold_s, max_absence_blocks, seed,
     start_wait_s
   [own_endorser] msp_dir, check_one_in, checkpoint, first_state, first_state_hash, listen, tls_certificate, tls_key, summary (docs/endorser.md)
   [realtime] priority (SCHED_FIFO from block to plan, below link's 80; 0: ordinary)

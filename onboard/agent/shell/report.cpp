@@ -66,7 +66,7 @@ std::string status_line(const AgentCore& core, const std::string& channel, TimeN
                {"ledger_alive", core.ledger_alive(now)},
                {"ledger_untrusted", core.integrity().stands(now)},
                {"integrity_violations", core.integrity().count()},
-               {"transactions_by_flag", core.judged_share().by_flag()},
+               {"transactions_by_flag", core.validated_share().by_flag()},
                {"drones", std::move(drones)}};
   if (certificate_days) line["certificate_days"] = *certificate_days;
   return json{{"agent", std::move(line)}}.dump();
@@ -84,6 +84,7 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
                       {"two_way_ms", report.two_way.quantiles_ms()}});
   }
   const Batcher::Transactions& t = core.transactions();
+  const StopApplier& stops = core.stop_applier();
   return json{{"channel", channel},
               {"drones", drones},
               {"transactions",
@@ -94,7 +95,7 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
               {"blocks", core.blocks()},
               {"blocks_broken", core.blocks_broken()},
               {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
-              {"folds", {{"on_ledger", core.folds().folded()}, {"repeated", core.folds().repeated()}}},
+              {"stops_applied", {{"on_ledger", stops.applied()}, {"repeated", stops.repeated()}}},
               {"evictions",
                {{"on_ledger", core.idle().counters().evicted},
                 {"refused", core.idle().counters().refused},
@@ -108,9 +109,9 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
                 {"refused", core.alarms().counters().refused}}},
               {"control_events_refused", core.refused_control_events()},
               {"stops_unconfirmed", core.unconfirmed_stops()},
-              {"transactions_invalid", core.invalid_transactions()},
-              {"transactions_by_flag", core.judged_share().by_flag()},
-              {"transactions_not_by_flag", core.judged_share().judged()},
+              {"transactions_unverified", core.unverified_transactions()},
+              {"transactions_by_flag", core.validated_share().by_flag()},
+              {"transactions_not_by_flag", core.validated_share().validated()},
               {"blocks_not_read", shell.blocks_not_read},
               {"records_compared", shell.records_compared},
               {"records_differ", shell.records_differ},

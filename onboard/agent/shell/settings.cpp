@@ -115,7 +115,7 @@ void read_output(Config& config, Settings& s) {
 void read_checkpoint_keys(Config& config, Settings& s) {
   s.checkpoint = config.text(
       {"output.checkpoint",
-       "file, of this agent alone, with the newest block that was trusted and the control records behind it: a peer "
+       "file, of this agent alone, with the newest block that was verified and the control records behind it: a peer "
        "that serves an older chain, or another one, is refused at the next start; none: each start begins from "
        "nothing"},
       "");
@@ -144,9 +144,9 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
   s.core.check.msp_id = msp_id;
   s.core.check.where = where;
   s.core.fusion = fusion(config);
-  s.core.beat_period_ns =
-      duration_ms(config, {"agent.beat_ms", "between two beats to link, which takes agent for gone without them"},
-                  s.core.beat_period_ns, 1, 100);
+  s.core.heartbeat_period_ns = duration_ms(
+      config, {"agent.heartbeat_ms", "between two heartbeats to link, which takes agent for gone without them"},
+      s.core.heartbeat_period_ns, 1, 100);
   s.core.ledger_silent_after_ns =
       duration_ms(config,
                   {"agent.ledger_silent_after_ms",

@@ -18,10 +18,10 @@ struct Settings {
   PoseMessage mocap_message = PoseMessage::pose_stamped;
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
   TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
-  std::string checkpoint;                     ///< file of the newest block trusted; empty: none
+  std::string checkpoint;                     ///< file of the newest block verified; empty: none
   std::uint64_t max_absence_blocks = 0;       ///< behind it that are read one by one
   TimeNs recheck_ns = 0;                      ///< between two looks at another organisation's records; 0: never
-  bool blocks_are_judged = false;             ///< config_block is set
+  bool blocks_are_validated = false;          ///< config_block is set
   int priority = 0;  ///< SCHED_FIFO of the threads between a block and its plans; 0: ordinary. Below link's (80)
 };
 

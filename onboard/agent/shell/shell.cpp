@@ -142,7 +142,7 @@ void AgentShell::take_roles(const RolesRead& read) {
 
 // No reason to distrust the ledger either: a flood of somebody's keys is none.
 void AgentShell::tell_by_flag() {
-  const auto rise = core_.judged_share().take_rise();
+  const auto rise = core_.validated_share().take_rise();
   if (!rise) return;
   spdlog::warn(
       "{}of {} transactions {} count by the peer's flag alone, since what they rest on is not known here any more: "
@@ -244,11 +244,11 @@ void AgentShell::step_and_act() {
     spdlog::error("{}drone {}: plan {} was lost, no shared memory is left: is link running?", label_, plan.drone,
                   plan.sequence);
   }
-  // A lost pose or beat is made good by the next one; link watches their age.
+  // A lost pose or heartbeat is made good by the next one; link watches their age.
   for (const Pose& pose : out_.poses) (void)end_->send_pose(pose);
-  if (out_.beat) {
-    out_.beat->drones = beat_for_;
-    (void)end_->send_beat(*out_.beat);
+  if (out_.heartbeat) {
+    out_.heartbeat->drones = heartbeat_for_;
+    (void)end_->send_heartbeat(*out_.heartbeat);
   }
   for (AgentOutputs::Submit& submit : out_.submits) {
     (submit.urgent ? urgent_ : client_)
@@ -277,8 +277,8 @@ void AgentShell::tell_refusals() {
 void AgentShell::tell_unconfirmed_stops() {
   for (const auto& stop : out_.unconfirmed_stops) {
     spdlog::error(
-        "{}drone {}: stopped by {} {}, which the block flags {}: it lands all the same; it is resumed when a fold "
-        "shows that the ledger has no such stop",
+        "{}drone {}: stopped by {} {}, which the block flags {}: it lands all the same; the stop is over when "
+        "apply_stops shows that the ledger has no such stop",
         label_, stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
   }
 }

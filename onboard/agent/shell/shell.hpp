@@ -131,7 +131,7 @@ class AgentShell {
   bool several_ = false;  ///< there are further channels
   std::string label_;     ///< begins what is said; empty: there is one channel
   std::function<void(bool connected, const std::string& why)> tell_connection_;
-  std::uint32_t beat_for_ = AgentBeat::all_drones;
+  std::uint32_t heartbeat_for_ = AgentHeartbeat::all_drones;
   ShellCounters counters_;
   std::atomic<std::uint64_t> mocap_lost_{0};
   MocapIntake mocap_intake_{real_offset, settings_.mocap_stamps_are_of_this_host};

@@ -31,8 +31,8 @@ Status AgentShell::start(ipc::AgentEnd& end, Recorder& recorder, bool several) {
   several_ = several;
   if (several) {
     label_ = fmt::format("channel {}: ", channel());
-    beat_for_ = 0;
-    for (const DroneName& drone : core_.drones()) beat_for_ |= AgentBeat::bit_of(drone.number);
+    heartbeat_for_ = 0;
+    for (const DroneName& drone : core_.drones()) heartbeat_for_ |= AgentHeartbeat::bit_of(drone.number);
   }
   tell_connection_ = fabric::tell_connections(label_ + "block stream");
   core_.set_real_offset(mocap_intake_.clock().offset_ns());
@@ -57,7 +57,7 @@ Status AgentShell::reach() {
   });
 }
 
-// Behind a gap nothing connects what was trusted with what the peer reports now: another organisation's must
+// Behind a gap nothing connects what was verified with what the peer reports now: another organisation's must
 // report the same.
 Status AgentShell::confirm(const FirstRecords& records) {
   if (!unconfirmed_) return done;
@@ -130,7 +130,7 @@ void AgentShell::open_block_stream() {
   handlers.on_connection = [this](bool connected, const std::string& why) {
     mailbox_.put(StreamState{connected, why});
   };
-  handlers.on_invalid = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
+  handlers.on_unverified = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
   handlers.on_refused = [this](const fabric::Block& block) { mailbox_.put_in_turn(RefusedBlock{block}); };
   handlers.on_confirmed = [this](const auto& confirmed) {
@@ -168,13 +168,13 @@ void AgentShell::open_checkpoint() {
 
 void AgentShell::take_continued(const fabric::Continuation& how) {
   if (how.gap) {
-    counters_.blocks_not_read = how.newest - how.trusted;
+    counters_.blocks_not_read = how.newest - how.verified;
     spdlog::warn(
         "{}blocks {} to {} came while this agent was away, and are not read (more than {} behind the checkpoint): "
         "block {} counts {}, and the control records are read again",
-        label_, how.trusted + 1, how.newest, settings_.max_absence_blocks, how.newest,
-        settings_.blocks_are_judged ? "by its orderers' signatures"
-                                    : "by the peer's word, for config_block is not set");
+        label_, how.verified + 1, how.newest, settings_.max_absence_blocks, how.newest,
+        settings_.blocks_are_validated ? "by its orderers' signatures"
+                                       : "by the peer's word, for config_block is not set");
     unconfirmed_ = witness_ != nullptr;
     if (!witness_)
       spdlog::warn(
@@ -183,10 +183,10 @@ void AgentShell::take_continued(const fabric::Continuation& how) {
     return;
   }
   if (!kept_records_) return;
-  spdlog::info("{}goes on behind block {}, which was trusted; the chain is at {}", label_, how.trusted, how.newest);
+  spdlog::info("{}goes on behind block {}, which was verified; the chain is at {}", label_, how.verified, how.newest);
   set_records(*kept_records_);
   (void)control_start_.on_read();  // it comes before the first block
-  catch_up_to_ = how.newest > how.trusted ? how.newest + 1 : 0;
+  catch_up_to_ = how.newest > how.verified ? how.newest + 1 : 0;
 }
 
 Status AgentShell::take_early_events() {

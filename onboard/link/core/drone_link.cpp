@@ -11,7 +11,7 @@ namespace ledgerline::link {
 namespace {
 
 // Where motion capture is there too, it says where the drone starts.
-OdometrySettings own_senses_of(const DroneSettings& drone) noexcept {
+OdometrySettings odometry_settings_of(const DroneSettings& drone) noexcept {
   OdometrySettings settings = drone.odometry;
   if (!uses_mocap(drone.source)) return settings;
   settings.start_sigma_m = 100;    // any room
@@ -31,9 +31,9 @@ DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, s
       rc_settings_(settings.rc),
       source_(drone.source),
       by_hand_without_pose_(drone.by_hand_without_pose),
-      odometry_(own_senses_of(drone)),
+      odometry_(odometry_settings_of(drone)),
       velocity_known_(drone.velocity_known),
-      failover_(drone.own_senses_after_ns, drone.odometry.correction_mps),
+      failover_(drone.odometry_after_ns, drone.odometry.correction_mps),
       pads_(drone.source == PoseSource::pads ? settings.pads : std::vector<PadSettings>{}),
       session_(settings.session, drone.serial, drone.source == PoseSource::pads),
       admission_(settings.playout),
@@ -53,13 +53,14 @@ void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexce
   }
 }
 
-void DroneLink::take_beat(const AgentBeat& beat) noexcept {
-  facts_.beat_ns = beat.stamp_ns;
-  facts_.ledger_alive = beat.ledger_alive;
-  facts_.ledger_untrusted = beat.ledger_untrusted;
-  const bool of_this_boot = beat.boot_id == boot_id_;  // a restarted agent knows of no boot
+void DroneLink::take_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
+  facts_.heartbeat_ns = heartbeat.stamp_ns;
+  facts_.ledger_alive = heartbeat.ledger_alive;
+  facts_.ledger_untrusted = heartbeat.ledger_untrusted;
+  const bool of_this_boot = heartbeat.boot_id == boot_id_;  // a restarted agent knows of no boot
   const std::size_t i = std::min(number_, max_drones);
-  transitions_.heard(of_this_boot ? beat.transitions_taken[i] : 0, of_this_boot ? beat.transitions_on_ledger[i] : 0);
+  transitions_.heard(of_this_boot ? heartbeat.transitions_taken[i] : 0,
+                     of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
 }
 
 void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
@@ -90,8 +91,8 @@ void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
     playout_.add(at.now, plan);
   } else {
     admission_.applied();
-    // What is resumed is nothing that is flown.
-    if (plan.action < PlanAction::resumed) record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
+    // A stop that is cleared is nothing that is flown.
+    if (plan.action < PlanAction::stop_cleared) record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
   }
 }
 
@@ -112,9 +113,9 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
     case PlanAction::cut:
       stop(at.now, plan);
       return DropReason::none;
-    case PlanAction::resumed:
-    case PlanAction::resumed_by_owner:
-      return resume(plan);
+    case PlanAction::stop_cleared:
+    case PlanAction::stop_cleared_by_owner:
+      return clear_stop(plan);
     default:
       return DropReason::bad_value;
   }
@@ -136,7 +137,7 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
 
 DropReason DroneLink::land(TimeNs now) noexcept {
   if (session_.phase() == FlightPhase::disconnected && !session_.may_be_airborne()) return DropReason::not_flying;
-  session_.land_again(now, LostLinkProtocol::Asker::holder);
+  session_.land_again(now, LostLinkProtocol::Requester::holder);
   if (session_.phase() != FlightPhase::flying) {
     session_.request_land(now);
   } else {
@@ -178,7 +179,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoin
 void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
-  lift_stops();
+  forget_cleared_stops();
   Playout::CurrentSetpoint setpoint = desired_setpoint(now);
   update_facts(at, setpoint);
   facts_.blind = session_.blind(now);
@@ -191,7 +192,7 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   watch_phase(at);
   record_transition(at);
   record_ends(at);
-  tell_serial(at);
+  report_serial(at);
 }
 
 void DroneLink::obey_failsafe(TimeNs now) noexcept {
@@ -321,10 +322,10 @@ void DroneLink::record_transition(const LinkMoment& at) noexcept {
   if (Transition next; transitions_.next(next)) at.out.transitions.push(next);
 }
 
-void DroneLink::tell_serial(const LinkMoment& at) noexcept {
+void DroneLink::report_serial(const LinkMoment& at) noexcept {
   const SerialCheck& serial = session_.serial();
-  if (serial.verdict() == reported_serial_) return;
-  reported_serial_ = serial.verdict();
+  if (serial.verdict() == logged_serial_) return;
+  logged_serial_ = serial.verdict();
   at.out.serials.push({number_, serial.verdict(), serial.answered()});
 }
 
@@ -340,10 +341,10 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .boot_id = boot_id_,
       .sequence = ++states_sampled_,
       .stamp_ns = now,
-      .pose_stamp_ns = reported_pose_.stamp_ns,
-      .position_m = reported_pose_.position_m,
-      .velocity_mps = reported_pose_.velocity_mps,
-      .yaw_rad = reported_pose_.yaw_rad,
+      .pose_stamp_ns = published_pose_.stamp_ns,
+      .position_m = published_pose_.position_m,
+      .velocity_mps = published_pose_.velocity_mps,
+      .yaw_rad = published_pose_.yaw_rad,
       .battery = session.state().battery,
       .tof_m = session.state().tof_m,
       .height_m = session.state().height_m,
@@ -360,7 +361,7 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .plans_applied = plans.applied,
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
-      .pose_variance = reported_pose_.variance,
+      .pose_variance = published_pose_.variance,
       .temperature_c = session.state().temperature_c,
       .hot = heat_watch_.hot(),
       .contested = client_watch_.contested(now),

@@ -68,16 +68,16 @@ class DroneLink {
   void take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept;
   /// Stamps never go back and are not of the future: LinkCore passes on no other. A pose counts where motion capture is
   /// the source.
-  void take_beat(const AgentBeat& beat) noexcept;
+  void take_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
   void take_pose(TimeNs now, const Pose& pose) noexcept;
   void take_plan(const LinkMoment& at, const Plan& plan) noexcept;
-  /// The local stop key. A drone that is in the air, or was heard and may be, stays down until it is resumed.
+  /// The local stop key. A drone that is in the air, or was heard and may be, stays down until its stop is cleared.
   void stop_locally(TimeNs now) noexcept;
-  /// Somebody at this host lifts the local stop; the ledger's stands.
-  void resume_locally() noexcept;
+  /// Somebody at this host clears the local stop; the ledger's stands.
+  void clear_local_stop() noexcept;
   bool stopped_locally() const noexcept { return local_stop_; }
   /// Link was started too often: `land` is said again to a drone that is not seen.
-  void land_again(TimeNs now) noexcept { session_.land_again(now, LostLinkProtocol::Asker::local); }
+  void land_again(TimeNs now) noexcept { session_.land_again(now, LostLinkProtocol::Requester::local); }
   /// The clock stood still for `slept_ns` while time passed: plans and poses in hand are that much older.
   void grow_older(TimeNs now, TimeNs slept_ns) noexcept;
   /// Time passed: without a pose (agent died, its plan is flown to the end) the fence still needs to know about where
@@ -113,7 +113,7 @@ class DroneLink {
   void check_sources(TimeNs now, const TelloState& state) noexcept;
   void accept_pose(TimeNs now, const Pose& pose) noexcept;
   /// Its position comes from onboard odometry.
-  bool by_own_senses() const noexcept;
+  bool is_by_odometry() const noexcept;
   Velocity in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept;
   /// Why a plan to fly is not taken; none: it may be flown.
   DropReason may_follow(const LinkMoment& at, const Plan& plan) const noexcept;
@@ -122,8 +122,8 @@ class DroneLink {
   DropReason take_off(const LinkMoment& at, const Plan& plan) noexcept;
   DropReason land(TimeNs now) noexcept;
   void stop(TimeNs now, const Plan& plan) noexcept;
-  DropReason resume(const Plan& plan) noexcept;
-  void lift_stops() noexcept;
+  DropReason clear_stop(const Plan& plan) noexcept;
+  void forget_cleared_stops() noexcept;
   void update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   /// What it feels of itself; `placed`: a pose says where it is.
   void update_sensing(TimeNs now, bool placed) noexcept;
@@ -148,7 +148,7 @@ class DroneLink {
   void record_transition(const LinkMoment& at) noexcept;
   void record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns) noexcept;
   void record_ends(const LinkMoment& at) noexcept;
-  void tell_serial(const LinkMoment& at) noexcept;
+  void report_serial(const LinkMoment& at) noexcept;
 
   std::string name_;
   DroneNumber number_;
@@ -180,23 +180,23 @@ class DroneLink {
   FailsafeFacts facts_;
   TransitionLog transitions_;
 
-  Pose pose_;                                                   ///< fence and separation go by it
-  Pose reported_pose_;                                          ///< the same for its pilot, which never jumps
-  std::array<double, 3> moved_m_{};                             ///< since that pose, as far as what was sent tells
-  double reported_yaw_rad_ = 0, reported_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
+  Pose pose_;                                             ///< fence and separation go by it
+  Pose published_pose_;                                   ///< the same for its pilot, which never jumps
+  std::array<double, 3> moved_m_{};                       ///< since that pose, as far as what was sent tells
+  double drone_yaw_rad_ = 0, drone_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
   bool by_hand_ = false;  ///< the newest plan that was to be flown is in the drone's frame
   TimeNs pose_came_ns_ = 0;
   bool in_common_frame_;
   std::optional<Verdict> verdict_;  ///< of this step; none: it is alone
   LandingWait landing_;
   FenceSettings drawn_fence_;  ///< as it held in the last step that flew
-  // Each stands until it is resumed by name: no plan, epoch, boot or agent lifts it.
+  // Each stands until it is cleared by name: no plan, epoch, boot or agent does that.
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one
   bool cut_ = false;       ///< the ledger's; in the air nobody takes it back, and it ends on the ground
-  TimeNs stopped_ns_ = 0;  ///< the newest stop: what was resumed before it lifts nothing
-  // What was resumed in the air counts from the ground on: a landing is never taken back.
-  bool resumed_ = false, resumed_locally_ = false;
+  TimeNs stopped_ns_ = 0;  ///< the newest stop: a clear_stop before it clears nothing
+  // What was cleared in the air counts from the ground on: a landing is never taken back.
+  bool stop_cleared_ = false, local_stop_cleared_ = false;
   TimeNs takeoff_after_ns_ = 0;  ///< end of the last flight, or a stop: take-off wants a younger state
 
   FlightPhase last_phase_ = FlightPhase::disconnected;  ///< what the trace got last
@@ -204,7 +204,7 @@ class DroneLink {
   FailsafeCause last_cause_ = FailsafeCause::none;
   Transition last_transition_;
 
-  SerialCheck::Verdict reported_serial_ = SerialCheck::Verdict::unwanted;
+  SerialCheck::Verdict logged_serial_ = SerialCheck::Verdict::unwanted;
 
   TimeNs last_rc_ns_ = 0;
   Rc last_rc_{};

@@ -21,9 +21,9 @@ TimeNs tightened(TimeNs limit, const FailsafeState& last) noexcept {
 // still flown to its end. The pose alone is lost when agent has been heard for a while without one.
 bool lost_pose(const FailsafeSettings& settings, const FailsafeState& last, TimeNs now,
                const FailsafeFacts& facts) noexcept {
-  const TimeNs limit = tightened(pose_limit_ns(settings, facts.own_senses), last);
-  if (facts.own_senses) return older(now, facts.pose_ns, limit);
-  return older(now, facts.pose_ns, limit) && facts.beat_ns - facts.pose_ns > limit / 2;
+  const TimeNs limit = tightened(pose_limit_ns(settings, facts.by_odometry), last);
+  if (facts.by_odometry) return older(now, facts.pose_ns, limit);
+  return older(now, facts.pose_ns, limit) && facts.heartbeat_ns - facts.pose_ns > limit / 2;
 }
 
 // `h` comes in steps of 0.1 m. A drone counts as above the ceiling by what is surely so, a step and a rounding less
@@ -105,7 +105,7 @@ FailsafeCause lack_of_plan(const FailsafeSettings& settings, const FailsafeState
   if (!hovers(memory.mode) && now - since < settings.hold_grace_ns) return FailsafeCause::none;
   const bool was_silent = memory.mode == FailsafeMode::hold && memory.cause == FailsafeCause::agent_silent;
   const TimeNs limit = was_silent ? settings.agent_silent_ns / 2 : settings.agent_silent_ns;
-  if (older(now, facts.beat_ns, limit)) return FailsafeCause::agent_silent;
+  if (older(now, facts.heartbeat_ns, limit)) return FailsafeCause::agent_silent;
   return facts.ledger_alive ? FailsafeCause::plan_ran_out : FailsafeCause::ledger_silent;
 }
 
@@ -170,14 +170,14 @@ bool leaves_fence(const Moment& at) {
 bool untrusted_lands(const Moment& at) { return at.untrusted(OnUntrustedLedger::land); }
 bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
 bool pose_lost(const Moment& at) {
-  return (at.pose_lost && !at.facts.own_senses) || brakes_for(at, FailsafeCause::pose_lost);
+  return (at.pose_lost && !at.facts.by_odometry) || brakes_for(at, FailsafeCause::pose_lost);
 }
 bool height_lost(const Moment& at) {
-  return (at.pose_lost && at.facts.own_senses && at.facts.height_lost && !at.dark) ||
+  return (at.pose_lost && at.facts.by_odometry && at.facts.height_lost && !at.dark) ||
          brakes_for(at, FailsafeCause::height_lost);
 }
 bool velocity_lost(const Moment& at) {
-  return at.dark || (at.pose_lost && at.facts.own_senses && !at.facts.height_lost) ||
+  return at.dark || (at.pose_lost && at.facts.by_odometry && !at.facts.height_lost) ||
          brakes_for(at, FailsafeCause::velocity_lost);
 }
 // To hover is no way out: it feels no speed, so it glides on and drifts.
@@ -291,16 +291,16 @@ FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSetti
   if (older(now, facts.state_ns, settings.state_stale_ns)) return FailsafeCause::state_stale;
   if (facts.other_client) return FailsafeCause::other_client;
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;
-  if (older(now, facts.beat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
+  if (older(now, facts.heartbeat_ns, settings.agent_silent_ns)) return FailsafeCause::agent_silent;
   if (!facts.ledger_alive) return FailsafeCause::ledger_silent;
   if (facts.ledger_untrusted && settings.on_untrusted_ledger != OnUntrustedLedger::ignore)
     return FailsafeCause::ledger_untrusted;
   if (facts.tilt_rad > TiltWatch::no_takeoff_rad) return FailsafeCause::tilted;
-  const bool lost = older(now, facts.pose_ns, pose_limit_ns(settings, facts.own_senses));
+  const bool lost = older(now, facts.pose_ns, pose_limit_ns(settings, facts.by_odometry));
   if (facts.too_near) return FailsafeCause::too_near;
   const bool vague = uncertain(settings, {}, fence, facts);
   if (!facts.needs_position && (lost || vague)) return FailsafeCause::none;
-  if (lost && !facts.own_senses) return FailsafeCause::pose_lost;
+  if (lost && !facts.by_odometry) return FailsafeCause::pose_lost;
   if (lost) return facts.height_lost ? FailsafeCause::height_lost : FailsafeCause::velocity_lost;
   if (vague) return FailsafeCause::position_uncertain;
   const FenceSettings holds = fence_for(settings, fence, {}, now, facts);

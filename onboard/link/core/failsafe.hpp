@@ -14,9 +14,9 @@ struct FailsafeFacts {
   TimeNs flying_since_ns = 0;
   bool plan_valid = false;             ///< a plan covers this moment
   TimeNs covered_until_ns = 0;         ///< end of the newest plan
-  TimeNs beat_ns = 0;                  ///< newest beat of agent
-  bool ledger_alive = false;           ///< as that beat says
-  bool ledger_untrusted = false;       ///< as that beat says
+  TimeNs heartbeat_ns = 0;             ///< newest heartbeat of agent
+  bool ledger_alive = false;           ///< as that heartbeat says
+  bool ledger_untrusted = false;       ///< as that heartbeat says
   TimeNs state_ns = 0;                 ///< newest state text of the drone
   TimeNs pose_ns = 0;                  ///< stamp of the newest pose
   std::array<double, 3> position_m{};  ///< of that pose, and moved on by what was sent since
@@ -24,7 +24,7 @@ struct FailsafeFacts {
   std::array<double, 3> sigma_m{};  ///< standard deviations of that position; 0: not reported
   double sigma_yaw_rad = 0;         ///< of the heading; the same
   /// The pose comes from onboard odometry: it does not come through agent.
-  bool own_senses = false;
+  bool by_odometry = false;
   /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
   bool needs_position = true;
   bool motion_differs = false;  ///< from what it is sent (watch/motion_watch.hpp)
@@ -118,8 +118,8 @@ constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
 }
 
 /// How old the newest pose may be, by its source, before it counts as lost.
-constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool own_senses) noexcept {
-  return own_senses ? settings.velocity_lost_ns : settings.pose_lost_ns;
+constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool by_odometry) noexcept {
+  return by_odometry ? settings.velocity_lost_ns : settings.pose_lost_ns;
 }
 
 /// Why the drone must not take off now; none: it may.

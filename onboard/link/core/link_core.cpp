@@ -34,7 +34,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   for (DroneLink& drone : drones_) {
     if (inputs.stop_all && !stop_all_) drone.stop_locally(now);
     if (land_first_) drone.land_again(now);
-    if (inputs.resume_local) drone.resume_locally();
+    if (inputs.clear_local_stops) drone.clear_local_stop();
   }
   land_first_ = false;
   stop_all_ = stop_all_ || inputs.stop_all;
@@ -85,11 +85,11 @@ void LinkCore::take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexc
   for (const Received& received : inputs.received) {
     if (DroneLink* drone = find(received.drone)) drone->take_bytes(at.now, received.port, received.bytes);
   }
-  for (const AgentBeat& beat : inputs.beats) {
-    if (beat.stamp_ns < beat_ns_ || beat.stamp_ns > at.now) continue;
-    beat_ns_ = beat.stamp_ns;
+  for (const AgentHeartbeat& heartbeat : inputs.heartbeats) {
+    if (heartbeat.stamp_ns < heartbeat_ns_ || heartbeat.stamp_ns > at.now) continue;
+    heartbeat_ns_ = heartbeat.stamp_ns;
     for (DroneLink& drone : drones_) {
-      if (beat.is_for(drone.number())) drone.take_beat(beat);
+      if (heartbeat.is_for(drone.number())) drone.take_heartbeat(heartbeat);
     }
   }
   for (const Pose& pose : inputs.poses) {

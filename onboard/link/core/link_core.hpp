@@ -16,7 +16,7 @@ namespace ledgerline::link {
 /// allocation after construction; one thread.
 class LinkCore {
  public:
-  /// `boot_id`: random for each start; the shell or the virtual campaign's seed provides it. `starts`: link's recent
+  /// `boot_id`: random for each start; the shell or the simulated campaign's seed provides it. `starts`: link's recent
   /// starts, including this one (starts.hpp): with SessionSettings::many_starts of them the first step commands every
   /// drone to land. `local_stops`: as the link before this one left them (local_stops()).
   LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts = 1, DroneSet local_stops = {});
@@ -62,7 +62,7 @@ class LinkCore {
   TimeNs period_ns_;  ///< of samples
   TimeNs health_gap_ns_, health_rest_ns_;
   std::deque<DroneLink> drones_;  ///< never grows after construction
-  TimeNs beat_ns_ = 0;            ///< newest beat of agent
+  TimeNs heartbeat_ns_ = 0;       ///< newest heartbeat of agent
   bool stop_all_ = false;
   bool land_first_;  ///< link was started too often
   TimeNs last_step_ns_ = 0;

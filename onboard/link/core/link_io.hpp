@@ -40,10 +40,10 @@ struct LinkInputs {
   std::span<const Received> received;
   std::span<const Plan> plans;
   std::span<const Pose> poses;
-  std::span<const AgentBeat> beats;
-  bool stop_all = false;      ///< the local stop key (SIGTERM): every drone lands; stays true once it was
-  TimeNs suspended_ns = 0;    ///< how long this host was suspended since it booted (LoopClock)
-  bool resume_local = false;  ///< the local stops are lifted by somebody at this host (SIGUSR1)
+  std::span<const AgentHeartbeat> heartbeats;
+  bool stop_all = false;           ///< the local stop key (SIGTERM): every drone lands; stays true once it was
+  TimeNs suspended_ns = 0;         ///< how long this host was suspended since it booted (LoopClock)
+  bool clear_local_stops = false;  ///< the local stops are cleared by somebody at this host (SIGUSR1)
 };
 
 /// Drones by their numbers.

@@ -149,9 +149,9 @@ struct FailsafeSettings {
   /// min of battery and the drift of a drone without a pose. Half lands for a pause that would have ended; double
   /// lets a drone that nobody steers drift for 10 s.
   TimeNs land_after_ns = 5 * ns_per_s;
-  /// Agent beats every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would go on
-  /// until beats come closer than 125 ms, and one late beat would keep it; with double a hold says for a second that
-  /// plans ran out, when agent is dead. A plan in hand is flown to its end either way.
+  /// Agent sends a heartbeat every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would
+  /// go on until heartbeats come closer than 125 ms, and one late heartbeat would keep it; with double a hold says for
+  /// a second that plans ran out, when agent is dead. A plan in hand is flown to its end either way.
   TimeNs agent_silent_ns = 500 * ns_per_ms;
   /// The Tello's state text comes at 10 Hz: ten in a row are missing. With half five lost texts brake, and to end
   /// that brake they must come closer than 250 ms; with double the drone flies two metres at 1 m/s with neither
@@ -211,7 +211,7 @@ enum class PoseSource : std::uint8_t {
 constexpr bool uses_mocap(PoseSource source) noexcept {
   return source == PoseSource::mocap || source == PoseSource::mocap_then_tello;
 }
-constexpr bool uses_own_senses(PoseSource source) noexcept { return source != PoseSource::mocap; }
+constexpr bool uses_odometry(PoseSource source) noexcept { return source != PoseSource::mocap; }
 constexpr const char* name(PoseSource source) noexcept {
   constexpr std::array names{"mocap", "tello", "pads", "mocap+tello"};
   static_assert(names.size() == enum_count<PoseSource>);
@@ -285,7 +285,7 @@ struct DroneSettings {
   /// Motion capture is missing when none of its poses has come for so long, and onboard odometry takes over with the
   /// next text: three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well,
   /// and pose_lost_ns is over: it brakes.
-  TimeNs own_senses_after_ns = 100 * ns_per_ms;
+  TimeNs odometry_after_ns = 100 * ns_per_ms;
   /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
   /// ceiling. For a pilot who sees the drone.
   bool by_hand_without_pose = false;

@@ -7,10 +7,10 @@
 
 namespace ledgerline::link {
 
-/// The transitions of one drone that are not on the ledger yet. With each beat agent says how far it has taken them and
-/// how far they are on the ledger: what it has not taken is sent, or sent again; what is on the ledger is forgotten. So
-/// no message that is lost, no agent that dies and no ledger that is away loses one. When `capacity` are kept the
-/// oldest goes, and counts as lost unless agent has it; a reader of the ledger sees the gap in the numbers. No
+/// The transitions of one drone that are not on the ledger yet. With each heartbeat agent says how far it has taken
+/// them and how far they are on the ledger: what it has not taken is sent, or sent again; what is on the ledger is
+/// forgotten. So no message that is lost, no agent that dies and no ledger that is away loses one. When `capacity` are
+/// kept the oldest goes, and counts as lost unless agent has it; a reader of the ledger sees the gap in the numbers. No
 /// allocation; one thread.
 class TransitionLog {
  public:
@@ -30,7 +30,7 @@ class TransitionLog {
     kept_[newest_ % capacity] = transition;
   }
 
-  /// What a beat of agent says of this drone; zeros when it knows another boot, or none.
+  /// What a heartbeat of agent says of this drone; zeros when it knows another boot, or none.
   void heard(std::uint64_t taken, std::uint64_t on_ledger) noexcept {
     on_ledger_ = std::max(on_ledger_, std::min(on_ledger, newest_));
     oldest_ = std::max(oldest_, on_ledger_ + 1);

@@ -114,12 +114,13 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
                                    "of hold or brake without a break, then land: longer than a ledger takes to choose "
                                    "a new leader, and than clear_after_ms"},
                                   failsafe.land_after_ns, 0.1, 600);
-  // At half of it, what comes as seldom as it may must still be in time: agent's beats each 100 ms, state texts too.
-  failsafe.agent_silent_ns = read_ms(
-      config,
-      {"failsafe.agent_silent_ms",
-       "without a beat of agent, it counts as gone: ten beats of 50 ms. From 250, since beats may be 100 ms apart"},
-      failsafe.agent_silent_ns, 250, 60'000);
+  // At half of it, what comes as seldom as it may must still be in time: agent's heartbeats each 100 ms, state texts
+  // too.
+  failsafe.agent_silent_ns = read_ms(config,
+                                     {"failsafe.agent_silent_ms",
+                                      "without a heartbeat of agent, it counts as gone: ten heartbeats of 50 ms. From "
+                                      "250, since heartbeats may be 100 ms apart"},
+                                     failsafe.agent_silent_ns, 250, 60'000);
   failsafe.state_stale_ns = read_ms(
       config, {"failsafe.state_stale_ms", "without a state text of the drone, brake: ten texts at a Tello's 10 Hz"},
       failsafe.state_stale_ns, 250, 60'000);
@@ -342,7 +343,7 @@ void read_output(Config& config, ShellSettings& settings) {
   settings.local_stops = config.text(
       {"output.local_stops",
        "file that remembers which drones SIGTERM has landed: they stay down, whatever starts again, until the "
-       "owner's organisation resumes them on the ledger, or link gets SIGUSR1"},
+       "owner's organisation clears their stop on the ledger, or link gets SIGUSR1"},
       "");
   settings.status_period_ms = config.integer(
       {"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 0, 0, 60'000);

@@ -23,18 +23,19 @@ void LinkLoop::run(LoopClock& clock) noexcept {
 }
 
 void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept {
-  std::size_t plans = 0, poses = 0, beats = 0;
-  while (beats < max_beats && end_.take_beat(beats_[beats])) ++beats;
+  std::size_t plans = 0, poses = 0, heartbeats = 0;
+  while (heartbeats < max_heartbeats && end_.take_heartbeat(heartbeats_[heartbeats])) ++heartbeats;
   while (poses < max_poses && end_.take_pose(poses_[poses])) ++poses;
   while (plans < max_plans && end_.take_plan(plans_[plans])) ++plans;
 
-  const LinkOutputs& out = core_.step(now, {.received = transport_.receive(),
-                                            .plans = {plans_.data(), plans},
-                                            .poses = {poses_.data(), poses},
-                                            .beats = {beats_.data(), beats},
-                                            .stop_all = stopping,
-                                            .suspended_ns = clock.suspended_ns(),
-                                            .resume_local = resume_local_.exchange(false, std::memory_order_relaxed)});
+  const LinkOutputs& out =
+      core_.step(now, {.received = transport_.receive(),
+                       .plans = {plans_.data(), plans},
+                       .poses = {poses_.data(), poses},
+                       .heartbeats = {heartbeats_.data(), heartbeats},
+                       .stop_all = stopping,
+                       .suspended_ns = clock.suspended_ns(),
+                       .clear_local_stops = clear_local_stops_.exchange(false, std::memory_order_relaxed)});
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
   for (const auto& [drone, t_ns] : transport_.at_device()) {
     TraceRecord& record = newest_sent_[drone];
@@ -53,7 +54,7 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
     // Only shown to people: a full ring of these is no loss.
     (void)states_.push(state);
   }
-  // What cannot be handed over, or nobody takes, the core gives again after agent's next beat.
+  // What cannot be handed over, or nobody takes, the core gives again after agent's next heartbeat.
   for (const Transition& transition : out.transitions) publisher_.put(transition);
   if (!out.states.empty() || !out.transitions.empty()) publisher_.wake();
   // The same: a full ring is of drones that come and go faster than a person reads.

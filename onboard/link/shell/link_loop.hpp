@@ -46,8 +46,8 @@ class LinkLoop {
   /// land long enough, or the bound is over; or until the clock is lost.
   void run(LoopClock& clock) noexcept;
 
-  /// Any thread: somebody at this host lifts the local stops.
-  void resume_local() noexcept { resume_local_.store(true, std::memory_order_relaxed); }
+  /// Any thread: somebody at this host clears the local stops.
+  void clear_local_stops() noexcept { clear_local_stops_.store(true, std::memory_order_relaxed); }
   /// Any thread: the drones that the local stop key keeps down, as of the newest turn.
   DroneSet local_stops() const noexcept { return DroneSet(local_stops_.load(std::memory_order_relaxed)); }
   bool ended() const noexcept { return ended_.load(std::memory_order_acquire); }
@@ -65,7 +65,7 @@ class LinkLoop {
  private:
   static constexpr std::size_t max_plans = 64;
   static constexpr std::size_t max_poses = 128;
-  static constexpr std::size_t max_beats = 32;  // as ipc's queue holds
+  static constexpr std::size_t max_heartbeats = 32;  // as ipc's queue holds
 
   static std::uint32_t bits(const DroneSet& drones) noexcept {
     static_assert(max_drones < 32);
@@ -82,7 +82,7 @@ class LinkLoop {
   Transport& transport_;
   std::array<Plan, max_plans> plans_{};
   std::array<Pose, max_poses> poses_{};
-  std::array<AgentBeat, max_beats> beats_{};
+  std::array<AgentHeartbeat, max_heartbeats> heartbeats_{};
   SpscRing<TraceRecord, 16384> trace_;
   /// By drone: the record of its newest datagram, if that carried a setpoint.
   std::array<TraceRecord, max_drones + 1> newest_sent_{};
@@ -90,7 +90,7 @@ class LinkLoop {
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialReport, 64> serials_;
   LoopFigures figures_;
-  std::atomic<bool> resume_local_{false};
+  std::atomic<bool> clear_local_stops_{false};
   std::atomic<std::uint32_t> local_stops_;
   std::atomic<bool> ended_{false};
   std::atomic<std::uint64_t> turns_{0};

@@ -147,9 +147,9 @@ class Housekeeping {
     const DroneSet stopped = loop_.local_stops();
     for (const DroneSettings& drone : settings_.link.drones) {
       if (stopped[drone.number] && !reported_stops_[drone.number])
-        spdlog::warn("{}: stopped at this host: it stays down until it is resumed", drone.name);
+        spdlog::warn("{}: stopped at this host: it stays down until that stop is cleared", drone.name);
       if (!stopped[drone.number] && reported_stops_[drone.number])
-        spdlog::info("{}: its local stop is lifted", drone.name);
+        spdlog::info("{}: its local stop is cleared", drone.name);
     }
     reported_stops_ = stopped;
     if (now < next_stops_ns_) return;
@@ -187,16 +187,16 @@ class Housekeeping {
 };
 
 // SIGUSR1 is blocked in every thread; this one picks it up, or waits a turn at most: then false.
-bool wait_for_resume(const sigset_t& resume) {
+bool wait_for_clear(const sigset_t& clear) {
   const timespec turn{0, housekeeping_period_ns};
-  return ::sigtimedwait(&resume, nullptr, &turn) == SIGUSR1;
+  return ::sigtimedwait(&clear, nullptr, &turn) == SIGUSR1;
 }
 
 // Who cannot know which drones are stopped stops all of them.
 DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
   auto stopped = file.read();
   if (stopped) return *stopped;
-  spdlog::error("{}: every drone counts as stopped at this host, until it is resumed", stopped.error().what);
+  spdlog::error("{}: every drone counts as stopped at this host, until that is cleared", stopped.error().what);
   DroneSet all;
   for (const DroneSettings& drone : settings.link.drones) all.set(drone.number);
   return all;
@@ -283,7 +283,7 @@ void tell_transitions(const LinkCore& core) {
 int run_link(const ShellSettings& settings) {
   outlive_readers();
   catch_stop_signals_of_service();
-  const sigset_t ending = block_signals({SIGTERM, SIGINT, SIGHUP}), resume = block_signals({SIGUSR1});
+  const sigset_t ending = block_signals({SIGTERM, SIGINT, SIGHUP}), clear = block_signals({SIGUSR1});
   // Before all that may wait or fail: files, RouDi, threads.
   auto ends = LinkEnds::open_drones(settings);
   if (!ends) return fail(ends.error());
@@ -317,9 +317,9 @@ int run_link(const ShellSettings& settings) {
   Housekeeping housekeeping(settings, *loop, std::move(parts->trace), watchdog, stops, *ends);
 
   for (bool reported = false; !loop->ended();) {
-    if (wait_for_resume(resume)) {
-      loop->resume_local();
-      spdlog::info("asked to lift the local stops");
+    if (wait_for_clear(clear)) {
+      loop->clear_local_stops();
+      spdlog::info("asked to clear the local stops");
     }
     if (stop_requests > 0 && !std::exchange(reported, true))
       spdlog::info("asked to stop: what flies lands first, for at most {:.0f} s",

@@ -19,8 +19,8 @@ void read_odometry(Config& config, PoseSettings& pose) {
                          "must be there where onboard odometry is the source",
                          "none"},
                      3, {});
-  pose.signs_reported = signs.size() == 3;
-  for (std::size_t i = 0; i < 3 && pose.signs_reported; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
+  pose.has_signs = signs.size() == 3;
+  for (std::size_t i = 0; i < 3 && pose.has_signs; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
   odometry.velocity_in_body =
       config.choice(
           {"pose.velocity_frame",
@@ -114,18 +114,19 @@ Status check_pads(const std::string& path, const LinkSettings& link) {
 
 PoseSettings read_pose(Config& config) {
   PoseSettings pose;
-  pose.source = read_source(config,
-                            {"pose.source",
-                             "who says where drones are: motion capture (or any topic of poses) through agent, the "
-                             "drone's own velocities and heights, these and mission pads, or motion capture and own "
-                             "senses while its poses are missing"},
-                            PoseSource::mocap);
-  pose.own_senses_after_ns = from_seconds(config.number({"pose.own_senses_after_ms",
-                                                         "with mocap+tello: onboard odometry takes over when no pose "
-                                                         "of motion capture has come for so long; less than "
-                                                         "failsafe.pose_lost_ms"},
-                                                        to_ms(pose.own_senses_after_ns), 20, 60'000) /
-                                          1000);
+  pose.source =
+      read_source(config,
+                  {"pose.source",
+                   "who says where drones are: motion capture (or any topic of poses) through agent, the "
+                   "drone's own velocities and heights, these and mission pads, or motion capture, and onboard "
+                   "odometry while its poses are missing"},
+                  PoseSource::mocap);
+  pose.odometry_after_ns = from_seconds(config.number({"pose.odometry_after_ms",
+                                                       "with mocap+tello: onboard odometry takes over when no pose "
+                                                       "of motion capture has come for so long; less than "
+                                                       "failsafe.pose_lost_ms"},
+                                                      to_ms(pose.odometry_after_ns), 20, 60'000) /
+                                        1000);
   read_odometry(config, pose);
   read_pads(config, pose.pads);
   return pose;
@@ -135,10 +136,10 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
   drone.source =
       read_source(config, {key + "pose_source", "as pose.source, of this drone", "pose.source"}, pose.source);
   drone.odometry = pose.odometry;
-  drone.own_senses_after_ns = pose.own_senses_after_ns;
-  const bool own = uses_own_senses(drone.source);
-  drone.velocity_known = pose.signs_reported;
-  if (own && !pose.signs_reported && !config.describes()) {
+  drone.odometry_after_ns = pose.odometry_after_ns;
+  const bool own = uses_odometry(drone.source);
+  drone.velocity_known = pose.has_signs;
+  if (own && !pose.has_signs && !config.describes()) {
     config.wrong("pose.velocity_signs",
                  fmt::format("must be there: drone {} flies by onboard odometry, or may, and with a wrong sign "
                              "it flies away",
@@ -158,10 +159,9 @@ void read_drone_pose(Config& config, const std::string& key, const PoseSettings&
 
 Status check_poses(const std::string& path, const LinkSettings& link) {
   for (const DroneSettings& drone : link.drones) {
-    if (drone.source != PoseSource::mocap_then_tello || drone.own_senses_after_ns < link.failsafe.pose_lost_ns)
-      continue;
+    if (drone.source != PoseSource::mocap_then_tello || drone.odometry_after_ns < link.failsafe.pose_lost_ns) continue;
     return Error{
-        fmt::format("{}: pose.own_senses_after_ms must be less than failsafe.pose_lost_ms: drone {} would brake "
+        fmt::format("{}: pose.odometry_after_ms must be less than failsafe.pose_lost_ms: drone {} would brake "
                     "before onboard odometry takes over",
                     path, drone.name)};
   }

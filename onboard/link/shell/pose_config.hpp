@@ -12,8 +12,8 @@ namespace ledgerline::link {
 struct PoseSettings {
   PoseSource source = PoseSource::mocap;  ///< of the drones that do not say their own
   OdometrySettings odometry;
-  TimeNs own_senses_after_ns = DroneSettings{}.own_senses_after_ns;
-  bool signs_reported = false;
+  TimeNs odometry_after_ns = DroneSettings{}.odometry_after_ns;
+  bool has_signs = false;
   std::vector<PadSettings> pads;
 };
 

@@ -89,7 +89,7 @@ class EventEntry final : public Entry {
   std::unique_ptr<crypto::MspRegistry> registry_ = crypto::make_test_registry({"Org1MSP", "Org2MSP"});
 };
 
-/// Records as they are, and what an acquire by the holder makes of tello1's: a fold changes nothing.
+/// Records as they are, and what an acquire by the holder makes of tello1's: apply_stops changes nothing.
 std::vector<std::string> controls(bool acquired) {
   Controls event, both;
   Control record = control("tello1", 1);
@@ -144,8 +144,8 @@ const Registration command_json({"agent.command_json", Kind::json, [] {
                                    return std::make_unique<EventEntry>("command", std::vector<std::string>{fly, land});
                                  }});
 const Registration stop({"agent.stop", Kind::protobuf, [] { return std::make_unique<EventEntry>("stop", stops()); }});
-const Registration fold({"agent.fold", Kind::protobuf,
-                         [] { return std::make_unique<EventEntry>("fold", controls(false)); }, 0.1});
+const Registration apply_stops({"agent.apply_stops", Kind::protobuf,
+                                [] { return std::make_unique<EventEntry>("apply_stops", controls(false)); }, 0.1});
 const Registration acquire({"agent.acquire", Kind::protobuf,
                             [] { return std::make_unique<EventEntry>("acquire", controls(true)); }, 0.1});
 const Registration mocap({"agent.mocap", Kind::bytes, [] { return std::make_unique<MocapEntry>(); }});

@@ -3,7 +3,7 @@
 #include "ground/service/core/guard.hpp"
 #include "tests/fuzz/entry.hpp"
 
-/// What the station's clients say: a request's line and body, the stream's messages, and heads that the guard judges.
+/// What the station's clients say: a request's line and body, the stream's messages, and heads that the guard checks.
 namespace ledgerline::fuzz::station_part {
 namespace {
 

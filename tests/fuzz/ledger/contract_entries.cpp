@@ -88,7 +88,7 @@ const std::vector<Call> calls{
      "stop",
      {R"({"drones":["tello1"],"cut":true})", R"({"drones":["tello2","tello1"]})"},
      {"tello1", "tello1\ncut=true"}},
-    {chief, "resume", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {chief, "clear_stop", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {pilot, "anchor", {R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","what":"flight 7"})"}, {}},
     {pilot,
      "verify",
@@ -96,7 +96,7 @@ const std::vector<Call> calls{
       R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","signers":[{"mspId":"Org2MSP","subject":"CN=pilot"}]})",
       R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo=","organisation":"Org2MSP","bookmark":"Org2MSP/0"})"},
      {}},
-    {host, "fold", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
+    {host, "apply_stops", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {chief, "claim", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
     {chief, "unclaim", {R"({"drones":["tello1"]})"}, {"tello1", "tello1\ntello2"}},
 };
@@ -124,8 +124,9 @@ class ContractEntry final : public Entry {
       must(pilot, "anchor", R"({"digest":"qqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqqo="})");
     if (call.function == "hand_over" || call.function == "deny")
       must(chief, "request", R"({"drones":["tello1","tello2"],"priority":3})");
-    if (call.function == "resume" || call.function == "fold") must(chief, "stop", R"({"drones":["tello1","tello2"]})");
-    if (call.function == "fold") must(other_admin, "revoke", calls[5].json[0]);
+    if (call.function == "clear_stop" || call.function == "apply_stops")
+      must(chief, "stop", R"({"drones":["tello1","tello2"]})");
+    if (call.function == "apply_stops") must(other_admin, "revoke", calls[5].json[0]);
   }
   std::vector<std::string> seeds() override { return seeds_; }
 

@@ -7,13 +7,13 @@
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
 /// An endorser's own state, as its checkpoint keeps it, and a peer's snapshot that it may begin with: a failing disk,
-/// another version, or whoever may write the files.
+/// another version, or somebody who can write the files.
 namespace ledgerline::fuzz::endorser_part {
 namespace {
 
 using namespace node;
 
-fabric::BlockJudge::MakeRegistry members() {
+fabric::BlockValidator::MakeRegistry members() {
   return [](const std::vector<crypto::MspRoot>& roots) {
     std::vector<std::string> ids;
     for (const crypto::MspRoot& root : roots) ids.push_back(root.msp_id);

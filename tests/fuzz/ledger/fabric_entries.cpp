@@ -22,7 +22,7 @@ common::Block sample_block(const std::string& flags) {
 }
 
 /// Whatever is taken must be whole: numbers of a chain can be worked out, and a valid transaction has its parts.
-Outcome judge(const Result<Block>& block) {
+Outcome check(const Result<Block>& block) {
   if (!block) return refused(block.error().what);
   ChainCheck chain;
   if (!chain.add(*block) || chain.hash().size() != 32) return refused("");
@@ -40,7 +40,7 @@ std::unique_ptr<Entry> block() {
   return std::make_unique<Function>(
       std::vector<std::string>{sample_block(std::string("\0\x0b\0", 3)).SerializeAsString(),
                                sample_block("").SerializeAsString(), make_config_block("teleop").SerializeAsString()},
-      [](std::string_view bytes) { return judge(decode_block(bytes)); });
+      [](std::string_view bytes) { return check(decode_block(bytes)); });
 }
 
 /// The same with the data hash made right again: as a lying orderer would send it, the inner messages are reached.
@@ -50,9 +50,9 @@ std::unique_ptr<Entry> sealed_block() {
                                sample_block("").SerializeAsString(), make_config_block("teleop").SerializeAsString()},
       [](std::string_view bytes) {
         common::Block block;
-        if (!block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return judge(decode_block(bytes));
+        if (!block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) return check(decode_block(bytes));
         seal(block, nullptr);
-        return judge(decode_block(block.SerializeAsString()));
+        return check(decode_block(block.SerializeAsString()));
       });
 }
 
@@ -68,7 +68,7 @@ std::unique_ptr<Entry> transaction() {
         const auto unflagged = make_block(&genesis, {std::string(bytes)}, "");
         if (!decode_block(unflagged.SerializeAsString())) return refused("");  // it must not stop who follows the chain
         const auto decoded = decode_block(block.SerializeAsString());
-        const Outcome verdict = judge(decoded);
+        const Outcome verdict = check(decoded);
         const bool left_out = decoded && decoded->transactions.at(0).code == code_unverified;
         return left_out && verdict.verdict == Outcome::Verdict::accepted ? refused(decoded->transactions[0].problem)
                                                                          : verdict;

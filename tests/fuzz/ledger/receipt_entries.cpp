@@ -13,7 +13,7 @@ class Ledger : public LedgerOfReceipts {
   const Sent sent;
   const Receipt good;
   const std::string asked;
-  const ReceiptJudge judge_of_all = judge();
+  const ReceiptVerifier verifier = make_verifier();
 };
 Ledger& ledger() {
   static Ledger one;
@@ -21,8 +21,8 @@ Ledger& ledger() {
 }
 
 /// Only what was made is proven: what another receipt proves would be a forgery.
-Outcome judged(const std::string& bytes) {
-  const auto proven = ledger().judge_of_all.verify(bytes);
+Outcome verify(const std::string& bytes) {
+  const auto proven = ledger().verifier.verify(bytes);
   EXPECT_TRUE(!proven || bytes == receipt_bytes(ledger().good)) << "a changed receipt is proven";
   return outcome_of(proven);
 }
@@ -33,13 +33,13 @@ std::unique_ptr<Entry> place(const std::function<std::string&(Receipt&)>& put) {
   return std::make_unique<Function>(std::vector<std::string>{put(receipt)}, [put](std::string_view bytes) {
     Receipt bent = ledger().good;
     put(bent) = bytes;
-    return judged(receipt_bytes(bent));
+    return verify(receipt_bytes(bent));
   });
 }
 
 std::unique_ptr<Entry> file() {
   return std::make_unique<Function>(std::vector<std::string>{receipt_bytes(ledger().good)},
-                                    [](std::string_view bytes) { return judged(std::string(bytes)); });
+                                    [](std::string_view bytes) { return verify(std::string(bytes)); });
 }
 
 std::unique_ptr<Entry> answered() {

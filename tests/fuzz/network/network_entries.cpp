@@ -59,7 +59,8 @@ std::unique_ptr<Entry> agent_settings() {
           "= "
           "500\nmax_speed_mps = 8\nstamps_kept = 256\n[mocap]\ntopic = \"/vrpn_mocap/{drone}/pose\"\nclock = "
           "\"arrival\"\n"
-          "gate_sigma = 6\noutliers_before_reset = 5\n[agent]\nbeat_ms = 50\nseed = 7\nstart_wait_s = 15.0\n[output]\n"
+          "gate_sigma = 6\noutliers_before_reset = 5\n[agent]\nheartbeat_ms = 50\nseed = 7\nstart_wait_s = "
+          "15.0\n[output]\n"
           "status_period_ms = 250\n[realtime]\npriority = 10\n[dds]\ndomain = 7\nlocal_only = false\n"
           "identity_ca = \"ca.pem\"\ncertificate = \"me.pem\"\nprivate_key = \"me.key\"\ngovernance = \"g.p7s\"\n"
           "permissions = \"p.p7s\"\n[[topic]]\nname = \"/tello1/note\"\nfrom = \"tello1\"\nrate_hz = 5\n",
@@ -72,7 +73,7 @@ std::unique_ptr<Entry> agent_settings() {
         (void)dds::participant_options(*config, "ledgerline_agent");
         const Status status = config->finish();
         if (!status) return refused(status.error().what);
-        const bool sane = settings.core.beat_period_ns > 0 && settings.core.check.max_age_ns > 0 &&
+        const bool sane = settings.core.heartbeat_period_ns > 0 && settings.core.check.max_age_ns > 0 &&
                           settings.core.check.stamps_kept > 0 && settings.start_wait_ns > 0;
         return sane ? accepted() : refused("");
       });

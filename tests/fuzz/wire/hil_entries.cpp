@@ -6,14 +6,14 @@
 #include <stdexcept>
 
 #include "common/base/file.hpp"
-#include "hil/lines/recording/read_day.hpp"
-#include "hil/lines/recording/udp.hpp"
-#include "hil/lines/sdk/sdk_faults.hpp"
+#include "hil/netem/recording/read_day.hpp"
+#include "hil/netem/recording/udp.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/switches.hpp"
 #include "tests/fuzz/directory.hpp"
 #include "tests/fuzz/entry.hpp"
-#include "tests/unit/hil/lines/recording/captures.hpp"
+#include "tests/unit/hil/netem/recording/captures.hpp"
 
 /// What a person tells the proxy: commands with effects and distributions; captures and tables of recorded days.
 namespace ledgerline::fuzz::hil_part {

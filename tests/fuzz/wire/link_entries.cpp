@@ -3,7 +3,7 @@
 #include "onboard/link/core/tello/session.hpp"
 #include "tests/fuzz/entry.hpp"
 
-/// What a drone, or whoever pretends to be one, sends to link: state on port 8890, answers on 8889.
+/// What a drone, or a client that pretends to be one, sends to link: state on port 8890, answers on 8889.
 namespace ledgerline::fuzz::link_part {
 namespace {
 

@@ -136,7 +136,7 @@ const char* const control =
     R"({"drone":"tello1","owner":{"mspId":"Org1MSP","subject":"CN=host"},"holder":{"mspId":"Org2MSP","subject":"CN=pilot"},"epoch":"7","priority":3,"formerOwners":[{"mspId":"Org1MSP","subject":"CN=old"}],"stoppers":[{"drone":"tello1","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true}]})";
 
 const char* const stops_text =
-    R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true},{"drone":"tello2","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"lifted":true}]})";
+    R"({"stops":[{"drone":"tello1","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cut":true},{"drone":"tello2","stopper":{"mspId":"Org1MSP","subject":"CN=x"},"cleared":true}]})";
 
 const std::string asset_list = std::string(R"({"assets":[)") + asset + "," + asset + "]";
 const std::string assets_text = asset_list + R"(,"bookmark":"a/b"})", set_text = asset_list + R"(,"stream":true})";

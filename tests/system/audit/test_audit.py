@@ -45,7 +45,7 @@ class Written:
         self.config = folder / "operator.toml"
         self.config.write_text(tables(self.ledger, 2).split("[[msp]]")[0].split("[[orderer]]")[0])
         host, operator, other = (peer_of(self.ledger, k, "User1") for k in (1, 2, 3))
-        for user, words in ((operator, ("acquire", "tello1")), (operator, ("stop", "tello1")), (operator, ("resume", "tello1")),
+        for user, words in ((operator, ("acquire", "tello1")), (operator, ("stop", "tello1")), (operator, ("clear_stop", "tello1")),
                             (host, ("set", json.dumps(asset("tello1/note")))), (operator, ("release", "tello1")),
                             (other, ("set", json.dumps(asset("Org3MSP/notes"))))):
             done = invoke(user, *words, more=("--waitForEvent",))
@@ -90,14 +90,14 @@ def test_a_channel_that_another_client_wrote_is_as_it_must_be(written, tmp_path)
     page = tmp_path / "audit.html"
     reported = audited("--config", written.config, "--html", page)
     assert reported["ok"] and reported["transactions"] >= 7 and reported["endorsements"] >= reported["valid"] - reported["config_blocks"]
-    assert reported["functions"]["acquire"] == reported["functions"]["stop"] == reported["functions"]["resume"] == 1
+    assert reported["functions"]["acquire"] == reported["functions"]["stop"] == reported["functions"]["clear_stop"] == 1
     (held,) = reported["drones"]["tello1"]["holders"]
     assert held["who"] == "Org2MSP/User1@org2.ledgerline" and held["ended_by"].startswith("release by Org2MSP/")
     text = page.read_text()
     assert "Org2MSP/User1@org2.ledgerline" in text and "http" not in text.replace("http://www.w3.org/2000/svg", "")
 
 
-def test_a_copy_tells_the_same_without_any_network(written, copy):
+def test_a_copy_gives_the_same_report_without_any_network(written, copy):
     here = audited("--blocks", copy.folder, "--anchor", written.anchor, network=False)
     assert {**here, "asked": copy.reported["asked"]} == copy.reported
 

@@ -34,7 +34,7 @@ def of_authority(home: pathlib.Path) -> list:
 
 
 def registered(home: pathlib.Path, name: str, folder: pathlib.Path) -> pathlib.Path:
-    """At the authority by its registrar, as whoever keeps it does; the file with the secret."""
+    """At the authority by its registrar; returns the file with the secret."""
     options = dict(zip(*[iter(map(str, of_authority(home)))] * 2))
     done = subprocess.run([FABRIC / "fabric-ca-client", "register", "--id.name", name, "--id.type", "client",
                            "--id.maxenrollments", "1", "--id.secret", "a/b:c"], capture_output=True, text=True,
@@ -250,7 +250,7 @@ def test_a_certificate_that_is_in_no_list_or_signs_for_all_is_not_revoked(networ
     network.good(1, "Admin", "evaluate", "get")
 
 
-def test_who_cannot_be_revoked_is_said(network):
+def test_an_identity_that_cannot_be_revoked_is_reported(network):
     admin = network.revoke(1, "Admin")
     assert admin.returncode == 1 and "signs for its organisation" in admin.stderr
     nobody = network.revoke(1, "Nobody")

@@ -61,7 +61,7 @@ def check(result: dict, table: str, rate: int, seconds: float) -> None:
 def test_every_client_exchanges_messages(tmp_path):
     needs_node()
     clients = ["gateway", "direct", "polling", "ledgerline", "ledgerline-mbedtls",
-               "ledgerline-judged", "ledgerline-ordered"]
+               "ledgerline-validated", "ledgerline-ordered"]
     result, table = measure(tmp_path, "--ledger", "embedded", "--rates", 40, "--clients", ",".join(clients),
                             "--alternations", 1, "--seconds", 1, "--warm-up", 1)
     assert [run["client"] for run in result["runs"]] == clients

@@ -79,7 +79,7 @@ def make_documents(ledger, organisation: int, directory: pathlib.Path, writes_po
                    check=True, stdout=subprocess.DEVNULL)
 
 
-def test_an_outsider_hears_and_says_nothing_on_a_secured_domain(embedded, bridges, hosts, running, tmp_path):
+def test_an_outsider_neither_reads_nor_writes_on_a_secured_domain(embedded, bridges, hosts, running, tmp_path):
     """sim and agent are of Org1's domain, ground and a bridge of Org2's; the outsider is in both."""
     make_documents(embedded, 1, tmp_path, "Admin")
     make_documents(embedded, 2, tmp_path, "User1")  # ground brings them from the ledger

@@ -63,10 +63,10 @@ class Network:
 
 @pytest.fixture(scope="module")
 def hosts(tmp_path_factory):
-    """raven, desk and the administrator's."""
+    """raven's, ground's and the administrator's."""
     network = Network(tmp_path_factory.mktemp("network"))
     yield (network.host("raven", "drone-host", 1, "User1", "tello1=127.0.0.2", "tello2=127.0.0.3"),
-           network.host("desk", "ground", 2, "User1", "tello1", "tello2"),
+           network.host("ground", "ground", 2, "User1", "tello1", "tello2"),
            network.host("admin", "admin", 1, "Admin", "tello1", "tello2"))
     network.stop()
 
@@ -92,17 +92,17 @@ def start(folder: pathlib.Path, program: str, *words) -> Program:
 
 @pytest.mark.skipif(not LONG, reason="LEDGERLINE_LONG=1")
 def test_drones_of_two_channels_fly_by_them(hosts, tmp_path):
-    raven, desk, admin = hosts
+    raven, ground_host, admin = hosts
     for channel, drone in (("", "tello1"), ("-yard", "tello2")):
         shown = subprocess.run([BIN / "ledgerline-control", "--config", admin / f"admin{channel}.toml", "show"], capture_output=True,
                                text=True, timeout=60)
         assert shown.returncode == 0 and drone in shown.stdout, shown.stderr
-        subprocess.run([BIN / "ledgerline-control", "--config", desk / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
+        subprocess.run([BIN / "ledgerline-control", "--config", ground_host / f"operator{channel}.toml", "acquire", drone], check=True, timeout=60)
     programs = []
     try:
         for words in (("roudi",), ("sim", "--drones", "2"), ("link", "--config", raven / "link.toml"), ("agent", "--config", raven / "agent.toml")):
             programs.append(start(tmp_path, *words))
-        ground = subprocess.run([BIN / "ledgerline-ground", "--config", desk / "ground.toml"], capture_output=True, text=True,
+        ground = subprocess.run([BIN / "ledgerline-ground", "--config", ground_host / "ground.toml"], capture_output=True, text=True,
                                 timeout=FLIGHT_S)
         assert ground.returncode == 0, ground.stderr[-3000:] + (tmp_path / "agent.log").read_text()[-2000:]
     finally:

@@ -129,28 +129,28 @@ def host(tmp_path) -> Host:
 
 
 def test_a_restart_goes_on_behind_the_checkpoint_and_misses_no_block(host):
-    trusted = host.block()
+    verified = host.block()
     grow(host.directory, height_of(host.directory) + 500)
     with host.ledger():
         _, log = host.run_agent()
-    assert f"goes on behind block {trusted}, which was trusted; the chain is at {trusted + 500}" in log
+    assert f"goes on behind block {verified}, which was verified; the chain is at {verified + 500}" in log
     summary = json.loads(host.summary.read_text())
     assert summary["blocks"] == 500 and summary["blocks_not_read"] == 0 and summary["control_events_refused"] == 0
-    assert host.block() == trusted + 500, "kept at the orderly end"
+    assert host.block() == verified + 500, "kept at the orderly end"
 
 
 def test_a_restart_after_a_long_absence_reads_neither_all_blocks_nor_takes_long(host):
-    trusted = host.block()
+    verified = host.block()
     grow(host.directory, height_of(host.directory) + ABSENCE)
     with host.ledger() as ledger:
         took_s, log = host.run_agent(ledger)
     print(f"ready {took_s:.2f} s after {ABSENCE} blocks of absence")
     assert took_s < 2
-    assert f"blocks {trusted + 1} to {trusted + ABSENCE} came while this agent was away" in log
+    assert f"blocks {verified + 1} to {verified + ABSENCE} came while this agent was away" in log
     assert "counts by its orderers' signatures" in log
     summary = json.loads(host.summary.read_text())
     assert summary["blocks_not_read"] == ABSENCE and summary["blocks"] < 10
-    assert host.block() > trusted + ABSENCE
+    assert host.block() > verified + ABSENCE
 
 
 def test_behind_a_gap_two_organisations_peers_must_tell_the_same_records(host, tmp_path):
@@ -191,12 +191,12 @@ def test_a_peer_that_serves_an_old_chain_is_refused(host, tmp_path):
     grow(host.directory, height_of(host.directory) + 10)
     with host.ledger():
         host.run_agent()
-    trusted, kept = host.block(), host.checkpoint.read_bytes()
+    verified, kept = host.block(), host.checkpoint.read_bytes()
     with host.ledger(old):
         code, log = host.refused()
     assert code == 1
-    assert f"serves a chain that ends at block {trusted - 10}; we have trusted block {trusted}" in log
-    assert "the ledger is not trusted, stream_contradicted" in log, "a peer that lags for so long is said not to be trusted"
+    assert f"serves a chain that ends at block {verified - 10}; we have verified block {verified}" in log
+    assert "the ledger is not trusted, stream_contradicted" in log, "a peer that lags for so long is reported as not trusted"
     assert host.checkpoint.read_bytes() == kept
 
 
@@ -208,11 +208,11 @@ def test_a_fork_that_the_same_orderers_signed_is_refused(host, tmp_path, more):
     grow(fork, height_of(fork) + 20)
     with host.ledger():
         host.run_agent()
-    trusted, kept = host.block(), host.checkpoint.read_bytes()
+    verified, kept = host.block(), host.checkpoint.read_bytes()
     with host.ledger(fork, more):
         code, log = host.refused()
     assert code == 1
-    assert f"serves another block {trusted} than the one that we have trusted" in log
+    assert f"serves another block {verified} than the one that we have verified" in log
     assert "the ledger is not trusted, stream_contradicted" in log
     assert host.checkpoint.read_bytes() == kept
 

@@ -86,18 +86,18 @@ def test_what_came_meanwhile_is_a_gap_that_the_log_names(follower, directory):
         follower.see_a_block(ledger)
     assert "there is no checkpoint yet" in follower.log()
     assert stat.S_IMODE(follower.checkpoint.stat().st_mode) == 0o600
-    trusted = follower.block()
-    assert trusted == height_of(directory) - 1
+    verified = follower.block()
+    assert verified == height_of(directory) - 1
     with ledger_in(directory) as ledger, follower.running(ledger):
         pass
-    assert "are not read" not in follower.log() and follower.block() == trusted, "nothing came"
+    assert "are not read" not in follower.log() and follower.block() == verified, "nothing came"
     grow(directory, height_of(directory) + 3_000)
     with ledger_in(directory) as ledger:
         begin = time.monotonic()
         with follower.running(ledger):
             assert time.monotonic() - begin < 2
-        assert follower.block() == trusted + 3_000, "though no block has come"
-        assert f"blocks {trusted + 1} to {trusted + 3_000} came while this program was away" in follower.log()
+        assert follower.block() == verified + 3_000, "though no block has come"
+        assert f"blocks {verified + 1} to {verified + 3_000} came while this program was away" in follower.log()
         with follower.running(ledger):
             follower.see_a_block(ledger)
 
@@ -120,8 +120,8 @@ def test_an_old_chain_and_a_fork_are_refused(tmp_path, directory):
         for each, lie, process in started:
             out, log = process.communicate(timeout=TIMEOUT_S)
             assert process.returncode == 1 and out == "", f"{each.program} became ready: {log}"
-            words = (f"serves a chain that ends at block {end_of_old}; we have trusted block {each.block()}"
-                     if lie is older else f"serves another block {each.block()} than the one that we have trusted")
+            words = (f"serves a chain that ends at block {end_of_old}; we have verified block {each.block()}"
+                     if lie is older else f"serves another block {each.block()} than the one that we have verified")
             assert words in log
     assert [each.kept() for each in followers] == kept
 

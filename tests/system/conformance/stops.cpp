@@ -1,5 +1,5 @@
-// Stops against everybody: those who stop, each once, while a holder stops and resumes and a rival takes and gives back
-// the lease, each as fast as the ledger lets it. Prints as JSON what became of each stop.
+// Stops against everybody: those who stop, each once, while a holder stops and clears its stop and a rival takes and
+// gives back the lease, each as fast as the ledger lets it. Prints as JSON what became of each stop.
 #include <fmt/format.h>
 
 #include <CLI/CLI.hpp>
@@ -101,7 +101,7 @@ int main(int argc, char** argv) {
     });
   };
   std::vector<std::jthread> threads;
-  threads.push_back(disturb(holder, {"stop", "resume"}));
+  threads.push_back(disturb(holder, {"stop", "clear_stop"}));
   threads.push_back(disturb(rival, {"acquire", "release"}));
   while (!connected || disturbances < 10) std::this_thread::sleep_for(std::chrono::milliseconds(5));
 

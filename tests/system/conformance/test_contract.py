@@ -133,7 +133,7 @@ def test_a_delegate_commands_in_the_holders_place_and_nothing_else(enroll, opera
     assert station.refusal("command", command).startswith("delegated: the lease is held by nobody")
 
 
-def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, operator):
+def test_who_flies_is_acquired_commanded_stopped_cleared_and_released(enroll, operator):
     host, rival = enroll("flown"), enroll(organisation=2, user="User2", role="OPERATOR")
     supervisor = enroll(user="User2", role="SUPERVISOR")
 
@@ -152,16 +152,16 @@ def test_who_flies_is_acquired_commanded_stopped_resumed_and_released(enroll, op
     assert stopped == {"drone": "flown", "stopper": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
     (stopped,) = controls(supervisor.submit("stop", "flown", "cut=true"), "stops")
     assert stopped == {"drone": "flown", "stopper": {"mspId": "Org1MSP", "subject": subject(1, "User2")}, "cut": True}
-    (folded,) = controls(host.submit("fold", "flown"))
-    assert [stop["stopper"]["mspId"] for stop in folded["stoppers"]] == ["Org1MSP", "Org2MSP"]
+    (applied,) = controls(host.submit("apply_stops", "flown"))
+    assert [stop["stopper"]["mspId"] for stop in applied["stoppers"]] == ["Org1MSP", "Org2MSP"]
     assert rival.refusal("command", {"organisation": "Org1MSP", "plans": [plan("flown", epoch="2")]}) == (
-        f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted until they, or a supervisor of Org1MSP, resume it")
-    (resumed,) = controls(rival.submit("resume", "flown"))
-    assert [stop["stopper"]["mspId"] for stop in resumed["stoppers"]] == ["Org1MSP"]
-    assert rival.refusal("resume", "flown").startswith(f"flown: stopped by {SUPERVISOR}; only they")
+        f"flown: stopped by {SUPERVISOR}, {RIVAL}; only LAND is accepted until they, or a supervisor of Org1MSP, clear it")
+    (cleared,) = controls(rival.submit("clear_stop", "flown"))
+    assert [stop["stopper"]["mspId"] for stop in cleared["stoppers"]] == ["Org1MSP"]
+    assert rival.refusal("clear_stop", "flown").startswith(f"flown: stopped by {SUPERVISOR}; only they")
     rival.submit("command", {"organisation": "Org1MSP", "plans": [plan("flown", action="LAND", epoch="2", setpoints=[])]})
-    (resumed,) = controls(supervisor.submit("resume", "flown"))
-    assert "stoppers" not in resumed
+    (cleared,) = controls(supervisor.submit("clear_stop", "flown"))
+    assert "stoppers" not in cleared
     (released,) = controls(rival.submit("release", "flown"))
     assert released["epoch"] == "3" and "holder" not in released
     assert control(host, "flown") == {"drone": "flown", "owner": control(host, "tello1")["owner"], "held": False,
@@ -177,12 +177,12 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
     operator.submit("acquire", field(1, b"reported"))
     operator.submit("command", {"organisation": "Org1MSP", "plans": [plan("reported")]})
     operator.submit("stop", "reported")
-    operator.submit("resume", {"drones": ["reported"]})
+    operator.submit("clear_stop", {"drones": ["reported"]})
     operator.submit("release", "reported")
-    enroll("told2")
+    enroll("notified2")
     events = nobody.ask("events", start=start, count=11)["events"]
     assert [event["name"] for event in events] == ["set", "set", "delete", "delete", "acquire", "command", "stop",
-                                                   "resume", "release", "enroll", "grant"]
+                                                   "clear_stop", "release", "enroll", "grant"]
     payloads = [decode(event["payload"]) for event in events]
     assert json.loads(payloads[0]) == {"assets": [{**asset("reported/a"), "topic": "/reported/a"}]}
     assert message(message(payloads[1])[1][0])[4] == [b"b"]
@@ -196,7 +196,7 @@ def test_each_function_that_writes_emits_its_event_in_the_form_of_the_call(enrol
         (record,) = json.loads(payload)["controls"]
         assert record["drone"] == "reported" and "stoppers" not in record
     for payload in payloads[9:]:
-        assert json.loads(payload)["controls"][0]["drone"] == "told2"
+        assert json.loads(payload)["controls"][0]["drone"] == "notified2"
 
 
 def test_a_role_means_nothing_on_others_drones_and_what_is_granted_can_be_taken_back(enroll, admin, operator):
@@ -261,7 +261,7 @@ def test_two_operators_hand_a_drone_over(enroll, admin, operator):
     pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("shared", epoch=record["epoch"])]})
 
 
-def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin, drone_host):
+def test_who_is_revoked_flies_nothing_once_the_host_has_applied_stops(enroll, admin, drone_host):
     enroll("kept")
     pilot = enroll(organisation=2, user="User2", role="OPERATOR")
     who = {"identity": {"mspId": "Org2MSP", "subject": subject(2, "User2")}}
@@ -275,7 +275,7 @@ def test_who_is_revoked_flies_nothing_once_the_host_has_folded_it(enroll, admin,
         assert pilot.refusal("acquire", "kept") == f"acquire: {refusal}"
         assert pilot.refusal("stop", "kept") == f"kept: {refusal}"
         pilot.submit("command", {"organisation": "Org1MSP", "plans": [plan("kept")]})
-        record = json.loads(decode(drone_host.submit("fold", {"drones": ["kept"]})["result"]))["controls"][0]
+        record = json.loads(decode(drone_host.submit("apply_stops", {"drones": ["kept"]})["result"]))["controls"][0]
         assert "holder" not in record and "revoked" not in record
         assert pilot.refusal("command", {"organisation": "Org1MSP", "plans": [plan("kept")]}).startswith("kept: the lease is held by nobody")
     finally:
@@ -291,7 +291,7 @@ def scene(enroll, admin, drone_host, operator, nobody):
     supervisor = enroll(user="User2", role="SUPERVISOR")
     operator.submit("acquire", "leased", "stopped", "priority=5")
     supervisor.submit("stop", "stopped")
-    drone_host.submit("fold", "stopped")
+    drone_host.submit("apply_stops", "stopped")
     drone_host.submit("set", asset("leased/gone"))
     drone_host.submit("delete", "leased/gone")
     streams = [{"id": f"full/{number}", "msgType": "t"} for number in range(64)]
@@ -310,7 +310,7 @@ WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
 ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
     ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
-                           "acquire, release, request, hand_over, deny, evict, command, stop, resume, fold, claim, unclaim, "
+                           "acquire, release, request, hand_over, deny, evict, command, stop, clear_stop, apply_stops, claim, unclaim, "
                            "anchor, verify"),
     ("host", "get", ["a" * 1_000_001], "get: the call has 1000001 bytes; the limit is 1000000"),
     ("host", "get", ["{}", "x"], "get: give one message in protobuf or JSON, or plain ids; not both"),
@@ -442,11 +442,11 @@ REFUSALS = [
     ("rival", "stop", ["ghost"], "ghost: not enrolled"),
     ("operator", "stop", ["leased", "cut=maybe"], "stop: cut must be true or false"),
     ("operator", "stop", [], "stop: no drone is named"),
-    ("operator", "resume", ["leased"], "leased: not stopped"),
-    ("operator", "fold", ["leased"], f"leased: enrolled to {HOST}, who alone folds it"),
-    ("host", "fold", [], "fold: no drone is named"),
+    ("operator", "clear_stop", ["leased"], "leased: not stopped"),
+    ("operator", "apply_stops", ["leased"], f"leased: enrolled to {HOST}, who alone applies its stops"),
+    ("host", "apply_stops", [], "apply_stops: no drone is named"),
     ("rival", "claim", ["leased"], f"leased: {RIVAL} may not claim it: only a supervisor or administrator of Org1MSP"),
-    ("operator", "resume", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they, each its own, or a "
+    ("operator", "clear_stop", ["stopped"], f"stopped: stopped by {SUPERVISOR}; only they, each its own, or a "
                                         "supervisor of Org1MSP may"),
 ]
 

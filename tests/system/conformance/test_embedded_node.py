@@ -28,7 +28,7 @@ def test_keys_are_for_their_owner_only(tmp_path):
     assert ledger.stop() == 0
 
 
-def test_a_second_node_in_the_same_directory_says_so(tmp_path):
+def test_a_second_node_in_the_same_directory_is_refused(tmp_path):
     ledger = Embedded(tmp_path / "node")
     second = subprocess.run([BIN / "ledgerline-node", "--dir", ledger.directory, "--listen", "127.0.0.1:0"],
                             capture_output=True, text=True, timeout=20)

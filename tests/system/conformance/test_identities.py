@@ -86,7 +86,7 @@ def keys(node, admin, enroll, operator) -> dict[str, str]:
     operator.submit("acquire", {"drones": ["kept1"]})
     guard = enroll(organisation=1, user="User2", role="OPERATOR")
     guard.submit("stop", "kept2")
-    guard.submit("resume", "kept2")
+    guard.submit("clear_stop", "kept2")
     guard.submit("anchor", {"digest": base64.b64encode(ANCHORED).decode()})
     host, pilot, guarding = digest(1, "User1"), digest(2, "User1"), digest(1, "User2")
     return {"role": f"role/Org1MSP/{guarding[0]}", "stop": f"stop/kept2/{guarding}", "lifted": f"stop/kept2/{guarding}/lifted",
@@ -148,7 +148,7 @@ def test_two_others_cannot_change_what_has_a_keeper(forge, keys):
     """They can make keys that are not there: docs/ledger.md says what readers make of those."""
     for kind in KEPT:
         assert forge([write(keys[kind])], 2, 3) == ENDORSEMENT_POLICY_FAILURE, kind
-    for table in "0123456789abcdef":  # whoever has no role yet: its organisation's peer alone makes it one
+    for table in "0123456789abcdef":  # who has no role yet gets one by its organisation's peer alone
         assert forge([write(f"role/Org1MSP/{table}")], 2, 3) == ENDORSEMENT_POLICY_FAILURE, table
     assert forge([write("free/two")], 2, 3) == VALID
     assert forge([write("free/two")], 2) == ENDORSEMENT_POLICY_FAILURE
@@ -161,7 +161,7 @@ def test_the_policy_outlives_writes_and_goes_with_its_key(forge):
     assert forge([write(key)], 1) == VALID
     assert forge([write(key)], 3) == ENDORSEMENT_POLICY_FAILURE
     assert forge([{"key": key, "delete": True}], 1) == VALID
-    assert forge([write(key)], 1) == ENDORSEMENT_POLICY_FAILURE, "it is made anew: the contract's policy"
+    assert forge([write(key)], 1) == ENDORSEMENT_POLICY_FAILURE, "it is created again: the contract's policy"
     assert forge([write(key)], 2, 3) == VALID
 
 

@@ -25,7 +25,7 @@ def test_an_answer_of_the_contract_is_shown(peer, ledger, enroll):
     assert invoke(operator, "release", "clidrone", more=("--waitForEvent",)).returncode == 0
 
 
-def test_a_refusal_is_shown_in_the_contracts_words(peer, ledger):
+def test_a_refusal_is_shown_with_the_contracts_message(peer, ledger):
     for done in (query(peer, "get", "tello1/never"), invoke(peer, "delete", "tello1/never")):
         assert done.returncode == 1
         assert "tello1/never: not found" in done.stderr
@@ -38,7 +38,7 @@ def test_an_invoke_needs_an_orderers_address(peer):
     assert done.returncode == 1 and "orderer endpoint" in done.stderr
 
 
-def test_it_tells_height_and_hash_of_the_chain(peer, drone_host, nobody):
+def test_it_shows_height_and_hash_of_the_chain(peer, drone_host, nobody):
     end = drone_host.submit("set", asset("tello1/height"))["block"] + 1
     info = json.loads(good(peer, "channel", "getinfo", "-c", "teleop").split("Blockchain info: ")[1].splitlines()[0])
     assert info["height"] == end

@@ -72,7 +72,7 @@ def control(path: pathlib.Path, *words: str) -> subprocess.Popen:
                             stderr=subprocess.STDOUT, text=True)
 
 
-def test_a_stop_that_finds_no_ledger_is_said_again_until_there_is_one(own_ledger):
+def test_a_stop_that_finds_no_ledger_is_repeated_until_there_is_one(own_ledger):
     node, operator = own_ledger
     node.kill()
     stop = control(operator, "stop", "tello1")
@@ -102,44 +102,44 @@ def test_of_a_stop_and_a_change_in_one_block_the_stop_is_valid(ledger, node, adm
     seen = 0
     for _ in range(TRIES):
         operator.submit("stop", "contested")
-        stop, resume = (client.send("submit", **call(fn, "contested"))
-                        for client, fn in ((supervisor, "stop"), (operator, "resume")))
-        stopped, resumed = supervisor.receive(stop), operator.receive(resume)
+        stop, clear = (client.send("submit", **call(fn, "contested"))
+                       for client, fn in ((supervisor, "stop"), (operator, "clear_stop")))
+        stopped, cleared = supervisor.receive(stop), operator.receive(clear)
         assert stopped["code"] == VALID
-        if resumed["code"] != VALID:
-            assert resumed["code"] in (MVCC_READ_CONFLICT, PHANTOM_READ_CONFLICT)
+        if cleared["code"] != VALID:
+            assert cleared["code"] in (MVCC_READ_CONFLICT, PHANTOM_READ_CONFLICT)
             seen += 1
             break
-        supervisor.submit("resume", "contested")
+        supervisor.submit("clear_stop", "contested")
     print(seen, "lost to the stop")
     assert seen
 
 
-def test_each_lifts_its_own_stop_and_a_foreign_supervisor_no_other(admin, enroll, operator):
+def test_each_clears_its_own_stop_and_a_foreign_supervisor_no_other(admin, enroll, operator):
     host, supervisor = enroll("kept"), enroll(user="User2", role="SUPERVISOR")
     outsider = enroll(organisation=3, user="User1", role="SUPERVISOR")
     assert "may not stop it: Org1MSP has granted that neither" in outsider.refusal("stop", "kept")
     admin(1).submit("grant", {"drones": ["kept"], "grant": {"to": {"mspId": "Org3MSP"}, "stop": True}})
     supervisor.submit("stop", "kept")
-    assert outsider.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    assert outsider.refusal("clear_stop", "kept").startswith("kept: stopped by Org1MSP")
     outsider.submit("stop", "kept")
-    outsider.submit("resume", "kept")
-    assert outsider.refusal("resume", "kept").startswith("kept: stopped by Org1MSP")
+    outsider.submit("clear_stop", "kept")
+    assert outsider.refusal("clear_stop", "kept").startswith("kept: stopped by Org1MSP")
     assert "may not cut it" in outsider.refusal("stop", "kept", "cut=true")
-    operator.submit("stop", "kept")  # whoever may fly it may stop it, lease or not
-    operator.submit("resume", "kept")
-    host.submit("fold", "kept")
-    supervisor.submit("resume", "kept")
+    operator.submit("stop", "kept")  # who may fly it may stop it, with or without a lease
+    operator.submit("clear_stop", "kept")
+    host.submit("apply_stops", "kept")
+    supervisor.submit("clear_stop", "kept")
 
 
-def test_a_stop_that_is_held_back_until_a_resume_does_nothing(enroll, operator):
-    enroll("resumed")
-    operator.submit("stop", "resumed")
-    late = operator.call("late", "stop", "resumed", between=call("resume", "resumed"))
+def test_a_stop_that_is_held_back_until_a_clear_does_nothing(enroll, operator):
+    enroll("cleared")
+    operator.submit("stop", "cleared")
+    late = operator.call("late", "stop", "cleared", between=call("clear_stop", "cleared"))
     assert late["code"] == MVCC_READ_CONFLICT, late
-    assert "stopped by" not in operator.refusal("resume", "resumed"), "nobody has it stopped"
-    assert operator.refusal("stop", {"drones": ["resumed"], "resumes": [0]}).startswith(
-        "resumed: a stop meant for 0 lifts of the stops of Org2MSP"), "an old count"
-    operator.submit("stop", {"drones": ["resumed"], "resumes": [1]})
-    late = operator.call("late", "stop", {"drones": ["resumed"], "resumes": [1]}, between=call("resume", "resumed"))
+    assert "stopped by" not in operator.refusal("clear_stop", "cleared"), "nobody has it stopped"
+    assert operator.refusal("stop", {"drones": ["cleared"], "clears": [0]}).startswith(
+        "cleared: a stop meant for 0 clears of the stops of Org2MSP"), "an old count"
+    operator.submit("stop", {"drones": ["cleared"], "clears": [1]})
+    late = operator.call("late", "stop", {"drones": ["cleared"], "clears": [1]}, between=call("clear_stop", "cleared"))
     assert late["code"] == MVCC_READ_CONFLICT, late

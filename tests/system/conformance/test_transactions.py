@@ -39,7 +39,7 @@ def test_unknown_channels_and_contracts_are_reported_apart_by_their_codes(drone_
     assert proposed["status"] == 500 and "nothing" in proposed["message"] and not proposed["endorsed"]
 
 
-def test_a_transaction_is_known_by_its_id_ever_after(drone_host):
+def test_a_transaction_remains_known_by_its_id(drone_host):
     written = drone_host.submit("set", asset("tello1/known"))
     assert drone_host.ask("status", tx=written["tx"]) == {"code": VALID, "block": written["block"]}
     assert drone_host.ask("status", tx="0" * 64, ms=300)["error"]["code"] == DEADLINE_EXCEEDED
@@ -146,7 +146,7 @@ def test_a_transaction_under_a_wrong_id_is_flagged(drone_host):
     wrong = "ab" * 32
     start = drone_host.submit("set", asset("tello1/before"))["block"]
     assert drone_host.call("forged", "set", asset("tello1/forged"), how="transactionId", txId=wrong,
-                           unseen=True)["tx"] != wrong
+                           without_status=True)["tx"] != wrong
     assert flags(drone_host, wrong, start) == [BAD_PROPOSAL_TXID]
 
 

@@ -123,7 +123,7 @@ def test_an_agent_that_is_killed_at_any_moment_is_taken_back_and_disturbs_link_n
     leaked = sum(f["leaked"] for f in flights)
     by_chance = elsewhere / (flown_s - 0.5 * kills) * 0.5 * kills
     print(f"{kills} kills: without a command median {gaps_s[len(gaps_s) // 2]:.2f} s, at most {gaps_s[-1]:.2f} s; half seconds with a turn of "
-          f"link's loop later than 1 ms: {len(at_kills)} behind a kill (longest {1e3 * max(at_kills, default=0):.1f} ms), "
+          f"link's loop later than 1 ms: {len(at_kills)} after a kill (maximum {1e3 * max(at_kills, default=0):.1f} ms), "
           f"{elsewhere} elsewhere in {flown_s:.0f} s, steal {sum(f['steal_s'] for f in flights):.1f} s; {leaked} chunks leaked, "
           f"{1000 * leaked / kills:.1f} per 1,000 kills; RouDi ended with {sum(f['roudi'] for f in flights)}", flush=True)
     assert max(at_kills, default=0) < LOST_S
@@ -253,7 +253,7 @@ def test_any_process_may_stand_still_for_a_moment(tmp_path):
     assert_nothing_left()
 
 
-def test_on_the_ground_link_ends_when_roudi_is_gone_so_that_it_can_start_anew(tmp_path):
+def test_on_the_ground_link_ends_when_roudi_is_gone_so_that_it_can_be_restarted(tmp_path):
     config = tmp_path / "link.toml"
     config.write_text('[[drone]]\nname = "tello1"\naddress = "127.0.0.2"\n')
 

@@ -79,7 +79,7 @@ def authority_first(path: pathlib.Path, machines: Machines) -> None:
     path.write_text((machines.etc("raven") / "authorities/Org1MSP.pem").read_text() + path.read_text())
 
 
-def sign_anew(machines: Machines, says: str) -> None:
+def sign_again(machines: Machines, says: str) -> None:
     assert "Org1MSP" in says and "sign the request" in says
     org1 = machines.root / ORG1
     machines.run("tower", f"openssl x509 -req -in raven.csr -CA {org1}/ca/ca.org1.ledgerline-cert.pem -CAkey {org1}/ca/priv_sk "
@@ -234,8 +234,8 @@ ALL = [
     Fault("policy_unreachable", "raven", endorser_copied, name_its_own_peer, "endorser_copied"),
     Fault("server_mute", "raven", tunnel_in_the_way, measure_and_lower, "mtu"),
     Fault("port_closed", "raven", on_loopback_alone, listen_at_its_address, "node_on_loopback"),
-    Fault("lease_held", "desk", holder_is_gone, evict, "holder_is_gone"),
-    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_another_authority), sign_anew, "tower_set_up_anew"),
+    Fault("lease_held", "ground", holder_is_gone, evict, "holder_is_gone"),
+    Fault("identity_foreign", "raven", changed("raven", "msp/signcerts/cert.pem", of_another_authority), sign_again, "tower_set_up_again"),
 ]
 
 
@@ -258,7 +258,7 @@ def two_addresses(machines: Machines):
 def two_keys(machines: Machines):
     """No fault: of two keys the one counts that the certificate is of."""
     other = machines.etc("raven") / "msp/keystore/a_sk"
-    shutil.copy(machines.etc("desk") / "msp/keystore/priv_sk", other)
+    shutil.copy(machines.etc("ground") / "msp/keystore/priv_sk", other)
     try:
         yield
     finally:

@@ -76,7 +76,7 @@ def test_a_clock_that_goes_wrong_is_reported_by_the_blocks(machines):
 
 
 def test_the_page_flies(machines):
-    ground = machines.etc("desk") / "ground.toml"
+    ground = machines.etc("ground") / "ground.toml"
     ground.write_text(ground.read_text().replace("# laps = 3", "laps = 1").replace("# side_m = 1.5", "side_m = 1.0"))
     machines.walk(is_flight)
-    assert "stopped" not in machines.doctor("desk")
+    assert "stopped" not in machines.doctor("ground")

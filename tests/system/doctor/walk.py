@@ -16,11 +16,11 @@ from running import Program
 
 BIN = pathlib.Path(os.environ["LEDGERLINE_BIN"])
 PAGE = pathlib.Path(__file__).resolve().parents[3] / "docs/three-machines.md"
-HOSTS = {"raven": "10.77.0.1", "tower": "10.77.0.2", "desk": "10.77.0.3"}
+HOSTS = {"raven": "10.77.0.1", "tower": "10.77.0.2", "ground": "10.77.0.3"}
 READY_S, END_S, STEP_S = 60, 20, 180
 INSTALLED = os.environ.get("LEDGERLINE_INSTALLED")
 # What the page does not give a host. dpkg refuses to take away what another package needs.
-WITHOUT = {"raven": [], "tower": ["tools", "onboard", "dev"], "desk": ["tools", "onboard", "ledger", "dev"]}
+WITHOUT = {"raven": [], "tower": ["tools", "onboard", "dev"], "ground": ["tools", "onboard", "ledger", "dev"]}
 
 SCP = """#!/bin/sh
 # Between the hosts' homes and this host's files.

@@ -58,7 +58,7 @@ nlohmann::json as_json(const std::map<Kind, Tally>& tallies) {
   return out;
 }
 
-/// Nonces of the transactions that the peer's blocks told, with who has used each.
+/// Nonces of the transactions in the peer's blocks, with who has used each.
 class UsedIds {
  public:
   struct One {

@@ -51,7 +51,7 @@ def lap(speed: float, error: float, finished: bool = True, flown: float = 0.0, s
             "rms_m": rms}
 
 
-def test_the_top_speed_is_that_of_the_last_good_lap_and_what_ended_the_ramp_is_said():
+def test_the_top_speed_is_that_of_the_last_good_lap_and_what_ended_the_ramp_is_reported():
     asked = [0.5, 1.0, 1.5, 2.0]
     laps = [lap(0.5, 0.1, flown=0.45, peak=0.6), lap(1.0, 0.39, flown=0.8, peak=1.1), lap(1.5, 0.4, flown=1.2, peak=1.6),
             lap(2.0, 0.1, flown=1.5, peak=2.1)]
@@ -66,7 +66,7 @@ def test_the_top_speed_is_that_of_the_last_good_lap_and_what_ended_the_ramp_is_s
         "top_speed_mps": 0, "top_lap_mps": 0, "top_peak_mps": 0, "failed_at_mps": 0.5}
 
 
-def test_a_top_speed_that_nothing_bounded_is_said_to_be_none():
+def test_a_top_speed_that_nothing_bounded_is_reported_as_none():
     of = bar("at_least", ["far"], figure="top_speed_mps", against="near", limit=0.8)
     cases = {"far": [repetition(1, top_speed_mps=4.0, unfailed_to_mps=4.0), repetition(2, top_speed_mps=3.0, failed_at_mps=3.5)],
              "near": [repetition(1, top_speed_mps=4.0, unfailed_to_mps=4.0), repetition(2, top_speed_mps=3.0, unfailed_to_mps=4.0)]}
@@ -103,13 +103,13 @@ def test_a_ramp_that_failed_has_its_top_speed_all_the_same():
     assert verdicts.verdict(of, cases, BOXES, "embedded")["verdict"] == "kept"
 
 
-def test_all_seeds_together_are_said_beside_the_worst():
+def test_all_seeds_together_are_reported_beside_the_worst():
     cases = {"far": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.4)], "near": [repetition(1, rms_m=0.3), repetition(2, rms_m=0.1)]}
     note = verdicts.verdict(bar("at_most", ["far"], figure="rms_m", against="near", limit=9), cases, BOXES, "embedded")["note"]
     assert "all seeds together: 1.58" in note, "the root of 0.25 / 0.1"
 
 
-def test_what_is_learned_is_judged_from_the_third_lap_on():
+def test_what_is_learned_is_checked_from_the_third_lap_on():
     laps = [lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=9.0), lap(1, 0.1, rms=0.3, seconds=10), lap(1, 0.1, rms=0.4, seconds=30)]
     figures = verdicts.later_figures(laps)
     assert figures["later_lap_s"] == 20 and figures["later_rms_m"] == pytest.approx(((0.09 * 10 + 0.16 * 30) / 40) ** 0.5)
@@ -190,7 +190,7 @@ title = "F"
 @pytest.mark.parametrize("found, instead, words", [
     ("number = 1", "", "number: is missing"),
     ("number = 1", "number = true", "number: True is no whole number"),
-    ('runs = "flight"', 'runs = "walk"', "runs: 'walk' is none of flight, virtual, exchange, hosts"),
+    ('runs = "flight"', 'runs = "walk"', "runs: 'walk' is none of flight, sitl, exchange, hosts"),
     ("speed = 0.5", 'speed = "fast"', "options.speed: 'fast' is no whole number or number"),
     ("speed = 0.5", "spede = 0.5", "options.spede: there is no such key"),
     ("speed = 0.5", 'settings = "theirs"', "options.settings: 'theirs' is none of ours, published"),
@@ -283,7 +283,7 @@ def test_every_case_has_a_file_of_its_own(tmp_path):
         assert len(files) == len(one.cases), one.name
 
 
-def test_what_was_not_measured_is_said_and_is_asked_for_again(tmp_path, monkeypatch, experiment, place):
+def test_what_was_not_measured_is_reported_and_measured_again(tmp_path, monkeypatch, experiment, place):
     def run(case, place, seed):
         if case.name == "x":
             raise runs.NotMeasured("no wind")
@@ -329,12 +329,12 @@ def test_a_flight_that_fly_refused_to_begin_was_not_measured(place, code):
         runs.flight(config.Case("c", {}), place, 1)
 
 
-def test_a_virtual_flight_that_crashes_has_failed_and_one_asked_wrongly_was_not_measured(place):
+def test_a_simulated_flight_that_crashes_has_failed_and_one_asked_wrongly_was_not_measured(place):
     scripted(place, "hil", "kill -SEGV $$")
-    assert runs.virtual(config.Case("c", {}), place, 1)["figures"] == {"finished": 0.0, "fails": 1.0}
+    assert runs.sitl(config.Case("c", {}), place, 1)["figures"] == {"finished": 0.0, "fails": 1.0}
     scripted(place, "hil", "echo bad >&2; exit 2")
     with pytest.raises(runs.NotMeasured, match="bad"):
-        runs.virtual(config.Case("c", {}), place, 1)
+        runs.sitl(config.Case("c", {}), place, 1)
 
 
 def test_three_hosts_of_which_a_program_ends_have_failed(place, monkeypatch):
@@ -411,7 +411,7 @@ def test_a_program_that_is_missing_is_named(place):
         place.program("hil")
 
 
-def test_options_become_words_of_a_command_line():
+def test_options_become_arguments_of_a_command_line():
     assert runs.words({"batch_count": 10, "gateway": True, "mbedtls": False, "rates": [30, 70]}) == [
         "--batch-count", "10", "--gateway", "--rates", "30,70"]
 
@@ -460,7 +460,7 @@ def test_laps_are_what_the_programs_say():
     turn = {"asked_mps": 1.0, "flown_mps": 0.7, "rms_m": 0.1, "max_m": 0.2}
     same = {"speed_mps": 1.0, "flown_mps": 0.7, "peak_mps": 1.1, "rms_m": 0.1, "max_m": 0.2, "seconds": 8.5, "finished": True}
     assert runs.flight_laps({"turns": [turn, turn], "lap_s": [8.5]}, [1.1]) == [same], "the second one did not end"
-    assert runs.virtual_laps({"laps": [{**turn, "peak_mps": 1.1, "seconds": s} for s in (8.5, 0)]}) == [
+    assert runs.sitl_laps({"laps": [{**turn, "peak_mps": 1.1, "seconds": s} for s in (8.5, 0)]}) == [
         same, {**same, "seconds": 0, "finished": False}]
     assert runs.own_limit({"limit_mps": 2.0, "slowed_to_mps": None}) == {"limit_mps": 2.0}
 

@@ -14,11 +14,12 @@
 #include "common/rt/clock.hpp"
 
 /// A client that keeps on writing numbered transactions while a test kills parts of the ledger, and says at the end
-/// whether the chain has what it was told. Commands on standard input, one a line; each is answered by a line of JSON:
+/// whether the chain has what was acknowledged. Commands on standard input, one a line; each is answered by a line of
+/// JSON:
 ///
 ///     mark     begins to watch: a fault follows
-///     watch    what was seen since the mark: the longest times without a commit and without a block, ...
-///     end      ends the load, reads the whole chain from every peer, and judges
+///     watch    what was seen since the mark: the maximum times without a commit and without a block, ...
+///     end      ends the load, reads the whole chain from every peer, and checks
 namespace {
 
 using namespace ledgerline;
@@ -32,7 +33,7 @@ std::string frame(std::uint64_t number) {
 }
 constexpr std::size_t max_in_flight = 16;
 
-/// The longest time between two things, the one that has not ended yet among them.
+/// The maximum time between two events, including the interval that has not ended yet.
 class Gap {
  public:
   void happened(TimeNs now) {
@@ -66,7 +67,7 @@ class Load {
   }
   ~Load() { end(); }
 
-  /// Returns when nothing is under way any more.
+  /// Returns when nothing is in flight any more.
   void end() {
     {
       const std::lock_guard lock(mutex_);
@@ -196,7 +197,7 @@ bool state_agrees(fabric::Client& client, std::uint64_t number) {
   return false;
 }
 
-json judge(const std::map<std::uint64_t, fabric::Outcome>& outcomes,
+json check(const std::map<std::uint64_t, fabric::Outcome>& outcomes,
            const std::vector<std::unique_ptr<fabric::Client>>& peers) {
   using Kind = fabric::Outcome::Kind;
   json verdict{{"sent", outcomes.size()},
@@ -296,7 +297,7 @@ int main(int argc, char** argv) {
       say(load.watch());
     } else if (line == "end") {
       load.end();
-      say(judge(load.outcomes(), readers));
+      say(check(load.outcomes(), readers));
       return 0;
     }
   }

@@ -95,7 +95,7 @@ def test_what_was_confirmed_stays_and_nothing_is_applied_twice(tmp_path):
     verdict = load.ask("end")
     network.stop()
     for kind, seconds in gaps.items():
-        print(f"{kind:13} {len(seconds)} faults, gap median {sorted(seconds)[len(seconds) // 2]:.2f} s, longest {max(seconds):.2f} s")
+        print(f"{kind:13} {len(seconds)} faults, gap median {sorted(seconds)[len(seconds) // 2]:.2f} s, maximum {max(seconds):.2f} s")
     print(json.dumps(verdict, indent=1))
     assert verdict["peers"] == 3 and verdict["problems"] == []
     assert verdict["committed"] >= 50 * len(kinds)

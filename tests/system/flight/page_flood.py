@@ -1,5 +1,5 @@
 """Floods ground's page for so long; what it did is a line of JSON at the end. `streams`: 70 at once with the page's
-token, from ten addresses, and whoever is refused tries again. `connections`: 1,000 a second of an outsider 50 ms away:
+token, from ten addresses, and a refused connection tries again. `connections`: 1,000 a second of an outsider 50 ms away:
 every other one asks for something, or begins a handshake where the page has TLS, and the rest for nothing. `bodies`: 30
 at once of 64 kB with the page's token, half of them slow."""
 import argparse
@@ -16,7 +16,7 @@ did = {"sent": 0, "answered": 0, "refused": 0}  # the rest was closed unanswered
 
 
 def costly_bodies() -> list[bytes]:
-    """Of that length: many elements in one list, many keys in one object, and the longest path that is taken."""
+    """Of that length: many elements in one list, many keys in one object, and the maximum path that is accepted."""
     keys = ",".join(f'"{k:04}":0' for k in range(7_000))
     ones = "1" * 28
     waypoint = f'{{"x":0.{ones},"y":0.{ones},"z":1.{ones},"speed":0.5000000000}}'

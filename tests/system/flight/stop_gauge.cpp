@@ -1,5 +1,5 @@
 // How long a stop takes to be on the ledger, again and again, of a drone that does not fly: it is stopped, and the stop
-// lifted, for so long. Prints as JSON when (CLOCK_MONOTONIC) each began, and what it took.
+// cleared, for so long. Prints as JSON when (CLOCK_MONOTONIC) each began, and what it took.
 #include <CLI/CLI.hpp>
 #include <chrono>
 #include <cstdio>
@@ -36,7 +36,7 @@ int main(int argc, char** argv) {
     } else {
       ++failed;
     }
-    submit("resume");
+    submit("clear_stop");
     std::this_thread::sleep_for(std::chrono::duration<double>(pause_s));
   }
   std::puts(nlohmann::json{{"stops", stops}, {"failed", failed}}.dump().c_str());

@@ -1,5 +1,5 @@
 // Stops drones one after the other, each by the next of the stoppers, who are connected before. The holder, where one
-// is named, fights them: it acquires all drones anew as fast as the ledger lets it. Prints as JSON when
+// is named, fights them: it acquires all drones again as fast as the ledger lets it. Prints as JSON when
 // (CLOCK_MONOTONIC) each stop was submitted, and how often it was said.
 #include <CLI/CLI.hpp>
 #include <atomic>

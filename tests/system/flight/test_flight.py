@@ -124,7 +124,7 @@ def test_a_stop_on_the_ledger_lands_the_drone(tmp_path):
     assert stop.returncode == 0, stop.stderr
     assert flight.wait(60) == 1, printed(tmp_path)
     assert "stopped by" in result(tmp_path)["why"]
-    assert json.loads((tmp_path / "run" / "agent.summary.json").read_text())["folds"]["on_ledger"] == 1
+    assert json.loads((tmp_path / "run" / "agent.summary.json").read_text())["stops_applied"]["on_ledger"] == 1
     sim = json.loads((tmp_path / "run" / "sim.summary.json").read_text())
     assert sim["drones"][0]["landed"] is True
     assert_nothing_left()
@@ -158,7 +158,7 @@ def test_killing_fly_itself_leaves_nothing_behind(tmp_path):
     assert_nothing_left()
 
 
-def test_a_second_run_at_the_same_time_says_so(tmp_path):
+def test_a_second_run_at_the_same_time_is_refused(tmp_path):
     first = fly(tmp_path / "first", "--laps", "1")
     wait_for_flight(tmp_path / "first", first)
     second = fly(tmp_path / "second", "--laps", "1")

@@ -55,7 +55,7 @@ def figures(values: list[float]) -> dict:
 
 
 class Page:
-    """An open page, at which nobody has signed in, and alice's, who lifts what it stops."""
+    """An open page, at which nobody has signed in, and alice's, who clears what it stops."""
 
     def __init__(self, station: Station, alice: Signed, stream: ClientConnection) -> None:
         self.station, self.alice, self.stream = station, alice, stream
@@ -93,16 +93,16 @@ class Page:
         wire.close()
         return said_ns
 
-    def lift(self) -> None:
+    def clear(self) -> None:
         """Which ground, other than a stop, does not say again where the ledger had no room for it."""
         for _ in range(30):
-            self.alice.say(f"drones/{OF_THE_PAGE}/lift")
+            self.alice.say(f"drones/{OF_THE_PAGE}/clear_stop")
             if self.shows(False, 2):
                 return
-        raise AssertionError("a stop over the page is not lifted within a minute")
+        raise AssertionError("a stop over the page is not cleared within a minute")
 
     def gauge(self, seconds: float) -> dict[str, list[float]]:
-        """How long a stop takes until the page shows it, each way by turns; each is lifted."""
+        """How long a stop takes until the page shows it, each way by turns; each is cleared."""
         took = {"stream": [], "request": []}
         until = time.monotonic() + seconds
         while time.monotonic() < until:
@@ -110,7 +110,7 @@ class Page:
                 said_ns = say()
                 assert self.shows(True, 60)
                 took[way].append((time.monotonic_ns() - said_ns) / 1e6)
-                self.lift()
+                self.clear()
                 time.sleep(0.03)
         return took
 

@@ -33,9 +33,9 @@ def installed(tmp_path_factory) -> pathlib.Path:
 
 
 @pytest.fixture(scope="module")
-def outsiders(installed, tmp_path_factory) -> pathlib.Path:
+def external_builds(installed, tmp_path_factory) -> pathlib.Path:
     """The installed examples, built outside the tree."""
-    build = tmp_path_factory.mktemp("outsiders")
+    build = tmp_path_factory.mktemp("external_builds")
     for command in (["cmake", "-G", "Ninja", "-S", installed / "share/ledgerline/examples", "-B", build,
                      f"-DCMAKE_PREFIX_PATH={installed}"], ["cmake", "--build", build]):
         ran = subprocess.run(command, capture_output=True, text=True)
@@ -68,15 +68,15 @@ def test_the_example_client_writes_asks_and_follows(ledger):
     converse(ledger, BIN / "client_example", "tello1/example")
 
 
-def test_a_outsiders_project_finds_builds_and_runs_the_client(ledger, outsiders):
-    converse(ledger, outsiders / "client", "tello1/outsider")
+def test_an_external_project_finds_builds_and_runs_the_client(ledger, external_builds):
+    converse(ledger, external_builds / "client", "tello1/outsider")
 
 
-def test_a_outsiders_chaincode_serves_and_ends(outsiders):
+def test_an_external_chaincode_serves_and_ends(external_builds):
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
-    process = subprocess.Popen([outsiders / "chaincode"], env={
+    process = subprocess.Popen([external_builds / "chaincode"], env={
         **os.environ, "CHAINCODE_ID": "counter:1", "CHAINCODE_SERVER_ADDRESS": f"127.0.0.1:{port}"})
     deadline = time.monotonic() + 20
     while True:

@@ -19,7 +19,7 @@ from trace_file import TraceKind, records
 
 LAPS = 4  # the move, and what is looked at behind it, take less
 TIMEOUT_S = 120  # not a limit on speed: only how long a broken test may take
-FLOWN, GROUNDED, LIFTED, STOPPED_LATER, STOPPED_MEANWHILE = ("tello1", "tello2"), "tello3", "tello1", "tello4", "tello5"
+FLOWN, GROUNDED, CLEARED, STOPPED_LATER, STOPPED_MEANWHILE = ("tello1", "tello2"), "tello3", "tello1", "tello4", "tello5"
 
 
 def subject(organisation: int, user: str) -> str:
@@ -31,7 +31,7 @@ def digest(organisation: int, user: str) -> str:
 
 
 def programs_of_before(home: pathlib.Path, before: Before) -> pathlib.Path:
-    """A folder of programs to fly with, whose network is one of before, and whose pilot stops and resumes a drone before it takes off."""
+    """A folder of programs to fly with, whose network is one of before, and whose pilot stops a drone and clears that stop before take-off."""
     programs = home / "programs"
     programs.mkdir()
     for program in BIN.glob("ledgerline-*"):
@@ -39,7 +39,7 @@ def programs_of_before(home: pathlib.Path, before: Before) -> pathlib.Path:
     write_script(programs / "ledgerline-fabric", f'exec {before.fabric} "$@" --tools {before.tools} --signature-policy "{ANY_PEER}"')
     control = BIN / "ledgerline-control"
     write_script(programs / "ledgerline-control", f'{control} "$@" || exit\n[ "$3" != acquire ] || '
-                                                  f'{{ {control} "$1" "$2" stop {LIFTED} && {control} "$1" "$2" resume {LIFTED}; }}')
+                                                  f'{{ {control} "$1" "$2" stop {CLEARED} && {control} "$1" "$2" clear_stop {CLEARED}; }}')
     return programs
 
 
@@ -88,7 +88,7 @@ def plan(drone: str) -> dict:
 
 
 def submit_over_others(client, fn: str, *args) -> None:
-    """The agent's folds write the same lease, and what read it before them is invalid."""
+    """The agent's apply_stops writes the same lease, and what read it before that is invalid."""
     for _ in range(10):
         answer = client.call("submit", fn, *args)
         if answer.get("successful"):
@@ -127,8 +127,8 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     admin.submit("enroll", {"identity": {"mspId": "Org1MSP", "subject": subject(1, "User2")}, "role": "OPERATOR"})
     pilot.submit("acquire", {"drones": [GROUNDED, STOPPED_LATER]})
     guard.submit("stop", GROUNDED)
-    host.submit("fold", {"drones": [GROUNDED]})
-    stopped = f"{GROUNDED}: stopped by Org1MSP {subject(1, 'User2')}; only LAND is accepted until they, or a supervisor of Org1MSP, resume it"
+    host.submit("apply_stops", {"drones": [GROUNDED]})
+    stopped = f"{GROUNDED}: stopped by Org1MSP {subject(1, 'User2')}; only LAND is accepted until they, or a supervisor of Org1MSP, clear it"
     assert pilot.refusal("command", plan(GROUNDED)) == stopped
     lease_before = f"lease/{digest(2, 'User1')}/1"
     drones = (*FLOWN, GROUNDED, STOPPED_LATER)
@@ -136,7 +136,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     assert "not found" in pilot.refusal("get", f"pilot/Org1MSP/{digest(2, 'User1')}")
     assert who.forge([{"key": "free/before", "value": encode("x")}], 3) == VALID
     controls = {drone: record(pilot, f"control/{drone}") for drone in drones}
-    lifted = record(pilot, f"stop/{LIFTED}/{digest(2, 'User1')}")
+    cleared = record(pilot, f"stop/{CLEARED}/{digest(2, 'User1')}")
 
     refused = upgrade(BIN / "ledgerline-fabric", ledger)
     assert refused.returncode == 1 and "put this version's programs in the place of those" in refused.stderr
@@ -155,13 +155,13 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     while errors := [error for drone in FLOWN if (error := pilot.call("evaluate", "command", plan(drone)).get("error"))]:
         assert time.monotonic() < deadline and flight.poll() is None, errors
     # What nobody flies is renewed by the next control call: its stopper's word, or its host's.
-    submit_over_others(guard, "resume", STOPPED_LATER)
+    submit_over_others(guard, "clear_stop", STOPPED_LATER)
     submit_over_others(pilot, "command", plan(STOPPED_LATER))
     assert pilot.refusal("command", plan(GROUNDED)) == stopped
-    submit_over_others(host, "fold", {"drones": [GROUNDED]})
+    submit_over_others(host, "apply_stops", {"drones": [GROUNDED]})
     assert pilot.refusal("command", plan(GROUNDED)) == stopped
     after = {drone: record(pilot, f"control/{drone}") for drone in drones}
-    assert after.pop(STOPPED_LATER).startswith(controls.pop(STOPPED_LATER)), "behind that how often its stop was lifted"
+    assert after.pop(STOPPED_LATER).startswith(controls.pop(STOPPED_LATER)), "behind that how often its stop was cleared"
     assert after == controls, "holders, epochs, stops, grants"
     lease = record(pilot, f"lease/Org1MSP/{digest(2, 'User1')}/1")
     assert all(drone.encode() in lease for drone in drones)
@@ -178,7 +178,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     assert who.forge([{"key": "free/after", "value": encode("x")}], 3) == ENDORSEMENT_POLICY_FAILURE
     # What was written before reads as before.
     assert all(drone.encode() in record(pilot, lease_before) for drone in drones)
-    assert record(pilot, f"stop/{LIFTED}/{digest(2, 'User1')}") == lifted
+    assert record(pilot, f"stop/{CLEARED}/{digest(2, 'User1')}") == cleared
     assert len(pilot.read("history", f"control/{FLOWN[0]}")["versions"]) >= 3
     assert pilot.read("history", f"{FLOWN[0]}/odom")["versions"]
     height = who.height()
@@ -193,7 +193,7 @@ def test_a_living_channel_moves_and_its_drones_fly_on(tmp_path, monkeypatch, mem
     print(f"upgrade: {(ended_ns - begun_ns) / 1e9:.1f} s; flags of {moved} blocks: "
           f"{dict(collections.Counter(flag for block in flags[:moved] for flag in block))}")
     print(f"{len(stops.took)} stops meanwhile: on the ledger after {min(stops.took):.2f} to {max(stops.took):.2f} s")
-    print(f"agent: {agent['transactions']}, folds {agent['folds']}; ground: {ground['transactions']}")
+    print(f"agent: {agent['transactions']}, stops applied {agent['stops_applied']}; ground: {ground['transactions']}")
     for number, drone in enumerate(report["drones"], 1):
         own = [r for r in trace if r[2] == number]
         held = holds(own, begun_ns)

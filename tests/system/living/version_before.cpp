@@ -18,7 +18,8 @@
 /// - A role is role/<identity>, of one identity alone.
 /// - An anchor is anchor/<digest>/<identity>.
 /// - enroll writes neither empty grants nor requests, nor a host's empty frame.
-/// - resume writes the stop itself again, as lifted.
+/// - clear_stop, which was called resume, writes the stop itself again, as cleared. (apply_stops was called fold. Both
+///   have today's names here, since today's programs call them.)
 ///
 /// What it refused and answered is today's, but that `command` took calls without an organisation: who sends those is
 /// not there to be tested.
@@ -139,16 +140,17 @@ class VersionBefore final : public shim::Stub {
     return done;
   }
 
-  /// stop/<drone>/<stopper> with the fields that it had; a record below it that says that it is lifted makes it lifted.
+  /// stop/<drone>/<stopper> with the fields that it had; a record below it that says that it is cleared makes it
+  /// cleared.
   Status put_stop(const std::string& key, Stored stored) {
     constexpr std::size_t stop_segments = 3;
     auto segments = segments_of(key);
-    const bool lifts = segments.size() > stop_segments;
+    const bool clears = segments.size() > stop_segments;
     const std::string of = segments[0] + "/" + segments[1] + "/" + segments[2];
-    if (lifts) {
+    if (clears) {
       const auto before = stub_.get_state(of);
       if (!before) return before.error();
-      if (!*before || !stored.ParseFromString(**before)) return Error{"there is no " + of + " to lift"};
+      if (!*before || !stored.ParseFromString(**before)) return Error{"there is no " + of + " to clear"};
     }
     Stop now, then;
     if (stored.assets_size() != 1 || !now.ParseFromString(stored.assets(0).msg_data()))
@@ -156,7 +158,7 @@ class VersionBefore final : public shim::Stub {
     then.set_drone(now.drone());
     *then.mutable_stopper() = now.stopper();
     then.set_cut(now.cut());
-    then.set_lifted(lifts || now.lifted());
+    then.set_cleared(clears || now.cleared());
     stored.mutable_assets(0)->set_msg_data(then.SerializeAsString());
     return put(of, std::move(stored));
   }

@@ -102,7 +102,7 @@ def hear_of_a_flight(manager: Manager) -> None:
     assert watched[0] in manager.listen(10, lambda heard: watched[0] in heard)
 
 
-def test_systemd_hears_of_programs_that_are_ready_and_live_and_of_no_loop_that_stands_still(tmp_path):
+def test_systemd_is_notified_by_programs_that_are_ready_and_live_and_by_no_loop_that_stands_still(tmp_path):
     manager = Manager(tmp_path)
     flight = subprocess.Popen([BIN / "ledgerline-fly", "--out", tmp_path / "run", "--laps", "50"],
                               stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,

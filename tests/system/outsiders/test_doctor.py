@@ -86,7 +86,7 @@ def tells_what_the_ledger_says(host: Host, network: Consortium) -> None:
     control(other, "acquire", "tello1")
     control(operator, "stop", "tello1")
     assert of_ledger(host.doctor()) == {"lease_held", "stopped"}
-    control(operator, "resume", "tello1")
+    control(operator, "clear_stop", "tello1")
     control(other, "release", "tello1")
     assert of_ledger(host.doctor()) == set()
 

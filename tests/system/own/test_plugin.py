@@ -1,4 +1,4 @@
-"""A controller as a plug-in: in virtual time over many seeds, and with the real processes."""
+"""A controller as a plug-in: in simulated time over many seeds, and with the real processes."""
 import json
 
 from flights import assert_nothing_left

@@ -1,4 +1,4 @@
-"""A controller over the drone's ROS 2 topics under the judge."""
+"""A controller over the drone's ROS 2 topics under test."""
 from flights import assert_nothing_left
 from own_code import EXAMPLES, broken, fly, planted
 

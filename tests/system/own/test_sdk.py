@@ -1,4 +1,4 @@
-"""An unmodified djitellopy script under the judge, over the proxy."""
+"""An unmodified djitellopy script under test, over the proxy."""
 import json
 import pathlib
 import sys

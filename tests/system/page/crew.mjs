@@ -1,4 +1,4 @@
-// Two operators at two browsers, as they would: each signs in, one flies by hand, hands over to the other, stops all; both lift. And a
+// Two operators at two browsers, as they would: each signs in, one flies by hand, hands over to the other, stops all; both clear. And a
 // mission of two drones, drawn, approved, and flown.
 //
 // Usage: node crew.mjs URL OUTDIR ALICES_PASS_PHRASE BOBS_PASS_PHRASE [--no-mission]
@@ -136,7 +136,7 @@ async function hand_over(alice, bob, browser) {
 }
 
 async function stop_all(alice, bob) {
-  await press(bob.drone('tello1'), 'stop'); // two stop it: each lifts his own
+  await press(bob.drone('tello1'), 'stop'); // two stop it: each clears his own
   await alice.page.locator('#sign').click();
   await alice.page.locator('#confirm-no:focus').waitFor();
   await alice.page.keyboard.press('Backspace'); // in a dialog, too
@@ -151,8 +151,8 @@ async function stop_all(alice, bob) {
   saw.stop = await alice.page.locator('#stop-list li').evaluateAll((rows) => rows.map((each) => [...each.children].map((part) => part.textContent).join(' ')));
   check(/on ledger: alice, bob/.test(saw.stop[0]), 'nothing says who has stopped');
   await watcher.pictures(alice.page, 'desktop', 'stopped');
-  for (const name of ['tello1', 'tello2']) await press(alice.drone(name), 'lift');
-  await press(bob.drone('tello1'), 'lift');
+  for (const name of ['tello1', 'tello2']) await press(alice.drone(name), 'clear_stop');
+  await press(bob.drone('tello1'), 'clear_stop');
   for (const name of ['tello1', 'tello2']) await alice.drone(name).card.locator('[data-field=stopped]').waitFor({ state: 'hidden', timeout: LEDGER_MS });
 }
 

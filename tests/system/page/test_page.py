@@ -79,6 +79,6 @@ def test_two_operators_share_the_drones_at_their_pages(tmp_path):
     phrases = dict(re.findall(r"Operator (\w+): pass phrase (\S+)", printed(tmp_path)))
     saw = drive("crew.mjs", station, tmp_path / "pictures", phrases["alice"], phrases["bob"])
     assert saw["signed_in"][:2] == ["alice", "bob"] and saw["sent_in_vain"] == 0, saw
-    for words in ("alice: take control", "bob: ask for control", "alice: hand over", "alice: lift the stop", "bob: lift the stop"):
+    for words in ("alice: take control", "bob: ask for control", "alice: hand over", "alice: clear the stop", "bob: clear the stop"):
         assert f"tello1: {words}" in saw["events"], saw["events"]
     end(flight, tmp_path)

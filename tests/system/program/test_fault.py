@@ -1,4 +1,4 @@
-"""The tools around fault scripts: list, check, new, schema, compare, and a run by name. Flights in virtual time alone."""
+"""The tools around fault scripts: list, check, new, schema, compare, and a run by name. Flights in simulated time alone."""
 import json
 import pathlib
 import re
@@ -54,10 +54,10 @@ def test_list_has_every_scenario_and_says_modes():
     assert {row["name"] for row in rows} == {file.stem for file in SCENARIOS}
     assert all(row["title"] and row["group"] == pathlib.Path(row["file"]).parent.name for row in rows)
     assert {row["real"] for row in rows} == {True, False}
-    assert {row["name"] for row in rows if not row["virtual"]} >= {"ros2-gap", "sdk-client-errors"}
+    assert {row["name"] for row in rows if not row["sitl"]} >= {"ros2-gap", "sdk-client-errors"}
     shown = fault("list", "faults").stdout
-    assert re.search(r"^drone NAME reboot +virtual$", shown, re.M) and re.search(r"^roudi kill +real$", shown, re.M)
-    assert re.search(r"^sends COMMAND +virtual \(the traces", fault("list", "rules").stdout, re.M)
+    assert re.search(r"^drone NAME reboot +sitl$", shown, re.M) and re.search(r"^roudi kill +real$", shown, re.M)
+    assert re.search(r"^sends COMMAND +sitl \(the traces", fault("list", "rules").stdout, re.M)
     assert "command_age_median_ms" in fault("list", "figures").stdout
     assert {row["group"] for row in json.loads(fault("list", "fence", "--json").stdout)} == {"fence"}
     assert "no scenario or group" in fault("list", "nowhere", expect=2).stderr
@@ -84,7 +84,7 @@ def test_what_is_not_flown_is_in_the_files(flown, tmp_path):
     fault("run", folder, "--junit", "j.xml", "--json", "j.json", cwd=tmp_path)
     results = json.loads((tmp_path / "j.json").read_text())
     assert results["held"] and [(row["script"], row["error"]) for row in results["not_flown"]] == [("client", False)]
-    assert [row["mode"] for row in results["figures"]] == ["virtual"]
+    assert [row["mode"] for row in results["figures"]] == ["sitl"]
     assert 'tests="2" failures="0" errors="0" skipped="1"' in (tmp_path / "j.xml").read_text()
     # A file where its folder should be keeps a real flight from its beginning.
     (tmp_path / "out").mkdir()

@@ -1,4 +1,4 @@
-"""`ledgerline fault run --real`: fault scripts on the real processes, and beside the virtual run of the same script."""
+"""`ledgerline fault run --real`: fault scripts on the real processes, and beside the simulated run of the same script."""
 import json
 import os
 import pathlib
@@ -41,9 +41,9 @@ def test_what_the_real_processes_cannot_have_is_refused_before_anything_flies(tm
 
 @long_only
 @pytest.mark.parametrize("flight", ["laps = 1", 'shape = "triangle"\nspeed_mps = 0.8', "drones = 3"])
-def test_a_flight_without_faults_goes_as_its_virtual_run_does(tmp_path, flight):
+def test_a_flight_without_faults_goes_as_its_simulated_run_does(tmp_path, flight):
     done = run(tmp_path, f'title = "t"\nmust = ["finishes", "path within 0.4 m", "hold is never seen"]\n[flight]\n{flight}\n')
-    assert done.returncode == 0 and "agrees with its virtual run: the same transitions" in done.stdout
+    assert done.returncode == 0 and "agrees with its simulated run: the same transitions" in done.stdout
     assert_nothing_left()
 
 
@@ -75,7 +75,7 @@ def test_a_fault_in_mid_lap_is_survived(tmp_path, name):
     done = run(tmp_path, f'title = "{name}"\nmust = {json.dumps(must)}\n{tables}', "--json", str(tmp_path / "r.json"))
     assert done.returncode == 0
     flown = json.loads((tmp_path / "r.json").read_text())["runs"][0]
-    assert len(flown["not_judged"]) == 5
+    assert len(flown["not_checked"]) == 5
     events = flown["events"]
     assert [e["text"] for e in events if e["kind"] == "fault" and e["text"].endswith(" begins")] == [f"{f} begins" for f in faults]
     assert_nothing_left()

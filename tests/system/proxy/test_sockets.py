@@ -174,7 +174,7 @@ def receive(connection: socket.socket, size: int) -> bytes:
 
 def test_a_stream_comes_whole_under_delay_jitter_and_rate_and_ends_where_it_ended(proxies, server):
     proxy = proxies(servers=[("node", "127.0.0.1:0", server.address)])
-    content = bytes(range(256)) * 12_000  # 3 MB: more than a line holds
+    content = bytes(range(256)) * 12_000  # 3 MB: more than a link holds
     for effects in ("clear", "delay 20ms, jitter uniform 0ms 20ms", "rate 20MB/s queue 64kB"):
         proxy.tell(f"server node both {effects}")
         connection = connect(proxy)

@@ -9,13 +9,13 @@
 #include <string>
 #include <thread>
 
-#include "hil/virtual/peer/serving_peer.hpp"
+#include "hil/sitl/peer/serving_peer.hpp"
 #include "peer/events.grpc.pb.h"
 
 namespace ledgerline {
 
-/// The node's Deliver, handed on as it is; but whoever has one certain identity is served by hil::ServingPeer, which
-/// has the node's blocks, lies with the peer's real key, and has no orderer's.
+/// The node's Deliver, handed on as it is; but the client with one certain identity is served by hil::ServingPeer,
+/// which has the node's blocks, lies with the peer's real key, and has no orderer's.
 class LyingBlocks final : public protos::Deliver::Service {
  public:
   struct Setup {

@@ -19,7 +19,7 @@
 
 #include "common/fabric/tx/opened.hpp"
 #include "gateway/gateway.grpc.pb.h"
-#include "hil/virtual/ledger/relay.hpp"
+#include "hil/sitl/ledger/relay.hpp"
 #include "peer/chaincode_event.pb.h"
 #include "tests/system/relay/lying_blocks.hpp"
 #include "tests/unit/common/fabric/tx/chain_of_tests.hpp"
@@ -27,8 +27,8 @@
 /// Stands in for ledgerline-node: starts the real one behind itself and hands on everything, but lies with the real key
 /// of Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first
 /// command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on. LYING_NODE: the
-/// real program; LYING_LIE: a name of hil/virtual/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
-/// hil/virtual/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
+/// real program; LYING_LIE: a name of hil/sitl/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
+/// hil/sitl/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 
 using namespace ledgerline;

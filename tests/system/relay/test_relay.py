@@ -7,7 +7,7 @@ from flights import fly, no_flight_outlives_its_test, printed
 from lying import Flown, lying_programs
 
 LONG = os.environ.get("LEDGERLINE_LONG") == "1"
-# Flights in real time: of each kind of transaction one, the others with --long. All fly in virtual time (relay_test).
+# Flights in real time: of each kind of transaction one, the others with --long. All fly in simulated time (relay_test).
 LIES = ["plan-added", "frame-flies"] + (["plan-speed", "command-acquire", "frame-cut"] if LONG else [])
 
 

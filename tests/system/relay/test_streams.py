@@ -1,4 +1,4 @@
-"""Flights of the real processes whose agent is served blocks by a peer that lies (hil/virtual/peer): it has the real key of
+"""Flights of the real processes whose agent is served blocks by a peer that lies (hil/sitl/peer): it has the real key of
 the drones' own peer and no orderer's. In mid flight the operator says stop, behind the lie; some agents are killed there and
 start again. Nothing is flown that nobody signed, or in another order; the stop lands the drone no later than the failsafe's
 silence would; and somebody says that there is a lie."""
@@ -80,7 +80,7 @@ def alarms(run) -> dict[str, int]:
 
 
 @pytest.mark.parametrize("lie, killed", FLIGHTS)
-def test_a_lying_stream_flies_nothing_and_hides_no_stop(lying_programs, monkeypatch, lie, killed):
+def test_a_tampered_stream_flies_nothing_and_hides_no_stop(lying_programs, monkeypatch, lie, killed):
     seed = FLIGHTS.index((lie, killed)) + 1
     out = lying_programs / "flight"
     monkeypatch.setenv("LYING_BLOCKS", lie)

@@ -75,10 +75,10 @@ def test_usage():
     assert wrong.returncode == 1 and "no IPv4 address" in wrong.stderr
 
 
-def test_a_virtual_run_is_faster_than_real_time_and_the_same_each_time(tmp_path):
+def test_a_simulated_run_is_faster_than_real_time_and_the_same_each_time(tmp_path):
     traces = []
     for name in ("a", "b"):
-        done = subprocess.run([BIN / "ledgerline-sim", "--drones", "4", "--virtual", "20", "--trace", tmp_path / name],
+        done = subprocess.run([BIN / "ledgerline-sim", "--drones", "4", "--simulated-time", "20", "--trace", tmp_path / name],
                               capture_output=True, text=True, timeout=60)
         assert done.returncode == 0
         assert json.loads(done.stdout)["ratio"] > 1

@@ -29,7 +29,7 @@ def test_a_flight_with_agent_and_ledger_that_the_shim_impairs(tmp_path):
     assert not list(SHARED_MEMORY.glob("ledgerline-*.shim"))
 
 
-def test_a_fault_script_is_judged(tmp_path):
+def test_a_fault_script_is_checked(tmp_path):
     script = tmp_path / "takeoff-late.toml"
     script.write_text('title = "Its take-off is answered late, and its state is torn: it flies"\nmust = ["finishes"]\n[flight]\nside_m = 0.6\n'
                       '[[fault]]\nwhat = "sdk tello1 answers late 500ms"\nat = "0s"\n'

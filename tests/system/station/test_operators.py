@@ -78,7 +78,7 @@ def test_an_ended_session_and_the_pages_token_stop_and_never_cut(tmp_path):
         assert station.ask("POST", "stop")[0] == 202
         for stream in streams:
             stream.close_socket()
-    alice.say("drones/tello1/lift")
+    alice.say("drones/tello1/clear_stop")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
     end(flight, tmp_path, STOPPED)
 
@@ -118,13 +118,13 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     status, refused = bob.ask("POST", "drones/tello1/release")
     assert status == 409 and "tello1 is in the air" in refused["error"], refused
 
-    # A stop is its stopper's own, and so is lifting it.
+    # A stop is its stopper's own, and so is clearing it.
     alice.say("drones/tello1/stop")
     stopped = station.wait("tello1", lambda drone: drone["phase"] == "landed" and drone["stopped_by"])
     assert stopped["stopped_by"] == [alice.identity]
-    bob.say("drones/tello1/lift")
-    bob.reported("bob: lift the stop: refused")
-    alice.say("drones/tello1/lift")
+    bob.say("drones/tello1/clear_stop")
+    bob.reported("bob: clear the stop: refused")
+    alice.say("drones/tello1/clear_stop")
     station.wait("tello1", lambda drone: not drone["stopped_by"])
 
     # What is confirmed is done: nobody commands it, and its failsafe lands it.
@@ -135,7 +135,7 @@ def test_each_signs_what_he_asks_for_and_a_drone_obeys_its_holder_alone(tmp_path
     bob.say("drones/tello1/acquire")
     station.wait("tello1", holder("bob"))
 
-    # Whoever leaves in the air is landed, and what he held is free.
+    # Drones of an operator who leaves in flight are landed, and their leases released.
     bob.say("drones/tello1/takeoff")
     station.wait("tello1", lambda drone: drone["phase"] == "manual")
     assert bob.ask("DELETE", "session")[0] == 202

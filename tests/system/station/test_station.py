@@ -173,7 +173,7 @@ def test_a_stop_lands_beside_a_flood_of_requests(tmp_path):
             station.say(f"drones/{name}/stop")
         for name in names:
             station.wait(name, lambda drone: drone["stopped_by"] and drone["phase"] == "landed")
-        control(run / "operator.toml", "resume", *names)
+        control(run / "operator.toml", "clear_stop", *names)
     over.set()
     for one in crowd:
         one.join()

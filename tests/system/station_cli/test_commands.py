@@ -101,7 +101,7 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "stopped by Org2MSP" in anybody.says("alarms") and "link reaches it" not in anybody.says("alarms")
     assert "link reaches it" in anybody.says("alarms", "--all")
     assert anybody.json("alarms")["events"][0]["n"] == 1
-    alice.says("drones", "lift", "tello2")
+    alice.says("drones", "clear_stop", "tello2")
     assert station.drone("tello2")["stopped_by"] == []
     alice.says("drones", "land", "tello1")
     station.wait("tello1", lambda drone: drone["phase"] == "landed")
@@ -112,7 +112,7 @@ def test_two_operators_fly_by_commands(tmp_path):
         if program is watching:
             assert text.count("failsafe") > 3, "a table at each change"
 
-    # Elsewhere she signs in anew: this session is over, and still stops a drone.
+    # Elsewhere she signs in again: this session is over, and still stops a drone.
     elsewhere = Person(tmp_path / "elsewhere", station, tmp_path, "alice")
     screen = elsewhere.log_in_at_a_terminal()
     assert "alice is signed in" in screen and alice.phrase_file().read_text().strip() not in screen, "what is typed is not shown"
@@ -120,8 +120,8 @@ def test_two_operators_fly_by_commands(tmp_path):
     assert "asking without it" in alice.run("drones").stderr
     assert "without it" not in alice.run("drones", "stop", "tello1").stderr
     assert "CN=alice@" not in str(station.wait("tello1", lambda drone: drone["stopped_by"])["stopped_by"]), "ground has signed it"
-    elsewhere.says("drones", "lift", "tello1")
-    assert station.drone("tello1")["stopped_by"] == [], "who is signed in lifts ground's own stop"
+    elsewhere.says("drones", "clear_stop", "tello1")
+    assert station.drone("tello1")["stopped_by"] == [], "who is signed in clears ground's own stop"
     assert "sign in first" in anybody.refused("drones", "cut", "tello2", "--yes"), "motors off is no onlooker's"
     elsewhere.says("drones", "cut", "tello2")
     station.wait("tello2", lambda drone: "CN=alice@" in str(drone["stopped_by"]))

@@ -43,7 +43,7 @@ def test_all_of_a_subnet_are_found_with_what_they_say():
         assert shown.returncode == 0 and "0TQDG00SIM0002" in shown.stdout and "127.0.0.2" not in shown.stdout
 
 
-def test_nobody_is_said_so():
+def test_no_drone_found_is_reported():
     for words in (("find", "--address", "127.0.0.9"), ("info", "127.0.0.9")):
         shown = tello(*words)
         assert (shown.returncode, shown.stdout) == (1, "") and "no Tello answers" in shown.stderr
@@ -70,7 +70,7 @@ def test_a_password_comes_from_a_file_or_from_the_input_and_never_from_the_line(
     assert tello("join-wifi", "lab", "--address", "127.0.0.9", input="correcthorse\n").returncode == 1
 
 
-def test_a_tello_that_cannot_join_a_wifi_says_so():
+def test_a_tello_that_cannot_join_a_wifi_is_reported():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as plain:
         plain.bind(("127.0.0.2", 8889))
         plain.settimeout(10)
@@ -87,7 +87,7 @@ def test_a_tello_that_cannot_join_a_wifi_says_so():
     assert asking.returncode == 1 and "EDU" in errors
 
 
-def test_whoever_flies_is_brought_down(tmp_path):
+def test_a_drone_in_the_air_is_landed(tmp_path):
     summary = tmp_path / "sim.json"
     with drones(1, "--summary", str(summary)), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as pilot:
         pilot.settimeout(20)
@@ -103,7 +103,7 @@ def test_whoever_flies_is_brought_down(tmp_path):
     assert json.loads(summary.read_text())["drones"][0]["landed"]
 
 
-def test_a_landing_of_nobody_ends_with_its_time_and_says_so():
+def test_a_landing_without_a_drone_times_out_and_is_reported():
     begun = time.monotonic()
     down = tello("land", "127.0.0.9", "--seconds", "2")
     assert down.returncode == 1 and "does not answer" in down.stderr
@@ -154,7 +154,7 @@ def test_preflight_says_what_would_keep_a_flight_on_the_ground(tmp_path):
     assert tello("preflight").returncode == 2
 
 
-def test_a_flight_measures_a_drone_and_lands_it_whoever_ends_it(tmp_path):
+def test_a_flight_measures_a_drone_and_lands_it_however_it_ends(tmp_path):
     written = tmp_path / "calibration.toml"
     with drones(1, "--yaw", "40", mocap=True):
         refused = tello("calibrate", "127.0.0.2", "--out", str(written), input="no\n")

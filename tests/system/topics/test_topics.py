@@ -136,7 +136,7 @@ def assert_topics_agree(outsider_tf, diagnostics, drone: Drone) -> None:
 
 
 @pytest.mark.parametrize("ledger,drones", [("embedded", 2), ("fabric", 1)] if LONG else [("fabric", 1)])
-def test_a_outsider_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
+def test_an_external_program_flies_drones_by_ros_topics_alone(tmp_path, ledger, drones):
     if ledger == "fabric":
         needs_fabric()
     outsider, neighbour = Outsider(GROUND), Neighbour()
@@ -298,7 +298,7 @@ def test_a_stop_is_the_ledgers_and_keeps_the_drone_down(tmp_path):
     drone.say("takeoff")
     drone.cmd_vel.wait_for_reader().say(Twist(Vector3(0.4, 0.0, 0.0), Vector3()))
     time.sleep(3)
-    assert drone.height() < 0.15, "a stop stands until it is resumed"
+    assert drone.height() < 0.15, "a stop stands until it is cleared"
     flight.send_signal(signal.SIGINT)
     assert flight.wait(60) == 1, printed(tmp_path)
     assert "stopped by its pilot" in result(tmp_path)["why"]

@@ -93,7 +93,7 @@ class Truth:
 
 
 def audited(out) -> dict:
-    """What the chain of the flight says, judged from its first block on."""
+    """What the chain of the flight says, validated from its first block on."""
     ledger = out / "run" / "ledger"
     done = subprocess.run([BIN / "ledgerline-audit", "--blocks", ledger / "ledger" / "blocks", "--anchor", ledger / "teleop.block",
                            "--json", "-"], capture_output=True, text=True, timeout=60)

@@ -24,7 +24,7 @@ inline std::map<std::string, std::string> fields(const std::string& state) {
 
 inline constexpr double right_angle = std::numbers::pi / 2;
 
-/// A simulator on a virtual clock with one client, as a test wants to talk to it.
+/// A simulator on a simulated clock with one client, as a test wants to talk to it.
 class Flight {
  public:
   static constexpr Endpoint client{0x0a000001, 40000};

@@ -107,7 +107,7 @@ TEST(Flood, AtOneDroneLeavesItsNeighbourServed) {
   flood.end();
   EXPECT_GT(flood.sent, datagrams_a_second * duration / ns_per_s / 2) << "there was no flood";
   EXPECT_GT(state_count, 10 * duration / ns_per_s * 8 / 10) << "ten a second are due";
-  std::printf("%d datagrams; neighbour: %d answers, the slowest after %.1f ms, %d states, the longest gap %.0f ms\n",
+  std::printf("%d datagrams; neighbour: %d answers, the slowest after %.1f ms, %d states, the maximum gap %.0f ms\n",
               flood.sent.load(), asked, to_ms(max_answer), state_count, to_ms(max_gap));
 
   Client afterwards("127.0.0.51", 40001, "127.0.0.2");

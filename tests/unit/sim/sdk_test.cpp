@@ -20,7 +20,7 @@ TEST(Sdk, NothingIsHeardBeforeCommand) {
   EXPECT_EQ(flight.ask("battery?", 1), "100\r\n");
 }
 
-TEST(Sdk, AnswersGoToTheSenderAndStateToWhoSaidCommandLast) {
+TEST(Sdk, AnswersGoToTheSenderAndStateToTheLastOneThatSentCommand) {
   Flight flight;
   const Endpoint first{0x0a000005, 38065}, second{0x0a000006, 8889};
   flight.ask("command", 1, 1, first);
@@ -404,7 +404,7 @@ TEST(Sdk, ATakeoffThatDoesNotGetUpIsBrokenOff) {
   EXPECT_FALSE(heavy.truth().motors_on);
 }
 
-TEST(Sdk, ADroneThatStartsAnewInTheAirFallsAndWaitsForCommand) {
+TEST(Sdk, ADroneThatRestartsInTheAirFallsAndWaitsForCommand) {
   Flight flight;
   flight.take_off();
   flight.simulator.restart(1);

@@ -20,8 +20,8 @@ constexpr std::size_t max_name = 200;   // of what others chose
 constexpr std::size_t max_asked = 512;  // commands that no state has named yet: 10 s at 50 Hz
 constexpr std::size_t max_functions = 200;
 
-Moment moment_of(const Judged& judged, const fabric::Transaction& tx) {
-  return {judged.block, tx.timestamp_ns, printable(tx.tx_id, max_name)};
+Moment moment_of(const ValidationResult& result, const fabric::Transaction& tx) {
+  return {result.block, tx.timestamp_ns, printable(tx.tx_id, max_name)};
 }
 
 /// In `map`, or nullptr where it would outgrow its bound.
@@ -55,46 +55,49 @@ DroneStory* Story::drone(const std::string& name) {
   return bounded_entry(drones_, printable(name, max_name), max_drones);
 }
 
-Status Story::take(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator) {
+Status Story::take(const ValidationResult& result, const fabric::Transaction& tx,
+                   const verification::Creator& creator) {
   const std::string who = words_of(creator.name);
-  const bool valid = judged.code == protos::VALID;
+  const bool valid = result.code == protos::VALID;
   if (valid && tx.timestamp_ns > 0) {
     first_ns_ = first_ns_ == 0 ? tx.timestamp_ns : std::min(first_ns_, tx.timestamp_ns);
     last_ns_ = std::max(last_ns_, tx.timestamp_ns);
   }
   const bool ours = tx.contract == contract_;
-  if (!valid) take_refusal(judged, tx, who);
+  if (!valid) take_refusal(result, tx, who);
   if (valid) {
-    const std::string name = printable(ours ? tx.function : tx.contract + ":", max_name);
+    const std::string name =
+        printable(ours ? std::string(contract::current_name(tx.function)) : tx.contract + ":", max_name);
     if (auto* count = bounded_entry(functions_, name, max_functions)) ++*count;
   }
   if (!ours || !tx.problem.empty()) return done;
-  if (tx.function == contract::command) take_command(judged, tx, creator);
+  if (tx.function == contract::command) take_command(result, tx, creator);
   if (!valid) return done;
-  const Moment when = moment_of(judged, tx);
+  const Moment when = moment_of(result, tx);
   if (tx.function == contract::set) take_set(tx, when);
   if (verification::is_control_event(tx.event_name)) return take_control(tx, creator, when);
   return done;
 }
 
-void Story::take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who) {
-  const RefusalKey key{judged.code, who, printable(tx.function, max_name)};
+void Story::take_refusal(const ValidationResult& result, const fabric::Transaction& tx, const std::string& who) {
+  const RefusalKey key{result.code, who, printable(tx.function, max_name)};
   Refusals* refusals = bounded_entry(refusals_, key, max_refusals);
   if (refusals == nullptr) {
     ++refusals_left_out_;
     return;
   }
   if (refusals->count++ == 0) {
-    refusals->why = judged.why;
-    refusals->first = moment_of(judged, tx);
+    refusals->why = result.why;
+    refusals->first = moment_of(result, tx);
   }
 }
 
-void Story::take_command(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator) {
+void Story::take_command(const ValidationResult& result, const fabric::Transaction& tx,
+                         const verification::Creator& creator) {
   CommandCall call;
   if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
-  const bool valid = judged.code == protos::VALID;
-  const Moment when = moment_of(judged, tx);
+  const bool valid = result.code == protos::VALID;
+  const Moment when = moment_of(result, tx);
   for (const DronePlan& plan : call.plans()) {
     // Of an invalid one only for drones that are there: anybody may name any.
     if (!valid && !drones_.contains(plan.drone())) continue;
@@ -108,7 +111,7 @@ void Story::take_command(const Judged& judged, const fabric::Transaction& tx, co
       if (valid) {
         ++commands->valid;
       } else {
-        ++commands->invalid[judged.code];
+        ++commands->invalid[result.code];
       }
     }
     if (!valid) continue;
@@ -161,30 +164,30 @@ void Story::take_record(const Control& after, const std::string& by, const Momen
 Status Story::take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when) {
   const auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
   if (!event) return event.error();
-  const std::string who = words_of(creator.name), by = tx.function + " by " + who;
+  const std::string who = words_of(creator.name), by = event->function + " by " + who;
   Status problem = done;
-  const auto judge = [&](const std::string& drone_name, const Status& status) {
+  const auto follows = [&](const std::string& drone_name, const Status& status) {
     if (!status && problem)
-      problem = Error{fmt::format("{} of {} does not follow: {}", tx.function, printable(drone_name, max_name),
+      problem = Error{fmt::format("{} of {} does not follow: {}", event->function, printable(drone_name, max_name),
                                   status.error().what)};
     return status.ok();
   };
   const auto role = verification::role_change(*event);
-  const bool role_good = !role || judge("a role", verification::role_follows(*role, creator));
+  const bool role_good = !role || follows("a role", verification::role_follows(*role, creator));
   for (const Control& after : event->controls.controls()) {
     DroneStory* story = drone(after.drone());
     if (story == nullptr) continue;
     // A drone's first record is what its enrolment makes of nothing.
-    if (story->record && !judge(after.drone(), verification::control_follows(*event, *story->record, after, creator)))
+    if (story->record && !follows(after.drone(), verification::control_follows(*event, *story->record, after, creator)))
       continue;
     if (tx.function != contract::acquire && tx.function != contract::release)
-      story->words.add({tx.function, who, when});
+      story->words.add({event->function, who, when});
     take_record(after, by, when);
   }
   for (const Stop& stop : event->stops.stops()) {
     DroneStory* story = drone(stop.drone());
     if (story == nullptr) continue;
-    if (story->record && !judge(stop.drone(), verification::stop_follows(*event, *story->record, stop, creator)))
+    if (story->record && !follows(stop.drone(), verification::stop_follows(*event, *story->record, stop, creator)))
       continue;
     story->words.add({stop.cut() ? "cut" : "stop", who, when});
     if (story->record) add_stop(*story->record, stop);

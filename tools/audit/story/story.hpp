@@ -14,7 +14,7 @@
 namespace ledgerline::audit {
 
 /// Where a transaction is, and the own verdict on it.
-struct Judged {
+struct ValidationResult {
   std::uint64_t block = 0;
   std::size_t index = 0;
   int code = 0;          ///< protos.TxValidationCode
@@ -38,7 +38,7 @@ struct Tenure {
   std::string ended_by;      ///< function and signer
   std::string delegate;      ///< who commanded in its place; empty: it did itself
 };
-/// What somebody said once: a stop, a resume, a grant, a take-off, a landing, an alarm ...
+/// What somebody said once: a stop, a clear_stop, a grant, a take-off, a landing, an alarm ...
 struct Word {
   std::string what, who;
   Moment when;
@@ -98,7 +98,7 @@ class Story {
 
   /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
   /// follow from what its creator signed and from the record before, though its endorsers let it pass.
-  Status take(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator);
+  Status take(const ValidationResult& result, const fabric::Transaction& tx, const verification::Creator& creator);
 
   static constexpr std::size_t max_drones = 1'000, max_refusals = 1'000, max_people = 1'000;
   struct RefusalKey {
@@ -118,8 +118,9 @@ class Story {
 
  private:
   DroneStory* drone(const std::string& name);
-  void take_refusal(const Judged& judged, const fabric::Transaction& tx, const std::string& who);
-  void take_command(const Judged& judged, const fabric::Transaction& tx, const verification::Creator& creator);
+  void take_refusal(const ValidationResult& result, const fabric::Transaction& tx, const std::string& who);
+  void take_command(const ValidationResult& result, const fabric::Transaction& tx,
+                    const verification::Creator& creator);
   void take_set(const fabric::Transaction& tx, const Moment& when);
   Status take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when);
   void take_record(const Control& after, const std::string& by, const Moment& when);

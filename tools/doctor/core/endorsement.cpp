@@ -89,7 +89,7 @@ std::string who_signed_not(const EndorsementFacts& facts) {
 
 }  // namespace
 
-Finding judge(const EndorsementFacts& facts) {
+Finding assess(const EndorsementFacts& facts) {
   constexpr const char* check = "endorsement";
   const std::vector<fabric::Endorser> signed_by = signers(facts);
   std::set<std::string> organisations;

@@ -25,6 +25,6 @@ struct EndorsementFacts {
   std::vector<EndorsingPeer> peers{};
   bool by_gateway = false;  ///< it finds the peers; else the config names them
 };
-Finding judge(const EndorsementFacts& facts);
+Finding assess(const EndorsementFacts& facts);
 
 }  // namespace ledgerline::doctor

@@ -21,7 +21,7 @@ std::string user_of(const std::string& folder) {
 
 }  // namespace
 
-Findings judge(const DirectoryFacts& facts) {
+Findings assess(const DirectoryFacts& facts) {
   constexpr const char* check = "disk";
   if (facts.read_only)
     return {
@@ -40,14 +40,14 @@ Findings judge(const DirectoryFacts& facts) {
   return {fine(check, what)};
 }
 
-Finding judge(const ClockFacts& facts) {
+Finding assess(const ClockFacts& facts) {
   constexpr const char* check = "clock";
   if (!facts.known) return found(Problem::clock_unsynchronised, check, "the kernel does not report it");
   if (!facts.synchronised) return found(Problem::clock_unsynchronised, check, "by the kernel's own word");
   return fine(check, fmt::format("synchronised within {:.1f} ms, by the kernel's own word", facts.max_error_ms));
 }
 
-Findings judge(const RealTimeFacts& facts) {
+Findings assess(const RealTimeFacts& facts) {
   constexpr const char* check = "real_time";
   if (!facts.wanted) return {fine(check, "not asked for ([realtime] priority = 0)")};
   if (!facts.unit.empty()) return {fine(check, fmt::format("by its unit, {}", facts.unit))};
@@ -58,7 +58,7 @@ Findings judge(const RealTimeFacts& facts) {
   return out;
 }
 
-Findings judge(const SharedMemoryFacts& facts) {
+Findings assess(const SharedMemoryFacts& facts) {
   constexpr const char* check = "roudi";
   using Roudi = SharedMemoryFacts::Roudi;
   if (facts.roudi == Roudi::alive && !is_ours(facts.program))
@@ -72,7 +72,7 @@ Findings judge(const SharedMemoryFacts& facts) {
   return out;
 }
 
-Finding judge(const InterfaceFacts& facts) {
+Finding assess(const InterfaceFacts& facts) {
   constexpr const char* check = "interface";
   const std::string what = fmt::format("{} of {}", facts.name, facts.whose);
   if (!facts.there) return found(Problem::interface_missing, check, what);
@@ -82,7 +82,7 @@ Finding judge(const InterfaceFacts& facts) {
   return fine(check, what);
 }
 
-Finding judge(const StatePortFacts& facts) {
+Finding assess(const StatePortFacts& facts) {
   constexpr const char* check = "state";
   if (!facts.taken) return fine(check, facts.listen + " is free for link");
   if (facts.pid == 0) return found(Problem::state_port_taken, check, facts.listen + ", by whom is not to be seen");
@@ -90,7 +90,7 @@ Finding judge(const StatePortFacts& facts) {
                fmt::format("end it: `kill {}`; then start link", facts.pid));
 }
 
-Finding judge_names(std::vector<std::string> of_link, std::vector<std::string> of_agent) {
+Finding assess_names(std::vector<std::string> of_link, std::vector<std::string> of_agent) {
   constexpr const char* check = "config";
   std::sort(of_link.begin(), of_link.end());
   std::sort(of_agent.begin(), of_agent.end());
@@ -99,7 +99,7 @@ Finding judge_names(std::vector<std::string> of_link, std::vector<std::string> o
                fmt::format("link.toml has {}; agent.toml has {}", fmt::join(of_link, ", "), fmt::join(of_agent, ", ")));
 }
 
-Finding judge(const RouteFacts& facts) {
+Finding assess(const RouteFacts& facts) {
   constexpr const char* check = "route";
   const std::string what = fmt::format("{} at {}", facts.drone, facts.address);
   if (facts.over.empty()) return found(Problem::no_route, check, fmt::format("{}: {}", what, facts.why));
@@ -108,7 +108,7 @@ Finding judge(const RouteFacts& facts) {
   return fine(check, fmt::format("{} over {}", what, facts.over));
 }
 
-Findings judge(const DroneFacts& facts) {
+Findings assess(const DroneFacts& facts) {
   constexpr const char* check = "drone";
   const std::string what = fmt::format("{} at {}", facts.name, facts.address);
   if (!facts.there) return {found(Problem::drone_silent, check, what)};
@@ -130,7 +130,7 @@ Findings judge(const DroneFacts& facts) {
   return out;
 }
 
-Finding judge(const PoseFacts& facts) {
+Finding assess(const PoseFacts& facts) {
   constexpr const char* check = "poses";
   const std::string what = fmt::format("{} at {} ({})", facts.drone, facts.topic, facts.type);
   if (!facts.why.empty()) return found(Problem::pose_silent, check, fmt::format("{}: {}", what, facts.why));

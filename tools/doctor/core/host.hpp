@@ -7,7 +7,7 @@
 #include "common/rt/clock.hpp"
 #include "tools/doctor/core/finding.hpp"
 
-/// What is judged of the host itself. Facts in, lines out. Pure.
+/// What is checked of the host itself. Facts in, lines out. Pure.
 namespace ledgerline::doctor {
 
 /// A folder that a program writes to.
@@ -17,13 +17,13 @@ struct DirectoryFacts {
   std::optional<std::uint64_t> free_bytes{};
   bool read_only = false;  ///< its file system is
 };
-Findings judge(const DirectoryFacts& facts);
+Findings assess(const DirectoryFacts& facts);
 
 struct ClockFacts {
   bool known = false, synchronised = false;  ///< as the kernel says
   double max_error_ms = 0;
 };
-Finding judge(const ClockFacts& facts);
+Finding assess(const ClockFacts& facts);
 
 /// Of this user: link's unit has capabilities of its own.
 struct RealTimeFacts {
@@ -31,7 +31,7 @@ struct RealTimeFacts {
   bool fifo = false, locked = false;
   std::string unit{};  ///< of link, which has the rights; empty: there is none
 };
-Findings judge(const RealTimeFacts& facts);
+Findings assess(const RealTimeFacts& facts);
 
 struct SharedMemoryFacts {
   enum class Roudi : std::uint8_t { none, left, alive, forbidden };
@@ -39,14 +39,14 @@ struct SharedMemoryFacts {
   std::string program{};  ///< that has its socket; empty: that is not to be seen
   std::string no_room{};  ///< why RouDi would not start; empty: it has room
 };
-Findings judge(const SharedMemoryFacts& facts);
+Findings assess(const SharedMemoryFacts& facts);
 
 /// A network interface by the name that `whose` config has for it.
 struct InterfaceFacts {
   std::string name, whose;
   bool there = false, up = false, has_address = false;
 };
-Finding judge(const InterfaceFacts& facts);
+Finding assess(const InterfaceFacts& facts);
 
 /// Where the drones' state texts arrive.
 struct StatePortFacts {
@@ -55,10 +55,10 @@ struct StatePortFacts {
   std::string program{};  ///< that has it; empty: it is not to be seen
   int pid = 0;
 };
-Finding judge(const StatePortFacts& facts);
+Finding assess(const StatePortFacts& facts);
 
 /// The drones' names in link.toml and in agent.toml.
-Finding judge_names(std::vector<std::string> of_link, std::vector<std::string> of_agent);
+Finding assess_names(std::vector<std::string> of_link, std::vector<std::string> of_agent);
 
 /// The way to a drone.
 struct RouteFacts {
@@ -66,7 +66,7 @@ struct RouteFacts {
   std::string over{};                  ///< the interface; empty: there is no way
   std::string why{};                   ///< there is none
 };
-Finding judge(const RouteFacts& facts);
+Finding assess(const RouteFacts& facts);
 
 /// What a drone answered.
 struct DroneFacts {
@@ -77,7 +77,7 @@ struct DroneFacts {
   std::string listen{};          ///< ADDRESS:PORT, where its state texts arrive
   std::optional<bool> states{};  ///< whether any has come; none: nobody could listen there
 };
-Findings judge(const DroneFacts& facts);
+Findings assess(const DroneFacts& facts);
 
 /// What came of motion capture for one drone while it was listened for.
 struct PoseFacts {
@@ -87,6 +87,6 @@ struct PoseFacts {
   double listened_s = 0;
   std::string why{};  ///< why nobody could listen; empty: somebody did
 };
-Finding judge(const PoseFacts& facts);
+Finding assess(const PoseFacts& facts);
 
 }  // namespace ledgerline::doctor

@@ -66,8 +66,8 @@ std::string cure_of_order(const IdentityFacts& facts) {
 
 bool is_locked(const std::string& key_pem) { return key_pem.find("ENCRYPTED") != std::string::npos; }
 
-/// Leaves the key's own certificate first, so that dates and issuer are judged of that one.
-void judge_pair(IdentityFacts& facts, const std::string& who, Findings& out) {
+/// Leaves the key's own certificate first, so that dates and issuer are checked of that one.
+void assess_pair(IdentityFacts& facts, const std::string& who, Findings& out) {
   constexpr const char* check = "identity";
   if (facts.key_pem.empty()) return;
   if (is_locked(facts.key_pem)) {
@@ -94,7 +94,7 @@ std::string cure_of_der(const std::string& file) {
   return fmt::format("`openssl x509 -inform der -in {0} -out {0}.pem && cp {0}.pem {0} && rm {0}.pem`", file);
 }
 
-Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
+Findings assess(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s) {
   constexpr const char* check = "identity";
   const std::string who = fmt::format("{} in {}", facts.msp_id, facts.place);
   Findings out;
@@ -117,7 +117,7 @@ Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authoriti
     out.push_back(found(Problem::certificate_wrong, check, who + ": " + parsed.error().what));
     return out;
   }
-  judge_pair(facts, who, out);
+  assess_pair(facts, who, out);
   const auto certificate = crypto::parse_certificate(facts.certificate_pem);
   if (!certificate) {
     out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().what));
@@ -150,9 +150,9 @@ Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authoriti
   return out;
 }
 
-Findings judge_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s) {
+Findings assess_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s) {
   Findings out;
-  for (Finding& one : judge(facts, {}, now_s)) {
+  for (Finding& one : assess(facts, {}, now_s)) {
     one.check = "tls";
     if (!one.problem) {
       out.push_back(fine("tls", fmt::format("{} of {}", facts.certificate_file, whose)));
@@ -172,7 +172,7 @@ Findings judge_tls_pair(const IdentityFacts& facts, const std::string& whose, st
   return out;
 }
 
-Findings judge(const TrustFacts& facts) {
+Findings assess(const TrustFacts& facts) {
   constexpr const char* check = "trust";
   Findings out;
   for (const TrustFacts::Msp& msp : facts.msps) {

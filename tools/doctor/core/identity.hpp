@@ -18,7 +18,7 @@ struct IdentityFacts {
   bool key_is_open = false;  ///< others may read it
   std::string key_file{}, certificate_file{};
   std::string msp_dir{};    ///< empty: two files are named
-  std::string channel{};    ///< whose authorities it is judged by; empty: not known
+  std::string channel{};    ///< whose authorities it is checked against; empty: not known
   std::string forbidden{};  ///< the folder or file that this user may not read; empty: none
   std::string user{};       ///< this one
 };
@@ -34,10 +34,10 @@ struct AuthorityFacts {
 };
 
 /// `authorities`: of the organisation that the identity says, for whether they have issued it; empty: nobody knows.
-Findings judge(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
+Findings assess(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
 
 /// The same of a pair that a program shows by TLS (tls_certificate, tls_key); whether a server takes it, that one says.
-Findings judge_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s);
+Findings assess_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s);
 
 /// A config's [[msp]] against the organisations of the channel (empty: they are not known).
 struct TrustFacts {
@@ -51,6 +51,6 @@ struct TrustFacts {
   std::vector<Msp> msps;
   std::vector<AuthorityFacts> channel;
 };
-Findings judge(const TrustFacts& facts);
+Findings assess(const TrustFacts& facts);
 
 }  // namespace ledgerline::doctor

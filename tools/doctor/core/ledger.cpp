@@ -25,7 +25,7 @@ std::string ms(TimeNs ns) { return fmt::format("{:.0f} ms", to_ms(ns)); }
 
 }  // namespace
 
-Finding judge(const fabric::Batching& batching, const TimeoutInputs& facts) {
+Finding assess(const fabric::Batching& batching, const TimeoutInputs& facts) {
   constexpr const char* check = "blocks";
   const TimeNs longer_ns = fabric::both_ways_ns(batching.timeout_ns, batching.max_messages);
   const deployment::Timeouts needed = deployment::timeout_with(longer_ns);
@@ -46,7 +46,7 @@ Finding judge(const fabric::Batching& batching, const TimeoutInputs& facts) {
       fmt::format("in {}: {}; or [ledger] timeouts = \"auto\"; or a shorter BatchTimeout", facts.program, cure));
 }
 
-Findings judge(const ContractFacts& facts) {
+Findings assess(const ContractFacts& facts) {
   constexpr const char* check = "contract";
   if (!facts.refused.empty())
     return {found(Problem::contract_missing, check, fmt::format("{}: {}", facts.name, facts.refused))};
@@ -59,7 +59,7 @@ Findings judge(const ContractFacts& facts) {
   return out;
 }
 
-Findings judge(const LeaseFacts& facts) {
+Findings assess(const LeaseFacts& facts) {
   constexpr const char* check = "lease";
   if (!facts.control) return {found(Problem::not_enrolled, check, facts.drone)};
   const Control& control = *facts.control;
@@ -88,7 +88,7 @@ Findings judge(const LeaseFacts& facts) {
   return out;
 }
 
-Findings judge(const HeightFacts& facts) {
+Findings assess(const HeightFacts& facts) {
   constexpr const char* check = "chain";
   Findings out;
   const bool moves = facts.later > facts.height;

@@ -6,12 +6,12 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 #include "tools/doctor/core/finding.hpp"
 
-/// What is judged of a channel, its contract and the drones' records. Pure.
+/// What is checked of a channel, its contract and the drones' records. Pure.
 namespace ledgerline::doctor {
 
 /// What agent.toml and ground.toml say of time.
@@ -21,7 +21,7 @@ struct TimeoutInputs {
   TimeNs deadline_ns = 0;
   bool of_channel = false;  ///< [ledger] timeouts = "auto": they grow by themselves
 };
-Finding judge(const fabric::Batching& batching, const TimeoutInputs& facts);
+Finding assess(const fabric::Batching& batching, const TimeoutInputs& facts);
 
 /// The definition that is committed.
 struct ContractFacts {
@@ -30,7 +30,7 @@ struct ContractFacts {
   std::string version{}, own_version{};
   bool weak = false;  ///< one organisation alone satisfies its policy
 };
-Findings judge(const ContractFacts& facts);
+Findings assess(const ContractFacts& facts);
 
 enum class Side : std::uint8_t { agent, ground };
 struct LeaseFacts {
@@ -40,7 +40,7 @@ struct LeaseFacts {
   Side side = Side::agent;
   bool is_operator = false;  ///< `self`, by the ledger's roles
 };
-Findings judge(const LeaseFacts& facts);
+Findings assess(const LeaseFacts& facts);
 
 /// Of the newest block, and of one a moment later.
 struct HeightFacts {
@@ -49,7 +49,7 @@ struct HeightFacts {
   std::optional<std::uint64_t> elsewhere{};  ///< of another organisation's peer
   std::optional<TimeNs> newest_age_ns{};     ///< by this host's clock, since its newest transaction was signed
 };
-Findings judge(const HeightFacts& facts);
+Findings assess(const HeightFacts& facts);
 
 /// Between `real_ns` and when the newest transaction of a serialized common.Block was signed, as its signer claims;
 /// none: it cannot be read, or no transaction claims a time of our age.

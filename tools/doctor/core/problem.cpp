@@ -59,7 +59,7 @@ constexpr std::array<Words, problem_count> table{{
      "sign a request"},
 
     {anchor_missing, "anchor_missing", warning,
-     "no config_block is set: the peer is trusted about blocks, without checking who signed them",
+     "no config_block is set: the peer's blocks are taken without checking who signed them",
      "copy CHANNEL.block from the ledger's host and set [ledger] config_block"},
     {anchor_wrong, "anchor_wrong", broken, "config_block cannot be read, or is not a configuration of this channel",
      "copy CHANNEL.block from the ledger's host again (`ledgerline init --collect`)"},
@@ -144,7 +144,7 @@ constexpr std::array<Words, problem_count> table{{
      "`ledgerline control request NAME`, and the holder hands it over; or `acquire` with a higher priority; of "
      "one who is gone: a supervisor of the drone's organisation ends it by `ledgerline control evict NAME`"},
     {stopped, "stopped", warning, "the drone is stopped: it does not take off",
-     "its stopper resumes it: `ledgerline control resume NAME`; or a supervisor of its organisation"},
+     "its stopper clears it: `ledgerline control clear_stop NAME`; or a supervisor of its organisation"},
 
     {clock_unsynchronised, "clock_unsynchronised", warning,
      "the kernel says that this host's clock is not synchronised",

@@ -29,7 +29,7 @@ bool is_endpoint(const std::string& text) {
   return !port.empty() && std::all_of(port.begin(), port.end(), [](char c) { return c >= '0' && c <= '9'; });
 }
 
-Finding judge(const ServerFacts& facts) {
+Finding assess(const ServerFacts& facts) {
   constexpr const char* check = "server";
   using Reached = ServerFacts::Reached;
   const std::string what = fmt::format("{} of {}", facts.endpoint, facts.what);

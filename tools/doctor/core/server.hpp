@@ -4,7 +4,7 @@
 
 #include "tools/doctor/core/finding.hpp"
 
-/// What is judged of a way to a peer or an orderer: each layer by itself. Pure.
+/// What is checked of a way to a peer or an orderer: each layer by itself. Pure.
 namespace ledgerline::doctor {
 
 struct ServerFacts {
@@ -28,7 +28,7 @@ struct ServerFacts {
   bool trusted = false, right_name = false, expired = false, not_yet = false;
   std::string issuer{}, names{};
 };
-Finding judge(const ServerFacts& facts);
+Finding assess(const ServerFacts& facts);
 
 /// Whether it is HOST:PORT; "[::1]:7051" is.
 bool is_endpoint(const std::string& text);

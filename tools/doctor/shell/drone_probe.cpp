@@ -70,7 +70,7 @@ Findings ask_drones(const ProgramConfig& link) {
     facts.battery = battery_in(asked[0].asking.answer("battery?"));
     facts.listen = link.state_listen;
     if (facts.there && states) facts.states = hears_states(*states, *address);
-    for (Finding& one : judge(facts)) out.push_back(std::move(one));
+    for (Finding& one : assess(facts)) out.push_back(std::move(one));
   }
   return out;
 }
@@ -122,7 +122,7 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
     if (one.reader) one.facts.writers = one.reader->writers();
     one.reader.reset();
     one.facts.poses = one.poses;
-    out.push_back(judge(one.facts));
+    out.push_back(assess(one.facts));
   }
   return out;
 }

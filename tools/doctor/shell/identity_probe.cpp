@@ -11,7 +11,7 @@
 #include "common/base/file.hpp"
 #include "common/base/files/private_file.hpp"
 #include "common/common.pb.h"
-#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::doctor {
 namespace {

@@ -299,7 +299,7 @@ Result<std::string> example_deployment() {
   };
   constexpr std::array<Place, 3> hosts{{{"raven", "10.0.0.4", "[\"onboard\"]", "Org1MSP"},
                                         {"tower", "10.0.0.2", "[\"ledger\"]", ""},
-                                        {"desk", "10.0.0.1", "[\"ground\"]", "Org2MSP"}}};
+                                        {"ground", "10.0.0.1", "[\"ground\"]", "Org2MSP"}}};
   for (std::size_t i = 0; i < hosts.size(); ++i) {
     values.text("[[host]]", "name", hosts[i].name, i);
     values.text("[[host]]", "address", hosts[i].address, i);

@@ -28,13 +28,13 @@ Status make_private_folder(const fs::path& folder) {
 
 }  // namespace
 
-Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Asker& asker) {
+Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Subject& subject) {
   const fs::path new_key = fs::path(msp_dir) / key_name;
   if (crypto::key_file(msp_dir))
     return Error{fmt::format("{}/keystore has a key already; move it away for a new one", msp_dir)};
   // Not found is not enough: a folder that cannot be read may have one.
   if (auto status = check_new({new_key.string(), request_file}); !status) return status;
-  auto made = crypto::make_request(asker);
+  auto made = crypto::make_request(subject);
   if (!made) return made.error();
   if (auto status = make_private_folder(new_key.parent_path()); !status) return status;
   // On the disk before anybody has the request: a certificate of a lost key is of no use.

@@ -9,7 +9,7 @@ namespace ledgerline::init {
 
 /// Makes the key (0600, on the disk when this returns) where there is none, and writes the request to `request_file`.
 /// An error: either is there already.
-Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Asker& asker);
+Status request_identity(const std::string& msp_dir, const std::string& request_file, const crypto::Subject& subject);
 
 /// Puts a certificate beside the key, after a check that it is of this key and not expired; one that is there is
 /// replaced, as when it is renewed. Of a chain the one that is of this key is put first. Returns whose it is.

@@ -58,7 +58,7 @@ std::string where(const DroneFacts& drone) {
   return drone.interface.empty() ? drone.address : drone.address + " behind " + drone.interface;
 }
 
-void judge_presence(const DroneFacts& drone, Lines& lines) {
+void assess_presence(const DroneFacts& drone, Lines& lines) {
   if (!drone.there) {
     lines.bad("drone", fmt::format("{} does not answer", where(drone)),
               fmt::format("switch it on, and join its Wi-Fi: `ledgerline tello find --address {}{}`", drone.address,
@@ -71,7 +71,7 @@ void judge_presence(const DroneFacts& drone, Lines& lines) {
   }
 }
 
-void judge_temperature(const DroneFacts& drone, Lines& lines) {
+void assess_temperature(const DroneFacts& drone, Lines& lines) {
   if (!drone.temperature_c) return;  // not every firmware says it
   const std::string degrees = fmt::format("{:.0f} degrees", *drone.temperature_c);
   if (*drone.temperature_c > warm_c) {
@@ -82,7 +82,7 @@ void judge_temperature(const DroneFacts& drone, Lines& lines) {
   }
 }
 
-void judge_battery(const Facts& facts, const DroneFacts& drone, Lines& lines) {
+void assess_battery(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   if (!drone.battery)
     return lines.warn("battery", "it does not say", "ask it: `ledgerline tello info " + drone.address + "`");
   const std::string share = fmt::format("{:.0f} %", 100 * *drone.battery);
@@ -96,7 +96,7 @@ void judge_battery(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   }
 }
 
-void judge_state(const DroneFacts& drone, Lines& lines) {
+void assess_state(const DroneFacts& drone, Lines& lines) {
   if (!drone.state_hz) return;
   const std::string rate = fmt::format("{:.1f} state texts a second", *drone.state_hz);
   if (*drone.state_hz == 0) {
@@ -111,7 +111,7 @@ void judge_state(const DroneFacts& drone, Lines& lines) {
   }
 }
 
-void judge_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
+void assess_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const std::string from = facts.pose_topic.empty() ? facts.pose_source : pose_topic_of(facts.pose_topic, drone.name);
   const double limit_ms = to_ms(facts.link.failsafe.pose_lost_ns);
   if (!drone.pose) {
@@ -137,7 +137,7 @@ void judge_mocap(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   }
 }
 
-void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines) {
+void assess_odometry(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const std::string by = fmt::format("by onboard odometry ({})", facts.pose_source);
   if (!drone.has_velocity || drone.refusal == "velocity_lost" || drone.refusal == "height_lost") {
     lines.bad("pose", by + ", and it reports no velocity that link accepts", senses_cure);
@@ -150,24 +150,24 @@ void judge_own_senses(const Facts& facts, const DroneFacts& drone, Lines& lines)
   }
 }
 
-void judge_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
+void assess_pose(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   if (facts.pose_source == "none") return lines.ok("pose", "none: it is flown by hand");
   const auto source = from_name<link::PoseSource>(facts.pose_source);
-  if (!source || !link::uses_mocap(*source)) return judge_own_senses(facts, drone, lines);
+  if (!source || !link::uses_mocap(*source)) return assess_odometry(facts, drone, lines);
   // By onboard odometry it may have landed, and no pose has come since.
   if (drone.refusal == "velocity_lost" || drone.refusal == "height_lost" || drone.refusal == "position_uncertain") {
     lines.bad("pose", "its newest position is of onboard odometry, not of motion capture",
               "look whether motion capture sees the drone");
   } else {
-    judge_mocap(facts, drone, lines);
+    assess_mocap(facts, drone, lines);
   }
-  if (link::uses_own_senses(*source) && !drone.has_velocity) {
+  if (link::uses_odometry(*source) && !drone.has_velocity) {
     lines.warn("senses", "it reports no velocity: nothing stands in for motion capture", senses_cure);
   }
 }
 
 // What other lines do not report of a refusal of link's.
-void judge_refusal(const DroneFacts& drone, Lines& lines) {
+void assess_refusal(const DroneFacts& drone, Lines& lines) {
   if (!drone.phase.empty()) {
     return lines.bad("link", "it is not on the ground: " + drone.phase,
                      fmt::format("land it: `ledgerline tello land {}`", drone.address));
@@ -176,7 +176,8 @@ void judge_refusal(const DroneFacts& drone, Lines& lines) {
     const char *cause, *cure;
   };
   constexpr Cure cures[] = {
-      {"stopped", "who stopped it resumes it: `ledgerline control resume NAME`; what link stopped by itself as well"},
+      {"stopped",
+       "who stopped it clears it: `ledgerline control clear_stop NAME`; what link stopped by itself as well"},
       {"state_stale", wifi_cure},
       {"agent_silent", "look why agent does not run: its log"},
       {"ledger_silent", "look whether the ledger's peer is reached: agent's log"},
@@ -197,7 +198,7 @@ void judge_refusal(const DroneFacts& drone, Lines& lines) {
             known != std::end(cures) ? known->cure : "docs/failsafe.md says what this cause clears by");
 }
 
-void judge_lease(const Facts& facts, const DroneFacts& drone, Lines& lines) {
+void assess_lease(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   const LeaseFacts& lease = drone.lease;
   if (!lease.enrolled) {
     if (facts.enrols) return lines.ok("lease", "not enrolled yet: it is before the flight");
@@ -207,7 +208,7 @@ void judge_lease(const Facts& facts, const DroneFacts& drone, Lines& lines) {
   }
   if (!lease.stoppers.empty()) {
     return lines.bad("lease", fmt::format("it is stopped by {}", fmt::join(lease.stoppers, ", ")),
-                     fmt::format("they resume it: `ledgerline control resume {}`", drone.name));
+                     fmt::format("they clear it: `ledgerline control clear_stop {}`", drone.name));
   }
   switch (lease.holder) {
     case LeaseFacts::Holder::unknown:
@@ -233,7 +234,7 @@ bool outside(const link::FenceSettings& fence, const std::array<double, 3>& at_m
            at_m[1] <= fence.max_m[1]);
 }
 
-Line judge_fence(const Facts& facts) {
+Line assess_fence(const Facts& facts) {
   const link::FenceSettings& f = facts.link.fence;
   const std::string box = fmt::format("x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m", f.min_m[0], f.max_m[0],
                                       f.min_m[1], f.max_m[1], f.min_m[2], f.max_m[2]);
@@ -251,7 +252,7 @@ Line judge_fence(const Facts& facts) {
 }
 
 // Of several drones: only in one frame do a fence and distances mean anything.
-std::optional<Line> judge_frames(const Facts& facts) {
+std::optional<Line> assess_frames(const Facts& facts) {
   const DroneFacts* first = nullptr;
   for (const DroneFacts& drone : facts.drones) {
     if (!drone.pose || drone.pose->frame.empty()) continue;
@@ -268,7 +269,7 @@ std::optional<Line> judge_frames(const Facts& facts) {
               ""};
 }
 
-Line judge_clocks(const Facts& facts) {
+Line assess_clocks(const Facts& facts) {
   for (const DroneFacts& drone : facts.drones) {
     if (!facts.stamps_count || !drone.pose || !drone.pose->delay_ms) continue;
     const double delay_ms = *drone.pose->delay_ms;
@@ -289,7 +290,7 @@ Line judge_clocks(const Facts& facts) {
           fmt::format("this computer's is synchronised, within {:.1f} ms", clock.max_error_ms), ""};
 }
 
-Line judge_ledger(const LedgerFacts& ledger) {
+Line assess_ledger(const LedgerFacts& ledger) {
   switch (ledger.state) {
     case LedgerFacts::State::starts:
       return {"", "ledger", Verdict::ok, ledger.what + ": the flight starts it", ""};
@@ -310,25 +311,25 @@ nlohmann::json or_null(const std::string& text) { return text.empty() ? nlohmann
 
 }  // namespace
 
-std::vector<Line> judge(const Facts& facts) {
+std::vector<Line> assess(const Facts& facts) {
   std::vector<Line> all;
   for (const DroneFacts& drone : facts.drones) {
     Lines lines(drone.name);
-    judge_presence(drone, lines);
+    assess_presence(drone, lines);
     if (drone.there) {
-      judge_battery(facts, drone, lines);
-      judge_temperature(drone, lines);
-      judge_state(drone, lines);
-      judge_pose(facts, drone, lines);
-      judge_refusal(drone, lines);
+      assess_battery(facts, drone, lines);
+      assess_temperature(drone, lines);
+      assess_state(drone, lines);
+      assess_pose(facts, drone, lines);
+      assess_refusal(drone, lines);
     }
-    judge_lease(facts, drone, lines);
+    assess_lease(facts, drone, lines);
     for (Line& line : lines.take()) all.push_back(std::move(line));
   }
-  if (auto frames = judge_frames(facts)) all.push_back(std::move(*frames));
-  all.push_back(judge_fence(facts));
-  all.push_back(judge_clocks(facts));
-  all.push_back(judge_ledger(facts.ledger));
+  if (auto frames = assess_frames(facts)) all.push_back(std::move(*frames));
+  all.push_back(assess_fence(facts));
+  all.push_back(assess_clocks(facts));
+  all.push_back(assess_ledger(facts.ledger));
   return all;
 }
 

@@ -81,7 +81,7 @@ struct Line {
 
 /// Each drone's lines in the order of the facts, then those of all. A drone that is not there has nothing else to
 /// report than that, and its lease.
-std::vector<Line> judge(const Facts& facts);
+std::vector<Line> assess(const Facts& facts);
 
 bool anything_bad(const std::vector<Line>& lines);
 /// A line each, its cure below it.

@@ -112,15 +112,15 @@ bool Preflight::acquires(const std::string& name) const {
   });
 }
 
-bool Preflight::ready() const { return !anything_bad(judge(facts_)); }
+bool Preflight::ready() const { return !anything_bad(assess(facts_)); }
 
 std::string Preflight::list() const {
   Facts facts = facts_;
   facts.path_beyond = path_beyond(options_, facts_);
-  return words(judge(facts));
+  return words(assess(facts));
 }
 
-std::string Preflight::missing() const { return bad_of(judge(facts_)); }
+std::string Preflight::missing() const { return bad_of(assess(facts_)); }
 
 Status Preflight::path_fits() const {
   const std::string why = path_beyond(options_, facts_);
@@ -132,7 +132,7 @@ Status Preflight::leases_fit() const {
   Facts facts = facts_;
   // Who is stopped can be acquired, and link waits for the end of the stop.
   for (DroneFacts& drone : facts.drones) drone.lease.stoppers.clear();
-  const std::string why = bad_of(judge(facts), "lease");
+  const std::string why = bad_of(assess(facts), "lease");
   if (!why.empty()) return Error{why};
   return done;
 }

@@ -18,7 +18,7 @@ constexpr const char* station_variable = "LEDGERLINE_STATION";
 constexpr const char* token_variable = "LEDGERLINE_TOKEN_FILE";
 constexpr const char* ca_variable = "LEDGERLINE_CA";
 
-/// [service] of ground's own file. The rest of it is ground's to judge.
+/// [service] of ground's own file. The rest of it is ground's to check.
 Result<ground::service::ServiceSettings> service_of(const std::string& file) {
   const auto whole = Config::load(file);
   if (!whole) return whole.error();

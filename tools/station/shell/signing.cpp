@@ -27,7 +27,7 @@ constexpr TimeNs ask_every_ns = 100 * ns_per_ms;
 constexpr std::array<std::pair<std::string_view, Kind>, 6> kinds{{{"acquire", Kind::acquire},
                                                                   {"release", Kind::release},
                                                                   {"request", Kind::request},
-                                                                  {"lift", Kind::resume},
+                                                                  {"clear_stop", Kind::clear_stop},
                                                                   {"hand_over", Kind::hand_over},
                                                                   {"deny", Kind::deny}}};
 

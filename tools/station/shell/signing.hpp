@@ -14,7 +14,7 @@ Result<Session> open_session(Station& station, const Target& target, const std::
 /// Ends it: what its operator holds is landed and given back.
 Status close_session(Station& station, const Target& target);
 
-/// "acquire", "release", "request", "lift", "hand_over", "deny".
+/// "acquire", "release", "request", "clear_stop", "hand_over", "deny".
 bool is_signed_call(const std::string& verb);
 /// Has the operator sign that for a drone, and waits until the ledger has taken it, or refused it with words.
 Status call_and_wait(Station& station, const std::string& drone, const std::string& verb, const std::string& body);

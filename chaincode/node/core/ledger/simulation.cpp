@@ -33,7 +33,7 @@ Status Simulation::put_policy(const std::string& key, const std::string& msp_id)
 
 Result<std::vector<chaincode::KeyValue>> Simulation::get_range(const std::string& start, const std::string& end,
                                                                std::size_t limit) {
-  const std::size_t wanted = ranges_reported_ == Ranges::as_fabric ? keys_read_by_peer(limit) : limit;
+  const std::size_t wanted = recorded_ranges_ == Ranges::as_fabric ? keys_read_by_peer(limit) : limit;
   std::vector<chaincode::KeyValue> found;
   std::vector<kvrwset::KVRead> reads;
   auto value = state_.values().lower_bound(start);
@@ -44,7 +44,7 @@ Result<std::vector<chaincode::KeyValue>> Simulation::get_range(const std::string
     if (found.size() < limit) found.push_back({value->first, value->second.bytes});
   }
   const bool exhausted = reads.size() < wanted;
-  if (ranges_reported_ == Ranges::as_fabric) {
+  if (recorded_ranges_ == Ranges::as_fabric) {
     ranges_.push_back(range_of_peer(start, end, std::move(reads), exhausted));
     return found;
   }

@@ -22,8 +22,8 @@ enum class Ranges {
 class Simulation final : public chaincode::Stub {
  public:
   Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller,
-             Ranges ranges_reported = Ranges::as_wanted)
-      : state_(state), read_version_(read_version), caller_(caller), ranges_reported_(ranges_reported) {}
+             Ranges recorded_ranges = Ranges::as_wanted)
+      : state_(state), read_version_(read_version), caller_(caller), recorded_ranges_(recorded_ranges) {}
 
   Result<std::optional<std::string>> get_state(const std::string& key) override;
   Status put_state(const std::string& key, const std::string& value) override;
@@ -48,7 +48,7 @@ class Simulation final : public chaincode::Stub {
   const State& state_;
   const ReadVersion& read_version_;
   const crypto::MspRegistry::Member& caller_;
-  const Ranges ranges_reported_;
+  const Ranges recorded_ranges_;
   std::map<std::string, std::optional<Version>> reads_;
   std::map<std::string, std::string> writes_;
   std::map<std::string, std::string> policies_;  ///< common.SignaturePolicyEnvelope

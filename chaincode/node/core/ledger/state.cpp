@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "common/fabric/judge/key_effects.hpp"
+#include "common/fabric/validation/key_effects.hpp"
 
 namespace ledgerline::node {
 

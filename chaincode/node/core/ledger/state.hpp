@@ -8,7 +8,7 @@
 #include <unordered_map>
 #include <vector>
 
-#include "common/fabric/judge/channel_state.hpp"
+#include "common/fabric/validation/channel_state.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 
 namespace ledgerline::node {
@@ -61,7 +61,7 @@ class State {
   std::map<std::string, std::size_t> stored_;  // by who wrote
 };
 
-/// The state as who judges transactions sees it: that of one contract. `state` must outlive it.
+/// The state as a validator of transactions sees it: that of one contract. `state` must outlive it.
 class StateView final : public fabric::ChannelState {
  public:
   /// `policy`: whose endorsement keys need that have none of their own.

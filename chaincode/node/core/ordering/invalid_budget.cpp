@@ -5,8 +5,8 @@ namespace {
 
 constexpr std::size_t max_standings = 1'024;  // identities; as Waiting
 /// Invalid ones that are forgiven: 50 a second cost a reader a hundredth of a core, 100 of an organisation two. With
-/// half a host whose states a new contract refuses would be silent for longer than its fold takes; with ten times as
-/// many a flood of 350 a second would go on for ever.
+/// half a host whose states a new contract refuses would be silent for longer than its apply_stops takes; with ten
+/// times as many a flood of 350 a second would go on for ever.
 constexpr double identity_forgiven_per_s = 50, organisation_forgiven_per_s = 100;
 
 }  // namespace

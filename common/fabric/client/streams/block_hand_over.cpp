@@ -10,17 +10,17 @@
 namespace ledgerline::fabric {
 namespace {
 
-constexpr TimeNs invalid_period_ns = 60 * ns_per_s;       // a peer may send thousands; a log must not fill a disk
+constexpr TimeNs unverified_period_ns = 60 * ns_per_s;    // a peer may send thousands; a log must not fill a disk
 constexpr TimeNs contradiction_period_ns = 1 * ns_per_s;  // below what agent's integrity hold lasts
 constexpr TimeNs max_connecting_ns = 10 * ns_per_s;
 constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's thread may be behind on a busy machine
 
 }  // namespace
 
-Result<Continuation> BlockHandOver::continue_chain(const LastVerified& trusted, const common::Block& newest,
+Result<Continuation> BlockHandOver::continue_chain(const LastVerified& verified, const common::Block& newest,
                                                    const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
-  return intake_.continue_chain(trusted, newest, fetch);
+  return intake_.continue_chain(verified, newest, fetch);
 }
 
 bool BlockHandOver::misses_definition() const {
@@ -44,15 +44,15 @@ void BlockHandOver::peer_connected() {
   intake_.begin();
 }
 
-BlockHandOver::Report BlockHandOver::peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch) {
+BlockHandOver::TakeResult BlockHandOver::on_peer_block(const common::Block& message, TimeNs now, const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
   if (!intake_.contradiction().empty()) {
     read_on(message, now);
     return {};
   }
-  Report reported = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
-  if (!reported.problem.empty()) refuse(message);
-  return reported;
+  TakeResult result = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
+  if (!result.problem.empty()) refuse(message);
+  return result;
 }
 
 std::string BlockHandOver::contradiction() const {
@@ -63,7 +63,7 @@ std::string BlockHandOver::contradiction() const {
 void BlockHandOver::read_on(const common::Block& message, TimeNs now) {
   if (now >= next_contradiction_ns_) {
     next_contradiction_ns_ = now + contradiction_period_ns;
-    tell_contradiction(intake_.contradiction());
+    report_contradiction(intake_.contradiction());
   }
   refuse(message);
 }
@@ -74,13 +74,13 @@ void BlockHandOver::refuse(const common::Block& message) const {
   if (block) handlers_.on_refused(*block);
 }
 
-BlockHandOver::Report BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
+BlockHandOver::TakeResult BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
   // "From the next new one on": the newest block that the peer sends first only says where that is.
   const bool wanted = intake_.next().has_value();
   NotedFetch noted(fetch);
   auto block = intake_.take(message, std::ref(noted));
   if (!block) {
-    if (!noted.failed()) tell_contradiction(block.error().what);
+    if (!noted.failed()) report_contradiction(block.error().what);
     return {.problem = block.error().what};
   }
   if (wanted) {
@@ -90,18 +90,18 @@ BlockHandOver::Report BlockHandOver::take(const common::Block& message, TimeNs n
     commits_->block(*block);
   }
   const std::string lie = intake_.take_orderer_problem();
-  if (!lie.empty()) tell_contradiction(lie);
+  if (!lie.empty()) report_contradiction(lie);
   return {.end_orderer = !lie.empty() || !take_ordered(now).empty() || withholds(block->number, now)};
 }
 
-BlockHandOver::Report BlockHandOver::confirm(const common::Block& message, TimeNs now) {
+BlockHandOver::TakeResult BlockHandOver::confirm(const common::Block& message, TimeNs now) {
   const auto confirmed = intake_.confirm(message);
   if (!confirmed) {
-    tell_contradiction(confirmed.error().what);
+    report_contradiction(confirmed.error().what);
     return {.problem = confirmed.error().what};
   }
-  if (*confirmed > 0 && handlers_.on_invalid)
-    handlers_.on_invalid(fmt::format(
+  if (*confirmed > 0 && handlers_.on_unverified)
+    handlers_.on_unverified(fmt::format(
         "block {}: {} of its transactions, taken as they were ordered, are invalid: their ids were used before; "
         "their creators' clocks are wrong, or they did it on purpose",
         message.header().number(), *confirmed));
@@ -119,7 +119,7 @@ bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
     return false;
   }
   if (!missing_since_) missing_since_ = now;
-  if (now - *missing_since_ < (orderer_heard_ ? max_missing_ns : max_connecting_ns)) return false;
+  if (now - *missing_since_ < (orderer_connected_ ? max_missing_ns : max_connecting_ns)) return false;
   missing_since_.reset();
   withheld_ = fmt::format("it withholds block {}: the peer is at block {}", *next, number);
   return true;
@@ -129,7 +129,7 @@ std::optional<std::uint64_t> BlockHandOver::begin_ordered() {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
   withheld_.clear();
-  orderer_heard_ = false;
+  orderer_connected_ = false;
   return begun_ ? intake_.begin_ordered() : std::nullopt;
 }
 
@@ -138,16 +138,16 @@ std::string BlockHandOver::why_orderer_ended() const {
   return withheld_;
 }
 
-std::string BlockHandOver::orderer_tells(common::Block message, TimeNs now) {
+std::string BlockHandOver::on_ordered_block(common::Block message, TimeNs now) {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
-  orderer_heard_ = true;
+  orderer_connected_ = true;
   if (!intake_.contradiction().empty()) {
     read_on(message, now);
     return {};
   }
   if (const Status added = intake_.add_ordered(message); !added) {
-    tell_contradiction(added.error().what);
+    report_contradiction(added.error().what);
     refuse(message);
     return added.error().what;
   }
@@ -160,7 +160,7 @@ std::string BlockHandOver::take_ordered(TimeNs now) {
   while (true) {
     auto ordered = intake_.take_ordered();
     if (!ordered) {
-      tell_contradiction(ordered.error().what);
+      report_contradiction(ordered.error().what);
       return ordered.error().what;
     }
     if (!*ordered) return {};
@@ -171,33 +171,33 @@ std::string BlockHandOver::take_ordered(TimeNs now) {
 
 void BlockHandOver::hand_over(Block& block, const common::Block& message, TimeNs now) {
   block.received_ns = now;
-  report_invalid(block);
+  report_unverified(block);
   if (handlers_.on_block) handlers_.on_block(block, message.SerializeAsString());
   commits_->block(block);
 }
 
-void BlockHandOver::tell_contradiction(const std::string& what) const {
+void BlockHandOver::report_contradiction(const std::string& what) const {
   if (handlers_.on_contradiction) handlers_.on_contradiction(what);
 }
 
 void BlockHandOver::contradicted(const std::string& what) const {
   const std::lock_guard lock(mutex_);
-  tell_contradiction(what);
+  report_contradiction(what);
 }
 
-void BlockHandOver::report_invalid(const std::string& what) const {
+void BlockHandOver::report_unverified(const std::string& what) const {
   const std::lock_guard lock(mutex_);
-  if (handlers_.on_invalid) handlers_.on_invalid(what);
+  if (handlers_.on_unverified) handlers_.on_unverified(what);
 }
 
-void BlockHandOver::report_invalid(const Block& block) {
+void BlockHandOver::report_unverified(const Block& block) {
   for (const Transaction& transaction : block.transactions) {
     if (transaction.problem.empty()) continue;
-    ++invalid_;
-    if (!handlers_.on_invalid || (invalid_ > 1 && block.received_ns < next_word_ns_)) continue;
-    next_word_ns_ = block.received_ns + invalid_period_ns;
-    handlers_.on_invalid(fmt::format("block {}: transaction {}: its flag is not trusted: {}; left out ({} so far)",
-                                     block.number, printable(transaction.tx_id), transaction.problem, invalid_));
+    ++unverified_;
+    if (!handlers_.on_unverified || (unverified_ > 1 && block.received_ns < next_word_ns_)) continue;
+    next_word_ns_ = block.received_ns + unverified_period_ns;
+    handlers_.on_unverified(fmt::format("block {}: transaction {}: its flag is not trusted: {}; left out ({} so far)",
+                                        block.number, printable(transaction.tx_id), transaction.problem, unverified_));
   }
 }
 

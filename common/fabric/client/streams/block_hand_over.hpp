@@ -30,8 +30,8 @@ class NotedFetch {
 };
 
 /// Where the peer's stream and an orderer's meet: one BlockIntake, and what is handed over of it in order, whichever
-/// stream delivered it first. Any thread; on_block, on_confirmed, on_invalid and on_contradiction are called under its
-/// mutex, so that none of them comes beside another.
+/// stream delivered it first. Any thread; on_block, on_confirmed, on_unverified and on_contradiction are called under
+/// its mutex, so that none of them comes beside another.
 class BlockHandOver {
  public:
   BlockHandOver(BlockIntake intake, std::shared_ptr<Commits> commits, Client::StreamHandlers handlers)
@@ -42,7 +42,7 @@ class BlockHandOver {
   // Of the peer's stream.
 
   /// As BlockIntake::continue_chain.
-  Result<Continuation> continue_chain(const LastVerified& trusted, const common::Block& newest, const Fetch& fetch);
+  Result<Continuation> continue_chain(const LastVerified& verified, const common::Block& newest, const Fetch& fetch);
   bool misses_definition() const;
   void define(const std::string& policy);
   /// What a connection begins with; none: with the peer's newest.
@@ -52,46 +52,45 @@ class BlockHandOver {
   std::string contradiction() const;
   /// Its first block is here.
   void peer_connected();
-  /// In words why the stream cannot go on; empty: it can.
-  struct Report {
-    std::string problem{};
-    bool end_orderer = false;  ///< it lies or withholds blocks
+  struct TakeResult {
+    std::string problem{};     ///< why the stream cannot go on; empty: it can
+    bool end_orderer = false;  ///< it contradicts the peer or withholds blocks
   };
-  Report peer_tells(const common::Block& message, TimeNs now, const Fetch& fetch);
+  TakeResult on_peer_block(const common::Block& message, TimeNs now, const Fetch& fetch);
 
   // Of an orderer's stream.
 
   std::optional<std::uint64_t> begin_ordered();
   /// That it withheld blocks; empty: something else.
   std::string why_orderer_ended() const;
-  std::string orderer_tells(common::Block message, TimeNs now);
+  std::string on_ordered_block(common::Block message, TimeNs now);
 
   // For what the readers find out themselves.
 
   void contradicted(const std::string& what) const;
-  void report_invalid(const std::string& what) const;
+  void report_unverified(const std::string& what) const;
 
  private:
-  void tell_contradiction(const std::string& what) const;
+  void report_contradiction(const std::string& what) const;
   void refuse(const common::Block& message) const;
   void read_on(const common::Block& message, TimeNs now);
-  Report take(const common::Block& message, TimeNs now, const Fetch& fetch);
-  Report confirm(const common::Block& message, TimeNs now);
+  TakeResult take(const common::Block& message, TimeNs now, const Fetch& fetch);
+  TakeResult confirm(const common::Block& message, TimeNs now);
   std::string take_ordered(TimeNs now);
   bool withholds(std::uint64_t number, TimeNs now);
   void hand_over(Block& block, const common::Block& message, TimeNs now);
-  void report_invalid(const Block& block);
+  void report_unverified(const Block& block);
 
   mutable std::mutex mutex_;
   BlockIntake intake_;
   bool begun_ = false;
   std::map<std::uint64_t, TimeNs> ordered_at_;  ///< of what is not confirmed yet
   std::optional<TimeNs> missing_since_;         ///< the peer is ahead of the orderer's stream
-  bool orderer_heard_ = false;                  ///< on this connection
+  bool orderer_connected_ = false;              ///< on this connection
   std::string withheld_;                        ///< what this orderer did
   const std::shared_ptr<Commits> commits_;
   const Client::StreamHandlers handlers_;
-  std::uint64_t invalid_ = 0;
+  std::uint64_t unverified_ = 0;
   TimeNs next_word_ns_ = 0;
   TimeNs next_contradiction_ns_ = 0;  ///< it is reported once a second while it lasts
 };

@@ -75,19 +75,19 @@ std::string BlockReader::follow(Follower& follower) {
 
 /// Finds the place behind the checkpoint, where there is one; once.
 std::string BlockReader::continue_chain(Follower& follower) {
-  if (!trusted_) return {};
+  if (!verified_) return {};
   const auto newest = fetch_block(*connection_, follower, std::nullopt);
   if (!newest) return newest.error().what;
   NotedFetch noted(fetcher(*connection_, follower));
-  const auto on = blocks_->continue_chain(*trusted_, *newest, std::ref(noted));
+  const auto on = blocks_->continue_chain(*verified_, *newest, std::ref(noted));
   if (!on) {
     // A peer that lags behind may be honest, for a moment.
-    const bool lags = newest->header().number() < trusted_->last.number;
+    const bool lags = newest->header().number() < verified_->last.number;
     lagged_ = lags ? lagged_ + 1 : 0;
     if ((!lags || lagged_ >= max_lags) && !noted.failed()) blocks_->contradicted(on.error().what);
     return on.error().what;
   }
-  trusted_.reset();
+  verified_.reset();
   if (on_continued_) on_continued_(*on);
   return {};
 }
@@ -109,7 +109,7 @@ void BlockReader::ask_definition(Follower& follower) {
     if (answer.policy) return blocks_->define(*answer.policy);
   } while (answer.may_pass && tried < tries && !follower.stopping());
   if (follower.stopping() || std::exchange(definition_problem_reported_, true)) return;
-  blocks_->report_invalid(fmt::format(
+  blocks_->report_unverified(fmt::format(
       "the peer does not say whose endorsement contract {} needs, asked {} ({}): of what makes new keys the flags are "
       "trusted",
       connection_->config.where.contract, tried == 1 ? "once" : fmt::format("{} times", tried),
@@ -144,10 +144,10 @@ std::string BlockReader::take(const protos::DeliverResponse& response, Follower&
   if (response.Type_case() == protos::DeliverResponse::kStatus)
     return fmt::format("the peer refused the stream: {}", common::Status_Name(response.status()));
   if (response.Type_case() != protos::DeliverResponse::kBlock) return "the peer sent something else than blocks";
-  BlockHandOver::Report reported =
-      blocks_->peer_tells(response.block(), monotonic_ns(), fetcher(*connection_, follower));
-  if (reported.end_orderer && interrupt_ordered_) interrupt_ordered_();
-  return std::move(reported.problem);
+  BlockHandOver::TakeResult result =
+      blocks_->on_peer_block(response.block(), monotonic_ns(), fetcher(*connection_, follower));
+  if (result.end_orderer && interrupt_ordered_) interrupt_ordered_();
+  return std::move(result.problem);
 }
 
 std::string OrderedReader::follow(Follower& follower) {
@@ -164,7 +164,7 @@ std::string OrderedReader::follow(Follower& follower) {
   orderer::DeliverResponse response;
   while (stream->Read(&response)) {
     std::string problem =
-        response.has_block() ? blocks_->orderer_tells(std::move(*response.mutable_block()), monotonic_ns())
+        response.has_block() ? blocks_->on_ordered_block(std::move(*response.mutable_block()), monotonic_ns())
                              : fmt::format("an orderer refused the stream: {}", common::Status_Name(response.status()));
     if (!problem.empty() || follower.stopping()) {
       context.TryCancel();

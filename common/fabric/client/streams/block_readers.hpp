@@ -14,10 +14,10 @@ namespace ledgerline::fabric {
 /// Reads the own peer's blocks, one connection a call of follow(). One thread.
 class BlockReader {
  public:
-  BlockReader(std::shared_ptr<const Connection> connection, std::optional<LastVerified> trusted,
+  BlockReader(std::shared_ptr<const Connection> connection, std::optional<LastVerified> verified,
               std::shared_ptr<BlockHandOver> blocks, std::function<void(const Continuation&)> on_continued)
       : connection_(std::move(connection)),
-        trusted_(std::move(trusted)),
+        verified_(std::move(verified)),
         blocks_(std::move(blocks)),
         on_continued_(std::move(on_continued)) {}
 
@@ -37,7 +37,7 @@ class BlockReader {
   std::string take(const protos::DeliverResponse& response, Follower& follower);
 
   const std::shared_ptr<const Connection> connection_;
-  std::optional<LastVerified> trusted_;  ///< until the chain goes on behind it
+  std::optional<LastVerified> verified_;  ///< until the chain goes on behind it
   const std::shared_ptr<BlockHandOver> blocks_;
   const std::function<void(const Continuation&)> on_continued_;
   std::function<void()> interrupt_ordered_;

@@ -10,7 +10,7 @@ BlockIntake make_intake(const Connection& connection, std::optional<std::uint64_
   const ClientConfig& config = connection.config;
   BlockIntake intake = std::move(BlockIntake::make({.where = config.where,
                                                     .config_block = config.config_block,
-                                                    .make_registry = BlockJudge::registry_of(config.verifier),
+                                                    .make_registry = BlockValidator::registry_of(config.verifier),
                                                     .likely_policy = config.likely_policy,
                                                     .is_of_hot_path = config.is_of_hot_path,
                                                     .real_time = realtime_ns,
@@ -30,7 +30,7 @@ class BlockStreams final : public Client::Stream {
     const auto blocks = std::make_shared<BlockHandOver>(make_intake(*connection, from.number), connection->commits,
                                                         std::move(handlers));
     const auto reader =
-        std::make_shared<BlockReader>(connection, std::move(from.trusted), blocks, std::move(on_continued));
+        std::make_shared<BlockReader>(connection, std::move(from.verified), blocks, std::move(on_continued));
     if (!connection->channels()->stream_orderers.empty()) {
       ordered_ = run_follower(std::make_shared<OrderedReader>(connection, blocks), std::move(on_orderers));
       reader->interrupt_ordered_by([this] { ordered_->interrupt(); });

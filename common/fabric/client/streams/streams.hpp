@@ -14,7 +14,7 @@ namespace ledgerline::fabric {
 /// one.
 struct BlocksFrom {
   std::optional<std::uint64_t> number;
-  std::optional<LastVerified> trusted;
+  std::optional<LastVerified> verified;
 };
 std::unique_ptr<Client::Stream> follow_blocks(const std::shared_ptr<const Connection>& connection, BlocksFrom from,
                                               Client::StreamHandlers handlers);

@@ -26,7 +26,7 @@ class AlarmSender {
     std::uint64_t on_ledger = 0, repeated = 0, refused = 0;
   };
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame, of transitions, folds or evictions
+    std::uint64_t number = 0;  ///< never that of a frame, of transitions, apply_stops or evictions
     std::vector<const DroneName*> drones;
   };
 
@@ -61,7 +61,7 @@ class AlarmSender {
   ReportedAlarm sending_{};  ///< what the call in flight says
   std::uint64_t call_ = 0;   ///< in flight; 0: none
   bool alone_ = false;
-  std::uint64_t last_call_ = std::uint64_t{5} << 61;  // between transitions and folds
+  std::uint64_t last_call_ = std::uint64_t{5} << 61;  // between transitions and apply_stops
 };
 
 /// The call, with an asset `<drone>/alarm` for each drone. `real_offset_ns`: as for encode_frame.

@@ -37,7 +37,7 @@ class IdleEvictor {
     bool ledger_heard = false;
   };
   struct Sending {
-    std::uint64_t number = 0;  ///< never that of a frame, of transitions or of a fold
+    std::uint64_t number = 0;  ///< never that of a frame, of transitions or of apply_stops
     const DroneName* drone = nullptr;
     std::uint64_t lease = 0;  ///< its epoch: a client that has acquired the drone since keeps it
   };
@@ -84,7 +84,7 @@ class IdleEvictor {
   std::vector<Slot> slots_;
   fabric::RepeatLimits limits_;
   Random seeds_;
-  std::uint64_t last_call_ = std::uint64_t{7} << 61;  // folds count from three quarters of that range
+  std::uint64_t last_call_ = std::uint64_t{7} << 61;  // apply_stops counts from three quarters of that range
   Counters counters_;
 };
 

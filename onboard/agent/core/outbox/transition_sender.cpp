@@ -88,11 +88,11 @@ bool TransitionSender::finished(TimeNs now, std::uint64_t number, const fabric::
   return ours;
 }
 
-void TransitionSender::tell(AgentBeat& beat) const {
-  beat.boot_id = boot_id_;
+void TransitionSender::tell(AgentHeartbeat& heartbeat) const {
+  heartbeat.boot_id = boot_id_;
   for (const Slot& slot : slots_) {
-    beat.transitions_taken.at(slot.drone.number) = slot.newest;
-    beat.transitions_on_ledger.at(slot.drone.number) = slot.on_ledger;
+    heartbeat.transitions_taken.at(slot.drone.number) = slot.newest;
+    heartbeat.transitions_on_ledger.at(slot.drone.number) = slot.on_ledger;
   }
 }
 

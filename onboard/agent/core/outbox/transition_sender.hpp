@@ -56,7 +56,7 @@ class TransitionSender {
   bool finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   /// What link may forget, and what it must send.
-  void tell(AgentBeat& beat) const;
+  void tell(AgentHeartbeat& heartbeat) const;
   bool pending() const;
   Counters counters(DroneNumber drone) const;
 

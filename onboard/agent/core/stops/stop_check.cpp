@@ -83,7 +83,7 @@ void CommandCheck::take_stop(TimeNs now, const StopEvent& said, const Stop& stop
     if (!known) refuse_control_event(Refusal::may_not_stop, drone.name.number, out);
     return;
   }
-  if (stop.resumes() < resumes_of(record, stop.stopper())) return;
+  if (stop.clears() < clears_of(record, stop.stopper())) return;
   if (reported != nullptr) add_stop(record, *reported);
   if (!is_stopped_by(record, stop.stopper())) {
     if (said.again) return;
@@ -91,8 +91,8 @@ void CommandCheck::take_stop(TimeNs now, const StopEvent& said, const Stop& stop
     if (heard_stops_.empty() || heard_stops_.back() != said.tx.tx_id) heard_stops_.push_back(said.tx.tx_id);
     if (heard_stops_.size() > max_heard_stops) heard_stops_.pop_front();
     ++unconfirmed_stops_;
-    const bool judged = said.tx.creator_fits && !said.tx.by_flag && said.tx.problem.empty();
-    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code, judged});
+    const bool validated = said.tx.creator_fits && !said.tx.by_flag && said.tx.problem.empty();
+    out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code, validated});
   }
   drone.control = std::move(record);
   if (auto plan = standing_stop(now, drone.name.number)) out.plans.push_back(*plan);

@@ -33,9 +33,9 @@ inline bool is_empty_plan(const Plan& plan) noexcept {
 
 /// Whether a drone's plan may be acted on, whatever its action, and what became of each. A plan never goes behind a
 /// newer one: (epoch, sequence) only rises. What wants flight must be young and made of plausible numbers; a landing
-/// is never too old, and what comes from the contract (stop, cut, resumed) carries no sequence and is always admitted.
-/// The caller that acts on an admitted plan reports here how it ended: applied, late or dropped. Core: no allocation;
-/// one thread.
+/// is never too old, and what comes from the contract (stop, cut, stop_cleared) carries no sequence and is always
+/// admitted. The caller that acts on an admitted plan reports here how it ended: applied, late or dropped. Core: no
+/// allocation; one thread.
 class PlanAdmission {
  public:
   explicit PlanAdmission(const PlayoutSettings& settings) noexcept : settings_(settings) {}

@@ -62,10 +62,10 @@ void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
     battery_watch_.reset();
     flow_watch_.reset();
   }
-  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  TelloState trusted = state;
-  trusted.has_velocity = state.has_velocity && !flow_watch_.blind();
-  odometry_.take(now, trusted, session_.seen_standing(now));
+  drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  TelloState usable = state;
+  usable.has_velocity = state.has_velocity && !flow_watch_.blind();
+  odometry_.take(now, usable, session_.seen_standing(now));
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
@@ -88,7 +88,7 @@ TimeNs DroneLink::alone_since_ns(TimeNs now) const noexcept {
 
 void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
   const TelloState& state = session_.state();
-  facts_.own_senses = by_own_senses();
+  facts_.by_odometry = is_by_odometry();
   facts_.motion_differs = motion_watch_.differs();
   facts_.height_lost = state.tof_m >= tof_sees_m;
   facts_.other_client = client_watch_.contested(now);
@@ -119,7 +119,7 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
       .lag_s = odometry_.settings().velocity_lag_s,
       .lag_sigma_s = odometry_.settings().velocity_lag_sigma_s,
       .height_m = static_cast<double>(state.height_m),
-      .heading_rad = reported_yaw_rad_,
+      .heading_rad = drone_yaw_rad_,
       .barometer_m = state.barometer_m,
       .usable = velocity_known_ && own.stamp_ns == now && !fades,
       .position_m = {own.position_m[0], own.position_m[1]},
@@ -138,7 +138,7 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
 
 void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
   if (!uses_mocap(source_) || pose.stamp_ns > now || pose.stamp_ns <= mocap_pose_.stamp_ns || !finite(pose)) return;
-  const bool stands_in = uses_own_senses(source_);
+  const bool stands_in = uses_odometry(source_);
   if (stands_in && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return;
   if (!source_check_.accepts(pose, in_flight(session_.phase()))) return;
   mocap_pose_ = pose;
@@ -150,27 +150,27 @@ void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
   accept_pose(now, known);
 }
 
-bool DroneLink::by_own_senses() const noexcept {
+bool DroneLink::is_by_odometry() const noexcept {
   return !uses_mocap(source_) || failover_.source() == Failover::Source::own;
 }
 
 void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
   if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
-  pose_ = reported_pose_ = pose;
+  pose_ = published_pose_ = pose;
   if (source_ == PoseSource::mocap_then_tello) {
     const auto by = failover_.missing(now) ? Failover::Source::own : Failover::Source::mocap;
-    reported_pose_ = failover_.tell(by, pose, in_flight(session_.phase()));
+    published_pose_ = failover_.to_publish(by, pose, in_flight(session_.phase()));
   }
   pose_came_ns_ = now;
   moved_m_ = {};
-  reported_yaw_at_pose_rad_ = reported_yaw_rad_;
+  drone_yaw_at_pose_rad_ = drone_yaw_rad_;
   motion_watch_.see(now, pose.velocity_mps);
 }
 
 // A pose that is missing for long takes the heading along: the drone's own shows how it has turned since.
 double DroneLink::yaw_rad(TimeNs now) const noexcept {
   if (now - pose_.stamp_ns <= failsafe_settings_.pose_lost_ns) return pose_.yaw_rad;
-  return pose_.yaw_rad + reported_yaw_rad_ - reported_yaw_at_pose_rad_;
+  return pose_.yaw_rad + drone_yaw_rad_ - drone_yaw_at_pose_rad_;
 }
 
 Velocity DroneLink::in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept {
@@ -181,7 +181,7 @@ void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
   playout_.clear(DropReason::too_old);
   const auto age = [&](TimeNs& stamp) { stamp = stamp == 0 ? 0 : std::max<TimeNs>(1, stamp - slept_ns); };
   age(pose_.stamp_ns);
-  age(reported_pose_.stamp_ns);
+  age(published_pose_.stamp_ns);
   age(mocap_pose_.stamp_ns);
   odometry_.grow_older(slept_ns);
   session_.grow_older(slept_ns);

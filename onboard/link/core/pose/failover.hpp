@@ -6,7 +6,7 @@
 namespace ledgerline::link {
 
 /// Joins two sources of one drone's position: motion capture, and onboard odometry while motion capture is missing. The
-/// reported position and heading never jump under the controller that uses them. The difference between the two at a
+/// published position and heading never jump under the controller that uses them. The difference between the two at a
 /// change is let in at correction_mps and 10 degrees a second, and until then is part of the variance. Where nobody can
 /// have followed, on the ground or behind a gap without either, the new source counts at once.
 ///
@@ -23,9 +23,9 @@ class Failover {
   /// It spoke once, and is missing now.
   bool missing(TimeNs now) const noexcept { return heard_ns_ != 0 && now - heard_ns_ > after_ns_; }
 
-  /// The pose to report when `source` says `pose`. `flies`: the drone is in the air.
-  Pose tell(Source source, const Pose& pose, bool flies) noexcept;
-  /// Whose pose was reported last.
+  /// The pose to publish when `source` says `pose`. `flies`: the drone is in the air.
+  Pose to_publish(Source source, const Pose& pose, bool flies) noexcept;
+  /// Whose pose was published last.
   Source source() const noexcept { return source_; }
 
  private:
@@ -33,8 +33,8 @@ class Failover {
   double correction_mps_;
   Source source_ = Source::none;
   TimeNs heard_ns_ = 0;
-  Pose reported_;
-  Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< what is reported, less what the source says
+  Pose published_;
+  Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< what is published, less what the source says
   double ahead_rad_ = 0;
 };
 

@@ -70,8 +70,8 @@ void Odometry::start(const TelloState& state, bool at_start) noexcept {
   height_cov_.setZero();
   height_cov_.diagonal() << square(at_start ? settings_.start_sigma_m : 1.0), square(settings_.start_sigma_m), 0,
       square(barometer_sigma_m);
-  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
-  frame_yaw_rad_ = settings_.start_yaw_rad - reported_yaw_rad_;
+  drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  frame_yaw_rad_ = settings_.start_yaw_rad - drone_yaw_rad_;
   takeoff_z_m_ = start_z;
   held_back_m_.setZero();
 }
@@ -85,7 +85,7 @@ Eigen::Vector3d Odometry::reported_velocity(const TelloState& state) const noexc
     velocity[i] = (i < 2 ? settings_.velocity_scale : 1) * (reported + std::copysign(cut_off, reported));
   }
   if (settings_.velocity_in_body) {
-    const double c = std::cos(reported_yaw_rad_), s = std::sin(reported_yaw_rad_);
+    const double c = std::cos(drone_yaw_rad_), s = std::sin(drone_yaw_rad_);
     velocity = {c * velocity.x() - s * velocity.y(), s * velocity.x() + c * velocity.y(), velocity.z()};
   }
   return velocity;
@@ -105,7 +105,7 @@ Eigen::Vector2d Odometry::velocity_mps() const noexcept {
 double Odometry::scale_sigma() const noexcept { return std::sqrt(plane_cov_(scale, scale)); }
 
 double Odometry::yaw() const noexcept {
-  return std::remainder(frame_yaw_rad_ + plane_[heading] + reported_yaw_rad_, 2 * std::numbers::pi);
+  return std::remainder(frame_yaw_rad_ + plane_[heading] + drone_yaw_rad_, 2 * std::numbers::pi);
 }
 
 void Odometry::predict(double seconds, const Eigen::Vector3d& velocity, bool stands) noexcept {
@@ -183,7 +183,7 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   if (silence_s > max_gap_s && !(stands && stood_)) widen((speed_mps + 1) * silence_s);
   stood_ = stands;
   text_ns_ = now;
-  reported_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
+  drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
   const bool usable = state.has_velocity && state.tof_m < static_cast<float>(max_tof_m);
   // Without a usable velocity it is taken to fly on as it did, and may as well not.
   const Eigen::Vector3d velocity = stands   ? Eigen::Vector3d::Zero()

@@ -100,13 +100,13 @@ class Odometry {
   PlaneMatrix plane_cov_ = PlaneMatrix::Zero();
   Height height_ = Height::Zero();
   HeightMatrix height_cov_ = HeightMatrix::Zero();
-  double frame_yaw_rad_ = 0;     ///< of the frame at power on, in the map
-  double reported_yaw_rad_ = 0;  ///< the newest, counter-clockwise since power on
-  double takeoff_z_m_ = 0;       ///< h is 0 there
-  int motor_s_ = 0;              ///< grows while it is switched on
-  bool placed_ = false;          ///< it was seen standing at its start, or has been fixed
-  bool stood_ = false;           ///< at the newest text
-  double unmeasured_m_ = 0;      ///< how far it may have gone since its velocity was usable
+  double frame_yaw_rad_ = 0;  ///< of the frame at power on, in the map
+  double drone_yaw_rad_ = 0;  ///< the newest, counter-clockwise since power on
+  double takeoff_z_m_ = 0;    ///< h is 0 there
+  int motor_s_ = 0;           ///< grows while it is switched on
+  bool placed_ = false;       ///< it was seen standing at its start, or has been fixed
+  bool stood_ = false;        ///< at the newest text
+  double unmeasured_m_ = 0;   ///< how far it may have gone since its velocity was usable
   FixAgreement refused_places_, refused_headings_;
   struct {
     Eigen::Vector2d velocity_mps = Eigen::Vector2d::Zero();  ///< then

@@ -65,7 +65,7 @@ Playout::CurrentSetpoint DroneLink::desired_setpoint(TimeNs now) noexcept {
 }
 
 bool DroneLink::placed(TimeNs now) const noexcept {
-  return now - pose_.stamp_ns <= pose_limit_ns(failsafe_settings_, facts_.own_senses);
+  return now - pose_.stamp_ns <= pose_limit_ns(failsafe_settings_, facts_.by_odometry);
 }
 
 bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {

@@ -11,7 +11,7 @@ namespace {
 constexpr double moving_mps = 0.1;
 // Without a parting: who has the right of way over the other, and who has not. The one behind waits for less, so that
 // mostly it alone moves; four times its time is enough for it to be away.
-constexpr double timeout_s = 3.0, short_timeout_s = 0.7;
+constexpr double detour_after_s = 3.0, short_detour_after_s = 0.7;
 // On one way round: a layer's height takes half of it.
 constexpr double way_for_s = 3.0;
 // A way that leads no further is left after this.
@@ -180,12 +180,12 @@ void Separation::decide(std::size_t i) noexcept {
   verdicts_[i].other = in_[other].number;
   memory.clear_s = 0;
   memory.waited_s += passed_s_;
-  const double timeout = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_timeout_s : timeout_s;
+  const double detour_s = !drones_[other].moves ? 0 : has_way_over(other, i) ? short_detour_after_s : detour_after_s;
   if (hindered == i && leads_away(i, pressing)) {
     fly(i, drone.desired_mps, Verdict::Kind::part);
     return;
   }
-  if (memory.way == Way::none && pressing == i && memory.waited_s <= timeout) {
+  if (memory.way == Way::none && pressing == i && memory.waited_s <= detour_s) {
     fly(i, {}, Verdict::Kind::hold);
     return;
   }

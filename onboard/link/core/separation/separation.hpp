@@ -52,8 +52,8 @@ struct Verdict {
 ///
 /// Nobody waits for ever. Lower numbers are asked first, and higher ones keep out of where they will be for
 /// `lookahead_s`: one that is not in it waits at its edge, one that is in it parts. Nobody yields to who hovers:
-/// the moving drone goes round it. A drone that has waited without result for longer than `timeout` goes round as
-/// well, whatever its number. One that found no way tries the next direction.
+/// the moving drone goes round it. A drone that has waited without result for longer than `detour_after_s` goes round
+/// as well, whatever its number. One that found no way tries the next direction.
 ///
 /// Nobody hovers in another's wash (downwash_watch.hpp): above or below another two may pass, but of two that stay so
 /// the higher number gets beside the lower one, or the one that can.

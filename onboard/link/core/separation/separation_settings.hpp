@@ -21,8 +21,8 @@ struct SeparationSettings {
   /// double climbs 0.4 m beyond where it is commanded to stop.
   double part_mps = 0.5;
   /// A landing that was asked for waits so long until nobody is below, then it is begun all the same. Half ends within
-  /// the timeout and one way round, 6 s; double goes beyond the 20 s in which ground sees it land, or says that it did
-  /// not.
+  /// detour_after_s and one way round, 6 s; double goes beyond the 20 s in which ground sees it land, or says that it
+  /// did not.
   double landing_wait_s = 10;
 };
 

@@ -7,57 +7,57 @@ namespace ledgerline::link {
 void LostLinkProtocol::enter(TimeNs now, Stage stage) noexcept {
   stage_ = stage;
   stage_since_ns_ = now;
-  said_ns_ = 0;
+  sent_ns_ = 0;
 }
 
 void LostLinkProtocol::seek() noexcept {
   enter(0, Stage::seeks);
   handshakes_ = 0;
-  word_ = Word::land;
+  command_ = Command::land;
   begin_round();
 }
 
-void LostLinkProtocol::be_silent(TimeNs now, Word word) noexcept {
-  word_ = word;
+void LostLinkProtocol::begin_silence(TimeNs now, Command command) noexcept {
+  command_ = command;
   begin_round();
   enter(now, Stage::silent);
 }
 
-void LostLinkProtocol::land(TimeNs now, Word word) noexcept {
-  if (stage_ != Stage::seeks && (word == word_ || word == Word::land)) return;
-  word_ = word;
+void LostLinkProtocol::land(TimeNs now, Command command) noexcept {
+  if (stage_ != Stage::seeks && (command == command_ || command == Command::land)) return;
+  command_ = command;
   enter(now, Stage::lands);
 }
 
-void LostLinkProtocol::land_again(TimeNs now, Asker asker) noexcept {
-  if (asker != Asker::local) {
-    bool& may = asker == Asker::holder ? for_holder_ : for_contract_;
+void LostLinkProtocol::land_again(TimeNs now, Requester by) noexcept {
+  if (by != Requester::local) {
+    bool& may = by == Requester::holder ? for_holder_ : for_contract_;
     if (stage_ == Stage::seeks || !may) return;
     may = false;
-    if (asker == Asker::holder && stage_ == Stage::lands) return;
+    if (by == Requester::holder && stage_ == Stage::lands) return;
   }
   enter(now, Stage::lands);
 }
 
-bool LostLinkProtocol::in_vain(TimeNs now) const noexcept {
-  return stage_ == Stage::seeks && handshakes_ >= settings_.handshakes && now - said_ns_ >= timeout_ns_;
+bool LostLinkProtocol::handshakes_failed(TimeNs now) const noexcept {
+  return stage_ == Stage::seeks && handshakes_ >= settings_.handshakes && now - sent_ns_ >= timeout_ns_;
 }
 
-bool LostLinkProtocol::said_for(TimeNs now, TimeNs duration) const noexcept {
+bool LostLinkProtocol::has_sent_for(TimeNs now, TimeNs duration) const noexcept {
   return stage_ == Stage::silent || (stage_ == Stage::lands && now - stage_since_ns_ >= duration);
 }
 
 LostLinkProtocol::Due LostLinkProtocol::due_seeking(TimeNs now, bool may_fly) noexcept {
   Due due;
-  const bool first = said_ns_ == 0;
-  if (first || (now - said_ns_ >= timeout_ns_ && !(may_fly && handshakes_ >= settings_.handshakes))) {
+  const bool first = sent_ns_ == 0;
+  if (first || (now - sent_ns_ >= timeout_ns_ && !(may_fly && handshakes_ >= settings_.handshakes))) {
     timeout_ns_ = first ? settings_.answer_timeout_ns : std::min(2 * timeout_ns_, settings_.answer_timeout_max_ns);
     handshakes_ = std::min(handshakes_ + 1, settings_.handshakes);
-    said_ns_ = now;
-    due.command = true;
+    sent_ns_ = now;
+    due.handshake = true;
   }
   // Without the zero it would fly on with the last command of a link that is gone.
-  due.zero = due.command || (may_fly && !in_vain(now) && now - zero_ns_ >= settings_.zero_gap_ns);
+  due.zero = due.handshake || (may_fly && !handshakes_failed(now) && now - zero_ns_ >= settings_.zero_gap_ns);
   if (due.zero) zero_ns_ = now;
   return due;
 }
@@ -70,8 +70,8 @@ LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_fly) noexcept {
     enter(now, Stage::lands);
   }
   if (stage_ == Stage::seeks) return due_seeking(now, may_fly);
-  if (stage_ == Stage::silent || (said_ns_ != 0 && now - said_ns_ < settings_.blind_repeat_ns)) return {};
-  said_ns_ = now;
+  if (stage_ == Stage::silent || (sent_ns_ != 0 && now - sent_ns_ < settings_.blind_repeat_ns)) return {};
+  sent_ns_ = now;
   return {true, true, true};
 }
 

@@ -11,7 +11,7 @@ namespace {
 constexpr TimeNs repeat_ns = 500 * ns_per_ms;
 // One may be the late answer to what link sent without state before; double delays a take-off of such a drone by as
 // much.
-constexpr int refusals_trusted = 3;
+constexpr int refusals_needed = 3;
 constexpr std::size_t min_serial = 4;
 
 SerialText copy(std::string_view text) noexcept {
@@ -49,7 +49,7 @@ bool SerialCheck::on_answer(std::string_view bytes) noexcept {
   if (verdict_ != Verdict::open || asked_ns_ == 0) return false;
   const std::string_view text = without_line_end(bytes);
   if (parse_answer(text) == Answer::refused) {
-    if (++refusals_ >= refusals_trusted) verdict_ = Verdict::unreported;
+    if (++refusals_ >= refusals_needed) verdict_ = Verdict::unreported;
     return true;
   }
   if (!is_serial(text)) return false;

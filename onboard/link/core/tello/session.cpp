@@ -19,8 +19,8 @@ constexpr float descent_m = 0.1F;
 constexpr TimeNs aloft_for_ns = 300 * ns_per_ms;
 // `time` is in whole seconds, and a text may come late: so far ahead of what is known it may be.
 constexpr double motor_time_step_s = 1.2, motor_time_slack_s = 2;
-// So many odd texts in a row whose `time` goes on as time does are right: what was accepted before them was not.
-constexpr int odd_texts_needed = 10;
+// So many refused texts in a row whose `time` goes on as time does are right: what was accepted before them was not.
+constexpr int refused_texts_needed = 10;
 // A drone taken to be in flight but seen on the ground this long has come down by itself.
 constexpr TimeNs down_for_ns = 3 * ns_per_s;
 
@@ -35,7 +35,7 @@ void TelloSession::enter(TimeNs now, FlightPhase phase) noexcept {
   if (phase == FlightPhase::disconnected) {
     handshake_ok_ = false;
     asked_ = PendingCommand::nothing;
-    blind_.seek();
+    lost_link_.seek();
     serial_.begin();
   }
 }
@@ -64,19 +64,20 @@ bool TelloSession::of_now(TimeNs now, const TelloState& said) noexcept {
   if (follows || phase_ == FlightPhase::disconnected) {
     motor_lead_s_ = follows ? std::max(motor_lead_s_, lead_s) : lead_s;
   } else {
-    odd_texts_ = odd_texts_ > 0 && std::abs(lead_s - odd_lead_s_) < motor_time_step_s ? odd_texts_ + 1 : 1;
-    if (odd_texts_ == 1) odd_lead_s_ = lead_s;
-    if (odd_texts_ < odd_texts_needed) return false;
+    refused_texts_ =
+        refused_texts_ > 0 && std::abs(lead_s - refused_lead_s_) < motor_time_step_s ? refused_texts_ + 1 : 1;
+    if (refused_texts_ == 1) refused_lead_s_ = lead_s;
+    if (refused_texts_ < refused_texts_needed) return false;
     motor_lead_s_ = lead_s;
   }
   motor_s_ = said.motor_s;
-  odd_texts_ = 0;
+  refused_texts_ = 0;
   return true;
 }
 
 void TelloSession::grow_older(TimeNs slept_ns) noexcept {
   motor_lead_s_ += to_seconds(slept_ns);
-  odd_texts_ = 0;
+  refused_texts_ = 0;
 }
 
 bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
@@ -184,7 +185,7 @@ bool TelloSession::request_takeoff(TimeNs now) noexcept {
 }
 
 void TelloSession::request_land(TimeNs now) noexcept {
-  if (may_be_airborne()) blind_.land(now, LostLinkProtocol::Word::land);
+  if (may_be_airborne()) lost_link_.land(now, LostLinkProtocol::Command::land);
   if (phase_ != FlightPhase::flying && phase_ != FlightPhase::taking_off) return;
   ask(now, PendingCommand::land);
   lowest_m_ = state_.height_m;
@@ -192,7 +193,7 @@ void TelloSession::request_land(TimeNs now) noexcept {
 }
 
 void TelloSession::request_cut(TimeNs now) noexcept {
-  if (may_be_airborne()) blind_.land(now, LostLinkProtocol::Word::emergency);
+  if (may_be_airborne()) lost_link_.land(now, LostLinkProtocol::Command::emergency);
   if (asked_ == PendingCommand::emergency || phase_ == FlightPhase::disconnected) return;
   if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) return;
   ask(now, PendingCommand::emergency);
@@ -201,18 +202,18 @@ void TelloSession::request_cut(TimeNs now) noexcept {
   if (phase_ != FlightPhase::landing) enter(now, FlightPhase::landing);
 }
 
-void TelloSession::land_again(TimeNs now, LostLinkProtocol::Asker asker) noexcept {
-  if (may_be_airborne()) blind_.land_again(now, asker);
+void TelloSession::land_again(TimeNs now, LostLinkProtocol::Requester by) noexcept {
+  if (may_be_airborne()) lost_link_.land_again(now, by);
 }
 
 bool TelloSession::commanded_to_land(TimeNs now) const noexcept {
   return may_be_airborne() &&
-         blind_.said_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
+         lost_link_.has_sent_for(now, heard_ ? settings_.blind_land_for_ns : settings_.unheard_land_for_ns);
 }
 
 void TelloSession::connect(TimeNs now) noexcept {
-  const bool down = seen_grounded(now), lands = blind_.lands();
-  const bool cut = blind_.word() == LostLinkProtocol::Word::emergency;
+  const bool down = seen_grounded(now), lands = lost_link_.lands();
+  const bool cut = lost_link_.command() == LostLinkProtocol::Command::emergency;
   // A link that starts again finds the drone where it is, maybe in the air. A landing is not taken back there.
   enter(now, down ? FlightPhase::on_ground : lands ? FlightPhase::landing : FlightPhase::flying);
   if (down || !lands) return;
@@ -235,11 +236,12 @@ void TelloSession::talk_without_state(TimeNs now) noexcept {
     return;
   }
   if (!lost_link_commands_.empty()) return;
-  const LostLinkProtocol::Due due = blind_.due(now, may_be_airborne());
-  if (due.command) lost_link_commands_.push(command_text("command"));
+  const LostLinkProtocol::Due due = lost_link_.due(now, may_be_airborne());
+  if (due.handshake) lost_link_commands_.push(command_text("command"));
   if (due.zero) lost_link_commands_.push(rc_text({}));
-  if (due.word)
-    lost_link_commands_.push(command_text(blind_.word() == LostLinkProtocol::Word::emergency ? "emergency" : "land"));
+  if (due.landing)
+    lost_link_commands_.push(
+        command_text(lost_link_.command() == LostLinkProtocol::Command::emergency ? "emergency" : "land"));
 }
 
 void TelloSession::watch_takeoff(TimeNs now) noexcept {
@@ -271,7 +273,7 @@ void TelloSession::watch_landing(TimeNs now) noexcept {
   if (now - std::max(state_at_ns_, phase_since_ns_) >= settings_.landing_lost_after_ns) {
     const bool cut = asked_ == PendingCommand::emergency;
     enter(now, FlightPhase::disconnected);
-    blind_.be_silent(now, cut ? LostLinkProtocol::Word::emergency : LostLinkProtocol::Word::land);
+    lost_link_.begin_silence(now, cut ? LostLinkProtocol::Command::emergency : LostLinkProtocol::Command::land);
     return;
   }
   if (asked_ == PendingCommand::emergency) {

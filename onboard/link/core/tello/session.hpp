@@ -27,7 +27,7 @@ class TelloSession {
   /// `serial`: the drone that is meant; one that answers with another does not take off. Empty: any drone. `pads`: it
   /// is asked to look for mission pads.
   explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
-      : settings_(settings), blind_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
+      : settings_(settings), lost_link_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
 
   void on_answer(TimeNs now, std::string_view bytes) noexcept;
   /// False where it is no state text, or once connected one of another moment or of another drone: by `time`, which
@@ -43,9 +43,9 @@ class TelloSession {
   void request_land(TimeNs now) noexcept;
   /// Motors off at once, wherever it is. The same.
   void request_cut(TimeNs now) noexcept;
-  /// Somebody asked again: to a drone that is not seen the word is said again though it was before (LostLinkProtocol).
+  /// A landing was requested again: to a drone without state the command is sent again although it was before.
   /// No effect on one that is seen.
-  void land_again(TimeNs now, LostLinkProtocol::Asker asker) noexcept;
+  void land_again(TimeNs now, LostLinkProtocol::Requester by) noexcept;
 
   /// What is to be sent now, one command at a time; called until it returns false.
   bool next_send(TimeNs now, CommandText& out) noexcept;
@@ -54,7 +54,9 @@ class TelloSession {
   /// Nobody knows: it is not connected, and what was seen last was not that it stands on the ground. From link's start.
   bool may_be_airborne() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
   /// All handshakes with such a one failed, or it is already commanded to land.
-  bool blind(TimeNs now) const noexcept { return may_be_airborne() && (blind_.in_vain(now) || blind_.lands()); }
+  bool blind(TimeNs now) const noexcept {
+    return may_be_airborne() && (lost_link_.handshakes_failed(now) || lost_link_.lands());
+  }
   /// Such a one was commanded to land long enough for link to end: to the end, or briefly where nobody was ever heard.
   bool commanded_to_land(TimeNs now) const noexcept;
   /// Anything that can be read came from it.
@@ -95,7 +97,7 @@ class TelloSession {
   static constexpr int max_pad_requests = 5;
 
   SessionSettings settings_;
-  LostLinkProtocol blind_;
+  LostLinkProtocol lost_link_;
   SerialCheck serial_;
   int pad_requests_left_;
   TimeNs pad_request_ns_ = 0;                       ///< the newest; 0: none yet
@@ -109,8 +111,8 @@ class TelloSession {
   TimeNs state_at_ns_ = 0;
   int motor_s_ = 0;                                 ///< `time` of the newest text ...
   double motor_lead_s_ = -1e18;                     ///< ... and by how much one was ahead of the clock at most
-  int odd_texts_ = 0;                               ///< in a row that are not of now
-  double odd_lead_s_ = 0;                           ///< of the first of them
+  int refused_texts_ = 0;                           ///< in a row that are not of now
+  double refused_lead_s_ = 0;                       ///< of the first of them
   PendingCommand asked_ = PendingCommand::nothing;  ///< the command whose answer is waited for
   bool send_ = false;                               ///< asked_ has still to be sent
   bool handshake_ok_ = false;

@@ -61,7 +61,7 @@ class LockstepAgent final : public ipc::LinkEnd {
   explicit LockstepAgent(drone_shim::Memory& memory) noexcept : memory_(memory) {}
   bool take_plan(Plan& out) noexcept override { return memory_.plans.pop(out); }
   bool take_pose(Pose& out) noexcept override { return memory_.poses.pop(out); }
-  bool take_beat(AgentBeat& out) noexcept override { return memory_.beats.pop(out); }
+  bool take_heartbeat(AgentHeartbeat& out) noexcept override { return memory_.heartbeats.pop(out); }
   bool send_state(const StateSample& sample) noexcept override { return memory_.states.push(sample); }
   bool send_transition(const Transition& transition) noexcept override { return memory_.transitions.push(transition); }
   /// It looks after every turn.

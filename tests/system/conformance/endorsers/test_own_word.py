@@ -1,4 +1,4 @@
-"""A peer of any organisation answers whoever is a member of the channel, by its own word and past any gateway."""
+"""A peer of any organisation answers any member of the channel itself, without a gateway."""
 import contextlib
 import json
 import os
@@ -47,7 +47,7 @@ def asleep(ledger, organisation: int):
         os.kill(pid, signal.SIGCONT)
 
 
-def test_each_organisations_peer_tells_another_ones_member_the_record(tmp_path, ledger, enroll, drone_host, operator):
+def test_each_organisations_peer_gives_the_record_to_members_of_others(tmp_path, ledger, enroll, drone_host, operator):
     enroll("reported")
     before = drone_host.read("get", "control/reported")
     until_all_have(ledger, tmp_path, "reported", before)

@@ -346,7 +346,7 @@ const operations = {
     const transaction = await forge(request, await proposalOf(request, request).endorse());
     if (request.broadcast) return broadcast(request.session, transaction);
     const submitted = await transaction.submit();
-    return request.unseen ? { tx: transaction.getTransactionId() } : statusOf(submitted);
+    return request.without_status ? { tx: transaction.getTransactionId() } : statusOf(submitted);
   },
   // The peer's own service, without its gateway.
   async propose(request) {

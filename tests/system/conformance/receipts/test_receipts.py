@@ -23,7 +23,7 @@ def test_a_valid_transaction_is_proven_in_an_empty_root(tmp_path, ledger, drone_
 def test_an_invalid_transaction_is_proven_invalid(tmp_path, ledger, enroll, operator, empty_root):
     enroll("receipted")
     operator.submit("stop", "receipted")
-    late = operator.call("late", "stop", "receipted", between=call("resume", "receipted"))
+    late = operator.call("late", "stop", "receipted", between=call("clear_stop", "receipted"))
     assert late["code"] == MVCC_READ_CONFLICT, late
     proven = empty_root.proven(make(ledger, tmp_path, late["tx"]))
     assert proven["verdict"] == "MVCC_READ_CONFLICT" and proven["function"] == "stop"
@@ -45,7 +45,7 @@ def test_what_was_changed_or_is_too_little_proves_nothing(tmp_path, ledger, dron
     assert done.returncode == 1 and "by peers of 1 of 3 organisations, which is no majority" in done.stderr
 
 
-def test_only_who_checks_says_whom_to_believe(tmp_path, ledger, drone_host, empty_root):
+def test_only_the_checker_decides_whom_to_trust(tmp_path, ledger, drone_host, empty_root):
     receipt = make(ledger, tmp_path, drone_host.submit("set", asset("tello1/receipt"))["tx"])
     trust = empty_root.trust
     other_channel = [word.replace("teleop", "other") for word in trust]
@@ -58,7 +58,7 @@ def test_only_who_checks_says_whom_to_believe(tmp_path, ledger, drone_host, empt
         assert empty_root.verify(receipt, trust=too_little).returncode == 2
 
 
-def test_the_word_of_a_revoked_peer_does_not_count_once_its_list_is_given(tmp_path, ledger, drone_host, empty_root):
+def test_the_answer_of_a_revoked_peer_does_not_count_once_its_list_is_given(tmp_path, ledger, drone_host, empty_root):
     receipt = make(ledger, tmp_path, drone_host.submit("set", asset("tello1/receipt"))["tx"], peers=(2, 3))
     assert "no revocation list was given" in empty_root.verify(receipt).stdout
     revoking = Authority(ledger, 2, tmp_path / "revoking")

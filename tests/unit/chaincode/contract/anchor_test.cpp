@@ -25,7 +25,7 @@ class AnchorTest : public ContractTest {
   Anchors verify(char byte) { return parsed<Anchors>(stub.call(other, "verify", of(byte)).payload); }
 };
 
-TEST_F(AnchorTest, WhoAnchoredItAndWhenIsSaidOfThatDigestAlone) {
+TEST_F(AnchorTest, WhoAnchoredItAndWhenIsGivenForThatDigestOnly) {
   ASSERT_EQ(stub.call(other, "anchor", of('\xab', "flight 7, camera 2")).status, 200);
   EXPECT_EQ(stub.event_name, "anchor");
   EXPECT_THAT(stub.writes, SizeIs(1));
@@ -50,7 +50,7 @@ TEST_F(AnchorTest, NobodyChangesAnAnchorAndNobodyIsKeptOut) {
   EXPECT_NE(enroll(admin1, host, {"anchor"}, ROLE_NONE).status, 200) << "a reserved word";
 }
 
-TEST_F(AnchorTest, WhoeverMintsIdentitiesHidesNobodyElsesAnchor) {
+TEST_F(AnchorTest, ManyMintedIdentitiesDoNotHideAnotherOnesAnchor) {
   ASSERT_EQ(stub.call(pilot, "anchor", of('x', "mine")).status, 200);
   ASSERT_EQ(stub.call(guard, "anchor", of('x', "ours")).status, 200);
   for (int i = 0; i < 300; ++i) {

@@ -386,7 +386,11 @@ TEST_F(AssetsTest, ARefusalIsOneReadableLineWhateverTheCallHolds) {
 }
 
 TEST_F(AssetsTest, AnUnknownFunctionIsNamed) {
-  EXPECT_THAT(stub.call(host, "transfer", {"x"}).message, StartsWith("unknown function transfer"));
+  EXPECT_THAT(stub.call(host, "transfer", {"x"}).message, StartsWith("unknown function transfer; known are"));
+  EXPECT_THAT(stub.call(host, "resume", {"tello1"}).message,
+              StartsWith("unknown function resume, which is clear_stop now; known are"));
+  EXPECT_THAT(stub.call(host, "fold", {"tello1"}).message,
+              StartsWith("unknown function fold, which is apply_stops now"));
 }
 
 }  // namespace

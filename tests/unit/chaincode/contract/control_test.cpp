@@ -58,7 +58,7 @@ TEST_F(ControlTest, EnrollingTheSameAgainIsAcceptedAndChangesNothing) {
   EXPECT_TRUE(stub.writes.empty());
 }
 
-TEST_F(ControlTest, EnrollingTellsWhoAndWhat) {
+TEST_F(ControlTest, EnrollingRecordsWhoAndWhat) {
   enroll(admin1, host, {"tello5"}, OPERATOR);
   EXPECT_EQ(stub.event_name, "enroll");
   const auto event = parsed<Controls>(stub.event_payload);
@@ -153,7 +153,7 @@ TEST_F(ControlTest, OneReadTellsWhoFliesTheDronesThatWereAcquiredTogether) {
   EXPECT_THAT(stub.reads, ::testing::ElementsAre(StartsWith("lease/")));
 }
 
-TEST_F(ControlTest, WhoeverTakesOrStopsADroneWritesWhatTheHoldersCommandsRead) {
+TEST_F(ControlTest, TakingOrStoppingADroneWritesWhatTheHoldersCommandsRead) {
   // So on a ledger the commands of the old holder that are on their way are invalid (MVCC).
   acquire(pilot, {"tello1", "tello2"});
   const DronePlan one = plan("tello1"), two = plan("tello2");
@@ -164,10 +164,10 @@ TEST_F(ControlTest, WhoeverTakesOrStopsADroneWritesWhatTheHoldersCommandsRead) {
   EXPECT_THAT(command(pilot, {one, two}).message, StartsWith("tello2: the lease is held by Org2MSP CN=rival"));
   EXPECT_EQ(command(pilot, {one}).status, 200);
   stub.call(guard, "stop", {"tello1"});
-  stub.call(host, "fold", {"tello1"});
+  stub.call(host, "apply_stops", {"tello1"});
   EXPECT_TRUE(stub.writes.contains(read));
   EXPECT_THAT(command(pilot, {one}).message, StartsWith("tello1: stopped by Org1MSP CN=guard"));
-  stub.call(guard, "resume", {"tello1"});
+  stub.call(guard, "clear_stop", {"tello1"});
   EXPECT_EQ(command(pilot, {one}).status, 200);
   stub.call(pilot, "release", {"tello1"});
   EXPECT_TRUE(stub.writes.contains(read));
@@ -195,7 +195,7 @@ TEST_F(ControlTest, AStoppedDroneStaysStoppedWithANewHolder) {
   stub.call(guard, "stop", {"tello1"});
   acquire(rival, {"tello1"}, 1);
   EXPECT_THAT(command(rival, {plan("tello1")}).message, HasSubstr("stopped by Org1MSP CN=guard"));
-  stub.call(guard, "resume", {"tello1"});
+  stub.call(guard, "clear_stop", {"tello1"});
   EXPECT_EQ(command(rival, {plan("tello1")}).status, 200);
 }
 
@@ -227,11 +227,11 @@ TEST_F(ControlTest, PlansHaveLimitsAndFiniteValues) {
   EXPECT_THAT(command(pilot, {plan("tello1"), plan("tello1")}).message, StartsWith("tello1: two plans"));
   EXPECT_NE(command(pilot, {}).status, 200);
 
-  DronePlan longest = plan("tello1", 2);
-  longest.mutable_setpoints(1)->set_at_ns(1000 + contract::max_plan_ns);
-  EXPECT_EQ(command(pilot, {longest}).status, 200);
-  longest.mutable_setpoints(1)->set_at_ns(1001 + contract::max_plan_ns);
-  EXPECT_THAT(command(pilot, {longest}).message, HasSubstr("the limit is 2000 ms"));
+  DronePlan horizon = plan("tello1", 2);
+  horizon.mutable_setpoints(1)->set_at_ns(1000 + contract::max_plan_ns);
+  EXPECT_EQ(command(pilot, {horizon}).status, 200);
+  horizon.mutable_setpoints(1)->set_at_ns(1001 + contract::max_plan_ns);
+  EXPECT_THAT(command(pilot, {horizon}).message, HasSubstr("the limit is 2000 ms"));
 
   DronePlan backwards = plan("tello1", 2);
   backwards.mutable_setpoints(1)->set_at_ns(1);

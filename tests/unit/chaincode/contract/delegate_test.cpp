@@ -128,9 +128,9 @@ TEST_F(DelegateTest, ADelegateDoesNothingButCommand) {
                 HasSubstr("does not hold the lease; Org2MSP CN=pilot, who lets Org2MSP CN=station command it"));
     EXPECT_THAT(answer(station, "hand_over", rival).message, HasSubstr("does not hold the lease"));
     EXPECT_THAT(answer(station, "deny", rival).message, HasSubstr("may not deny it"));
-    EXPECT_THAT(stub.call(station, "resume", {"tello1"}).message, HasSubstr("only they, each its own"));
+    EXPECT_THAT(stub.call(station, "clear_stop", {"tello1"}).message, HasSubstr("only they, each its own"));
     EXPECT_THAT(stub.call(station, "evict", {"tello1"}).message, HasSubstr("may not evict"));
-    EXPECT_THAT(stub.call(station, "fold", {"tello1"}).message, HasSubstr("who alone folds it"));
+    EXPECT_THAT(stub.call(station, "apply_stops", {"tello1"}).message, HasSubstr("who alone applies its stops"));
     EXPECT_NE(stub.call(station, "acquire", {"tello1", "priority=5"}).status, 200);
   }
   revoke(station);
@@ -158,7 +158,7 @@ TEST_F(DelegateTest, WhatEndsTheLeaseEndsTheDelegatesCommands) {
     ASSERT_EQ(fly(station).status, 200);
     const std::string read = stub.reads.front();
     ASSERT_EQ(end().status, 200);
-    EXPECT_TRUE(stub.writes.contains(read)) << "what is under way is invalid";
+    EXPECT_TRUE(stub.writes.contains(read)) << "what is in flight is invalid";
     EXPECT_FALSE(control("tello1").has_delegate());
     EXPECT_NE(command(station, under).status, 200);
     EXPECT_NE(fly(station).status, 200);
@@ -171,7 +171,7 @@ TEST_F(DelegateTest, WhatEndsTheLeaseEndsTheDelegatesCommands) {
   ends([&] { return grant(admin1, {"tello1"}, "Org2MSP", "", false); });
 }
 
-TEST_F(DelegateTest, RevokedTheLeaseEndsByTheHostsFold) {
+TEST_F(DelegateTest, RevokedTheLeaseEndsWhenTheHostAppliesStops) {
   acquire(pilot, station, 9);
   const std::uint64_t under = epoch();
   fly(station);
@@ -180,7 +180,7 @@ TEST_F(DelegateTest, RevokedTheLeaseEndsByTheHostsFold) {
   const Control marked = control("tello1");
   ASSERT_THAT(marked.revoked(), SizeIs(1));
   EXPECT_EQ(marked.revoked(0).subject(), "CN=station");
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   EXPECT_TRUE(stub.writes.contains(read));
   const Control after = control("tello1");
   EXPECT_FALSE(after.has_holder());
@@ -205,7 +205,7 @@ TEST_F(DelegateTest, MadeAnAuditorItIsRevokedAsAHolderIs) {
   acquire(pilot, station);
   enroll(admin2, station, {}, AUDITOR);
   EXPECT_THAT(control("tello1").revoked(), SizeIs(1));
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   EXPECT_FALSE(control("tello1").has_holder());
 }
 
@@ -242,7 +242,7 @@ TEST_F(DelegateTest, ADelegateThatWasRevokedSinceTheRequestGetsNothing) {
 TEST_F(DelegateTest, AStoppedDroneLandsByItsDelegate) {
   acquire(pilot, station);
   stub.call(guard, "stop", {"tello1"});
-  stub.call(host, "fold", {"tello1"});
+  stub.call(host, "apply_stops", {"tello1"});
   EXPECT_THAT(fly(station).message, HasSubstr("stopped by Org1MSP CN=guard"));
   EXPECT_EQ(fly(station, "tello1", LAND).status, 200);
   EXPECT_NE(fly(pilot, "tello1", LAND).status, 200);
@@ -290,7 +290,7 @@ TEST_F(SharedDelegate, WhatEndsOneLeaseLeavesTheOther) {
   EXPECT_THAT(both().message, StartsWith("tello1: the lease's epoch is"));
 }
 
-TEST_F(SharedDelegate, NeitherHolderHasAWordInTheOthersLease) {
+TEST_F(SharedDelegate, NeitherHolderHasASayInTheOthersLease) {
   EXPECT_THAT(stub.call(pilot, "release", {"tello2"}).message, HasSubstr("does not hold the lease"));
   EXPECT_THAT(stub.call(pilot, "release", {"tello1", "tello2"}).message, StartsWith("tello2: "));
   EXPECT_THAT(lease().drones(), ElementsAre("tello1", "tello2"));
@@ -298,27 +298,27 @@ TEST_F(SharedDelegate, NeitherHolderHasAWordInTheOthersLease) {
 
 TEST_F(SharedDelegate, AStopOfOneDroneLeavesTheOtherFlying) {
   stub.call(guard, "stop", {"tello1"});
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   EXPECT_THAT(lease().stopped(), ElementsAre("tello1"));
   EXPECT_EQ(fly(station, "tello2").status, 200);
   EXPECT_THAT(both().message, StartsWith("tello1: stopped by"));
   ASSERT_EQ(stub.call(rival, "release", {"tello2"}).status, 200);
   EXPECT_THAT(lease().stopped(), ElementsAre("tello1"));
-  ASSERT_EQ(stub.call(guard, "resume", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(guard, "clear_stop", {"tello1"}).status, 200);
   EXPECT_THAT(lease().stopped(), SizeIs(0));
   EXPECT_EQ(fly(station, "tello1").status, 200);
 }
 
 TEST_F(SharedDelegate, OneHolderRevokedTheOthersDroneFliesOn) {
   revoke(pilot);
-  ASSERT_EQ(stub.call(host, "fold", {"tello1", "tello2"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1", "tello2"}).status, 200);
   EXPECT_THAT(lease().drones(), ElementsAre("tello2"));
   EXPECT_EQ(fly(station, "tello2").status, 200);
 }
 
 TEST_F(SharedDelegate, TheirDelegateRevokedBothEnd) {
   revoke(station);
-  ASSERT_EQ(stub.call(host, "fold", {"tello1", "tello2"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1", "tello2"}).status, 200);
   EXPECT_THAT(lease().drones(), SizeIs(0));
   EXPECT_FALSE(control("tello1").has_holder() || control("tello2").has_holder());
 }

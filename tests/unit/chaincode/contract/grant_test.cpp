@@ -84,7 +84,7 @@ TEST_F(GrantTest, TheGrantsOfAnIdentityAndOfItsOrganisationAdd) {
   EXPECT_EQ(acquire(far, 5).status, 200);
   EXPECT_EQ(stub.call(far, "stop", {"tello1", "cut=true"}).status, 200);
   EXPECT_NE(stub.call(far_chief, "stop", {"tello1", "cut=true"}).status, 200);
-  EXPECT_EQ(stub.call(far_chief, "stop", {"tello1"}).status, 200) << "whoever may fly may stop, lease or not";
+  EXPECT_EQ(stub.call(far_chief, "stop", {"tello1"}).status, 200) << "who may fly may stop, with or without a lease";
 }
 
 TEST_F(GrantTest, AGrantOfNothingTakesItBackAndWithItTheLease) {

@@ -52,11 +52,11 @@ TEST_F(RevokeTest, ItWritesTheRoleAloneAndItsEventSaysWhose) {
   EXPECT_THAT(stub.writes, IsEmpty()) << "once more";
 }
 
-TEST_F(RevokeTest, WhoIsRevokedTakesStopsResumesAndEvictsNothing) {
+TEST_F(RevokeTest, WhoIsRevokedTakesStopsClearsAndEvictsNothing) {
   stub.call(chief, "stop", {"tello1"});
   for (const auto& [admin, who] : {std::pair(admin2, pilot), std::pair(admin1, chief)}) {
     ASSERT_EQ(revoke(admin, who).status, 200);
-    for (const char* function : {"acquire", "stop", "resume", "evict"}) {
+    for (const char* function : {"acquire", "stop", "clear_stop", "evict"}) {
       if (function == std::string("evict") && who == pilot) continue;  // who may not in any case
       EXPECT_THAT(stub.call(who, function, {"tello1"}).message,
                   HasSubstr(" is revoked; an administrator of " + who.msp_id + " may enroll it again"))
@@ -65,28 +65,28 @@ TEST_F(RevokeTest, WhoIsRevokedTakesStopsResumesAndEvictsNothing) {
   }
 }
 
-TEST_F(RevokeTest, AFoldOfTheHostEndsTheLeaseSoThatCommandsAreRefused) {
+TEST_F(RevokeTest, ApplyStopsOfTheHostEndsTheLeaseSoThatCommandsAreRefused) {
   acquire(pilot);
   const std::uint64_t epoch = control("tello1").epoch();
   revoke(admin2, pilot);
   EXPECT_THAT(revoked(), ElementsAre("CN=pilot"));
   EXPECT_EQ(command(pilot, epoch).status, 200) << "valid on the ledger, and flown by nobody";
   const std::string read = stub.reads.front();
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
-  EXPECT_TRUE(stub.writes.contains(read)) << "what is under way is invalid";
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
+  EXPECT_TRUE(stub.writes.contains(read)) << "what is in flight is invalid";
   EXPECT_FALSE(control("tello1").has_holder());
   EXPECT_GT(control("tello1").epoch(), epoch);
   EXPECT_THAT(revoked(), IsEmpty());
   EXPECT_NE(command(pilot, epoch).status, 200);
 }
 
-TEST_F(RevokeTest, AFoldEndsTheGrantsOfTheRevokedAndNobodyElses) {
+TEST_F(RevokeTest, ApplyStopsEndsTheGrantsOfTheRevokedAndNobodyElses) {
   grant(admin1, {"tello1"}, "Org3MSP", "CN=other", true);
   grant(admin1, {"tello1"}, "Org3MSP", "", true);
   const crypto::IdentityName admin3{"Org3MSP", "CN=Admin@org3"};
   ASSERT_EQ(revoke(admin3, other).status, 200);
   EXPECT_THAT(revoked(), ElementsAre("CN=other"));
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   const Control after = control("tello1");
   ASSERT_EQ(after.grants_size(), 2);
   EXPECT_EQ(after.grants(1).to().msp_id() + after.grants(1).to().subject(), "Org3MSP");
@@ -101,7 +101,7 @@ TEST_F(RevokeTest, ARevokedHolderKeepsNobodyOut) {
   EXPECT_THAT(revoked(), IsEmpty());
 }
 
-TEST_F(RevokeTest, EnrolledAnewItIsRevokedNoLonger) {
+TEST_F(RevokeTest, EnrolledAgainItIsNoLongerRevoked) {
   acquire(pilot);
   revoke(admin2, pilot);
   ASSERT_EQ(enroll(admin2, pilot, {}, OPERATOR).status, 200);
@@ -110,7 +110,7 @@ TEST_F(RevokeTest, EnrolledAnewItIsRevokedNoLonger) {
   EXPECT_THAT(enroll(admin2, pilot, {}, REVOKED).message, HasSubstr("call revoke"));
 }
 
-TEST_F(RevokeTest, EnrolledAnewBeforeTheFoldItHasItsLeaseAgainAndBehindItNot) {
+TEST_F(RevokeTest, EnrolledAgainBeforeApplyStopsItHasItsLeaseAgainAndAfterItNot) {
   acquire(pilot);
   const std::uint64_t epoch = control("tello1").epoch();
   revoke(admin2, pilot);
@@ -118,7 +118,7 @@ TEST_F(RevokeTest, EnrolledAnewBeforeTheFoldItHasItsLeaseAgainAndBehindItNot) {
   EXPECT_EQ(command(pilot, epoch).status, 200);
   EXPECT_EQ(control("tello1").holder().subject(), "CN=pilot");
   revoke(admin2, pilot);
-  ASSERT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   enroll(admin2, pilot, {}, OPERATOR);
   EXPECT_FALSE(control("tello1").has_holder());
 }
@@ -149,7 +149,7 @@ TEST_F(RevokeTest, AGrantWithdrawnMeanwhileEndsTheLeaseOfTheRevokedToo) {
   revoke(admin2, pilot);
   ASSERT_EQ(grant(admin1, {"tello1"}, "Org2MSP", "", false).status, 200);
   ASSERT_EQ(enroll(admin2, pilot, {}, OPERATOR).status, 200);
-  EXPECT_FALSE(control("tello1").has_holder()) << "enrolled anew before the fold it has no lease without a grant";
+  EXPECT_FALSE(control("tello1").has_holder()) << "enrolled again before apply_stops it has no lease without a grant";
   EXPECT_NE(command(pilot, epoch).status, 200);
 }
 
@@ -168,7 +168,7 @@ TEST_F(RevokeTest, ARevokedHolderHandsNothingOverAndDeniesNobody) {
   EXPECT_EQ(stub.call(pilot, "release", {"tello1"}).status, 200) << "it may give back what it holds";
 }
 
-TEST_F(RevokeTest, ARevokedHostOwnsNothingUntilItIsEnrolledAnew) {
+TEST_F(RevokeTest, ARevokedHostOwnsNothingUntilItIsEnrolledAgain) {
   ASSERT_EQ(set(host, {asset("tello1/odom")}, true).status, 200);
   ASSERT_EQ(revoke(admin1, host).status, 200);
   EXPECT_NE(set(host, {asset("tello1/odom")}, true).status, 200);

@@ -114,7 +114,7 @@ TEST_F(RolesTest, RolesOfTheVersionBeforeCountUntilTheirOrganisationWritesOne) {
   EXPECT_THAT(roles_in(stub.reads), SizeIs(1)) << "the record of before is read no more";
   EXPECT_THAT(stub.call(rival, "stop", {"tello1"}).message, HasSubstr("is revoked")) << "moved as well";
   EXPECT_THAT(stub.call(guard, "evict", {"tello1"}).message, HasSubstr("may not evict"))
-      << "whoever has made that record";
+      << "whichever identity wrote that record";
 }
 
 TEST_F(RolesTest, WhatTwoOthersMakeInThePlaceOfBeforeBuysNothingOnceThereAreTables) {

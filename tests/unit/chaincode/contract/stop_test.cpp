@@ -4,7 +4,7 @@
 #include "common/msg/stops.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
-/// Who stops, cuts and resumes which drone, and what each of these calls reads and writes.
+/// Who stops and cuts which drone and clears whose stop, and what each of these calls reads and writes.
 namespace ledgerline::chaincode {
 namespace {
 
@@ -39,20 +39,20 @@ class StopTest : public ContractTest {
   }
   int stop(const crypto::IdentityName& by) { return stub.call(by, "stop", {"tello1"}).status; }
   int cut(const crypto::IdentityName& by) { return stub.call(by, "stop", {"tello1", "cut=true"}).status; }
-  int resume(const crypto::IdentityName& by) { return stub.call(by, "resume", {"tello1"}).status; }
+  int clear_stop(const crypto::IdentityName& by) { return stub.call(by, "clear_stop", {"tello1"}).status; }
   std::string stoppers() { return stopper_names(control("tello1")); }
 
   const crypto::IdentityName far_chief{"Org3MSP", "CN=far"};
 };
 
-TEST_F(StopTest, AForeignSupervisorLiftsNobodysStopInTwoCallsEither) {
+TEST_F(StopTest, AForeignSupervisorClearsNobodysStopInTwoCallsEither) {
   EXPECT_EQ(stop(chief), 200);
-  EXPECT_NE(resume(far_chief), 200);
+  EXPECT_NE(clear_stop(far_chief), 200);
   EXPECT_EQ(stop(far_chief), 200) << "he is granted that";
-  EXPECT_EQ(resume(far_chief), 200) << "his own";
+  EXPECT_EQ(clear_stop(far_chief), 200) << "his own";
   EXPECT_EQ(stoppers(), "Org1MSP CN=chief");
-  EXPECT_NE(resume(far_chief), 200);
-  EXPECT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  EXPECT_NE(clear_stop(far_chief), 200);
+  EXPECT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   EXPECT_THAT(command().message, HasSubstr("stopped by Org1MSP CN=chief"));
 }
 
@@ -63,7 +63,7 @@ TEST_F(StopTest, AForeignSupervisorDoesNotCutNorTakeACutBack) {
   EXPECT_EQ(cut(chief), 200);
   EXPECT_EQ(stop(far_chief), 200);
   EXPECT_TRUE(is_cut(control("tello1")));
-  EXPECT_EQ(resume(far_chief), 200);
+  EXPECT_EQ(clear_stop(far_chief), 200);
   EXPECT_TRUE(is_cut(control("tello1")));
 }
 
@@ -96,62 +96,62 @@ TEST_F(StopTest, TheHolderCutsOnlyWhereThatIsGranted) {
   EXPECT_EQ(stub.call(far_chief, "stop", {"tello2"}).status, 200);
 }
 
-TEST_F(StopTest, EachLiftsItsOwnAndTheOwnersSupervisorAll) {
+TEST_F(StopTest, EachClearsItsOwnAndTheOwnersSupervisorAll) {
   stop(guard);
   stop(pilot);
   stop(far_chief);
-  EXPECT_EQ(resume(pilot), 200);
+  EXPECT_EQ(clear_stop(pilot), 200);
   EXPECT_EQ(stoppers(), "Org1MSP CN=guard, Org3MSP CN=far");
   EXPECT_THAT(
-      stub.call(pilot, "resume", {"tello1"}).message,
+      stub.call(pilot, "clear_stop", {"tello1"}).message,
       StartsWith("tello1: stopped by Org1MSP CN=guard, Org3MSP CN=far; only they, each its own, or a supervisor "
-                 "of Org1MSP may resume it"));
-  EXPECT_EQ(resume(chief), 200);
+                 "of Org1MSP may clear it"));
+  EXPECT_EQ(clear_stop(chief), 200);
   EXPECT_THAT(stoppers(), IsEmpty());
-  EXPECT_THAT(stub.call(chief, "resume", {"tello1"}).message, StartsWith("tello1: not stopped"));
+  EXPECT_THAT(stub.call(chief, "clear_stop", {"tello1"}).message, StartsWith("tello1: not stopped"));
 }
 
-TEST_F(StopTest, AStopsRecordStaysAndItsLiftIsCountedBesideIt) {
+TEST_F(StopTest, AStopsRecordStaysAndItsClearsAreCountedBesideIt) {
   stop(guard);
-  resume(guard);
+  clear_stop(guard);
   const auto records = parsed<Assets>(stub.call(other, "get", {"stop/tello1/*"}).payload);
   ASSERT_EQ(records.assets_size(), 2);
   const auto record = parsed<Stop>(records.assets(0).msg_data());
   EXPECT_EQ(record.stopper().subject(), "CN=guard");
-  EXPECT_EQ(record.resumes(), 0U);
-  const auto lifted = parsed<Stop>(records.assets(1).msg_data());
-  EXPECT_TRUE(lifted.lifted());
-  EXPECT_EQ(lifted.stopper().subject(), "CN=guard");
-  EXPECT_EQ(lifted.resumes(), 1U);
+  EXPECT_EQ(record.clears(), 0U);
+  const auto cleared = parsed<Stop>(records.assets(1).msg_data());
+  EXPECT_TRUE(cleared.cleared());
+  EXPECT_EQ(cleared.stopper().subject(), "CN=guard");
+  EXPECT_EQ(cleared.clears(), 1U);
   EXPECT_EQ(stop(guard), 200);
   EXPECT_EQ(stoppers(), "Org1MSP CN=guard") << "and stops again";
-  EXPECT_EQ(control("tello1").stoppers(0).resumes(), 1U);
-  EXPECT_EQ(resume(chief), 200);
-  EXPECT_EQ(resumes_of(control("tello1"), control("tello1").resumed(0).stopper()), 2U);
+  EXPECT_EQ(control("tello1").stoppers(0).clears(), 1U);
+  EXPECT_EQ(clear_stop(chief), 200);
+  EXPECT_EQ(clears_of(control("tello1"), control("tello1").cleared(0).stopper()), 2U);
 }
 
 TEST_F(StopTest, AStopForAnotherCountIsRefusedAndSaysTheCount) {
   DronesCall call;
   call.add_drones("tello2");
   call.add_drones("tello1");
-  call.add_resumes(0);
-  call.add_resumes(0);
+  call.add_clears(0);
+  call.add_clears(0);
   EXPECT_EQ(stub.call(guard, "stop", call).status, 200);
-  resume(guard);
+  clear_stop(guard);
   EXPECT_EQ(stub.call(guard, "stop", call).message,
-            "tello1: a stop meant for 0 lifts of the stops of Org1MSP CN=guard; the ledger has 1: name that, or none");
-  call.set_resumes(1, 1);
+            "tello1: a stop meant for 0 clears of the stops of Org1MSP CN=guard; the ledger has 1: name that, or none");
+  call.set_clears(1, 1);
   EXPECT_EQ(stub.call(guard, "stop", call).status, 200) << "in the order of its drones";
-  call.add_resumes(0);
-  EXPECT_EQ(stub.call(guard, "stop", call).message, "stop: 3 resumes for 2 drones");
+  call.add_clears(0);
+  EXPECT_EQ(stub.call(guard, "stop", call).message, "stop: 3 clears for 2 drones");
 }
 
-TEST_F(StopTest, AnOldRecordThatSaysLiftedIsNoStop) {
+TEST_F(StopTest, AnOldRecordThatSaysClearedIsNoStop) {
   Stop old;
   old.set_drone("tello1");
   old.mutable_stopper()->set_msp_id(guard.msp_id);
   old.mutable_stopper()->set_subject(guard.subject);
-  old.set_lifted(true);
+  old.set_cleared(true);
   const auto put = [&] {
     stub.who = guard;
     ASSERT_TRUE(write_stop(stub, old));
@@ -159,14 +159,14 @@ TEST_F(StopTest, AnOldRecordThatSaysLiftedIsNoStop) {
   };
   put();
   EXPECT_THAT(stoppers(), IsEmpty());
-  old.set_lifted(false);
+  old.set_cleared(false);
   put();
   EXPECT_EQ(stoppers(), "Org1MSP CN=guard");
-  EXPECT_EQ(resume(guard), 200);
+  EXPECT_EQ(clear_stop(guard), 200);
   EXPECT_THAT(stoppers(), IsEmpty());
 }
 
-TEST_F(StopTest, AStoppersNewestWordSaysWhetherItCuts) {
+TEST_F(StopTest, AStoppersNewestStopDecidesWhetherItCuts) {
   stop(guard);
   EXPECT_FALSE(is_cut(control("tello1")));
   cut(guard);
@@ -182,7 +182,7 @@ TEST_F(StopTest, AStopReadsWhatNobodyWritesWhoFliesAndWritesOneKeyOfItsOwn) {
     ASSERT_EQ(stop(who), 200);
     EXPECT_THAT(stub.reads, Not(Contains(StartsWith("control/"))));
     EXPECT_THAT(stub.reads, Not(Contains(StartsWith("lease/"))));
-    // But for how often its own were lifted, which nobody writes while none of its own stands.
+    // But for how often its own were cleared, which nobody writes while none of its own stands.
     EXPECT_THAT(stub.reads, Not(Contains(AllOf(StartsWith("stop/"), Not(EndsWith("/lifted"))))));
     EXPECT_THAT(stub.ranges, IsEmpty());
     ASSERT_EQ(stub.writes.size(), 1U);
@@ -194,7 +194,7 @@ TEST_F(StopTest, WhoChangesAControlRecordReadsTheStopsAsARange) {
   LeaseCall lease;
   lease.add_drones("tello1");
   stop(pilot);
-  for (const char* function : {"resume", "acquire", "release"}) {
+  for (const char* function : {"clear_stop", "acquire", "release"}) {
     ASSERT_EQ(stub.call(pilot, function, lease).status, 200) << function;
     EXPECT_THAT(stub.ranges, ElementsAre("stop/tello1/")) << function;
   }
@@ -213,7 +213,7 @@ TEST_F(StopTest, EventAndAnswerOfAStopAreTheStopsThatItMade) {
   for (const Stop& one : stops.stops()) {
     EXPECT_EQ(one.stopper().subject(), guard.subject);
     EXPECT_FALSE(one.cut());
-    EXPECT_FALSE(one.lifted());
+    EXPECT_FALSE(one.cleared());
   }
   EXPECT_EQ(stops.stops(0).drone(), "tello1");
   EXPECT_EQ(stops.stops(1).drone(), "tello2");
@@ -226,29 +226,29 @@ TEST_F(StopTest, AStopKeepsTheLease) {
   EXPECT_EQ(control("tello1").epoch(), epoch);
 }
 
-TEST_F(StopTest, FoldedTheContractTakesOnlyLanding) {
+TEST_F(StopTest, OnceStopsAreAppliedTheContractTakesOnlyLanding) {
   stop(pilot);
   EXPECT_EQ(command().status, 200) << "the lease does not know yet; agent refuses it";
-  EXPECT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
-  EXPECT_EQ(stub.event_name, "fold");
+  EXPECT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
+  EXPECT_EQ(stub.event_name, "apply_stops");
   EXPECT_THAT(command().message, HasSubstr("stopped by Org2MSP CN=pilot"));
   EXPECT_EQ(command(LAND).status, 200);
-  resume(pilot);
+  clear_stop(pilot);
   EXPECT_EQ(command().status, 200);
 }
 
-TEST_F(StopTest, TheDronesHostAloneFoldsAndOnlyWhatChangesIsWritten) {
+TEST_F(StopTest, TheDronesHostAloneAppliesStopsAndOnlyWhatChangesIsWritten) {
   for (const auto& who : {pilot, chief, guard, admin1, other}) {
-    EXPECT_THAT(stub.call(who, "fold", {"tello1"}).message,
-                StartsWith("tello1: enrolled to Org1MSP CN=host, who alone folds it"));
+    EXPECT_THAT(stub.call(who, "apply_stops", {"tello1"}).message,
+                StartsWith("tello1: enrolled to Org1MSP CN=host, who alone applies its stops"));
   }
-  EXPECT_EQ(stub.call(host, "fold", {"tello1", "tello2"}).status, 200);
+  EXPECT_EQ(stub.call(host, "apply_stops", {"tello1", "tello2"}).status, 200);
   EXPECT_THAT(stub.writes, IsEmpty());
   stop(guard);
-  EXPECT_EQ(stub.call(host, "fold", {"tello1", "tello2"}).status, 200);
+  EXPECT_EQ(stub.call(host, "apply_stops", {"tello1", "tello2"}).status, 200);
   ASSERT_EQ(stub.writes.size(), 1U);
   EXPECT_THAT(stub.writes.begin()->first, StartsWith("lease/"));
-  EXPECT_EQ(stub.call(host, "fold", {"tello1"}).status, 200);
+  EXPECT_EQ(stub.call(host, "apply_stops", {"tello1"}).status, 200);
   EXPECT_THAT(stub.writes, IsEmpty());
   const auto event = parsed<Controls>(stub.event_payload);
   ASSERT_EQ(event.controls_size(), 1);
@@ -282,7 +282,7 @@ TEST_F(StopTest, MoreStoppersThanOneReadGivesAreAllFound) {
     ASSERT_EQ(stop(one), 200);
   }
   EXPECT_EQ(control("tello1").stoppers_size(), 150);
-  EXPECT_EQ(resume(chief), 200);
+  EXPECT_EQ(clear_stop(chief), 200);
   EXPECT_EQ(control("tello1").stoppers_size(), 0);
 }
 

@@ -28,7 +28,7 @@ class VersionTest : public ContractTest {
     stub.state = std::move(before);
     stub.policies.clear();
   }
-  Response fold(const std::string& drone) { return stub.call(host, "fold", {drone}); }
+  Response apply_stops(const std::string& drone) { return stub.call(host, "apply_stops", {drone}); }
   std::vector<std::string> without_policy(const std::string& kind) const {
     std::vector<std::string> keys;
     for (const auto& [key, value] : stub.state) {
@@ -56,20 +56,21 @@ TEST_F(VersionTest, WhatIsMadeTodayHasItsKeepersPolicy) {
   }
 }
 
-TEST_F(VersionTest, AFoldOfTheHostRenewsWhatFliesAndTheLeaseGoesOn) {
+TEST_F(VersionTest, ApplyStopsOfTheHostRenewsWhatFliesAndTheLeaseGoesOn) {
   stub.call(pilot, "acquire", {"tello1"});
   go_back();
-  EXPECT_THAT(command(pilot, 1).message, HasSubstr("its host's fold renews"));
-  ASSERT_EQ(fold("tello1").status, 200);
+  EXPECT_THAT(command(pilot, 1).message, HasSubstr("its host's apply_stops renews"));
+  ASSERT_EQ(apply_stops("tello1").status, 200);
   for (const char* kind : {"host", "frame", "lease", "pilot"}) {
     for (const std::string& key : without_policy(kind)) EXPECT_THAT(key, StartsWith("lease/")) << "the old one stays";
   }
   for (const char* kind : {"control", "owner", "grant", "request"}) {
     EXPECT_TRUE(stub.policies.contains(std::string(kind) + "/tello1")) << kind;
-    EXPECT_FALSE(stub.policies.contains(std::string(kind) + "/tello2")) << kind << ": nobody has folded that one";
+    EXPECT_FALSE(stub.policies.contains(std::string(kind) + "/tello2"))
+        << kind << ": nobody has called apply_stops for that one";
   }
   EXPECT_EQ(command(pilot, 1).status, 200) << "under the same epoch";
-  ASSERT_EQ(fold("tello1").status, 200);
+  ASSERT_EQ(apply_stops("tello1").status, 200);
   EXPECT_TRUE(stub.new_policies.empty()) << "a policy is set once";
 }
 
@@ -77,9 +78,9 @@ TEST_F(VersionTest, AStopFromBeforeStillStands) {
   stub.call(pilot, "acquire", {"tello1"});
   stub.call(guard, "stop", {"tello1"});
   go_back();
-  ASSERT_EQ(fold("tello1").status, 200);
+  ASSERT_EQ(apply_stops("tello1").status, 200);
   EXPECT_THAT(command(pilot, 1).message, HasSubstr("stopped by Org1MSP CN=guard"));
-  ASSERT_EQ(stub.call(guard, "resume", {"tello1"}).status, 200);
+  ASSERT_EQ(stub.call(guard, "clear_stop", {"tello1"}).status, 200);
   EXPECT_EQ(command(pilot, 1).status, 200);
 }
 
@@ -95,7 +96,7 @@ TEST_F(VersionTest, AStateMakesNoPolicyAndClaimsNone) {
   go_back();
   ASSERT_EQ(set(host, {asset("tello1/odom")}, true).status, 200);
   EXPECT_TRUE(stub.policies.empty());
-  ASSERT_EQ(fold("tello1").status, 200);
+  ASSERT_EQ(apply_stops("tello1").status, 200);
   EXPECT_FALSE(stub.policies.empty()) << "the host's record that the state has written is still an old one";
   EXPECT_THAT(without_policy("host"), ::testing::IsEmpty());
 }

@@ -31,7 +31,7 @@ struct Client {
   bool grants = false;  ///< an administrator, whose calls read what they write; else a host with its stream
   std::string drone;
   std::string wanted, acknowledged;  ///< what is to be written, and what was
-  std::string tx_id;                 ///< under way; empty: none
+  std::string tx_id;                 ///< in flight; empty: none
   TimeNs rest_until_ns = 0;
   int stale_in_a_row = 0;
 };
@@ -233,7 +233,7 @@ class World {
     if (payload_of(reply).empty()) {
       if (!by_endorser) client.stale_in_a_row = 0;  // that call has had another end
       if (leaves || !channel_.peer.approves()) return;
-      // Whoever refuses a good call by a state of before is asked once more; nobody may refuse it for ever.
+      // One that refuses a good call because of an older state is asked once more; none may refuse it for ever.
       EXPECT_TRUE(by_endorser) << "the stock peer refuses: " << reply.message;
       client.rest_until_ns = now_.monotonic_ns + rest_ns;
       return;
@@ -362,11 +362,11 @@ class World {
     }
     for (const auto& [tx_id, times] : valid) EXPECT_EQ(times, 1) << tx_id;
     // One that starts from nothing knows all that was acknowledged.
-    Machine anew(channel_, random_);
-    anew.start(good_identity());
-    anew.set_connected(true);
-    anew.step(0, now_);
-    EXPECT_FALSE(anew.failed()) << anew.why();
+    Machine second(channel_, random_);
+    second.start(good_identity());
+    second.set_connected(true);
+    second.step(0, now_);
+    EXPECT_FALSE(second.failed()) << second.why();
     channel_.peer.approve();
     for (Client& client : clients_) {
       const bool leaves = left_ && client.who == &people().hosts.back();
@@ -375,9 +375,9 @@ class World {
       }
       const auto question =
           propose(people().hosts[0], "get", client.grants ? "control/" + client.drone : client.drone + "/a");
-      (void)anew.process_proposal(question.signed_proposal, now_);  // first it agrees with the peer
-      anew.step(0, now_);
-      const Reply own = anew.process_proposal(question.signed_proposal, now_);
+      (void)second.process_proposal(question.signed_proposal, now_);  // first it agrees with the peer
+      second.step(0, now_);
+      const Reply own = second.process_proposal(question.signed_proposal, now_);
       const Reply peers = channel_.peer.process_proposal(question.signed_proposal, now_);
       ASSERT_EQ(own.code, Code::ok) << own.message;
       EXPECT_EQ(compare(own.bytes, peers.bytes), Comparison::same);

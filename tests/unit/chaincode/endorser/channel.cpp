@@ -100,12 +100,12 @@ std::vector<int> StockPeer::take(common::Block& block) {
   const std::uint64_t number = block.header().number();
   if (const auto config = fabric::read_channel_config(block)) {
     members_ = crypto::make_msp_registry(library, fabric::everybody(*config));
-    judged_.configure(*config);
+    key_state_.configure(*config);
     endorser_.set_members(
         node::MemberCheck(crypto::make_msp_registry(library, config->organisations), config_.channel));
   }
-  const auto verdicts = judge_transactions(block, judged_, *members_, {});
-  judged_.apply(number, verdicts);
+  const auto verdicts = validate_transactions(block, key_state_, *members_, {});
+  key_state_.apply(number, verdicts);
   std::vector<int> codes;
   std::string flags;
   for (std::size_t i = 0; i < verdicts.size(); ++i) {

@@ -6,13 +6,14 @@
 #include <vector>
 
 #include "chaincode/node/core/endorser.hpp"
-#include "common/fabric/judge/block_judge.hpp"
-#include "common/fabric/judge/key_state.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "tests/unit/common/fabric/judge/drafts.hpp"
-#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+#include "common/fabric/validation/block_validator.hpp"
+#include "common/fabric/validation/key_state.hpp"
+#include "tests/unit/common/fabric/validation/drafts.hpp"
+#include "tests/unit/common/fabric/validation/signed_chain.hpp"
 
-/// A channel of Fabric's in process: its orderer, and the peers' half that judges and answers, with real certificates.
+/// A channel of Fabric's in process: its orderer, and the peers' half that validates and answers, with real
+/// certificates.
 namespace ledgerline::endorser {
 
 inline constexpr auto library = crypto::Library::libcrypto;
@@ -44,12 +45,13 @@ struct People {
 };
 const People& people();
 
-/// A stock peer: it takes each block at once, judges it, and answers proposals in the name of the three organisations'
-/// peers. Apart from the contract and the one judge of transactions it shares nothing with the endorser.
+/// A stock peer: it takes each block at once, validates it, and answers proposals in the name of the three
+/// organisations' peers. Apart from the contract and the one validator of transactions it shares nothing with the
+/// endorser.
 class StockPeer {
  public:
   StockPeer();
-  /// Judges and takes the block; writes its flags into it.
+  /// Validates and takes the block; writes its flags into it.
   std::vector<int> take(common::Block& block);
   /// Its organisation approves what is defined.
   void approve() { approved_ = definition_.sequence; }
@@ -67,7 +69,7 @@ class StockPeer {
 
  private:
   const node::CoreConfig config_;
-  fabric::KeyState judged_;
+  fabric::KeyState key_state_;
   std::unique_ptr<crypto::MspRegistry> members_;
   node::Ledger ledger_;
   node::Definition definition_;

@@ -18,7 +18,7 @@ using node::note;
 using node::Reply;
 using ::testing::HasSubstr;
 
-fabric::BlockJudge::MakeRegistry test_members() {
+fabric::BlockValidator::MakeRegistry test_members() {
   return [](const std::vector<crypto::MspRoot>& roots) {
     std::vector<std::string> ids;
     for (const crypto::MspRoot& root : roots) ids.push_back(root.msp_id);

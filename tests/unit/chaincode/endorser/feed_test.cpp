@@ -31,7 +31,7 @@ TEST(Feed, TheOwnStreamBringsWhatWasBeforeTheSharedOne) {
   EXPECT_TRUE(tell(feed, Source::shared, 6, height));
 }
 
-TEST(Feed, WhoeverIsFirstBringsABlock) {
+TEST(Feed, TheFirstSourceOfABlockCounts) {
   Feed feed;
   std::uint64_t height = 7;
   feed.shared_connected(true);
@@ -59,7 +59,7 @@ TEST(Feed, ASharedStreamThatIsGoneIsNotJoined) {
   for (std::uint64_t n = 3; n < 8; ++n) EXPECT_TRUE(tell(feed, Source::own, n, height));
   EXPECT_FALSE(feed.joins(height));
   feed.shared_connected(true);
-  EXPECT_TRUE(feed.joins(height)) << "it goes on behind the last that it told";
+  EXPECT_TRUE(feed.joins(height)) << "it continues after the last one that it delivered";
 }
 
 TEST(Feed, AGapIsNotPassedOver) {

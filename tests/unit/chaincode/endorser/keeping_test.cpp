@@ -18,7 +18,7 @@ TEST(Keeping, WhatThePeerHasReportedIsWrittenAtOnce) {
 
 TEST(Keeping, WhatAnOrdererAloneHasReportedWaitsForThePeer) {
   Keeping keeping;
-  EXPECT_FALSE(keeping.offer(of(5))) << "the peer has told nothing yet";
+  EXPECT_FALSE(keeping.offer(of(5))) << "the peer has reported nothing yet";
   EXPECT_FALSE(keeping.reported(4, "h"));
   const auto due = keeping.reported(5, "h");
   ASSERT_TRUE(due);

@@ -4,8 +4,8 @@ namespace ledgerline::endorser {
 
 void Machine::start(const Member& as) {
   identity_ = &as;
-  core_ = std::make_unique<Core>(Core::Setup{{}, as.identity, fabric::BlockJudge::registry_of(library)});
-  judge_ = *fabric::BlockJudge::from(channel_.blocks.front(), "teleop", library);
+  core_ = std::make_unique<Core>(Core::Setup{{}, as.identity, fabric::BlockValidator::registry_of(library)});
+  validator_ = *fabric::BlockValidator::from(channel_.blocks.front(), "teleop", library);
   readiness_ = {};
   checks_.clear();
   why_.clear();
@@ -14,7 +14,7 @@ void Machine::start(const Member& as) {
 bool Machine::show(const std::string& raw) {
   common::Block message;
   message.ParseFromString(raw);
-  Status status = judge_->judge(message);
+  Status status = validator_->validate(message);
   const auto block = fabric::decode_block(raw);
   if (status && !block) status = block.error();
   if (status) status = core_->take(*block, raw);

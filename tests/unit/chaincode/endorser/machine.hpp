@@ -11,9 +11,9 @@
 
 namespace ledgerline::endorser {
 
-/// The endorser's process without its threads: the core with its rules of readiness, fed by a stream that judges whose
-/// blocks they are, as shell/service does. It may be killed, lag, lose its stream, and be shown what is no block of the
-/// channel's.
+/// The endorser's process without its threads: the core with its rules of readiness, fed by a stream that validates
+/// whose blocks they are, as shell/service does. It may be killed, lag, lose its stream, and be shown what is no block
+/// of the channel's.
 class Machine {
  public:
   Machine(Channel& channel, Random& random) : channel_(channel), random_(random) {}
@@ -51,7 +51,7 @@ class Machine {
   Random& random_;
   const Member* identity_ = nullptr;
   std::unique_ptr<Core> core_;
-  std::optional<fabric::BlockJudge> judge_;
+  std::optional<fabric::BlockValidator> validator_;
   Readiness readiness_;
   std::string why_;
   std::deque<Check> checks_;

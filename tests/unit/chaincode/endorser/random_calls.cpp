@@ -112,9 +112,9 @@ fabric::Call Calls::state() {
 
 fabric::Call Calls::any() {
   static const std::vector<std::string> functions{
-      "set",     "set",     "set",     "set",     "delete", "get",       "get",     "get",    "command",
-      "command", "acquire", "release", "request", "deny",   "hand_over", "stop",    "resume", "fold",
-      "evict",   "enroll",  "revoke",  "grant",   "anchor", "verify",    "nothing", "claim",  "unclaim"};
+      "set",     "set",     "set",     "set",     "delete", "get",       "get",     "get",        "command",
+      "command", "acquire", "release", "request", "deny",   "hand_over", "stop",    "clear_stop", "apply_stops",
+      "evict",   "enroll",  "revoke",  "grant",   "anchor", "verify",    "nothing", "claim",      "unclaim"};
   const std::string& function = functions[pick(functions.size())];
   if (pick(20) == 0) return {function, {word()}};
   if (pick(40) == 0) return {function, {}};

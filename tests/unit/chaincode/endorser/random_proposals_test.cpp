@@ -58,14 +58,14 @@ class RandomProposals : public ::testing::Test {
   }
   static std::unique_ptr<Core> make_core() {
     return std::make_unique<Core>(
-        Core::Setup{{}, people().endorsers[0].identity, fabric::BlockJudge::registry_of(library)});
+        Core::Setup{{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)});
   }
   /// With what the peer's snapshot of now says, in place of all blocks.
   void restart() {
     const auto said = read_peer_snapshot(snapshot_of(*snapshot_from(core_->snapshot())), {}, {});
     ASSERT_TRUE(said.ok()) << said.error().what;
-    auto judge = fabric::BlockJudge::from(channel_.blocks[0], "teleop", library);
-    const auto config = confirm(*said, *judge, [this](std::uint64_t number) {
+    auto validator = fabric::BlockValidator::from(channel_.blocks[0], "teleop", library);
+    const auto config = confirm(*said, *validator, [this](std::uint64_t number) {
       common::Block block;
       block.ParseFromString(channel_.blocks.at(number));
       return block;

@@ -45,7 +45,7 @@ TEST(Readiness, AStreamThatIsGoneTakesItAway) {
   EXPECT_FALSE(one.ready(3)) << "blocks may have come meanwhile";
 }
 
-TEST(Readiness, ANewDefinitionIsAgreedAnew) {
+TEST(Readiness, ANewDefinitionIsAgreedAgain) {
   Readiness one;
   EXPECT_FALSE(one.agreed(std::nullopt)) << "nor does it sign at its start, on the embedded node either";
   one = agreed_at(first);

@@ -24,7 +24,7 @@ using ::testing::HasSubstr;
 using ::testing::Pair;
 using Message = protos::ChaincodeMessage;
 
-/// Answers as a peer does, at once or when told.
+/// Answers as a peer does, at once or on request.
 class FakePeer {
  public:
   explicit FakePeer(Invoke invoke, int threads = 4) : workers_(std::make_unique<Workers>(threads)) {

@@ -59,7 +59,7 @@ TEST_F(LogRingTest, WritesWhatIsLoggedInItsOrder) {
 }
 
 // Before there was a ring this test would not end.
-TEST_F(LogRingTest, AReaderThatStandsStillKeepsNobodyFromLoggingAndIsReportedWhatItMissed) {
+TEST_F(LogRingTest, AReaderThatStandsStillKeepsNobodyFromLoggingAndLearnsWhatItMissed) {
   fill_pipe();
   for (int i = 0; i < 1'000; ++i) logger_->info("line {:04}", i);  // 21 bytes each
   const std::string text = read_until("stood still\n");

@@ -117,7 +117,7 @@ TEST_F(DownlinkTest, GapsInASequenceAreCounted) {
   EXPECT_EQ(downlink->topics()[0].counters.missing, 3U);
 }
 
-TEST_F(DownlinkTest, ABridgeThatWasStartedAgainCountsAnewAndItsFormerLifeIsOver) {
+TEST_F(DownlinkTest, ARestartedBridgeCountsFromOneAndItsFormerLifeIsOver) {
   take({set({asset("Org2MSP/a", 5, 1)})});
   EXPECT_THAT(take({set({asset("Org2MSP/a", 1, 2), asset("Org2MSP/a", 6, 1)})}), ElementsAre("/a=1"));
   EXPECT_EQ(refused(Refusal::duplicate), 1U);
@@ -273,7 +273,7 @@ TEST_F(DownlinkTest, AnIdThatTheContractRefusesIsNotKeptAndSpoilsNoReport) {
     downlink->on_values(real_now, values, out);
   }
   EXPECT_EQ(downlink->topics().size(), 1U);
-  EXPECT_EQ(downlink->invalid_transactions(), 3U);
+  EXPECT_EQ(downlink->unverified_transactions(), 3U);
   EXPECT_NO_THROW((void)report(*downlink).dump());
 }
 

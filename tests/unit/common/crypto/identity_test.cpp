@@ -290,7 +290,7 @@ TEST_F(LoadIdentity, ALockedKeyNeedsItsPassPhraseAndAnOpenOneIsRefused) {
     auto identity = load_locked_identity(Library::mbedtls, "Org1MSP", dir_, phrase);
     return identity ? "loaded" : identity.error().what;
   };
-  EXPECT_NE(load("open").find("not locked"), std::string::npos) << "whoever reads the disk could sign with it";
+  EXPECT_NE(load("open").find("not locked"), std::string::npos) << "anybody who reads the disk could sign with it";
   const std::string locked = lock_key(user_.key_pem, "open sesame").value();
   EXPECT_NE(locked.find("BEGIN ENCRYPTED PRIVATE KEY"), std::string::npos);
   write(user_.certificate_pem, locked);

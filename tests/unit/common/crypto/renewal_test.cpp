@@ -28,8 +28,8 @@ class RenewalOfACertificate : public testing::Test {
     return pair_of(one.key_pem, one.certificate_pem);
   }
   std::string refusal(const Result<Renewal::Pair>& found, std::int64_t at_s) {
-    const Status judged = renewal_.judge(found, at_s);
-    return judged ? "taken" : judged.error().what;
+    const Status checked = renewal_.check(found, at_s);
+    return checked ? "taken" : checked.error().what;
   }
 
   const KeyAndCertificate ca_ = make_ca("ca.org1", "org1").value();
@@ -54,7 +54,7 @@ TEST_F(RenewalOfACertificate, OneOfAnotherSubjectIsRefused) {
   EXPECT_NE(refusal(pair_of(issued("crow", 100)), now_s_).find("of another subject, CN=crow,OU=client"),
             std::string::npos);
   Renewal any("TLS", "", end_s);
-  EXPECT_TRUE(any.judge(pair_of(issued("crow", 100)), now_s_));
+  EXPECT_TRUE(any.check(pair_of(issued("crow", 100)), now_s_));
 }
 
 TEST_F(RenewalOfACertificate, OneThatHasEndedOrNotBegunIsRefused) {

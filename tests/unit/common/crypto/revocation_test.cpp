@@ -50,7 +50,7 @@ TEST_F(Revocation, AListThatNamesNoKeyEndsTheWholeMspAsInFabric) {
     EXPECT_NE(said_of(next_, list).find(nameless), std::string::npos);
     EXPECT_NE(said_of(peer_, list).find(nameless), std::string::npos);
     EXPECT_NE(said_of(next_, list_of(ca_, peer_.certificate_pem) + list).find(nameless), std::string::npos);
-    // whoever has signed it
+    // whichever authority signed it
     EXPECT_NE(said_of(next_, list_of(other_ca_, peer_.certificate_pem, named)).find(nameless), std::string::npos);
     EXPECT_FALSE(lists_name_key(list));
   }

@@ -170,7 +170,7 @@ TEST(DdsConfig, AnInterfaceThatCannotBeUsedIsNamedWithItsCure) {
   EXPECT_EQ(alone.error().what, "DDS: the network interface 'lo' is down; run: ip link set lo up");
 }
 
-TEST(DdsConfig, ADomainThatDoesNotStartTellsWhy) {
+TEST(DdsConfig, ADomainThatDoesNotStartReportsWhy) {
   const std::string full = why_no_domain(3, "Failed to find a free participant index for domain 3");
   EXPECT_THAT(full, HasSubstr("have taken every participant's ports of this domain (UDP, from 8160; "));
   EXPECT_THAT(full, HasSubstr("room for 120 programs"));

@@ -45,9 +45,9 @@ class Topics : public testing::Test {
     if (!made) throw std::runtime_error(made.error().what);
     return std::move(*made);
   }
-  /// What was told n-th.
+  /// The n-th notification.
   DiscoveredTopic reported(std::size_t n) {
-    if (!seen_.wait_for(n + 1)) throw std::runtime_error("nothing more was told");
+    if (!seen_.wait_for(n + 1)) throw std::runtime_error("no further notification came");
     return seen_.items()[n];
   }
 

@@ -92,7 +92,7 @@ TEST(Outsiders, BehindANetworkInterfaceAreNotHeardAndNeighboursOnThisHostAre) {
   ASSERT_TRUE(reader) << reader.error().what;
 
   ASSERT_TRUE(start_sayer(outsider, street.pid(), "10.88.1.1", size_of_outsiders));
-  // Whoever is heard once is answered, and then says its topics.
+  // A participant that is heard once is answered, and then announces its topics.
   EXPECT_TRUE(eventually([&] { return dropped() > 0 || of_outsider > 0; })) << "the outsider says nothing";
   EXPECT_GT(dropped(), 0U);
   ASSERT_TRUE(start_sayer(neighbour, ::getpid(), "127.0.0.1", size_of_neighbours));

@@ -140,6 +140,18 @@ TEST(ACommandLineWithVerbs, SaysWhatAWordMayBecome) {
   EXPECT_EQ(completed({}), "stop\nshow\n");
 }
 
+TEST(ACommandLineWithVerbs, NamesTheNewVerbInPlaceOfAnOldOne) {
+  std::vector<std::string> names;
+  CommandLine line("control", "", "");
+  line.verb("clear_stop", "").option("NAME", names, "").required();
+  line.renamed_verb("resume", "clear_stop");
+  const auto end = line.read({"resume", "tello1"});
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, exit_usage);
+  EXPECT_THAT(end->text, HasSubstr("resume is clear_stop now"));
+  EXPECT_FALSE(line.read({"clear_stop", "resume"})) << "a drone's name";
+}
+
 TEST(ACommandLineWithVerbs, MayDoWithoutOne) {
   bool json = false;
   std::vector<std::string> names;

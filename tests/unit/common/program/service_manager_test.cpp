@@ -95,7 +95,7 @@ TEST_F(ServiceManagerTest, IsFoundByAnAbstractNameToo) {
   EXPECT_EQ(heard(), "READY=1");
 }
 
-TEST_F(ServiceManagerTest, WhoAsksForNoWatchdogGetsNone) {
+TEST_F(ServiceManagerTest, AProgramThatRequestsNoWatchdogGetsNone) {
   listen(::testing::TempDir() + "/notify_" + std::to_string(::getpid()));
   auto unwatched = ServiceManager::from_environment();
   ASSERT_TRUE(unwatched.ok());
@@ -108,7 +108,7 @@ TEST_F(ServiceManagerTest, WhoAsksForNoWatchdogGetsNone) {
   EXPECT_EQ(heard(), "");
 }
 
-TEST_F(ServiceManagerTest, HearsOfAThreadOfItsOwnWhileTheWorkGoesOnAndNothingWhileItStandsStill) {
+TEST_F(ServiceManagerTest, IsNotifiedByAThreadWhileTheWorkProgressesAndNotWhileItStandsStill) {
   listen("@ledgerline/notify/" + std::to_string(::getpid()));
   ::setenv("WATCHDOG_USEC", "100000", 1);
   auto manager = ServiceManager::from_environment();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "common/msg/proto_json.hpp"
+#include "common/verification/control_events.hpp"
 
 namespace ledgerline::verification {
 namespace {
@@ -101,9 +102,26 @@ TEST(CheckEvent, AControlEventIsOfItsFunctionAndTheDronesThatWereAskedFor) {
   EXPECT_FALSE(check_event({"enroll", asked}, "enroll", controls.SerializeAsString()));
 }
 
-TEST(CheckEvent, AQuestionHasNoEventAndAForeignFunctionIsNotJudged) {
+TEST(ReadControlEvent, JsonOfBlocksWrittenBeforeIsReadByTheOldNames) {
+  const Args asked{R"({"drones":["tello1"],"resumes":[3]})"};
+  const auto stop = read_control_event({"stop", asked}, "stop", R"({"stops":[{"drone":"tello1","resumes":"3"}]})");
+  ASSERT_TRUE(stop);
+  EXPECT_EQ(std::get<DronesCall>(stop->asked).clears(0), 3U);
+  EXPECT_EQ(stop->stops.stops(0).clears(), 3U);
+  const auto clear = read_control_event({"resume", {"tello1"}}, "resume",
+                                        R"({"controls":[{"drone":"tello1","resumed":[{"resumes" : "4"}]}]})");
+  ASSERT_TRUE(clear);
+  EXPECT_EQ(clear->function, "clear_stop");
+  EXPECT_EQ(clear->controls.controls(0).cleared(0).clears(), 4U);
+  Stop lifted;
+  EXPECT_TRUE(parse_message(R"({"lifted":true,"drone":"resumes"})", lifted));
+  EXPECT_TRUE(lifted.cleared());
+  EXPECT_EQ(lifted.drone(), "resumes") << "a value is no name";
+}
+
+TEST(CheckEvent, AQuestionHasNoEventAndAForeignFunctionIsNotChecked) {
   EXPECT_TRUE(check_event({"get", {}}, "", ""));
-  EXPECT_FALSE(check_event({"get", {}}, "resume", "tello1"));
+  EXPECT_FALSE(check_event({"get", {}}, "clear_stop", "tello1"));
   EXPECT_FALSE(check_event({"history", {}}, "set", ""));
   EXPECT_TRUE(check_event({"transfer", {}}, "anything", "at all"));
 }

@@ -102,7 +102,7 @@ TEST(ControlStart, TheFirstBlockAsksForTheRecordsAndWaitsForThemWithThoseBehindI
   EXPECT_TRUE(start.on_read().empty());
 }
 
-TEST(ControlStart, WhereTheRecordsCannotBeReadTheNextBlockAsksForThemAnew) {
+TEST(ControlStart, WhereTheRecordsCannotBeReadTheNextBlockRequestsThemAgain) {
   ControlStart start;
   EXPECT_EQ(*start.on_block(block(1)), ControlStart::Next::read);
   start.restart();

@@ -65,7 +65,7 @@ class FlightByHand : public testing::Test {
     *controls.add_controls() = control_record("tello1", operator_name, 2);
     (void)block(control_event("acquire", {"tello1"}, controls.SerializeAsString()));
   }
-  /// What tello1 will be told then, upward, as the predictor has it.
+  /// What tello1 will be commanded then, upward, as the predictor has it.
   double sent_mps(TimeNs meant_ns) const { return core.controller(0)->predictor().until(meant_ns).sent_mps().z(); }
   FlightOutputs outcome(std::uint64_t id, Kind kind, const std::string& message = "", bool more = false) {
     const fabric::Outcome outcome = fabric::Outcome::failed(kind, message);
@@ -216,7 +216,7 @@ TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
   EXPECT_FALSE(again.news[0].state);
 }
 
-TEST_F(FlightByHand, AnAlarmOfADronesAgentIsNewsAndIsSaidAndCounted) {
+TEST_F(FlightByHand, AnAlarmOfADronesAgentIsPublishedReportedAndCounted) {
   const auto reported = [&](bool stands) {
     SetCall call;
     Asset* asset = call.add_assets();
@@ -256,7 +256,7 @@ TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   EXPECT_TRUE(block(event("set", "\xff\xff garbage")).traces.empty());
 }
 
-TEST_F(FlightByHand, ANewLeaseBeginsTheSequenceAnew) {
+TEST_F(FlightByHand, ANewLeaseRestartsTheSequence) {
   const auto first = states({1});
   (void)outcome(first.submissions[0].id, Kind::committed);
   Controls controls;
@@ -268,7 +268,7 @@ TEST_F(FlightByHand, ANewLeaseBeginsTheSequenceAnew) {
 }
 
 TEST_F(FlightByHand, AStartUnderARunningLeaseGoesOnBehindWhatWasFlown) {
-  EXPECT_GE(call_of(states({1}, 41)).plans(0).sequence(), 541u) << "plans that were under way have numbers, too";
+  EXPECT_GE(call_of(states({1}, 41)).plans(0).sequence(), 541u) << "plans that were in flight have numbers, too";
 }
 
 TEST_F(FlightByHand, AStopEndsTheFlightOfThatDroneAndItIsCommandedNoMore) {
@@ -374,7 +374,7 @@ TEST_F(FlightFarFromTheDrone, AtTwoHundredStatesASecondAPlanThatDoesNotComeIsMis
   EXPECT_NEAR(to_ms(core.delay_ns()), 10, 1);
 }
 
-TEST_F(FlightFarFromTheDrone, WhenPlansCameIsLearnedAnewUnderANewLease) {
+TEST_F(FlightFarFromTheDrone, PlanTimingIsLearnedAgainUnderANewLease) {
   exchange(60, 500 * ns_per_ms);
   EXPECT_NEAR(to_ms(core.delay_ns()), 500, 1);
   new_lease_of_tello1();

@@ -63,7 +63,7 @@ TEST(ManualFlight, HandedOverItWaitsAndHandedBackItFliesOn) {
   EXPECT_TRUE(world.core.ok());
 }
 
-TEST(ManualFlight, HoversWithoutAWordAndLandsOnOneAndFliesAgain) {
+TEST(ManualFlight, HoversWithoutACommandLandsOnOneAndFliesAgain) {
   Flying world;
   for (int round = 0; round < 2; ++round) {
     const auto before = world.drones[0].plans.size();
@@ -176,7 +176,7 @@ TEST(ManualFlight, NeedsNoPoseAndItsPlansAreInTheDronesFrame) {
   EXPECT_TRUE(blind.calls.back().plans(0).body_frame());
 }
 
-TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsSaidAndMayBeAskedAgain) {
+TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsReportedAndMayBeRequestedAgain) {
   FlightWorld blind(manual_config(1));
   FlightWorld::Drone& drone = blind.drones[0];
   drone.has_pose = drone.obeys_takeoff = false;
@@ -184,7 +184,7 @@ TEST(ManualFlight, WhatLinkRefusesWithoutAPoseIsSaidAndMayBeAskedAgain) {
   blind.run(1);
   blind.say(takeoff());
   blind.run(1.9);
-  EXPECT_TRUE(blind.notes.empty()) << "plans of before may be under way for so long";
+  EXPECT_TRUE(blind.notes.empty()) << "earlier plans may be in flight for so long";
   blind.run(0.3);
   ASSERT_EQ(blind.notes.size(), 1U);
   EXPECT_THAT(blind.notes[0], testing::AllOf(HasSubstr("tello1: no take-off: link refuses it (its pose is lost"),
@@ -239,7 +239,7 @@ TEST(ManualFlight, AStopGoesOutAtOnceAndStopsThatDroneAlone) {
   EXPECT_THAT(world.notes.back(), HasSubstr("it is stopped by"));
 }
 
-TEST(ManualFlight, AStopIsSaidAgainUntilTheLedgerHasItOrRefusesIt) {
+TEST(ManualFlight, AStopIsRepeatedUntilTheLedgerHasItOrRefusesIt) {
   Flying world;
   world.end_of_stops = Kind::unavailable;
   world.say({.drone = 0, .stop = true});
@@ -256,8 +256,8 @@ TEST(ManualFlight, AStopIsSaidAgainUntilTheLedgerHasItOrRefusesIt) {
   other.end_of_stops = Kind::refused;
   other.say({.drone = 0, .stop = true});
   other.run(1);
-  ASSERT_EQ(other.stops.size(), 2U) << "once with the count of its resumes, once without";
-  EXPECT_EQ(other.stops[1].resumes_size(), 0);
+  ASSERT_EQ(other.stops.size(), 2U) << "once with the count of its clears, once without";
+  EXPECT_EQ(other.stops[1].clears_size(), 0);
   EXPECT_THAT(other.notes.at(0), HasSubstr("no stop: as the test wants it"));
   other.run(5);
   EXPECT_EQ(other.core.status(0).phase, DronePhase::landed) << "its own plans land it, too";

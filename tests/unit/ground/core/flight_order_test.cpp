@@ -374,7 +374,7 @@ TEST(PilotOrder, AFlightAlongAPathThatWaitsIsEndedByALandingAndByAStop) {
   }
 }
 
-TEST(PilotOrder, VelocitiesThatWereHeldBackAreSaidAndNotFlown) {
+TEST(PilotOrder, VelocitiesThatWereHeldBackAreReportedAndNotFlown) {
   InAir world;
   world.say({.drone = 0, .late = 3});
   EXPECT_THAT(last_note(world), HasSubstr("held back on its way"));
@@ -503,7 +503,7 @@ TEST(PilotOrder, WhileItsPoseIsLostThePathWaits) {
   EXPECT_EQ(world.phase(), DronePhase::path);
 }
 
-TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndAWordAboutIt) {
+TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndIsReported) {
   FlightConfig config = order_config();
   config.path_factor = 0;  // half a minute
   config.controller.full_scale_mps = 0.1;

@@ -37,7 +37,7 @@ TEST(FlightVerification, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgn
   };
   EXPECT_EQ(give(outsider_name, false), 0u);
   EXPECT_EQ(give(host_name, true), 0u);
-  EXPECT_EQ(core.transactions().unverified, 2u);
+  EXPECT_EQ(core.transactions().states_unverified, 2u);
   EXPECT_GT(give(host_name, false), 0u);
 }
 
@@ -100,7 +100,7 @@ TEST_F(FlightBesideALyingPeer, AStateThatItsOwnerDidNotSignIsNotShown) {
 
 TEST_F(FlightBesideALyingPeer, ARecordInACallForSomethingElseChangesNothing) {
   Control taken = control_record("tello1", outsider_name, 99);
-  for (const char* name : {"enroll", "grant", "acquire", "release", "evict", "resume", "fold"}) {
+  for (const char* name : {"enroll", "grant", "acquire", "release", "evict", "clear_stop", "apply_stops"}) {
     fabric::Transaction lie = record_event(name, taken);
     lie.function = "set";
     (void)give(lie, host_name);

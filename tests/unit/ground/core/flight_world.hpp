@@ -236,7 +236,7 @@ class FlightWorld {
       }
       sample.yaw_rad = drone.model.motion.yaw_rad;
       for (std::size_t i = 0; i < 3; ++i)
-        sample.sent_velocity_mps[i] = static_cast<float>(drone.model.full_scale_mps[static_cast<int>(i)]);
+        sample.sent_velocity_mps[i] = static_cast<float>(drone.model.setpoint_mps[static_cast<int>(i)]);
       if (!drone.plans.empty()) sample.arrived_sequence = drone.plans.back().sequence();
       sample.arrived_ns = drone.arrived_ns;
       for (const DronePlan& plan : drone.plans) {

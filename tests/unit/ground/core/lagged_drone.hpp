@@ -23,7 +23,7 @@ class LaggedDrone {
   }
 
   Motion motion;
-  Eigen::Vector3d full_scale_mps = Eigen::Vector3d::Zero();  ///< the setpoint that it flies
+  Eigen::Vector3d setpoint_mps = Eigen::Vector3d::Zero();  ///< the setpoint that it flies
 
   /// As link would say it.
   StateSample state() const {
@@ -34,7 +34,7 @@ class LaggedDrone {
       const auto k = static_cast<std::size_t>(i);
       sample.position_m[k] = motion.position_m[i];
       sample.velocity_mps[k] = motion.velocity_mps[i];
-      sample.sent_velocity_mps[k] = static_cast<float>(full_scale_mps[i]);
+      sample.sent_velocity_mps[k] = static_cast<float>(setpoint_mps[i]);
     }
     sample.yaw_rad = motion.yaw_rad;
     return sample;
@@ -59,7 +59,7 @@ class LaggedDrone {
       }
     }
     for (int i = 0; i < 2; ++i) gust_[i] += -gust_[i] * dt_s + gust_mps_ * std::sqrt(2 * dt_s) * random_.normal();
-    full_scale_mps = wanted;
+    setpoint_mps = wanted;
     motion.velocity_mps += (wanted + gust_ - motion.velocity_mps) * dt_s / lag_s_;
     motion.position_m += motion.velocity_mps * dt_s;
     motion.yaw_rad += yaw_rate * dt_s;

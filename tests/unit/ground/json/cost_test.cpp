@@ -23,7 +23,7 @@ std::uint64_t steps = 0;
 /// The compiler has it called at each basic block of the reader (-fsanitize-coverage=trace-pc).
 extern "C" __attribute__((no_sanitize_coverage)) void __sanitizer_cov_trace_pc() { ++steps; }
 
-/// Whoever may send bytes must not make them dear: what reading them costs is bounded by how many there are.
+/// A sender must not make its bytes expensive: the cost of reading them is bounded by their number.
 namespace ledgerline::ground {
 namespace {
 

@@ -160,7 +160,7 @@ TEST_F(MissionCheck, StartsThatAreTooNear) {
   EXPECT_THAT(forbidden(), HasSubstr("drone tello1: at the start it is 0.50 m from tello2"));
 }
 
-TEST_F(MissionCheck, AnotherThatIsUnderWayMayBeAnywhereOnItsPath) {
+TEST_F(MissionCheck, AnotherThatIsRunningMayBeAnywhereOnItsPath) {
   now.push_back(hovering("tello3", 10, -3, 1.2));
   EXPECT_THAT(words(), IsEmpty());
   now.back().phase = DronePhase::path;
@@ -205,7 +205,7 @@ TEST_F(MissionCheck, FindingsAreBounded) {
   EXPECT_FALSE(findings.back().forbids) << "warnings all of them";
   mission.drones[0].waypoints.push_back(at(30, 0));
   findings = check(mission, config, now);
-  EXPECT_TRUE(findings.back().forbids) << "one of those that are not told";
+  EXPECT_TRUE(findings.back().forbids) << "one of those that are not reported";
 }
 
 // What check() lets pass FlightCore flies.

@@ -18,7 +18,7 @@ inline Mission two_drones() {
           {flown_by("tello1", {at(0, 0), at(1, 0), at(2, 0)}), flown_by("tello2", {at(0, 2), at(2, 2)}, true)}};
 }
 
-/// A flight of tello3, which has no part in it, tello1 and tello2, that does at once what it is told.
+/// A flight of tello3, which has no part in it, tello1 and tello2, that obeys at once.
 struct Flight {
   explicit Flight(RunConfig config_ = {}, Mission mission = two_drones())
       : config(config_), run(*MissionRun::make(std::move(mission), config)) {

@@ -12,7 +12,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-/// Under way: tello1 has two of its three waypoints behind it, tello2 one of two.
+/// In progress: tello1 has two of its three waypoints behind it, tello2 one of two.
 struct Killed : Flight {
   explicit Killed(AfterRestart rule, RunConfig settings = {}) : Flight(settings) {
     to_paths();
@@ -169,7 +169,7 @@ TEST(MissionRestored, ItHoversIfItsApprovalsCannotBeRead) {
   EXPECT_THAT(flight.reported(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
 }
 
-// Whoever can write the kept file must not fly a path that nobody has approved.
+// A writer of the saved file must not be able to fly a path that nobody approved.
 TEST(MissionRestored, WhatIsNotApprovedHovers) {
   Killed flight(AfterRestart::go_on);
   flight.run.set_approvals(std::vector<Approval>{{first_signer, crypto::Digest{}}});
@@ -228,7 +228,7 @@ TEST(MissionRestored, NobodyTakesOffByItself) {
   EXPECT_THAT(standing_ones.commanded(), ElementsAre("tello1 takeoff", "tello2 takeoff"));
 }
 
-TEST(MissionRestored, WhoeverIsFoundOnTheGroundOrIsNotFoundIsLost) {
+TEST(MissionRestored, ADroneThatIsOnTheGroundOrNotFoundIsLost) {
   Killed flight(AfterRestart::go_on, {.on_loss = OnLoss::go_on});
   flight.lands("tello1");
   flight.step();
@@ -263,7 +263,7 @@ TEST(MissionRestored, OneThatWasLandingAtItsEndAndHasLandedIsNoLoss) {
   EXPECT_THAT(flight.reported(), Contains("tello2: mission survey: it has landed"));
 }
 
-TEST(MissionRestored, AnAbortedOneLandsWhoeverIsStillInTheAir) {
+TEST(MissionRestored, AnAbortedOneLandsAllThatAreStillInTheAir) {
   Flight flight;
   flight.to_paths();
   ASSERT_TRUE(flight.run.end("enough"));

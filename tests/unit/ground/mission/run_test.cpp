@@ -81,7 +81,7 @@ TEST(MissionRun, StartNeedsApprovalsOfThisDigestByDifferentSigners) {
   EXPECT_TRUE(flight.run.start({}));
 }
 
-TEST(MissionRun, AChangedMissionIsToBeApprovedAnew) {
+TEST(MissionRun, AChangedMissionMustBeApprovedAgain) {
   Flight flight;
   Mission changed = two_drones();
   changed.drones[0].waypoints[2].at_m.x() += 1e-9;
@@ -243,7 +243,7 @@ TEST(MissionRun, ADroneThatItsFailsafeBrakesForAMomentIsWaitedForAndCommandedAga
   EXPECT_EQ(flight.drone("tello2").phase, DronePhase::path);
 }
 
-TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
+TEST(MissionRun, ADroneThatDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   Flight flight;
   flight.deaf = "tello1";
   ASSERT_TRUE(flight.run.start({}));
@@ -270,7 +270,7 @@ TEST(MissionRun, WhoeverDoesNotTakeOffOrDoesNotBeginItsPathIsLost) {
   EXPECT_THAT(other.commanded(), ElementsAre("tello1 pause"));
 }
 
-TEST(MissionRun, WhoeverWasFlownElsewhereWhileItWaitedIsLost) {
+TEST(MissionRun, ADroneThatWasFlownElsewhereWhileItWaitedIsLost) {
   Flight flight;
   flight.to_paths();
   ASSERT_TRUE(flight.run.pause());

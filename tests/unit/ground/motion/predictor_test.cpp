@@ -16,7 +16,7 @@ PredictorConfig knowing(const Response& response) {
   PredictorConfig config;
   config.first = response;
   config.learn = false;
-  config.sent_acceleration_mps2 = 1e3;  // the drone of these tests is told in steps
+  config.sent_acceleration_mps2 = 1e3;  // the drone of these tests is commanded in steps
   return config;
 }
 
@@ -57,7 +57,7 @@ struct World {
           expected.push_back({rollout.effect().stamp_ns, rollout.effect().position_m});
         }
       }
-      // What is flown is the same for every plan: what is told at a moment depends on that moment alone.
+      // What is flown is the same for every plan: what is commanded at a moment depends on that moment alone.
       const TimeNs meant_ns = (drone.now_ns - late_ns) / (50 * ns_per_ms) * (50 * ns_per_ms);
       drone.sent =
           drone.now_ns - late_ns < 100 * ns_per_s + delay_ns ? Eigen::Vector3d(0, 0, 0) : around_a_square(meant_ns);
@@ -236,7 +236,7 @@ TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
   EXPECT_NEAR(rollout.sent_mps().x(), 0.5, 1e-6);
 }
 
-TEST(Predictor, AJumpOrALongPauseStartsTheFilterAnew) {
+TEST(Predictor, AJumpOrALongPauseRestartsTheFilter) {
   Predictor predictor(knowing(known));
   for (int i = 1; i < 40; ++i) predictor.observe(at(i * state_period_ns, 0.02 * i), 0);
   predictor.observe(at(40 * state_period_ns, 5), 0);

@@ -48,7 +48,7 @@ TEST(Response, NothingIsLearnedFromADroneThatHoversInTheWind) {
   EXPECT_EQ(response.lag_s, first.lag_s);
 }
 
-TEST(Response, ADroneThatChangesIsLearnedAnew) {
+TEST(Response, ADroneThatChangesIsLearnedAgain) {
   ResponseEstimator estimator({});
   ReportedDrone first({1.0, 0.3, 0.1}), second({0.7, 0.3, 0.1});
   std::deque<std::pair<TimeNs, Eigen::Vector2d>> sent;

@@ -83,7 +83,7 @@ TEST(Track, ReachesTheSpeedThatItsSidesAllowAndSlowsForItsCorners) {
   EXPECT_NEAR(fastest, std::sqrt(corner * corner + a * (4 - 2 * radius_m)), 0.05);
 }
 
-TEST(Track, GainsSpeedNoFasterThanAToldVelocityCanLead) {
+TEST(Track, GainsSpeedNoFasterThanACommandedVelocityCanLead) {
   const Track square = track_of(Shape::square, 6, 1.0);
   for (double s = 0; s < square.length_m(); s += 0.01) {
     const auto place = square.at(s);

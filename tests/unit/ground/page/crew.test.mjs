@@ -40,13 +40,13 @@ test('a card shows what can be signed for its drone now', () => {
   assert.deepEqual(shown(held(alice), of_alice), ['release']);
   assert.deepEqual(shown(held(alice, false), of_alice), ['acquire', 'release']);
   assert.deepEqual(shown(held(bob), of_alice), ['request']);
-  assert.deepEqual(shown(held(bob, true, { stopped_by: [alice] }), of_alice), ['request', 'lift']);
+  assert.deepEqual(shown(held(bob, true, { stopped_by: [alice] }), of_alice), ['request', 'clear_stop']);
   for (const what of Object.keys(rules.CONTROLS)) assert.equal(rules.whyNotControl(what, held(bob), signed_out), rules.SIGN_IN);
   assert.match(rules.whyNotControl('request', held(bob, true, { requests: [{ msp: 'Org2MSP', subject: 'CN=alice@org2,OU=client', priority: 0 }] }), of_alice), /already/);
-  assert.match(rules.whyNotControl('lift', held(bob), of_alice, true), /landing/);
+  assert.match(rules.whyNotControl('clear_stop', held(bob), of_alice, true), /landing/);
 });
 
-test('what is told of an operator is told by name, and of nobody else', () => {
+test('what is reported of an operator names that operator and nobody else', () => {
   assert.equal(rules.named(`stopped by ${alice}, ${bob}`, of_alice), 'stopped by alice, bob');
   assert.equal(rules.named(`held by ${alice}, who lets ${ground} command it`, of_alice), `held by alice, who lets ${ground} command it`);
   for (const other of [`${alice}x`, `${alice},O=org3`]) assert.equal(rules.named(`held by ${other}`, of_alice), `held by ${other}`);
@@ -71,7 +71,7 @@ test('a finding forbids the start or warns, by sign and word', () => {
   assert.ok(words.isForbidden(mission({ findings: [fence, near] })));
   assert.ok(!words.isForbidden(mission({ findings: [fence] })));
   const approved = mission({ approvals: [alice, bob], phase: 'approved', findings: [near] });
-  assert.equal(words.whyNot('start', approved, of_alice), null, 'the drones may stand elsewhere by now: it is checked anew');
+  assert.equal(words.whyNot('start', approved, of_alice), null, 'the drones may stand elsewhere by now: it is checked again');
 });
 
 test('what is flown can be paused and landed, and not removed', () => {

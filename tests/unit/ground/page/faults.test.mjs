@@ -17,6 +17,6 @@ test('who does not look at the switches reads which are on', () => {
   assert.equal(panel.wordsOfFaults([silent, stalled], ''), '▲ On: tello1: Drone silent, Ledger stalled');
 });
 
-test('switches that nobody reaches are not said to be off', () => {
+test('switches that nobody reaches are not shown as off', () => {
   assert.equal(panel.wordsOfFaults([], 'not reached'), 'not reached');
 });

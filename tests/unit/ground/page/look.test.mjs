@@ -28,7 +28,7 @@ test('nobody can tell before two minutes and three percent', () => {
   assert.equal(timeLeft(null).words, '—');
 });
 
-test('only the last five minutes count, and a new battery begins anew', () => {
+test('only the last five minutes count, and a new battery starts again', () => {
   const battery = drained(10, 1);
   drained(5.1, 8, 90, battery, 600000); // it works harder now
   const left = battery.left_s();
@@ -46,7 +46,7 @@ test('one that is not known, or rises, is no time', () => {
   assert.equal(charged.left_s(), null);
 });
 
-test('little time is said as little, with a word and not a colour alone', () => {
+test('little time is shown as little, by text and not by colour alone', () => {
   assert.deepEqual(timeLeft(59), { words: 'less than a minute left', level: 'bad' });
   assert.deepEqual(timeLeft(119), { words: 'about 1 min left', level: 'bad' });
   assert.deepEqual(timeLeft(200), { words: 'about 3 min left', level: 'warn' });

@@ -86,7 +86,7 @@ TEST_F(Api, APathIsAnOrderWithItsWaypointsAndItsEnd) {
     EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/path", wrong).status, 400U) << wrong.substr(0, 60);
 }
 
-TEST_F(Api, StopAllStopsEveryDroneAndCutsOnlyWhereThatIsSaid) {
+TEST_F(Api, StopAllStopsEveryDroneAndCutsOnlyWhereRequested) {
   const ApiAnswer stop = ask("POST", "/api/v1/stop");
   ASSERT_THAT(stop.commands, SizeIs(2));
   for (std::size_t i = 0; i < 2; ++i) {
@@ -162,16 +162,16 @@ TEST_F(SignedIn, WithoutASessionNoMotorsAreCut) {
   EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/cut", "", 0).commands.at(0).cut);
 }
 
-TEST_F(SignedIn, WhatGroundHasStoppedByItselfAnOperatorMayLift) {
-  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello1/lift", "", 0).call->ground_too);
+TEST_F(SignedIn, WhatGroundHasStoppedByItselfAnOperatorMayClear) {
+  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello1/clear_stop", "", 0).call->ground_too);
   stopped_by_ground = {0};
-  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/lift", "", 0).call->ground_too);
-  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello2/lift", "", 0).call->ground_too);
-  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/lift").status, 403U);
+  EXPECT_TRUE(ask("POST", "/api/v1/drones/tello1/clear_stop", "", 0).call->ground_too);
+  EXPECT_FALSE(ask("POST", "/api/v1/drones/tello2/clear_stop", "", 0).call->ground_too);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop").status, 403U);
 }
 
 TEST_F(SignedIn, WithoutASessionThereAreOnlyLooksLandingsAndStops) {
-  for (const char* verb : {"takeoff", "pause", "resume", "return", "acquire", "release", "request", "lift"}) {
+  for (const char* verb : {"takeoff", "pause", "resume", "return", "acquire", "release", "request", "clear_stop"}) {
     const ApiAnswer refused = ask("POST", std::string("/api/v1/drones/tello1/") + verb);
     EXPECT_EQ(refused.status, 403U) << verb;
     EXPECT_TRUE(refused.commands.empty() && !refused.call) << verb;
@@ -213,7 +213,7 @@ TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
                              "drones/tello1/path",
                              "drones/tello1/acquire",
                              "drones/tello1/release",
-                             "drones/tello1/lift",
+                             "drones/tello1/clear_stop",
                              "session"}) {
     for (const char* method : {"GET", "POST", "DELETE"}) {
       const ApiAnswer refused = ask_over(method, std::string("/api/v1/") + target);
@@ -236,7 +236,7 @@ TEST_F(SignedIn, WhatAnOperatorSignsIsACall) {
       ask("POST", "/api/v1/drones/tello1/hand_over", R"({"to":{"msp":"Org2MSP","subject":"CN=bob"}})", 0);
   ASSERT_TRUE(over.call) << over.body;
   EXPECT_EQ(over.call->to, operators[1].identity);
-  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/lift", "", 0).call->kind, Kind::resume);
+  EXPECT_EQ(ask("POST", "/api/v1/drones/tello1/clear_stop", "", 0).call->kind, Kind::clear_stop);
   for (const auto& [verb, body] : {std::pair("acquire", R"({"priority":-1})"),
                                    std::pair("acquire", R"({"priority":1000000000})"), std::pair("hand_over", "{}"),
                                    std::pair("deny", R"({"to":"bob"})"), std::pair("release", R"({"priority":1})")}) {

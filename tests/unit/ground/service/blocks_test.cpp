@@ -39,7 +39,7 @@ TEST(Blocks, CountsWhatABlockHolds) {
   EXPECT_EQ(said["kinds"], json({{"set", 2}, {"command", 2}, {"stop", 1}}));
 }
 
-TEST(Blocks, WhoeverNamesAFunctionAsHeLikesIsOneOfTheOthers) {
+TEST(Blocks, AnUnknownFunctionNameCountsAmongTheOthers) {
   fabric::Transaction elsewhere = call("set", "host"), config;
   elsewhere.contract = "another";
   config.config = true;
@@ -59,6 +59,11 @@ TEST(Blocks, AnOrderersBlockHasNoFlagsAndIsNotInvalid) {
 TEST(Blocks, EveryFunctionThatWritesWhoMayDoWhatIsAKind) {
   for (const std::string_view function : contract::control_functions)
     EXPECT_NE(std::find(block_kinds.begin(), block_kinds.end(), function), block_kinds.end()) << function;
+}
+
+TEST(Blocks, AFunctionOfAnOldBlockCountsByItsNameOfToday) {
+  const json said = reported(summary_of(block_of(1, {call("fold", "x"), call("resume", "x")}), 0, "us", "ledgerline"));
+  EXPECT_EQ(said["kinds"], json({{"apply_stops", 1}, {"clear_stop", 1}}));
 }
 
 TEST(Blocks, AMessageHasThoseThatAreNotReported) {

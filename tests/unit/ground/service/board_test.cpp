@@ -20,7 +20,7 @@ FlightConfig manual_config(int drones) {
   return config;
 }
 
-/// What a client has been told, in words.
+/// What a client was sent, in words.
 std::vector<std::string> words(const std::vector<Event>& events) {
   std::vector<std::string> texts;
   for (const Event& event : events) texts.push_back(event.drone + ": " + event.text);
@@ -72,7 +72,7 @@ TEST(Board, OfAFlightAlongAPathItSaysThePathAndWhereTheDroneWillBe) {
   const auto paths = board.changed_paths(world.core);
   ASSERT_TRUE(paths);
   EXPECT_EQ(json::parse(*paths)["tello1"].size(), 5U) << "four corners, and the first again";
-  EXPECT_FALSE(board.changed_paths(world.core)) << "told once";
+  EXPECT_FALSE(board.changed_paths(world.core)) << "sent once";
   ASSERT_FALSE(drone["predicted"].is_null());
   const double ahead = std::hypot(drone["predicted"][0].get<double>() - drone["position"][0].get<double>(),
                                   drone["predicted"][1].get<double>() - drone["position"][1].get<double>());
@@ -80,7 +80,7 @@ TEST(Board, OfAFlightAlongAPathItSaysThePathAndWhereTheDroneWillBe) {
   EXPECT_LT(ahead, 1);
 }
 
-TEST(Board, AnEventSaysWhatChangedAndIsSaidOnce) {
+TEST(Board, AnEventSaysWhatChangedAndIsSentOnce) {
   FlightWorld world(manual_config(1));
   Board board;
   world.run(1);

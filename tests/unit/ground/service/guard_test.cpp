@@ -15,15 +15,15 @@ class GuardTest : public testing::Test {
     if (candidate == session) return {.session = SignIns::Session{.who = 1, .number = 7}};
     return {};
   }
-  Guard::Judged judge(const Head& head) const {
+  Guard::Admission admission_of(const Head& head) const {
     return guard.check(head, [&](std::string_view candidate) { return of_session(candidate); });
   }
-  unsigned check(const Head& head) const { return judge(head).refused.status; }
+  unsigned check(const Head& head) const { return admission_of(head).refused.status; }
   const std::string session = std::string(64, 'c'), ended = std::string(64, 'd');
   Head good() const { return {.host = "127.0.0.1:8800", .origin = "", .authorization = authorization}; }
 };
 
-TEST_F(GuardTest, HearsWhoKnowsTheTokenFromItsOwnPageOrFromNone) {
+TEST_F(GuardTest, AcceptsTheTokenFromItsOwnPageOrFromNone) {
   EXPECT_EQ(check(good()), 0U);
   Head head = good();
   head.origin = "http://127.0.0.1:8800";
@@ -62,31 +62,31 @@ TEST_F(GuardTest, RefusesWhoDoesNotKnowTheWholeToken) {
 TEST_F(GuardTest, ATokenOfASessionIsItsOperators) {
   const std::string authorization_of_session = "Bearer " + session, list = "ledgerline.v1, token." + session;
   Head head = good();
-  EXPECT_FALSE(judge(head).session) << "the page's own token is nobody's";
+  EXPECT_FALSE(admission_of(head).session) << "the page's own token is nobody's";
   head.authorization = authorization_of_session;
-  ASSERT_TRUE(judge(head).session);
-  EXPECT_EQ(judge(head).session->who, 1U);
+  ASSERT_TRUE(admission_of(head).session);
+  EXPECT_EQ(admission_of(head).session->who, 1U);
   head.origin = "http://evil.example";
   EXPECT_EQ(check(head), 403U);
-  EXPECT_FALSE(judge(head).session);
+  EXPECT_FALSE(admission_of(head).session);
   head = {.host = "127.0.0.1:8800", .subprotocols = list, .websocket = true};
-  ASSERT_TRUE(judge(head).session);
+  ASSERT_TRUE(admission_of(head).session);
 }
 
-TEST_F(GuardTest, ATokenWhoseSessionIsOverIsRefusedAndSaidToHaveBeenOne) {
+TEST_F(GuardTest, ATokenWhoseSessionIsOverIsRefusedAsAnEndedOne) {
   const std::string was = "Bearer " + ended, never = "Bearer " + std::string(64, 'e');
   Head head = good();
   head.authorization = was;
   EXPECT_EQ(check(head), 401U);
-  EXPECT_TRUE(judge(head).over);
-  EXPECT_FALSE(judge(head).session);
+  EXPECT_TRUE(admission_of(head).over);
+  EXPECT_FALSE(admission_of(head).session);
   head.origin = "http://evil.example";
   EXPECT_EQ(check(head), 403U);
-  EXPECT_FALSE(judge(head).over) << "another site's page is not heard with it, either";
+  EXPECT_FALSE(admission_of(head).over) << "another site's page is not heard with it, either";
   head = good();
   head.authorization = never;
   EXPECT_EQ(check(head), 401U);
-  EXPECT_FALSE(judge(head).over);
+  EXPECT_FALSE(admission_of(head).over);
 }
 
 TEST_F(GuardTest, AStreamNamesTheTokenAmongItsSubprotocolsAndNowhereElse) {

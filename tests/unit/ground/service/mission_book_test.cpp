@@ -150,7 +150,7 @@ TEST_F(Book, WhatForbidsItIsReportedAndForbidsIt) {
   EXPECT_TRUE(start(id, {}, {finding}));
 }
 
-TEST_F(Book, WhoeverStartedItAloneHasItGoOn) {
+TEST_F(Book, OnlyWhoStartedItResumesIt) {
   world.run(1);
   const std::string id = approved("survey", {"tello1"});
   ASSERT_TRUE(start(id));

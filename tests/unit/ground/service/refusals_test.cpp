@@ -23,7 +23,7 @@ TEST(Refusals, SayTheContractsWordsOfTheDroneThatTheyAreAbout) {
   EXPECT_TRUE(refusals.due(10 * ns_per_s).empty()) << "once";
 }
 
-TEST(Refusals, AStormIsSaidOnceASecondWithItsCount) {
+TEST(Refusals, AStormIsReportedOnceASecondWithItsCount) {
   Refusals refusals({"tello1"});
   std::size_t events = 0;
   for (TimeNs now = 0; now < 10 * ns_per_s; now += ns_per_ms) {

@@ -179,7 +179,7 @@ TEST_F(StationServer, AClientHearsEveryEventInOrderAndTheNewestState) {
   while (read(*client)["op"] != "state") continue;
 }
 
-TEST_F(StationServer, AClientHearsTheNewestBlocksAndWhatItHasIsNotSaidAgain) {
+TEST_F(StationServer, AClientGetsTheNewestBlocksAndNoneThatItHas) {
   std::vector<BlockSummary> blocks;
   for (std::uint64_t number = 1; number <= 120; ++number) blocks.push_back({.number = number});
   server->publish_blocks(blocks);
@@ -419,7 +419,7 @@ TEST_F(StationWithOperators, OnlookersLeaveAnOperatorHisPlacesAndCutNothing) {
   EXPECT_TRUE(commands[1].stop && !commands[1].cut && !commands[1].by);
 }
 
-TEST_F(StationServer, AWordThatIsNotTakenNowIsAnswered503) {
+TEST_F(StationServer, ACommandThatIsNotAcceptedNowIsAnswered503) {
   reached = false;
   const auto refused = ask(http::verb::post, "/api/v1/drones/tello1/takeoff", token);
   EXPECT_EQ(refused.result_int(), 503U);

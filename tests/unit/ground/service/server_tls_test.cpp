@@ -160,7 +160,7 @@ TEST_F(StationServerWithTls, IsReachedByItsNamesOverHttpsAlone) {
   EXPECT_EQ(heard, 0);
 }
 
-TEST_F(StationServerWithTls, TellsBrowsersToStayWithHttpsButNotOfLocalhost) {
+TEST_F(StationServerWithTls, InstructsBrowsersToStayWithHttpsButNotOfLocalhost) {
   start();
   Secure by_name = secure(client());
   const Answer page = ask(by_name, "/", place);

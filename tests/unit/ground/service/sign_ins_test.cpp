@@ -130,7 +130,7 @@ TEST(Attempts, WhoKnowsThePhraseGetsInBesideSomebodyWhoGuessesAllTheTime) {
   ASSERT_TRUE(waits);
   EXPECT_EQ(*waits, 1 + Attempts::pause_ns);
   sign_ins.right(0);
-  EXPECT_EQ(sign_ins.look_after(2, 0, "onlooker"), 2) << "who knows it begins anew";
+  EXPECT_EQ(sign_ins.look_after(2, 0, "onlooker"), 2) << "the right phrase resets the count";
 }
 
 TEST(OperatorCalls, ALeaseLetsTheGroundCommandAndAReleaseNamesNobody) {

@@ -96,7 +96,7 @@ TEST(FaultScript, WhatCountsFromAnEndNeedsFaultsThatEnd) {
   }
 }
 
-TEST(FaultScript, APlansFaultIsJudgedByWhatItDoesNotByItsWords) {
+TEST(FaultScript, APlansFaultIsCheckedByWhatItDoesNotByItsWords) {
   const std::string file = testing::TempDir() + "generated-rate.txt";
   std::ofstream(file) << "0.01\n0.02\n";
   const auto fault = parse_fault("drone tello1 plans delay recorded " + file, "path", "");

@@ -135,7 +135,7 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
   EXPECT_EQ(s.list(), "");
 }
 
-TEST(Switches, FaultsAtTheSdksCallsAreOfWhoeverKnowsThem) {
+TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
   const std::vector<Target> one{{Kind::drone, "tello1", true}},
       two{{Kind::drone, "tello1", true}, {Kind::drone, "tello2", true}};
   EXPECT_THAT(Switches({{Kind::drone, "tello1"}}).apply("sdk tello1 answers late 300ms").error().what,

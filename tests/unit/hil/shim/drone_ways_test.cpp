@@ -62,7 +62,7 @@ TEST(RecordedDay, IsPlayedBehindTheShimAsByTheProxy) {
   ways.set(switches);
   const auto came = [&](TimeNs now) {
     ways.from_drone(now, {1, listener, "h:1;"});
-    (void)ways.to_client(now);  // which takes what is due from the drone into its line
+    (void)ways.to_client(now);  // which takes what is due from the drone into its link
     const auto due = ways.next_due();
     if (due) (void)ways.to_client(*due);
     return due;

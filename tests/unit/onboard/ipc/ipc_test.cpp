@@ -122,10 +122,11 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_pose(pose) && (*link)->take_pose(pose_back); }));
   EXPECT_EQ(pose_back.yaw_rad, 0.5);
 
-  AgentBeat beat_back;
-  ASSERT_TRUE(within_two_seconds(
-      [&] { return (*agent)->send_beat({.stamp_ns = 9, .ledger_alive = true}) && (*link)->take_beat(beat_back); }));
-  EXPECT_TRUE(beat_back.ledger_alive);
+  AgentHeartbeat heartbeat_back;
+  ASSERT_TRUE(within_two_seconds([&] {
+    return (*agent)->send_heartbeat({.stamp_ns = 9, .ledger_alive = true}) && (*link)->take_heartbeat(heartbeat_back);
+  }));
+  EXPECT_TRUE(heartbeat_back.ledger_alive);
 
   StateSample state, state_back;
   state.sequence = 11;

@@ -24,12 +24,12 @@ class Wakeups : public ::testing::Test {
     pollfd fd{.fd = wakeup.fd(), .events = POLLIN, .revents = 0};
     return ::poll(&fd, 1, timeout_ms) == 1;
   }
-  std::unique_ptr<WakeupSink> hang() const {
+  std::unique_ptr<WakeupSink> make_sink() const {
     auto wakeup = WakeupSink::create(path);
     EXPECT_TRUE(wakeup) << wakeup.error().what;
     return wakeup ? std::move(*wakeup) : nullptr;
   }
-  WakeupSource rope() const { return WakeupSource::create(path).value(); }
+  WakeupSource make_source() const { return WakeupSource::create(path).value(); }
 
   std::string folder = [] {
     char name[] = "/tmp/wakeup_test.XXXXXX";
@@ -38,13 +38,13 @@ class Wakeups : public ::testing::Test {
   std::string path = folder + "/wakeup";
 };
 
-TEST_F(Wakeups, ARingIsSeenOnce) {
-  const auto wakeup = hang();
-  WakeupSource rope = this->rope();
+TEST_F(Wakeups, ANotificationIsSeenOnce) {
+  const auto wakeup = make_sink();
+  WakeupSource source = make_source();
   EXPECT_FALSE(wait(*wakeup, 0));
   EXPECT_FALSE(wakeup->clear());
-  rope.pull();
-  rope.pull();
+  source.notify();
+  source.notify();
   EXPECT_TRUE(wait(*wakeup, 0));
   EXPECT_TRUE(wakeup->clear());
   EXPECT_FALSE(wait(*wakeup, 0));
@@ -52,23 +52,23 @@ TEST_F(Wakeups, ARingIsSeenOnce) {
 }
 
 TEST_F(Wakeups, NotifyingAFullSinkDoesNotWait) {
-  const auto wakeup = hang();
-  WakeupSource rope = this->rope();
-  for (int i = 0; i < 10'000; ++i) rope.pull();
+  const auto wakeup = make_sink();
+  WakeupSource source = make_source();
+  for (int i = 0; i < 10'000; ++i) source.notify();
   EXPECT_TRUE(wakeup->clear());
-  EXPECT_FALSE(wait(*wakeup, 0)) << "one look is enough for all of them";
+  EXPECT_FALSE(wait(*wakeup, 0)) << "one read is enough for all of them";
 }
 
-TEST_F(Wakeups, NobodyIsThereAndARingIsNoHarm) {
-  WakeupSource rope = this->rope();
-  rope.pull();
-  hang().reset();
-  rope.pull();
+TEST_F(Wakeups, NotifyingWithoutASinkDoesNoHarm) {
+  WakeupSource source = make_source();
+  source.notify();
+  make_sink().reset();
+  source.notify();
   EXPECT_NE(::access(path.c_str(), F_OK), 0) << "an owner that ends leaves nothing";
 }
 
-TEST_F(Wakeups, AnOwnerThatStartsAnewBehindAKilledOneIsHeard) {
-  WakeupSource rope = this->rope();
+TEST_F(Wakeups, ASinkThatReplacesAKilledOneIsNotified) {
+  WakeupSource source = make_source();
   // As a killed one leaves it: a name that no socket answers to.
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -76,23 +76,23 @@ TEST_F(Wakeups, AnOwnerThatStartsAnewBehindAKilledOneIsHeard) {
   const int killed = ::socket(AF_UNIX, SOCK_DGRAM, 0);
   ASSERT_EQ(::bind(killed, reinterpret_cast<const sockaddr*>(&address), sizeof address), 0);
   ::close(killed);
-  rope.pull();
-  const auto wakeup = hang();
+  source.notify();
+  const auto wakeup = make_sink();
   ASSERT_TRUE(wakeup);
-  rope.pull();
+  source.notify();
   EXPECT_TRUE(wakeup->clear());
 }
 
-TEST_F(Wakeups, OtherUsersMayNotRingWhateverTheUmask) {
+TEST_F(Wakeups, OtherUsersMayNotNotifyWhateverTheUmask) {
   const mode_t before = ::umask(0);
-  const auto wakeup = hang();
+  const auto wakeup = make_sink();
   ::umask(before);
   struct stat info {};
   ASSERT_EQ(::stat(path.c_str(), &info), 0);
   EXPECT_EQ(info.st_mode & 0777U, 0600U);
 }
 
-TEST_F(Wakeups, APlaceThatCannotBeTakenIsNamed) {
+TEST_F(Wakeups, APathThatIsTakenIsNamed) {
   ASSERT_EQ(::mkdir(path.c_str(), 0700), 0);
   const auto taken = WakeupSink::create(path);
   ::rmdir(path.c_str());
@@ -102,16 +102,16 @@ TEST_F(Wakeups, APlaceThatCannotBeTakenIsNamed) {
   EXPECT_FALSE(WakeupSource::create(std::string(200, 'x')));
 }
 
-/// As link's publisher and agent: something is put where the other looks, then the wakeup rings; the other clears the
-/// wakeup, then looks. It fails when the other looks first, and when a full wakeup loses what came last.
+/// As link's publisher and agent: one side pushes into the ring, then notifies; the other clears the sink, then reads.
+/// It fails when the reader reads first, and when a full sink loses the last notification.
 TEST_F(Wakeups, NoWakeupIsMissedHoweverFullTheSinkIs) {
   constexpr std::uint64_t count = 100'000;
-  const auto wakeup = hang();
+  const auto wakeup = make_sink();
   SpscRing<std::uint64_t, 64> ring;
-  std::thread publisher([&, rope = this->rope()]() mutable {
+  std::thread publisher([&, source = make_source()]() mutable {
     for (std::uint64_t i = 1; i <= count; ++i) {
       while (!ring.push(i)) std::this_thread::yield();
-      rope.pull();
+      source.notify();
       if (i % 64 == 0) std::this_thread::yield();  // now and then the other sleeps
     }
   });

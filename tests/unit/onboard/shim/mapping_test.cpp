@@ -118,7 +118,7 @@ TEST_F(ShimMapping, BothEndsMustMeanTheSameClock) {
   EXPECT_TRUE(Mapping::open(path, End::link, true));
 }
 
-TEST_F(ShimMapping, WithoutALinkAnOldFileBeginsAnew) {
+TEST_F(ShimMapping, WithoutALinkAnOldFileIsRecreated) {
   Other killed(path);
   for (int i = 0; i < 5000 && !Mapping::open(path, End::link); ++i) ::usleep(1000);
   killed.kill();
@@ -150,7 +150,7 @@ TEST_F(ShimMapping, SaysWhatIsWrong) {
   std::ofstream(path).write(reinterpret_cast<const char*>(&other_build), sizeof other_build);
   ASSERT_EQ(::truncate(path.c_str(), sizeof(Memory)), 0);
   EXPECT_NE(why(path, End::link).find("no shim of this build"), std::string::npos);
-  EXPECT_TRUE(Mapping::open(path, End::drones)) << "without a link it may be made anew";
+  EXPECT_TRUE(Mapping::open(path, End::drones)) << "without a link it may be recreated";
 }
 
 TEST(ShimDatagram, IsBoundedWhateverTheOtherProcessWrote) {

@@ -138,7 +138,7 @@ TEST_F(ChainAuditTest, TheFirstBlocksSignaturesAreTheAnchors) {
   EXPECT_THAT(texts(audited(ledger.chain, trust)), Contains(HasSubstr("not those of the trust anchor")));
 }
 
-/// Block 2 configures the channel anew, with other orderers.
+/// Block 2 configures the channel again, with other orderers.
 class ReconfiguredTest : public ::testing::Test {
  protected:
   ReconfiguredTest() {
@@ -190,7 +190,7 @@ TEST_F(ChainAuditTest, AnAnchorOfAnotherChannelIsRefused) {
   EXPECT_FALSE(ChainAudit::start({"teleop", "no block"}));
 }
 
-TEST_F(ChainAuditTest, AnOrderersBlocksHaveNoFlagsAndAreJudgedAllTheSame) {
+TEST_F(ChainAuditTest, AnOrderersBlocksHaveNoFlagsAndAreValidatedAllTheSame) {
   for (std::string& bytes : ledger.chain) {
     common::Block block = parsed(bytes);
     block.mutable_metadata()->mutable_metadata(common::TRANSACTIONS_FILTER)->clear();

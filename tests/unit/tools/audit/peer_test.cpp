@@ -61,7 +61,7 @@ TEST_F(PeerTest, AChainThatBreaksIsReportedWhereItDoes) {
   EXPECT_THAT(reading->problem, HasSubstr("block 5"));
 }
 
-TEST_F(PeerTest, APeerThatHasLessThanItSaidIsReported) {
+TEST_F(PeerTest, APeerThatHasLessThanItReportedIsFound) {
   serve({});
   const auto reading = read(std::chrono::seconds(1), height + 1);
   ASSERT_TRUE(reading);

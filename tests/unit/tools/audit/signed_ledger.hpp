@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
-#include "tests/unit/common/fabric/judge/signed_node.hpp"
+#include "tests/unit/common/fabric/validation/signed_node.hpp"
 #include "tools/audit/chain_audit.hpp"
 
 /// A short history of a drone on a ledger of three organisations.

@@ -98,12 +98,12 @@ TEST_F(StoryTest, ACommandInAHoldersPlaceNamesBoth) {
   EXPECT_EQ(to_json(*audit, {})["drones"]["tello1"]["holders"][0]["delegate"], station);
 }
 
-TEST_F(StoryTest, StopsResumesAndRolesAreReported) {
+TEST_F(StoryTest, StopsClearsAndRolesAreReported) {
   ledger.submit(ledger.pilot, "stop", SignedLedger::drones_call());
-  ledger.submit(ledger.pilot, "resume", SignedLedger::drones_call());
+  ledger.submit(ledger.pilot, "clear_stop", SignedLedger::drones_call());
   const DroneStory& drone = reported();
   EXPECT_THAT(words(drone), ::testing::ElementsAre("enroll by " + admin_name, "grant by " + admin_name,
-                                                   "stop by " + pilot_name, "resume by " + pilot_name));
+                                                   "stop by " + pilot_name, "clear_stop by " + pilot_name));
   ASSERT_EQ(audit->story().roles().all().size(), 1U);
   EXPECT_EQ(audit->story().roles().all()[0].what, "OPERATOR " + pilot_name);
 }

@@ -142,7 +142,7 @@ TEST(Message, HasThePublishedLayoutAndAbout500Bytes) {
   EXPECT_EQ(back.stamp_ns, 5'000'000'678);
 }
 
-TEST(Message, WhatIsNoneIsSaidToBeNone) {
+TEST(Message, WhatIsNoMessageIsRefused) {
   Message message;
   for (const char* text : {"", "{", "[]", "{}", R"({"msg":1})", R"({"msg":{"header":{}}})",
                            R"({"msg":{"header":{"seq":1}}})", R"({"msg":{"header":{"seq":1,"stamp":2}}})",

@@ -21,10 +21,10 @@ std::string error_of(const std::string& toml) {
   return deployment ? "" : deployment.error().what;
 }
 
-const std::string desk =
-    "[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
-const std::string organisation = "[[organisation]]\nid = \"Org1MSP\"\nhost = \"desk\"\n";
-const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"desk\"\naddress = \"127.0.0.2\"\n";
+const std::string host =
+    "[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
+const std::string organisation = "[[organisation]]\nid = \"Org1MSP\"\nhost = \"ground\"\n";
+const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n";
 
 TEST(Deployment, ThePagesExampleIsRead) {
   const auto deployment = read_text(example_of_the_page(0));
@@ -46,38 +46,40 @@ TEST(Deployment, ThePagesExampleIsRead) {
 }
 
 TEST(Deployment, TheSmallestIsOneHostOneOrganisationOneDrone) {
-  EXPECT_EQ(error_of(desk + organisation + drone), "");
-  EXPECT_EQ(error_of("ledger.kind = \"none\"\n" + desk + drone), "");
+  EXPECT_EQ(error_of(host + organisation + drone), "");
+  EXPECT_EQ(error_of("ledger.kind = \"none\"\n" + host + drone), "");
 }
 
 TEST(Deployment, WhatIsWrongIsReportedWithFileLineAndKey) {
   const std::pair<std::string, const char*> cases[] = {
-      {"[ledger]\nkind = \"paper\"\n" + desk + organisation + drone,
+      {"[ledger]\nkind = \"paper\"\n" + host + organisation + drone,
        "lab.toml:2: ledger.kind: is \"paper\", must be one of"},
-      {desk + "speed = 3\n" + organisation + drone, "lab.toml:5: host.0.speed: unknown key"},
-      {desk + organisation + "[[drone]]\nname = \"tello1\"\nhost = \"dove\"\naddress = \"127.0.0.2\"\n",
+      {host + "speed = 3\n" + organisation + drone, "lab.toml:5: host.0.speed: unknown key"},
+      {host + organisation + "[[drone]]\nname = \"tello1\"\nhost = \"dove\"\naddress = \"127.0.0.2\"\n",
        "lab.toml:10: drone.0.host: is \"dove\", must be the name of a [[host]]"},
-      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"ground\", \"ledger\"]\n" + organisation + drone,
-       "drone.0.host: is \"desk\", whose roles have no \"onboard\""},
-      {"[[host]]\nname = \"desk\"\naddress = \"desk.lab\"\nroles = [\"ground\"]\n" + drone,
-       "lab.toml:3: host.0.address: is \"desk.lab\", must be an IPv4 address"},
-      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"cook\"]\n" + drone,
+      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"ground\", \"ledger\"]\n" + organisation +
+           drone,
+       "drone.0.host: is \"ground\", whose roles have no \"onboard\""},
+      {"[[host]]\nname = \"ground\"\naddress = \"ground.lab\"\nroles = [\"ground\"]\n" + drone,
+       "lab.toml:3: host.0.address: is \"ground.lab\", must be an IPv4 address"},
+      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"cook\"]\n" + drone,
        "lab.toml:4: host.0.roles: has \"cook\", must be of onboard, ground, ledger"},
-      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\n" + drone, "host.0.roles: must name at least one"},
-      {desk + desk + organisation + drone, "lab.toml:6: host.1.name: must be a name that no other has"},
-      {desk + "organisation = \"Org7MSP\"\n" + organisation + drone,
+      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\n" + drone, "host.0.roles: must name at least one"},
+      {host + host + organisation + drone, "lab.toml:6: host.1.name: must be a name that no other has"},
+      {host + "organisation = \"Org7MSP\"\n" + organisation + drone,
        "lab.toml:5: host.0.organisation: is \"Org7MSP\", must be the id of an [[organisation]]"},
-      {desk + drone, "organisation: must be there"},
-      {"ledger.kind = \"none\"\n" + desk + organisation + drone, "organisation: must not be there"},
-      {"ledger.kind = \"fabric\"\n" + desk + organisation + drone, "orderer: must be 1 or 3 tables, and there are 0"},
-      {desk + organisation + "[[orderer]]\nhost = \"desk\"\n" + drone,
+      {host + drone, "organisation: must be there"},
+      {"ledger.kind = \"none\"\n" + host + organisation + drone, "organisation: must not be there"},
+      {"ledger.kind = \"fabric\"\n" + host + organisation + drone, "orderer: must be 1 or 3 tables, and there are 0"},
+      {host + organisation + "[[orderer]]\nhost = \"ground\"\n" + drone,
        "orderer: goes with ledger.kind = \"fabric\" alone"},
-      {desk + organisation + "[[organisation]]\nid = \"Org2MSP\"\nhost = \"desk\"\nport = 9\n" + drone,
+      {host + organisation + "[[organisation]]\nid = \"Org2MSP\"\nhost = \"ground\"\nport = 9\n" + drone,
        "organisation.1.host: must be the first one's"},
-      {desk + organisation, "drone: must be 1 to 16 tables"},
-      {desk + organisation + drone + "[[drone]]\nname = \"tello2\"\nhost = \"desk\"\naddress = \"127.0.0.2\"\n",
+      {host + organisation, "drone: must be 1 to 16 tables"},
+      {host + organisation + drone + "[[drone]]\nname = \"tello2\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n",
        "drone.1.address: must be an address that no other drone of its host has"},
-      {"[[host]]\nname = \"desk\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ledger\"]\n" + organisation + drone,
+      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ledger\"]\n" + organisation +
+           drone,
        "host: must have one with the role \"ground\""},
   };
   for (const auto& [toml, wanted] : cases) EXPECT_THAT(error_of(toml), HasSubstr(wanted)) << toml;

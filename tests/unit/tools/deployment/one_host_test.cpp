@@ -24,7 +24,7 @@ std::string error_with(const std::string& text, const std::string& other) {
   return host ? "" : host.error().what;
 }
 
-const std::string last_organisation = "[[organisation]]\nid = \"Org3MSP\"\nhost = \"desk\"\n";
+const std::string last_organisation = "[[organisation]]\nid = \"Org3MSP\"\nhost = \"ground\"\n";
 
 TEST(OneHost, ThePagesSecondExampleIsAFlightOfTwo) {
   const auto host = of_text(example_of_the_page(1));
@@ -37,7 +37,7 @@ TEST(OneHost, ThePagesSecondExampleIsAFlightOfTwo) {
 TEST(OneHost, FabricsOrderersAreCounted) {
   std::string toml = example_of_the_page(1);
   toml.replace(toml.find("embedded"), std::string("embedded").size(), "fabric");
-  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"desk\"\n";
+  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"ground\"\n";
   const auto host = of_text(toml);
   ASSERT_TRUE(host) << host.error().what;
   EXPECT_EQ(host->orderers, 3);
@@ -46,7 +46,8 @@ TEST(OneHost, FabricsOrderersAreCounted) {
 TEST(OneHost, NothingOfTheFileIsPassedOverAndItsPlaceIsReported) {
   const auto page = of_text(example_of_the_page(0));
   ASSERT_FALSE(page);
-  EXPECT_THAT(page.error().what, HasSubstr("lab.toml:11: host.1.name: is \"desk\": a flight on one host has one host"));
+  EXPECT_THAT(page.error().what,
+              HasSubstr("lab.toml:11: host.1.name: is \"ground\": a flight on one host has one host"));
   EXPECT_THAT(page.error().what, HasSubstr("host.2.name: is \"tower\""));
   EXPECT_THAT(page.error().what, HasSubstr("host.0.address: is 10.0.0.4"));
   EXPECT_THAT(page.error().what, HasSubstr("organisation.2.port: must not be there"));

@@ -20,7 +20,7 @@ TEST(DoctorChannels, AskAnotherPeerAloneAndWithItsOwnTlsPair) {
   EXPECT_EQ(there.tls_pair.certificate_file, "its.pem");
   EXPECT_EQ(there.tls_pair.key_file, "its.key");
   EXPECT_EQ(there.endpoint, "peer:9051");
-  // Else what is wrong with another server's files would be told as this one's.
+  // Else what is wrong with another server's files would be reported as this one's.
   EXPECT_TRUE(there.orderers.empty() && there.endorsers.empty());
   EXPECT_EQ(there.blocks, fabric::BlockSource::peer);
 }

@@ -20,20 +20,20 @@ TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
   TimeoutInputs usual{
       .program = "agent.toml", .max_age_ns = 500 * ns_per_ms, .silent_after_ns = ns_per_s, .deadline_ns = ns_per_s};
   const fabric::Batching slow{.timeout_ns = 2 * ns_per_s, .max_messages = 10};
-  const Finding late = judge(slow, usual);
+  const Finding late = assess(slow, usual);
   EXPECT_EQ(late.problem, Problem::blocks_late);
   EXPECT_THAT(
       late.cure,
       HasSubstr("[check] max_age_ms = 4500, [agent] ledger_silent_after_ms = 5000, [ledger] deadline_ms = 5000"));
   usual.of_channel = true;
-  EXPECT_FALSE(judge(slow, usual).problem) << "they grow by themselves";
+  EXPECT_FALSE(assess(slow, usual).problem) << "they grow by themselves";
   usual = {.program = "agent.toml",
            .max_age_ns = 4500 * ns_per_ms,
            .silent_after_ns = 5 * ns_per_s,
            .deadline_ns = 5 * ns_per_s};
-  EXPECT_FALSE(judge(slow, usual).problem);
+  EXPECT_FALSE(assess(slow, usual).problem);
   EXPECT_FALSE(
-      judge(fabric::Batching{.timeout_ns = 2 * ns_per_s, .max_messages = 1}, {.program = "a", .deadline_ns = ns_per_s})
+      assess(fabric::Batching{.timeout_ns = 2 * ns_per_s, .max_messages = 1}, {.program = "a", .deadline_ns = ns_per_s})
           .problem)
       << "cut at once";
 }
@@ -42,7 +42,7 @@ Finding server(const std::function<void(ServerFacts&)>& change) {
   ServerFacts facts{.what = "peer", .endpoint = "h:1", .name = "h", .tls_ca = "ca.pem"};
   facts.tls = facts.http2 = facts.trusted = facts.right_name = true;
   change(facts);
-  return judge(facts);
+  return assess(facts);
 }
 
 TEST(DoctorServer, TellsEachLayerApart) {
@@ -66,7 +66,7 @@ TEST(DoctorServer, SaysWhatToWriteForAnEndpointThatIsNone) {
   const auto cure = [](const std::string& endpoint) {
     ServerFacts facts{.what = "peer", .endpoint = endpoint, .name = "", .tls_ca = ""};
     facts.reached = ServerFacts::Reached::malformed;
-    const Finding finding = judge(facts);
+    const Finding finding = assess(facts);
     EXPECT_EQ(finding.problem, Problem::endpoint_wrong);
     return finding.cure;
   };
@@ -84,11 +84,11 @@ TEST(DoctorIdentity, TellsAFolderOfAnotherUserAndALockedKeyFromAMissingOne) {
   IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .no_key = "cannot read it"};
   facts.forbidden = "/e/msp";
   facts.user = "ledgerline";
-  const Findings closed = judge(facts, {}, 0);
+  const Findings closed = assess(facts, {}, 0);
   EXPECT_EQ(closed.at(0).problem, Problem::file_forbidden);
   EXPECT_THAT(closed[0].cure, HasSubstr("`chown -R ledgerline: /e/msp`"));
   facts = {.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = std::string("\x30\x82\x01", 3)};
-  EXPECT_EQ(judge(facts, {}, 0).at(0).problem, Problem::not_pem);
+  EXPECT_EQ(assess(facts, {}, 0).at(0).problem, Problem::not_pem);
 }
 
 // What programs and peers take for the identity is the first certificate of the file.
@@ -103,18 +103,18 @@ TEST(DoctorIdentity, TellsAnAuthorityInFrontOfTheCertificateFromAKeyOfAnother) {
   facts.certificate_file = "/e/msp/signcerts/cert.pem";
   facts.msp_dir = "/e/msp";
   const std::vector<AuthorityFacts> authorities{{"Org1MSP", ca.certificate_pem}};
-  const Findings reversed = judge(facts, authorities, now_s);
-  ASSERT_EQ(reversed.size(), 1U) << "the certificate itself is in order: dates and issuer are judged of it";
+  const Findings reversed = assess(facts, authorities, now_s);
+  ASSERT_EQ(reversed.size(), 1U) << "the certificate itself is in order: dates and issuer are checked of it";
   EXPECT_EQ(reversed[0].problem, Problem::certificate_order);
   EXPECT_EQ(reversed[0].cure, "`ledgerline init --certificate /e/msp/signcerts/cert.pem --msp-dir /e/msp`");
   facts.msp_dir.clear();
   facts.key_file = "/e/own.key";
-  EXPECT_THAT(judge(facts, authorities, now_s).at(0).cure,
+  EXPECT_THAT(assess(facts, authorities, now_s).at(0).cure,
               HasSubstr("the certificate of the key /e/own.key to the front"));
   facts.certificate_pem = own.certificate_pem + ca.certificate_pem;
-  EXPECT_FALSE(judge(facts, authorities, now_s).at(0).problem);
+  EXPECT_FALSE(assess(facts, authorities, now_s).at(0).problem);
   facts.certificate_pem = ca.certificate_pem + ca.certificate_pem;
-  EXPECT_EQ(judge(facts, authorities, now_s).at(0).problem, Problem::key_misfit);
+  EXPECT_EQ(assess(facts, authorities, now_s).at(0).problem, Problem::key_misfit);
 }
 
 TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
@@ -123,8 +123,8 @@ TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
       crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
   IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = own.certificate_pem};
   facts.channel = "yard";
-  const Finding foreign = judge(facts, {{"Org1MSP", other.certificate_pem}},
-                                crypto::parse_certificate(own.certificate_pem)->not_before_s + 60)
+  const Finding foreign = assess(facts, {{"Org1MSP", other.certificate_pem}},
+                                 crypto::parse_certificate(own.certificate_pem)->not_before_s + 60)
                               .at(0);
   EXPECT_EQ(foreign.problem, Problem::identity_foreign);
   EXPECT_THAT(foreign.what, HasSubstr("on channel yard"));
@@ -138,7 +138,7 @@ TEST(DoctorServer, TellsWhoHasNoCertificateFromWhoseIsNotTaken) {
   EXPECT_EQ(server([](auto& f) { f.tls = false, f.no_pair = "a and b"; }).problem, Problem::tls_pair_wrong);
 }
 
-TEST(DoctorIdentity, JudgesAPairOfTlsByItsOwnWords) {
+TEST(DoctorIdentity, ChecksAPairOfTlsByItsOwnWords) {
   const auto ca = crypto::make_ca("ca", "org").value();
   const auto own =
       crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
@@ -147,31 +147,31 @@ TEST(DoctorIdentity, JudgesAPairOfTlsByItsOwnWords) {
   facts.certificate_file = "/e/own.pem";
   facts.key_file = "/e/own.key";
   facts.key_pem = own.key_pem;
-  EXPECT_FALSE(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem);
-  const Finding over = judge_tls_pair(facts, "agent.toml", certificate.not_after_s + 86'400).at(0);
+  EXPECT_FALSE(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem);
+  const Finding over = assess_tls_pair(facts, "agent.toml", certificate.not_after_s + 86'400).at(0);
   EXPECT_EQ(over.problem, Problem::tls_pair_wrong);
   EXPECT_THAT(over.what, HasSubstr("/e/own.pem and /e/own.key of agent.toml: identity_expired"));
   const auto other = crypto::issue(ca, {.common_name = "x", .organization = "o", .unit = "client", .sans = {}}).value();
   facts.key_pem = other.key_pem;
-  EXPECT_EQ(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem, Problem::tls_pair_wrong);
+  EXPECT_EQ(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem, Problem::tls_pair_wrong);
   facts.key_pem = own.key_pem;
   facts.key_is_open = true;
-  EXPECT_EQ(judge_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).cure, "`chmod 600 /e/own.key`");
+  EXPECT_EQ(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).cure, "`chmod 600 /e/own.key`");
 }
 
 TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
   DroneFacts facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
   facts.listen = "0.0.0.0:8890";
-  EXPECT_FALSE(judge(facts).at(0).problem) << "nobody could listen";
+  EXPECT_FALSE(assess(facts).at(0).problem) << "nobody could listen";
   facts.states = true;
-  EXPECT_FALSE(judge(facts).at(0).problem);
+  EXPECT_FALSE(assess(facts).at(0).problem);
   facts.states = false;
-  const Findings dropped = judge(facts);
+  const Findings dropped = assess(facts);
   EXPECT_EQ(dropped.at(0).problem, Problem::state_silent);
   EXPECT_THAT(dropped[0].cure, HasSubstr("`iptables -I INPUT -p udp --dport 8890 -j ACCEPT`"));
   EXPECT_THAT(dropped.at(1).what, HasSubstr("90 %"));
   facts.there = false;
-  EXPECT_EQ(judge(facts).at(0).problem, Problem::drone_silent);
+  EXPECT_EQ(assess(facts).at(0).problem, Problem::drone_silent);
 }
 
 class DoctorEndorsement : public testing::Test {
@@ -193,19 +193,19 @@ class DoctorEndorsement : public testing::Test {
 };
 
 TEST_F(DoctorEndorsement, NamesEachOrganisationOfWhichOneWouldDo) {
-  const Finding finding = judge(facts_);
+  const Finding finding = assess(facts_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP or Org3MSP is missing"));
   EXPECT_EQ(finding.cure,
             "add an [[endorser]] of Org2MSP to ground.toml; or add an [[endorser]] of Org3MSP to ground.toml");
   facts_.peers.push_back(signs("Org3MSP"));
-  EXPECT_FALSE(judge(facts_).problem);
+  EXPECT_FALSE(assess(facts_).problem);
 }
 
 TEST_F(DoctorEndorsement, NamesAllThatAreMissingAtOnce) {
   facts_.policy = so_many_of(3);
   facts_.peers.push_back(silent("Org2MSP"));
-  const Finding finding = judge(facts_);
+  const Finding finding = assess(facts_);
   EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP and Org3MSP is missing"));
   EXPECT_THAT(finding.what, HasSubstr("[[endorser]] h:7051 of Org2MSP: nobody listens"));
   EXPECT_THAT(finding.cure, HasSubstr("start the peer of Org2MSP, [[endorser]] h:7051"));
@@ -216,17 +216,17 @@ TEST_F(DoctorEndorsement, CountsAPeerOnceAndAsWhoItIs) {
   EndorsingPeer copied = signs("Org1MSP");
   copied.said_to_be = "Org2MSP";
   facts_.peers = {signs("Org1MSP"), copied};
-  const Finding finding = judge(facts_);
+  const Finding finding = assess(facts_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("of Org2MSP is a peer of Org1MSP"));
   EXPECT_THAT(finding.cure, HasSubstr("set endpoint and tls_ca of the [[endorser]] of Org2MSP in ground.toml"));
   facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org1MSP")}, 2};
-  EXPECT_FALSE(judge(facts_).problem) << "two parts of one policy are satisfied by one peer each by itself";
+  EXPECT_FALSE(assess(facts_).problem) << "two parts of one policy are satisfied by one peer each by itself";
 }
 
 TEST_F(DoctorEndorsement, SaysOfAPolicyThatNobodyCanSatisfyThatTheDefinitionMustChange) {
   facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org9MSP")}, 2};
-  const Finding finding = judge(facts_);
+  const Finding finding = assess(facts_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("a peer of each organisation of the channel would not do"));
   EXPECT_THAT(finding.cure, HasSubstr("commit a definition"));
@@ -236,25 +236,25 @@ TEST_F(DoctorEndorsement, OfAGatewaySaysWhatItMustFind) {
   facts_.by_gateway = true;
   facts_.peers = {
       {.msp_id = "Org1MSP", .place = "the gateway", .identity = "Org1MSP"}, silent("Org2MSP"), silent("Org3MSP")};
-  const Finding finding = judge(facts_);
+  const Finding finding = assess(facts_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.cure, HasSubstr("start a peer of Org2MSP that has joined the channel"));
 }
 
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
-  const Finding taken = judge(StatePortFacts{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
+  const Finding taken = assess(StatePortFacts{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
   EXPECT_EQ(taken.problem, Problem::state_port_taken);
   EXPECT_THAT(taken.cure, HasSubstr("`kill 7`"));
-  EXPECT_FALSE(judge(StatePortFacts{.listen = "0.0.0.0:8890"}).problem);
+  EXPECT_FALSE(assess(StatePortFacts{.listen = "0.0.0.0:8890"}).problem);
 }
 
 TEST(DoctorHost, ComparesTheDronesOfLinkAndAgentInAnyOrder) {
-  EXPECT_FALSE(judge_names({"b", "a"}, {"a", "b"}).problem);
-  EXPECT_EQ(judge_names({"a"}, {"a", "b"}).problem, Problem::drones_differ);
+  EXPECT_FALSE(assess_names({"b", "a"}, {"a", "b"}).problem);
+  EXPECT_EQ(assess_names({"a"}, {"a", "b"}).problem, Problem::drones_differ);
 }
 
 TEST(DoctorChain, TellsClocksByTheNewestBlock) {
-  const auto problem = [](HeightFacts facts) { return judge(facts)[0].problem; };
+  const auto problem = [](HeightFacts facts) { return assess(facts)[0].problem; };
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = -ns_per_s}), Problem::clock_behind);
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 9, .newest_age_ns = 60 * ns_per_s}), Problem::clock_ahead);
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = 60 * ns_per_s}), std::nullopt)
@@ -280,7 +280,7 @@ TEST(DoctorChain, TakesNoTimeThatNobodyCanMeanForABlocks) {
   const TimeNs now_ns = 1'800'000'000 * ns_per_s;
   EXPECT_EQ(age_of_block(block_signed_at({1'799'999'990, 1'799'999'998}), now_ns), 2 * ns_per_s);
   EXPECT_EQ(age_of_block(block_signed_at({1'799'999'998, INT64_MAX, INT64_MIN, 300'000'000'000}), now_ns), 2 * ns_per_s)
-      << "whoever signs a transaction may claim what he wants";
+      << "the signer of a transaction may claim anything";
   EXPECT_FALSE(age_of_block(block_signed_at({INT64_MAX}), now_ns));
   EXPECT_FALSE(age_of_block("\xff", now_ns));
 }
@@ -289,28 +289,28 @@ TEST(DoctorTrust, ComparesAuthoritiesByTheirCertificates) {
   const auto pem = [](const std::string& key) {
     return "-----BEGIN CERTIFICATE-----\n" + key + "\n-----END CERTIFICATE-----\n";
   };
-  const auto judged = [&](const std::string& own) {
+  const auto problem_of = [&](const std::string& own) {
     TrustFacts facts{.program = "agent.toml", .msps = {{"Org2MSP", "org2.pem"}}, .channel = {}};
     facts.msps[0].pem = own;
     facts.channel.push_back({"Org2MSP", pem("cm9v\ndA==") + pem("bWlk")});
-    return judge(facts)[0].problem;
+    return assess(facts)[0].problem;
   };
-  EXPECT_FALSE(judged("Subject: mid\n" + pem("bWlk") + pem("cm9vdA=="))) << "another order, other lines";
-  EXPECT_FALSE(judged(pem("cm9vdA=="))) << "the root alone";
-  EXPECT_EQ(judged(pem("bWlk") + pem("b3RoZXI=")), Problem::authority_foreign);
-  EXPECT_EQ(judged("no certificate"), Problem::authority_foreign);
+  EXPECT_FALSE(problem_of("Subject: mid\n" + pem("bWlk") + pem("cm9vdA=="))) << "another order, other lines";
+  EXPECT_FALSE(problem_of(pem("cm9vdA=="))) << "the root alone";
+  EXPECT_EQ(problem_of(pem("bWlk") + pem("b3RoZXI=")), Problem::authority_foreign);
+  EXPECT_EQ(problem_of("no certificate"), Problem::authority_foreign);
 }
 
 TEST(DoctorContract, TellsNoneAnotherVersionAndAWeakPolicyApart) {
-  EXPECT_EQ(judge({.name = "c", .refused = "not there"})[0].problem, Problem::contract_missing);
-  EXPECT_EQ(judge({.name = "c", .version = "1", .own_version = "2"})[0].problem, Problem::contract_other_version);
-  EXPECT_EQ(judge({.name = "c", .version = "2", .own_version = "2", .weak = true})[0].problem, Problem::policy_weak);
+  EXPECT_EQ(assess({.name = "c", .refused = "not there"})[0].problem, Problem::contract_missing);
+  EXPECT_EQ(assess({.name = "c", .version = "1", .own_version = "2"})[0].problem, Problem::contract_other_version);
+  EXPECT_EQ(assess({.name = "c", .version = "2", .own_version = "2", .weak = true})[0].problem, Problem::policy_weak);
 }
 
 TEST(DoctorHost, WarnsOfADiskBeforeItIsFull) {
-  EXPECT_EQ(judge(DirectoryFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
-  EXPECT_EQ(judge(DirectoryFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
-  EXPECT_FALSE(judge(DirectoryFacts{"/x", true, 5ULL << 30})[0].problem);
+  EXPECT_EQ(assess(DirectoryFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
+  EXPECT_EQ(assess(DirectoryFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
+  EXPECT_FALSE(assess(DirectoryFacts{"/x", true, 5ULL << 30})[0].problem);
 }
 
 TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {
@@ -320,13 +320,13 @@ TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {
   heard.writers = 1;
   heard.poses = 120;
   deaf.why = "no such interface";
-  EXPECT_EQ(judge(silent).problem, Problem::pose_silent);
-  EXPECT_NE(judge(silent).what.find("nobody publishes"), std::string::npos);
-  EXPECT_EQ(judge(others).problem, Problem::pose_silent);
-  EXPECT_NE(judge(others).what.find("of this drone"), std::string::npos);
-  EXPECT_NE(judge(deaf).what.find("no such interface"), std::string::npos);
-  EXPECT_FALSE(judge(heard).problem);
-  EXPECT_NE(judge(heard).what.find("60 a second"), std::string::npos);
+  EXPECT_EQ(assess(silent).problem, Problem::pose_silent);
+  EXPECT_NE(assess(silent).what.find("nobody publishes"), std::string::npos);
+  EXPECT_EQ(assess(others).problem, Problem::pose_silent);
+  EXPECT_NE(assess(others).what.find("of this drone"), std::string::npos);
+  EXPECT_NE(assess(deaf).what.find("no such interface"), std::string::npos);
+  EXPECT_FALSE(assess(heard).problem);
+  EXPECT_NE(assess(heard).what.find("60 a second"), std::string::npos);
 }
 
 TEST(DoctorList, IsBrokenByOneProblemAndNotByWarnings) {

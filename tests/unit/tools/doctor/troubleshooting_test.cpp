@@ -29,7 +29,7 @@ std::string section(const std::string& heading) {
 std::string row_of(std::string_view word) { return "\n| `" + std::string(word) + "` |"; }
 
 TEST(Troubleshooting, HasWhatDoctorSaysInItsOwnWords) {
-  EXPECT_THAT(section("What doctor says"), HasSubstr(problems_table())) << "print it anew: ledgerline doctor --table";
+  EXPECT_THAT(section("What doctor says"), HasSubstr(problems_table())) << "print it again: ledgerline doctor --table";
 }
 
 TEST(Troubleshooting, HasEachCauseOfTheFailsafe) {

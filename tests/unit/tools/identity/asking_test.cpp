@@ -13,15 +13,15 @@ bool has(const Command& command, const std::string& word) {
   return std::ranges::find(command.words, word) != command.words.end();
 }
 
-bool is_reported(const Command& command, const std::string& variable) {
+bool has_variable(const Command& command, const std::string& variable) {
   return std::ranges::find(command.environment, variable) != command.environment.end();
 }
 
 TEST(IdentityAsking, ASecretIsInNoWordsOfTheProcess) {
   const auto command = enroll(authority, "/tmp/home", "raven@org1", "p/w:1", {.subject_parts = "O=org1"}).value();
   for (const std::string& word : command.words) EXPECT_EQ(word.find("p/w"), std::string::npos) << word;
-  EXPECT_TRUE(is_reported(command, "FABRIC_CA_CLIENT_URL=https://raven%40org1:p%2Fw%3A1@ca.org1:7054"));
-  EXPECT_TRUE(is_reported(command, "FABRIC_CA_CLIENT_HOME=/tmp/home"));
+  EXPECT_TRUE(has_variable(command, "FABRIC_CA_CLIENT_URL=https://raven%40org1:p%2Fw%3A1@ca.org1:7054"));
+  EXPECT_TRUE(has_variable(command, "FABRIC_CA_CLIENT_HOME=/tmp/home"));
   EXPECT_TRUE(has(command, "raven@org1")) << "the host in it, not this machine's name";
   EXPECT_TRUE(has(command, "O=org1"));
 }

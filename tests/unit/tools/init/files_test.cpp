@@ -31,7 +31,7 @@ name = "tower"
 address = "10.0.0.2"
 roles = ["ledger"]
 [[host]]
-name = "desk"
+name = "ground"
 address = "10.0.0.1"
 roles = ["ground"]
 organisation = "Org2MSP"
@@ -103,10 +103,10 @@ TEST(InitFiles, OfEachRoleAreReadByTheProgramsThatTheyAreFor) {
     expect_readable("link", text_of(drone_host, "link.toml"));
     EXPECT_THAT(text_of(drone_host, "link.toml"), HasSubstr("\nmax_m = [3.0, 3.0, 2.5]\n")) << "link wants a fence";
     expect_readable("agent", text_of(drone_host, "agent.toml"));
-    const auto ground = files(Role::ground, text, "desk");
+    const auto ground = files(Role::ground, text, "ground");
     expect_readable("ground", text_of(ground, "ground.toml"));
     expect_readable("control", text_of(ground, "operator.toml"));
-    expect_readable("bridge", text_of(files(Role::bridge, text, "desk"), "bridge.toml"));
+    expect_readable("bridge", text_of(files(Role::bridge, text, "ground"), "bridge.toml"));
     expect_readable("control", text_of(files(Role::admin, text, "raven"), "admin.toml"));
   }
   expect_readable("fabric", text_of(files(Role::ledger, fabric_deployment, "tower"), "net.toml"));
@@ -140,7 +140,7 @@ TEST(InitFiles, SayOfTheLedgerWhatTheDeploymentSays) {
   EXPECT_THAT(agent, HasSubstr("[[orderer]]\nendpoint = \"10.0.0.2:7081\"\n"));
   EXPECT_THAT(agent, HasSubstr("[[endorser]]\nmsp_id = \"Org3MSP\"\nendpoint = \"10.0.0.2:7071\"\n"));
   EXPECT_THAT(agent, Not(HasSubstr("server_name")));
-  const std::string ground = without_comments(text_of(files(Role::ground, fabric_deployment, "desk"), "ground.toml"));
+  const std::string ground = without_comments(text_of(files(Role::ground, fabric_deployment, "ground"), "ground.toml"));
   EXPECT_THAT(ground, HasSubstr("[ledger]\nendpoint = \"10.0.0.2:7061\"\n"));
 }
 
@@ -157,15 +157,15 @@ TEST(InitFiles, KeepStateWhereTheServicesMayWrite) {
   const auto drone_host = files(Role::drone_host, fabric_deployment, "raven");
   EXPECT_THAT(text_of(drone_host, "link.toml"), HasSubstr("\nstarts = " + state_of("ledgerline-link")));
   EXPECT_THAT(text_of(drone_host, "agent.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-agent")));
-  const auto ground = files(Role::ground, fabric_deployment, "desk");
+  const auto ground = files(Role::ground, fabric_deployment, "ground");
   EXPECT_THAT(text_of(ground, "ground.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-ground")));
-  const auto bridge = files(Role::bridge, fabric_deployment, "desk");
+  const auto bridge = files(Role::bridge, fabric_deployment, "ground");
   EXPECT_THAT(text_of(bridge, "bridge.toml"), HasSubstr("\ncheckpoint = " + state_of("ledgerline-bridge")));
 }
 
 TEST(InitFiles, SayWhatProgramsShowWhereTheLedgerAsksForACertificate) {
   for (const Role role : {Role::drone_host, Role::ground, Role::bridge, Role::admin}) {
-    HostPlan with = plan(fabric_deployment, role == Role::drone_host ? "raven" : "desk");
+    HostPlan with = plan(fabric_deployment, role == Role::drone_host ? "raven" : "ground");
     with.folders.tls_certificate = "/etc/ledgerline/tls/own.pem";
     with.folders.tls_key = "/etc/ledgerline/tls/own.key";
     const std::vector<File> all = *files_of(role, with);
@@ -200,7 +200,7 @@ TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
       "[[drone]]\nname = \"third\"\nhost = \"owl\"\naddress = \"192.168.10.1\"\n";
   EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("name = \"third\""));
   EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("\nnumber = 3\n"));
-  EXPECT_THAT(text_of(files(Role::ground, text, "desk"), "ground.toml"), HasSubstr("name = \"third\"\nnumber = 3\n"));
+  EXPECT_THAT(text_of(files(Role::ground, text, "ground"), "ground.toml"), HasSubstr("name = \"third\"\nnumber = 3\n"));
 }
 
 HostPlan on_channels(const std::string& host, const std::vector<std::string>& channels) {
@@ -211,7 +211,7 @@ HostPlan on_channels(const std::string& host, const std::vector<std::string>& ch
 }
 
 TEST(InitFiles, OfSeveralChannelsSayWhichDroneIsOnWhich) {
-  const HostPlan raven = on_channels("raven", {"yard=second"}), desk = on_channels("desk", {"yard=second"});
+  const HostPlan raven = on_channels("raven", {"yard=second"}), ground_host = on_channels("ground", {"yard=second"});
   const std::string agent = text_of(*files_of(Role::drone_host, raven), "agent.toml");
   expect_readable("agent", agent);
   EXPECT_THAT(without_comments(agent),
@@ -219,7 +219,7 @@ TEST(InitFiles, OfSeveralChannelsSayWhichDroneIsOnWhich) {
   EXPECT_THAT(without_comments(agent), HasSubstr("name = \"first\"\n[[drone]]"));
   EXPECT_THAT(without_comments(agent), HasSubstr("channel = \"yard\"\n"));
   expect_readable("link", text_of(*files_of(Role::drone_host, raven), "link.toml"));
-  const auto ground = *files_of(Role::ground, desk);
+  const auto ground = *files_of(Role::ground, ground_host);
   expect_readable("ground", text_of(ground, "ground.toml"));
   EXPECT_THAT(without_comments(text_of(ground, "operator.toml")), HasSubstr("\nchannel = \"air\"\n"));
   const std::string of_yard = text_of(ground, "operator-yard.toml");
@@ -244,8 +244,8 @@ TEST(InitFiles, OfAHostThatFliesOnAFurtherChannelAloneHaveItInLedger) {
 
 TEST(InitFiles, OfChannelsRefuseWhatDoesNotFit) {
   const auto refused = [](const std::string& text, const std::vector<std::string>& channels) {
-    HostPlan of_desk = plan(text, "desk");
-    const Status status = add_channels(of_desk, channels);
+    HostPlan of_ground = plan(text, "ground");
+    const Status status = add_channels(of_ground, channels);
     return status ? "" : status.error().what;
   };
   EXPECT_THAT(refused(fabric_deployment, {"yard"}), HasSubstr("is NAME=DRONE"));
@@ -267,9 +267,9 @@ TEST(InitFiles, WaitForALedgerThatCutsLate) {
 }
 
 TEST(InitFiles, RefuseARoleThatAHostDoesNotHave) {
-  const auto of_desk = files_of(Role::drone_host, plan(fabric_deployment, "desk"));
-  ASSERT_FALSE(of_desk);
-  EXPECT_THAT(of_desk.error().what, HasSubstr("no [[drone]] has host = \"desk\""));
+  const auto of_ground = files_of(Role::drone_host, plan(fabric_deployment, "ground"));
+  ASSERT_FALSE(of_ground);
+  EXPECT_THAT(of_ground.error().what, HasSubstr("no [[drone]] has host = \"ground\""));
   const auto of_tower = files_of(Role::ground, plan(fabric_deployment, "tower"));
   ASSERT_FALSE(of_tower);
   EXPECT_THAT(of_tower.error().what, HasSubstr("names no organisation"));
@@ -279,7 +279,7 @@ TEST(InitFiles, NameTheHostsThereAreWhereOneIsNot) {
   auto config = Config::parse(fabric_deployment, "");
   const auto none = plan_of(*deployment::read(*config), "crow", Directories{});
   ASSERT_FALSE(none);
-  EXPECT_THAT(none.error().what, HasSubstr("no [[host]] \"crow\": raven, tower, desk"));
+  EXPECT_THAT(none.error().what, HasSubstr("no [[host]] \"crow\": raven, tower, ground"));
 }
 
 constexpr const char* profile = R"({

@@ -38,7 +38,7 @@ Facts good() {
 
 // The one line of a check; of d1 where it is a drone's.
 Line line_of(const Facts& facts, const std::string& check) {
-  const std::vector<Line> lines = judge(facts);
+  const std::vector<Line> lines = assess(facts);
   const auto found = std::find_if(lines.begin(), lines.end(), [&](const Line& line) {
     return line.check == check && (line.drone == "d1" || line.drone.empty());
   });
@@ -53,11 +53,11 @@ void expect(const Facts& facts, const std::string& check, Verdict verdict, const
   EXPECT_THAT(line.what, HasSubstr(what)) << check;
   EXPECT_THAT(line.cure, HasSubstr(cure)) << check;
   EXPECT_EQ(line.cure.empty(), verdict == Verdict::ok) << check;
-  EXPECT_EQ(anything_bad(judge(facts)), verdict == Verdict::bad) << check;
+  EXPECT_EQ(anything_bad(assess(facts)), verdict == Verdict::bad) << check;
 }
 
 TEST(PreflightCheck, WhereAllIsWellNothingIsToBeCured) {
-  const std::vector<Line> lines = judge(good());
+  const std::vector<Line> lines = assess(good());
   for (const Line& line : lines) {
     EXPECT_EQ(line.verdict, Verdict::ok) << line.check << ": " << line.what;
     EXPECT_EQ(line.cure, "") << line.check;
@@ -139,7 +139,7 @@ TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
   expect(facts, "pose", Verdict::bad, "no pose of it has come from /poses/d1", "start motion capture");
 }
 
-TEST(PreflightCheck, ADroneThatFliesByItsOwnSensesNeedsToTellAVelocity) {
+TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
   Facts facts = good();
   facts.pose_source = "tello";
   for (DroneFacts& drone : facts.drones) drone.pose->frame.clear();
@@ -153,7 +153,7 @@ TEST(PreflightCheck, ADroneThatFliesByItsOwnSensesNeedsToTellAVelocity) {
   expect(facts, "pose", Verdict::bad, "reports no velocity", "vgx");
 }
 
-TEST(PreflightCheck, OwnSensesThatStandInForMotionCaptureNeedBoth) {
+TEST(PreflightCheck, OdometryThatStandsInForMotionCaptureNeedsBoth) {
   Facts facts = good();
   facts.pose_source = "mocap+tello";
   expect(facts, "pose", Verdict::ok, "/poses/d1", "");
@@ -194,7 +194,7 @@ TEST(PreflightCheck, ALeaseIsOursFreeOrSomebodyElses) {
   expect(facts, "lease", Verdict::bad, "held by Org3MSP CN=pilot", "ledgerline control request d1");
   EXPECT_THAT(line_of(facts, "lease").cure, HasSubstr("acquire --priority N d1"));
   facts.drones[0].lease = {.holder = Holder::ours, .stoppers = {"Org1MSP CN=host"}};
-  expect(facts, "lease", Verdict::bad, "stopped by Org1MSP CN=host", "ledgerline control resume d1");
+  expect(facts, "lease", Verdict::bad, "stopped by Org1MSP CN=host", "ledgerline control clear_stop d1");
   facts.drones[0].lease = {.enrolled = false};
   expect(facts, "lease", Verdict::ok, "not enrolled yet", "");
   facts.enrols = false;
@@ -240,7 +240,7 @@ TEST(PreflightCheck, ALedgerIsReachedStartedOrNot) {
 TEST(PreflightCheck, LinesForPeopleAndForPrograms) {
   Facts facts = good();
   facts.drones[0].battery = 0.1;
-  const std::vector<Line> lines = judge(facts);
+  const std::vector<Line> lines = assess(facts);
   EXPECT_THAT(words(lines), AllOf(HasSubstr("\n  BAD   d1         battery  10 %"), HasSubstr("\n        cure: charge"),
                                   HasSubstr("\n  ok    d2         battery  90 %")));
   const auto json = nlohmann::json::parse(to_json(lines));
@@ -249,7 +249,7 @@ TEST(PreflightCheck, LinesForPeopleAndForPrograms) {
   EXPECT_EQ(json["checks"][1], nlohmann::json::parse(R"({"drone":"d1","check":"battery","verdict":"bad",)"
                                                      R"("what":"10 %: link takes off above 15 %",)"
                                                      R"("cure":"charge or change it"})"));
-  EXPECT_EQ(nlohmann::json::parse(to_json(judge(good())))["ok"], true);
+  EXPECT_EQ(nlohmann::json::parse(to_json(assess(good())))["ok"], true);
 }
 
 TEST(PreflightRecords, SayWhoHoldsADrone) {

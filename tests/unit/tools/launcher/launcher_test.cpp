@@ -338,7 +338,7 @@ TEST_F(FakePrograms, AnAgentThatDiesInFlightBringsBackARoudiThatDiedBeforeItAndA
   EXPECT_THAT(early, testing::UnorderedElementsAre("roudi", "agent"));
 }
 
-TEST_F(FakePrograms, SharedMemoryThatLeakedIsMadeAnewWhenNothingFlies) {
+TEST_F(FakePrograms, LeakedSharedMemoryIsRecreatedWhenNothingFlies) {
   write("roudi", once("roudi", after_take_off + "; echo '{\"leaked\":3}'"));
   write("ground", in_the_air + "sleep 0.7; echo landed >> started\n" + on_the_ground + until_started("roudi", 2));
   const RunRecord record = run();

@@ -53,13 +53,13 @@ TEST(FlyOptions, EveryOptionIsTaken) {
 }
 
 std::string deployment_file(const std::string& address) {
-  std::string toml = "[ledger]\nkind = \"fabric\"\n[[host]]\nname = \"desk\"\naddress = \"" + address +
+  std::string toml = "[ledger]\nkind = \"fabric\"\n[[host]]\nname = \"ground\"\naddress = \"" + address +
                      "\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
   for (const char* id : {"Org1MSP", "Org2MSP", "Org3MSP"})
-    toml += "[[organisation]]\nid = \"" + std::string(id) + "\"\nhost = \"desk\"\n";
-  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"desk\"\n";
+    toml += "[[organisation]]\nid = \"" + std::string(id) + "\"\nhost = \"ground\"\n";
+  for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"ground\"\n";
   for (const char* number : {"1", "2"})
-    toml += "[[drone]]\nname = \"tello" + std::string(number) + "\"\nhost = \"desk\"\naddress = \"127.0.0." +
+    toml += "[[drone]]\nname = \"tello" + std::string(number) + "\"\nhost = \"ground\"\naddress = \"127.0.0." +
             std::to_string(number[0] - '0' + 1) + "\"\n";
   const std::string file = testing::TempDir() + "/deployment.toml";
   EXPECT_TRUE(write_file(file, toml));

@@ -57,7 +57,7 @@ TEST(Preflight, TheListHasWhatAPersonChecks) {
   EXPECT_THAT(list, HasSubstr("ok               fence    x -2 to 2, y -2 to 2, z 0 to 2 m"));
 }
 
-TEST(Preflight, WhyADroneIsNotReadyIsSaid) {
+TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
   Preflight preflight(options_of(1));
   const auto why = [&](const std::string& line) {
     preflight.take(line);
@@ -91,7 +91,7 @@ TEST(Preflight, WhatIsNoStatusLineChangesNothing) {
   EXPECT_THAT(preflight.missing(), HasSubstr("does not answer"));
 }
 
-TEST(Preflight, APathIsJudgedFromWhereTheDroneStands) {
+TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
   Options options = options_of(1);
   options.side_m = 1.5;
   Preflight preflight(options);
@@ -103,7 +103,7 @@ TEST(Preflight, APathIsJudgedFromWhereTheDroneStands) {
   EXPECT_THAT(status.error().what, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
 }
 
-TEST(Preflight, WhoHoldsADroneIsSaidBeforeItIsAcquired) {
+TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
   Preflight preflight(options_of(1));
   const crypto::IdentityName self{"Org2MSP", "CN=pilot"};
   preflight.take(line_of("d1", "on_ground", "none"));

@@ -4,7 +4,7 @@
 
 #include <nlohmann/json.hpp>
 
-/// What a person is told of a receipt's certificates.
+/// What a person is shown of a receipt's certificates.
 namespace ledgerline::receipt {
 namespace {
 
@@ -65,7 +65,7 @@ TEST(ShownReceipt, SaysWhoIsRevokedAndByWhoseLists) {
   EXPECT_EQ(reported["revocation_lists"][0]["msp_id"], "Org1MSP");
   EXPECT_EQ(reported["without_revocation_list"], nlohmann::json({"Org2MSP"}));
   proven.certificates[0].role = Role::creator;
-  EXPECT_THAT(words(proven, used_s), HasSubstr("revoked by now; the peers judged it when the transaction came"));
+  EXPECT_THAT(words(proven, used_s), HasSubstr("revoked by now; the peers validated it when the transaction came"));
   EXPECT_EQ(nlohmann::json::parse(json(proven, used_s))["certificates"][0]["counted"], true);
 }
 

@@ -228,7 +228,7 @@ TEST_F(RunDirectory, ThePageHasWhatWasReportedOfThePositionBesideTheError) {
         record(TraceKind::pose_reported, t_ms * ns_per_ms, 1, 1, pose_ms * ns_per_ms, variance_x_m2, variance_y_m2));
   };
   tell(1'800, 1'800, 1, 2, 0.01, 0.01);         // on the ground
-  tell(2'260, 2'250, 1.25, 2.2, 0.01, 0.0025);  // 0.2 m beside it, where 0.3 is told
+  tell(2'260, 2'250, 1.25, 2.2, 0.01, 0.0025);  // 0.2 m beside it, where 0.3 is reported
   tell(2'760, 2'750, 1.75, 1.5, 0.0025, 0.01);  // 0.5 m
   write_trace("link", link);
   const Results results = read_results(files, options, run);
@@ -266,7 +266,7 @@ TEST(Report, WithoutATruthWhatWasReportedStandsAlone) {
   }
   EXPECT_TRUE(reported_positions(link, {}, 2, 0).empty());
   const auto reported = reported_positions(link, {}, 1, 0);
-  ASSERT_EQ(reported.size(), 2u);  // no variance, and one that is no number, are not told
+  ASSERT_EQ(reported.size(), 2u);  // no variance, and one that is no number, are not reported
   EXPECT_FALSE(reported[0].error_m.has_value());
   const auto figures = figures_of(reported);
   ASSERT_TRUE(figures.has_value());

@@ -35,7 +35,7 @@ TEST_F(AStationsOptions, NameTheStationAndItsToken) {
   EXPECT_EQ(target()->place.at.port, 1);
   EXPECT_EQ(target()->token_file, "env.token");
   options.config = config("[flight]\nwings = 2\n[service]\nlisten = \"127.0.0.1:2\"\ntoken_file = \"config.token\"\n");
-  EXPECT_EQ(target()->place.at.port, 2) << "what else is in the file is ground's to judge";
+  EXPECT_EQ(target()->place.at.port, 2) << "what else is in the file is ground's to check";
   EXPECT_EQ(target()->token_file, "config.token");
   options.url = "http://127.0.0.1:3";
   options.token_file = "own.token";
@@ -50,7 +50,7 @@ TEST_F(AStationsOptions, SayWhoseCertificateTheStationHas) {
   options.config = config(secure);
   ASSERT_TRUE(target()) << target().error().what;
   EXPECT_EQ(text_of(target()->place), "a.example:2");
-  EXPECT_EQ(target()->tls.authority, "own.pem") << "who reads the config need not be told";
+  EXPECT_EQ(target()->tls.authority, "own.pem") << "who reads the config need not give it";
   EXPECT_EQ(target()->tls.certificate, "") << "that is the station's";
   environment["LEDGERLINE_CA"] = "env.pem";
   options.url = "https://b.example:2";

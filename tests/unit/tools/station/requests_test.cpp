@@ -26,7 +26,7 @@ ground::service::ApiAnswer answered(const Request& request) {
 
 TEST(ARequest, IsOneThatTheStationTakes) {
   for (const char* verb :
-       {"takeoff", "land", "stop", "cut", "pause", "resume", "return", "acquire", "release", "request", "lift"})
+       {"takeoff", "land", "stop", "cut", "pause", "resume", "return", "acquire", "release", "request", "clear_stop"})
     EXPECT_EQ(answered(drone_request("tello1", verb)).status, 202U) << verb;
   const std::string to = to_body("Org2MSP", "CN=bob \"b\"");
   for (const char* verb : {"hand_over", "deny"}) {

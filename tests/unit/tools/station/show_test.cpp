@@ -137,7 +137,7 @@ TEST(AnEvent, IsALine) {
 
 ShownEvent takeoff(const std::string& name, double t_ms) { return {1, t_ms, "info", name, "takeoff"}; }
 
-TEST(Flights, AreMissionsUnderWayAndDronesBesideThem) {
+TEST(Flights, AreRunningMissionsAndDronesBesideThem) {
   const auto flown = flown_from(drones({drone("tello1", "path"), drone("tello2", "landed"), drone("tello3", "manual"),
                                         drone("tello4", "waiting")}),
                                 missions({mission_json("flying"), mission_json("done")}),

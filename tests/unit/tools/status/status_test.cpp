@@ -29,7 +29,7 @@ TEST(StatusTest, AStartIsFoundBehindANameWithBlanksAndBrackets) {
   EXPECT_FALSE(start_of("", 100));
 }
 
-TEST(StatusTest, AgesAreSaidInTheUnitThatFits) {
+TEST(StatusTest, AgesAreShownInTheUnitThatFits) {
   EXPECT_EQ(words_of_age(340 * ns_per_ms), "340 ms");
   EXPECT_EQ(words_of_age(-20 * ns_per_ms), "-20 ms");
   EXPECT_EQ(words_of_age(from_seconds(12.5)), "12.5 s");

@@ -40,7 +40,7 @@ TEST_F(AskingATello, EachQuestionIsAskedOnceWhereItIsAnswered) {
       R"("version":"v01.04.91.01","wifi_version":"wifiv1.0.0.0"}]})");
 }
 
-TEST_F(AskingATello, WhoeverDoesNotAnswerTheFirstWordIsGivenUpAfterThreeTries) {
+TEST_F(AskingATello, ADroneThatDoesNotAnswerTheFirstCommandIsGivenUpAfterThreeTries) {
   EXPECT_EQ(asked(), "command");
   EXPECT_EQ(asked(), "command");
   EXPECT_EQ(asked(), "command");
@@ -110,7 +110,7 @@ TEST_F(AskingATello, HostileAnswersAreNeitherShownNorCounted) {
   EXPECT_TRUE(nlohmann::json::accept(json({{1, asking}})));
 }
 
-TEST_F(AskingATello, AWordThatIsObeyedIsAnsweredOkWhateverItsPasswordEndsIn) {
+TEST_F(AskingATello, ACommandThatIsObeyedIsAnsweredOkWhateverItsPasswordEndsIn) {
   asking = Asking({"ap lab password?"});
   EXPECT_EQ(asked(), "command");
   asking.on_answer("ok");

@@ -10,7 +10,7 @@ namespace {
 
 using testing::HasSubstr;
 
-bool kept(const std::string& text) { return judge(parse_limit(text).value(), some_figures()).kept; }
+bool kept(const std::string& text) { return check(parse_limit(text).value(), some_figures()).kept; }
 
 TEST(Limits, AreKeptUpToTheirBound) {
   EXPECT_TRUE(kept("p99.apply=1ms"));
@@ -28,7 +28,7 @@ TEST(Limits, AreKeptUpToTheirBound) {
 
 TEST(Limits, WhatWasNotMeasuredIsNotKept) {
   for (const char* text : {"p99.apply=1s", "overruns=100", "cpu.link=100%", "headroom=0%"}) {
-    const Verdict verdict = judge(parse_limit(text).value(), make_figures({}, {}));
+    const Verdict verdict = check(parse_limit(text).value(), make_figures({}, {}));
     EXPECT_FALSE(verdict.kept) << text;
     EXPECT_FALSE(verdict.measured) << text;
   }

@@ -15,7 +15,7 @@ using testing::HasSubstr;
 
 TEST(Show, TheTableAndTheJsonHaveEveryStage) {
   const Figures figures = some_figures();
-  const auto verdicts = std::vector{judge(parse_limit("p99.apply=1us").value(), figures)};
+  const auto verdicts = std::vector{check(parse_limit("p99.apply=1us").value(), figures)};
   const std::string table = to_table(figures, 5) + to_table(verdicts);
   const json j = to_json(figures, verdicts);
   for (std::size_t i = 0; i < stages.size(); ++i) {

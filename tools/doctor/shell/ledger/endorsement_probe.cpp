@@ -100,29 +100,29 @@ bool gathers(const LedgerKeys& keys) {
   return !keys.orderers.empty() && organisations.size() >= 2;
 }
 
-Finding judge_records(const ProgramConfig& one, const NeededSignatures& needed, Asking& asking) {
+Finding assess_records(const ProgramConfig& one, const NeededSignatures& needed, Asking& asking) {
   EndorsementFacts facts{.program = one.file,
                          .what = fmt::format("new records of contract {}", one.ledger->contract),
                          .policy = needed.policy,
                          .organisations = needed.organisations};
   if (gathers(*one.ledger)) {
     facts.peers = asking.named();
-    return judge(facts);
+    return assess(facts);
   }
   const Status found_by_gateway = asking.gateway();
   if (found_by_gateway)
     return fine("endorsement", fmt::format("{}: {}: the gateway finds enough", one.file, facts.what));
   facts.by_gateway = true;
   for (const std::string& msp_id : needed.organisations) facts.peers.push_back(asking.by_gateway(msp_id));
-  const Finding finding = judge(facts);
+  const Finding finding = assess(facts);
   if (finding.problem) return finding;
   return found(Problem::ledger_refuses, "endorsement",
                fmt::format("{}: {}: {}", one.file, facts.what, found_by_gateway.error().what));
 }
 
 /// What needs the signature of one organisation; one of one's own may be the peer of [ledger].
-Finding judge_alone(const ProgramConfig& one, const NeededSignatures& needed, const std::string& msp_id,
-                    const std::string& what, Asking& asking) {
+Finding assess_alone(const ProgramConfig& one, const NeededSignatures& needed, const std::string& msp_id,
+                     const std::string& what, Asking& asking) {
   EndorsementFacts facts{.program = one.file,
                          .what = what,
                          .policy = {{fabric::peer_policy(msp_id)}, 1},
@@ -136,14 +136,14 @@ Finding judge_alone(const ProgramConfig& one, const NeededSignatures& needed, co
     facts.by_gateway = true;
     facts.peers.push_back(asking.by_gateway(msp_id));
   }
-  return judge(facts);
+  return assess(facts);
 }
 
 }  // namespace
 
 Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed) {
   Asking asking(one, client);
-  Findings out{judge_records(one, needed, asking)};
+  Findings out{assess_records(one, needed, asking)};
   // States are signed for by a peer of one's own organisation, commands by one of the drones' owner.
   std::set<std::string> alone = needed.owners;
   std::string what = "commands";
@@ -153,7 +153,7 @@ Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& cli
     what = "states";
   }
   for (const std::string& msp_id : alone) {
-    Finding finding = judge_alone(one, needed, msp_id, fmt::format("{} of the drones of {}", what, msp_id), asking);
+    Finding finding = assess_alone(one, needed, msp_id, fmt::format("{} of the drones of {}", what, msp_id), asking);
     if (finding.problem) out.push_back(std::move(finding));
   }
   return out;

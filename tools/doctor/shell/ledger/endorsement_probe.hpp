@@ -17,7 +17,7 @@ struct NeededSignatures {
 };
 
 /// Lets the peers that agent or ground would ask, the config's or those that the gateway finds, sign a note that nobody
-/// submits, and judges whose signatures come back. Nothing is written on the ledger.
+/// submits, and checks whose signatures come back. Nothing is written on the ledger.
 Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed);
 
 }  // namespace ledgerline::doctor

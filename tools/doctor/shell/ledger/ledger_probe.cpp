@@ -12,7 +12,7 @@
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/judge/channel_config.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/verification/control_records.hpp"
@@ -66,9 +66,9 @@ bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel
   protos::ApplicationPolicy policy;
   if (!policy.ParseFromString(definition)) return false;
   if (!policy.has_signature_policy() && channel.organisations.size() == 1) return false;
-  const fabric::Policy judged = fabric::application_policy(channel, definition);
+  const fabric::Policy endorsement = fabric::application_policy(channel, definition);
   return std::any_of(channel.organisations.begin(), channel.organisations.end(), [&](const crypto::MspRoot& one) {
-    return fabric::satisfies(judged, {{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}});
+    return fabric::satisfies(endorsement, {{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}});
   });
 }
 
@@ -93,7 +93,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
       facts.max_age_ns = one.max_age_ns;
       facts.silent_after_ns = one.silent_after_ns;
     }
-    out.push_back(judge(*channel->batching, facts));
+    out.push_back(assess(*channel->batching, facts));
   }
   ContractFacts contract{.name = one.ledger->contract, .own_version = std::to_string(contract::record_version + 1)};
   std::string policy;
@@ -108,7 +108,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
     } else {
       contract.refused = definition.error().what;
     }
-    add(out, judge(contract));
+    add(out, assess(contract));
   }
   if (!channel || !contract.refused.empty()) return std::nullopt;
   NeededSignatures needed{.policy = fabric::application_policy(*channel, policy)};
@@ -133,7 +133,7 @@ std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const cr
       out.push_back(found(Problem::ledger_refuses, check, control.error().what));
       return owners;
     }
-    add(out, judge(facts));
+    add(out, assess(facts));
   }
   return owners;
 }
@@ -170,7 +170,7 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
     if (!second) continue;
     if (auto its = second->height()) facts.elsewhere = *its;
   }
-  add(out, judge(facts));
+  add(out, assess(facts));
   return out;
 }
 

@@ -45,10 +45,10 @@ std::vector<Flown> blocks_of(const Record& record, const Times& times) {
     Flown flown;
     flown.channel = block.channel;
     flown.stretch.end_s = times.s(block.end_ns);
-    for (const Report& reported : record.reported)
-      if (reported.sent_ns >= block.begin_ns && reported.sent_ns < block.end_ns)
+    for (const SentRc& sent : record.sent_rc)
+      if (sent.sent_ns >= block.begin_ns && sent.sent_ns < block.end_ns)
         flown.stretch.steps.push_back(
-            {times.s(reported.sent_ns), reported.rc[static_cast<std::size_t>(block.channel)] / 100.0});
+            {times.s(sent.sent_ns), sent.rc[static_cast<std::size_t>(block.channel)] / 100.0});
     for (const StateSample& state : record.states)
       if (state.came_ns >= block.begin_ns && state.came_ns < block.end_ns) flown.states.push_back(&state);
     for (const PoseSample& pose : record.poses)
@@ -128,7 +128,7 @@ Estimate mean_angle(const std::vector<double>& angles) {
 class Estimator {
  public:
   explicit Estimator(const Record& record)
-      : times_(record.reported.front().sent_ns), blocks_(blocks_of(record, times_)) {
+      : times_(record.sent_rc.front().sent_ns), blocks_(blocks_of(record, times_)) {
     out_.poses = !record.poses.empty();
   }
 
@@ -330,7 +330,7 @@ class Estimator {
 }  // namespace
 
 Result<Calibration> estimate(const Record& record) {
-  if (record.reported.empty()) return Error{"nothing was flown"};
+  if (record.sent_rc.empty()) return Error{"nothing was flown"};
   return Estimator(record).run();
 }
 

@@ -216,7 +216,7 @@ void CalibrationFlight::tell(TimeNs now, int channel, int value) {
   stroke_from_ = pose_;
   rc_ = {};
   rc_[static_cast<std::size_t>(channel)] = value;
-  record_.reported.push_back({now, rc_});
+  record_.sent_rc.push_back({now, rc_});
   said_ns_ = 0;
 }
 

@@ -16,7 +16,7 @@ enum Channel : int { right = 0, forward = 1, up = 2, clockwise = 3 };
 inline float height_of(const link::TelloState& state) { return state.tof_m < 10 ? state.tof_m : state.height_m; }
 
 /// From this moment on the drone was sent this: right, forward, up, clockwise by the SDK's words.
-struct Report {
+struct SentRc {
   TimeNs sent_ns = 0;
   link::Rc rc{};
 };
@@ -34,12 +34,12 @@ struct PoseSample {
 
 /// One channel of rc at work, between two hovers.
 struct Block {
-  int channel = 0;  ///< of Report::rc
+  int channel = 0;  ///< of SentRc::rc
   TimeNs begin_ns = 0, end_ns = 0;
 };
 
 struct Record {
-  std::vector<Report> reported;  ///< of the blocks
+  std::vector<SentRc> sent_rc;  ///< of the blocks
   std::vector<StateSample> states;
   std::vector<PoseSample> poses;  ///< none: flown without a pose source
   std::vector<Block> blocks;

@@ -2,7 +2,7 @@
 //! nodes of its domain (ROS_DOMAIN_ID), or flies a drone by its topics. Says what happens as lines of JSON; what a message
 //! is for a number is said in made_up.py, and here again.
 //!
-//! publish says the message for 0 again and again until it is told to go by a line on its standard input.
+//! publish sends the message for 0 repeatedly until a line comes on its standard input.
 //! fly takes off, flies ahead, is silent for 3 s, lands, and ends. Its lines: each odometry heard, and each first word of
 //! its own with the (real) time; the last one is {"landed":true}.
 //!
@@ -72,10 +72,10 @@ async fn publish(node: &mut Node, topic: &Name, first: u32, count: u32, period: 
     let topic = node.create_topic(topic, MessageTypeName::new("made_up_msgs", "Nested"), &qos()).expect("topic");
     let publisher = node.create_publisher::<Nested>(&topic, None).expect("publisher");
     let go = Arc::new(AtomicBool::new(false));
-    let told = go.clone();
+    let released = go.clone();
     std::thread::spawn(move || {
         std::io::stdin().read_line(&mut String::new()).expect("stdin");
-        told.store(true, Ordering::Relaxed);
+        released.store(true, Ordering::Relaxed);
     });
     // That one side knows the other does not mean that the other knows it.
     while !go.load(Ordering::Relaxed) {

@@ -65,7 +65,7 @@ TEST_F(FirstStateTest, AnswersAsThePeerAndGoesOnByItsBlocks) {
   EXPECT_EQ(beside_the_peer(again, propose(steady_holder, calls.command())), Comparison::same);
 }
 
-TEST_F(FirstStateTest, WhatLiesInOldBlocksIsAPeersToTell) {
+TEST_F(FirstStateTest, WhatIsInOldBlocksIsForAPeerToAnswer) {
   const auto state = calls.state();
   commit(steady_host, state);
   follow(core);
@@ -142,7 +142,7 @@ TEST_F(FirstStateTest, AChainThatTheOrderersHaveNotSignedIsRefused) {
   common::Block block;
   block.ParseFromString(channel.other_block(last, std::string(32, 'x'), people().forger));
   forged.end.hash = node::header_hash(block.header());
-  fabric::BlockJudge anchored = judge();
+  fabric::BlockValidator anchored = make_validator();
   const auto config = confirm(forged, anchored, [&](std::uint64_t number) -> Result<common::Block> {
     return number == last ? Result<common::Block>(block) : fetch(number);
   });
@@ -168,7 +168,7 @@ TEST_F(FirstStateTest, TheConfigurationIsTheChainsOwn) {
   config.ParseFromString(changed.config);
   config.mutable_config()->set_sequence(77);
   changed.config = config.SerializeAsString();
-  fabric::BlockJudge anchored = judge();
+  fabric::BlockValidator anchored = make_validator();
   EXPECT_FALSE(confirm(changed, anchored, [this](std::uint64_t number) { return fetch(number); }).ok());
 }
 
@@ -176,7 +176,7 @@ TEST_F(FirstStateTest, OneOlderThanTheTrustAnchorIsRefused) {
   const auto said = read_peer_snapshot(snapshot_of(known()), {}, {});
   ASSERT_TRUE(said.ok());
   channel.revoke(people().first, people().hosts[2]);
-  fabric::BlockJudge anchored = judge(channel.blocks.size() - 1);
+  fabric::BlockValidator anchored = make_validator(channel.blocks.size() - 1);
   const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
   ASSERT_FALSE(config.ok());
   EXPECT_THAT(config.error().what, HasSubstr("is older than config_block"));

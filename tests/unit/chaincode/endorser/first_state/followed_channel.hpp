@@ -49,10 +49,12 @@ class FollowedChannel : public ::testing::Test {
     }
   }
 
-  Core::Setup setup() const { return {{}, people().endorsers[0].identity, fabric::BlockJudge::registry_of(library)}; }
+  Core::Setup setup() const {
+    return {{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)};
+  }
   Snapshot known() const { return *snapshot_from(core.snapshot()); }
-  fabric::BlockJudge judge(std::size_t anchor = 0) const {
-    return *fabric::BlockJudge::from(channel.blocks.at(anchor), "teleop", library);
+  fabric::BlockValidator make_validator(std::size_t anchor = 0) const {
+    return *fabric::BlockValidator::from(channel.blocks.at(anchor), "teleop", library);
   }
   Result<common::Block> fetch(std::uint64_t number) const {
     common::Block block;
@@ -64,7 +66,7 @@ class FollowedChannel : public ::testing::Test {
   Result<std::unique_ptr<Core>> begin(const PeerSnapshotFiles& files, std::string_view hash = {}) const {
     const auto said = read_peer_snapshot(files, {}, hash);
     if (!said) return said.error();
-    fabric::BlockJudge anchored = judge();
+    fabric::BlockValidator anchored = make_validator();
     const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
     if (!config) return config.error();
     auto begun = std::make_unique<Core>(setup());

@@ -4,8 +4,8 @@
 #include <nlohmann/json.hpp>
 
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/judge/channel_state.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "common/fabric/validation/channel_state.hpp"
 
 namespace ledgerline::endorser {
 namespace {

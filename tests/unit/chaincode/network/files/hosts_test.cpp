@@ -114,7 +114,7 @@ TEST(FabricHosts, EachHasThePrivateKeysOfItsOwnPartsAndNoOther) {
   EXPECT_THAT(keys_below(all), IsSupersetOf(kept));
 }
 
-TEST(FabricHosts, AFolderThatIsThereIsLeftAndAnUnfinishedOneIsMadeAnew) {
+TEST(FabricHosts, AnExistingFolderIsLeftAndAnUnfinishedOneIsRecreated) {
   const Folder folder;
   const std::string all = folder.in("authority"), to = folder.in("host-10.0.0.1");
   const Options options = on_three_hosts();

@@ -172,7 +172,7 @@ TEST(Revocation, AnOlderListIsRefused) {
   constexpr auto refused = "older than the authority's list that is in force";
   EXPECT_THAT(updated(with_lists({lists.of_first()}), lists.of_first({.before_now_s = 60})),
               ElementsAre(HasSubstr(refused)));
-  // The number counts before the clock of whoever made the list.
+  // The number counts before the issuer's clock.
   EXPECT_THAT(
       updated(with_lists({lists.of_first({.number = 300, .before_now_s = 60})}), lists.of_first({.number = 299})),
       ElementsAre(HasSubstr(refused)));
@@ -183,7 +183,7 @@ TEST(Revocation, AnOlderListIsRefused) {
       << "another authority's is no measure";
 }
 
-TEST(Revocation, WhatIsNoConfigurationIsSaid) {
+TEST(Revocation, WhatIsNoConfigurationIsReported) {
   const auto why = [](const std::string& block, const std::string& msp_id) {
     const auto made = revocation_update(block, msp_id, "list");
     return made ? "it was taken" : made.error().what;

@@ -3,7 +3,7 @@
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// Who hammers against evict, grant and resume: ten transactions a block, of which the evictor has one.
+/// Who hammers against evict, grant and clear_stop: ten transactions a block, of which the evictor has one.
 namespace ledgerline::node {
 namespace {
 
@@ -107,9 +107,9 @@ TEST_F(ClaimConflicts, AnEvictionIsOnTheLedgerWithinFiveBlocksWhateverItsHolderD
   submit(rival, "acquire", "tello1");  // the claim is over with it
 }
 
-TEST_F(ClaimConflicts, SoIsALiftOfStopsByASupervisor) {
+TEST_F(ClaimConflicts, SoIsClearStopByASupervisor) {
   submit(net.pilot, "stop", "tello1");
-  expect_through(chief, "resume", "tello1");
+  expect_through(chief, "clear_stop", "tello1");
 }
 
 TEST_F(ClaimConflicts, SoIsTheEndOfAGrantAndTheHolderIsGoneWithIt) {

@@ -66,13 +66,13 @@ TEST_F(CoreTest, ARestartGoesOnWhereTheChainEnds) {
   for (std::size_t i = 0; i < net.chain.size(); ++i) ASSERT_TRUE(check.add(net.block(i)).ok()) << i;
 }
 
-TEST_F(CoreTest, WhileABlockIsUnderWayNoneIsCutAndReadsSeeTheStateBefore) {
+TEST_F(CoreTest, WhileABlockIsInProgressNoneIsCutAndReadsSeeTheStateBefore) {
   for (int i = 0; i < 2; ++i) net.core->order(net.endorsed(net.host, "set", note("tello1/a")), net.now);
   const auto block = net.core->cut(net.now);
   ASSERT_TRUE(block);
   EXPECT_FALSE(net.core->next_cut());
   EXPECT_FALSE(net.core->cut(net.now));
-  EXPECT_EQ(evaluate("get", "tello1/a").code, Code::unknown) << "not on disk, not told";
+  EXPECT_EQ(evaluate("get", "tello1/a").code, Code::unknown) << "not on disk, not reported";
   net.keep(*block);
   EXPECT_EQ(evaluate("get", "tello1/a").code, Code::ok);
   EXPECT_TRUE(net.core->cut(net.now));

@@ -7,7 +7,7 @@
 #include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// Leases that change hands while their holder's commands are under way, in the ledger's own check of what was read
+/// Leases that change hands while their holder's commands are in flight, in the ledger's own check of what was read
 /// (MVCC): from the block on that gives a drone to somebody, nothing that the loser says is valid.
 namespace ledgerline::node {
 namespace {
@@ -133,15 +133,15 @@ TEST_F(LeaseConflicts, BetweenTwoHoldersOfOneDelegateEachCommandIsOfOneLease) {
   }
 }
 
-TEST_F(LeaseConflicts, AFoldAfterTheDelegatesRevocationInvalidatesWhatIsUnderWay) {
+TEST_F(LeaseConflicts, ApplyStopsAfterTheDelegatesRevocationInvalidatesWhatIsInFlight) {
   submit(net.pilot, "acquire", lease_by_station()), ++epoch;
   RevokeCall call;
   call.mutable_identity()->set_msp_id("Org2MSP");
   call.mutable_identity()->set_subject("CN=station");
   submit(net.admin2, "revoke", call.SerializeAsString());
   const std::string early = command(station);
-  const std::string fold = net.endorsed(net.host, "fold", "tello1");
-  EXPECT_THAT(in_one_block({fold, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+  const std::string applied = net.endorsed(net.host, "apply_stops", "tello1");
+  EXPECT_THAT(in_one_block({applied, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
 TEST_F(LeaseConflicts, ALeaseForADelegateWhomARevocationOvertookIsInvalid) {
@@ -153,14 +153,14 @@ TEST_F(LeaseConflicts, ALeaseForADelegateWhomARevocationOvertookIsInvalid) {
   EXPECT_THAT(in_one_block({revoke, acquire}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
-TEST_F(LeaseConflicts, AFoldAfterARevocationInvalidatesWhatIsUnderWay) {
+TEST_F(LeaseConflicts, ApplyStopsAfterARevocationInvalidatesWhatIsInFlight) {
   RevokeCall call;
   call.mutable_identity()->set_msp_id(net.pilot.name.msp_id);
   call.mutable_identity()->set_subject(net.pilot.name.subject);
   submit(net.admin2, "revoke", call.SerializeAsString());
   const std::string early = command(net.pilot);
-  const std::string fold = net.endorsed(net.host, "fold", "tello1");
-  EXPECT_THAT(in_one_block({fold, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+  const std::string applied = net.endorsed(net.host, "apply_stops", "tello1");
+  EXPECT_THAT(in_one_block({applied, early}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
 TEST_F(LeaseConflicts, AnAcquireThatARevocationOvertookIsInvalid) {

@@ -65,7 +65,7 @@ TEST_F(SignatureTest, ARealSignatureIsAccepted) {
   EXPECT_EQ(core->cut(now)->transactions.at(0).code, 0);
 }
 
-/// Whoever writes his certificate in another layout each time has one share of what waits for a block.
+/// A client that writes its certificate in another layout each time has one share of what waits for a block.
 TEST_F(SignatureTest, OneCertificateInManyLayoutsIsOneIdentityToTheOrderer) {
   crypto::SigningIdentity again = user;
   std::size_t taken = 0;

@@ -58,13 +58,13 @@ TEST_F(StopConflicts, TenStopsInOneBlockAreAllValid) {
 
 TEST_F(StopConflicts, AStopWinsAgainstWhatChangesTheDronesRecordWhicheverComesFirst) {
   ASSERT_THAT(net.submit(net.pilot, "stop", "tello1"), ElementsAre(protos::VALID));
-  for (const auto& [who, function] : {std::pair(&net.pilot, "resume"), std::pair(&net.host, "fold"),
+  for (const auto& [who, function] : {std::pair(&net.pilot, "clear_stop"), std::pair(&net.host, "apply_stops"),
                                       std::pair(&net.pilot, "release"), std::pair(&net.pilot, "acquire")}) {
     const auto& first = stoppers[0];
     const std::string before = net.endorsed(first, "stop", "tello1"), change = net.endorsed(*who, function, "tello1");
     EXPECT_THAT(in_one_block({before, change}), ElementsAre(protos::VALID, protos::PHANTOM_READ_CONFLICT)) << function;
   }
-  for (const auto& [who, function] : {std::pair(&net.host, "fold"), std::pair(&net.pilot, "resume"),
+  for (const auto& [who, function] : {std::pair(&net.host, "apply_stops"), std::pair(&net.pilot, "clear_stop"),
                                       std::pair(&net.pilot, "release"), std::pair(&net.pilot, "acquire")}) {
     const std::string change = net.endorsed(*who, function, "tello1");
     const std::string after = net.endorsed(stoppers[1], "stop", "tello1");
@@ -76,28 +76,28 @@ TEST_F(StopConflicts, AStopOfTheHolderDoesNotLoseToTheEndOfItsLease) {
   const std::string stop = net.endorsed(net.pilot, "stop", "tello1");
   const std::string other = net.endorsed(stoppers[0], "stop", "tello1");
   EXPECT_THAT(in_one_block({other, stop}), ElementsAre(protos::VALID, protos::VALID));
-  const std::string resume = net.endorsed(stoppers[0], "resume", "tello1");
+  const std::string clear = net.endorsed(stoppers[0], "clear_stop", "tello1");
   const std::string again = net.endorsed(net.pilot, "stop", "tello1");
-  EXPECT_THAT(in_one_block({resume, again}), ElementsAre(protos::VALID, protos::VALID));
+  EXPECT_THAT(in_one_block({clear, again}), ElementsAre(protos::VALID, protos::VALID));
   const std::string release = net.endorsed(net.pilot, "release", "tello1");
   const std::string late = net.endorsed(net.pilot, "stop", "tello1");
   EXPECT_THAT(in_one_block({release, late}), ElementsAre(protos::VALID, protos::VALID));
 }
 
-/// Held back by whoever carries them, and sent once their stopper or a supervisor has lifted one that stood.
-TEST_F(StopConflicts, AThousandOldStopsSentAgainAfterAResumeDoNothing) {
+/// Held back on their way, and sent once their stopper or a supervisor has cleared one that stood.
+TEST_F(StopConflicts, AThousandOldStopsSentAgainAfterAClearDoNothing) {
   net.config.max_waiting = 20'000;  // a sixteenth of them may be urgent ones of one identity
   net.restart();
   DronesCall counted;
   counted.add_drones("tello1");
-  counted.add_resumes(0);
+  counted.add_clears(0);
   std::vector<std::string> old;
   for (int i = 0; i < 1'000; ++i) {
     old.push_back(i % 2 == 0 ? net.endorsed(stoppers[0], "stop", "tello1")
                              : net.endorsed(stoppers[0], "stop", counted.SerializeAsString()));
   }
   EXPECT_THAT(in_one_block({old[0]}), ElementsAre(protos::VALID));
-  ASSERT_THAT(net.submit(stoppers[0], "resume", "tello1"), ElementsAre(protos::VALID));
+  ASSERT_THAT(net.submit(stoppers[0], "clear_stop", "tello1"), ElementsAre(protos::VALID));
   const auto codes = in_one_block(old);
   ASSERT_EQ(codes.size(), 1'000U);
   EXPECT_EQ(codes[0], protos::DUPLICATE_TXID);
@@ -109,30 +109,30 @@ TEST_F(StopConflicts, AThousandOldStopsSentAgainAfterAResumeDoNothing) {
   EXPECT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID)) << "a new one stops";
 }
 
-TEST_F(StopConflicts, AStopLosesToTheLiftOfAnEarlierOneOfItsOwnOnceAtMost) {
+TEST_F(StopConflicts, AStopLosesToTheClearOfAnEarlierOneOfItsOwnOnceAtMost) {
   ASSERT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID));
-  const std::string lift = net.endorsed(stoppers[0], "resume", "tello1");
+  const std::string clear = net.endorsed(stoppers[0], "clear_stop", "tello1");
   const std::string next = net.endorsed(stoppers[0], "stop", "tello1");
-  EXPECT_THAT(in_one_block({lift, next}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+  EXPECT_THAT(in_one_block({clear, next}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
   const std::string again = net.endorsed(stoppers[0], "stop", "tello1");
-  ASSERT_NE(net.core->endorse(net.propose(stoppers[0], "resume", "tello1").signed_proposal, net.now).code, Code::ok)
-      << "there is no stop of its own that anybody could lift meanwhile";
+  ASSERT_NE(net.core->endorse(net.propose(stoppers[0], "clear_stop", "tello1").signed_proposal, net.now).code, Code::ok)
+      << "there is no stop of its own that anybody could clear meanwhile";
   EXPECT_THAT(in_one_block({again}), ElementsAre(protos::VALID));
 }
 
-TEST_F(StopConflicts, AFoldInvalidatesTheCommandsThatAreUnderWay) {
+TEST_F(StopConflicts, ApplyStopsInvalidatesTheCommandsThatAreInFlight) {
   const std::string early = command(), late = command();
   const std::string stop = net.endorsed(stoppers[0], "stop", "tello1");
   EXPECT_THAT(in_one_block({stop, early}), ElementsAre(protos::VALID, protos::VALID)) << "agent refuses it";
-  const std::string fold = net.endorsed(net.host, "fold", "tello1");
-  EXPECT_THAT(in_one_block({fold, late}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
+  const std::string applied = net.endorsed(net.host, "apply_stops", "tello1");
+  EXPECT_THAT(in_one_block({applied, late}), ElementsAre(protos::VALID, protos::MVCC_READ_CONFLICT));
 }
 
-TEST_F(StopConflicts, AFoldThatAStopOvertookIsInvalidAndOneAfterItHasBoth) {
+TEST_F(StopConflicts, ApplyStopsThatAStopOvertookIsInvalidAndOneAfterItHasBoth) {
   ASSERT_THAT(net.submit(stoppers[0], "stop", "tello1"), ElementsAre(protos::VALID));
-  const std::string fold = net.endorsed(net.host, "fold", "tello1");
+  const std::string applied = net.endorsed(net.host, "apply_stops", "tello1");
   const std::string stop = net.endorsed(stoppers[1], "stop", "tello1");
-  EXPECT_THAT(in_one_block({stop, fold}), ElementsAre(protos::VALID, protos::PHANTOM_READ_CONFLICT));
+  EXPECT_THAT(in_one_block({stop, applied}), ElementsAre(protos::VALID, protos::PHANTOM_READ_CONFLICT));
 }
 
 /// A stopper or a disturber, as it sends: endorsed against what it finds, again when the ledger says that it lost.
@@ -143,15 +143,15 @@ struct Sender {
   bool waits = false;  ///< for its block
 };
 
-// Ten who stop, each once, at moments of their own, against a holder that stops and resumes and another that takes and
-// gives back the lease, as fast as the ledger lets them, and a host that folds.
+// Ten who stop, each once, at moments of their own, against a holder that stops and clears its stop and another that
+// takes and gives back the lease, as fast as the ledger lets them, and a host that applies stops.
 TEST_F(StopConflicts, TenStopsAreOnTheLedgerWithinFiveBlocksWhateverAHolderDoesInALoop) {
   std::size_t worst = 0, invalid = 0;
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     Random random(seed);
     blocks_of(4);
     std::vector<Sender> disturbers{
-        {&net.pilot, {"stop", "resume"}}, {&rival, {"acquire", "release"}}, {&net.host, {"fold"}}};
+        {&net.pilot, {"stop", "clear_stop"}}, {&rival, {"acquire", "release"}}, {&net.host, {"apply_stops"}}};
     struct Stop {
       std::size_t begun = 0;  ///< height at its first submission
       bool waits = false, done = false;
@@ -200,7 +200,7 @@ TEST_F(StopConflicts, TenStopsAreOnTheLedgerWithinFiveBlocksWhateverAHolderDoesI
       }
     }
     EXPECT_THAT(stops, Each(::testing::Field(&Stop::done, true))) << "seed " << seed;
-    net.submit(stoppers[0], "resume", "tello1");
+    net.submit(stoppers[0], "clear_stop", "tello1");
   }
   RecordProperty("worst_blocks", static_cast<int>(worst));
   std::printf("stops that the ledger made invalid: %zu; blocks from a stop's submission to its own: at most %zu\n",

@@ -69,7 +69,7 @@ class FloodTest : public ::testing::Test {
       took_ms.push_back(static_cast<double>(monotonic_ns() - begin) / ns_per_ms);
     }
     std::sort(took_ms.begin(), took_ms.end());
-    std::printf("normal client %s: median %.1f ms, longest %.1f ms, node %.0f MB\n", when, took_ms[calls / 2],
+    std::printf("normal client %s: median %.1f ms, maximum %.1f ms, node %.0f MB\n", when, took_ms[calls / 2],
                 took_ms.back(), node_.resident_mb());
   }
 

@@ -131,7 +131,7 @@ TEST_F(StorageTest, AFileThatIsNoLedgerIsLeftAlone) {
   }
 }
 
-TEST_F(StorageTest, AnUnfinishedBeginIsBegunAnew) {
+TEST_F(StorageTest, AnUnfinishedBeginStartsAgain) {
   write({});
   const std::string head = bytes();
   for (std::size_t size = 1; size < head.size(); ++size) {

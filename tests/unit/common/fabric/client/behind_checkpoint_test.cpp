@@ -2,7 +2,7 @@
 
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 #include "tests/unit/common/fabric/client/stream_watch.hpp"
-#include "tests/unit/common/fabric/judge/signed_chain.hpp"
+#include "tests/unit/common/fabric/validation/signed_chain.hpp"
 
 /// A program that starts again, at a peer that serves what it likes.
 namespace ledgerline::fabric {
@@ -77,7 +77,7 @@ TEST_F(BehindCheckpoint, AfterALongAbsenceTheNextNewBlockIsTheFirst) {
   gateway_->add_block("set", "");
   EXPECT_EQ(await_blocks(1), (Numbers{53}));
   EXPECT_TRUE(continued_.at(0).gap);
-  EXPECT_EQ(continued_.at(0).trusted, 3U);
+  EXPECT_EQ(continued_.at(0).verified, 3U);
   EXPECT_EQ(continued_.at(0).newest, 52U);
 }
 
@@ -110,7 +110,7 @@ TEST_F(BehindCheckpoint, AnOldChainIsRefusedUntilThePeerHasCaughtUp) {
   grow(1);
   serve(5);
   follow(last, 10);
-  EXPECT_THAT(await_problem(), HasSubstr("ends at block 4; we have trusted block 6"));
+  EXPECT_THAT(await_problem(), HasSubstr("ends at block 4; we have verified block 6"));
   for (int i = 0; i < 3; ++i) gateway_->add_block("set", "");
   EXPECT_EQ(await_blocks(1), (Numbers{7}));
 }

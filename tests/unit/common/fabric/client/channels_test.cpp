@@ -94,7 +94,7 @@ TEST(Channels, OneWithAnEndpointOfItsOwnUsesServersThatNameIt) {
   EXPECT_EQ(each[1].config_block, "block of yard");
 }
 
-TEST(Channels, WhatCannotBeMeantIsSaidWithItsPlace) {
+TEST(Channels, WhatCannotBeMeantIsReportedWithItsLocation) {
   const auto wrong = [](const std::string& text) { return read(text).wrong; };
   const std::string yard = "[[channel]]\nname = \"yard\"\n";
   EXPECT_THAT(wrong("[[drone]]\nname = \"a\"\nchannel = \"yard\"\n"), HasSubstr("agent.toml:3: drone.0.channel"));

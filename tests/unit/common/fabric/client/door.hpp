@@ -4,7 +4,7 @@
 
 namespace ledgerline::fabric {
 
-/// A door that whoever serves waits at until a test opens it.
+/// A gate at which a server thread waits until a test opens it.
 class Door {
  public:
   void open() {

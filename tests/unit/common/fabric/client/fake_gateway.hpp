@@ -47,7 +47,7 @@ class FakeGateway {
   void start();
 
   ClientConfig client_config(crypto::Library signer = crypto::Library::libcrypto) const;
-  /// The client's identity as its authority makes it anew, with another key.
+  /// The client's identity as its authority issues it again, with another key.
   crypto::SigningIdentity renewed_identity() const;
   /// Adds a block of one transaction of somebody else.
   void add_block(const std::string& function, const std::string& event);

@@ -8,7 +8,7 @@
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 #include "tests/unit/common/fabric/client/stream_watch.hpp"
 
-/// A program that keeps its place in the chain and reads everything else anew, as it starts again.
+/// A program that keeps its place in the chain and reads everything else again at its start.
 namespace ledgerline::fabric {
 namespace {
 
@@ -99,7 +99,7 @@ TEST_F(KeptBlocksTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
 TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
   grow(gateway_, 3);
   start(gateway_);
-  const std::uint64_t trusted = next(gateway_).back();
+  const std::uint64_t verified = next(gateway_).back();
   end();
   FakeGateway old, fork;
   grow(old, 2);
@@ -110,7 +110,7 @@ TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
     EXPECT_THAT(problems_[0], HasSubstr(lie == &old ? "serves a chain that ends at block" : "serves another block"));
     EXPECT_TRUE(numbers_.empty() && !connected_);
     end();
-    EXPECT_EQ(in_file()->number, trusted);
+    EXPECT_EQ(in_file()->number, verified);
   }
 }
 

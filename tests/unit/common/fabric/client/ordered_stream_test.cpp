@@ -21,7 +21,7 @@ class OrderedStream : public GrowingChannel {
   /// A state, each made ten seconds behind the one before.
   std::string state() {
     Draft made = draft();
-    write(made, "judge/free/1");
+    write(made, "draft/free/1");
     made.channel_header.mutable_timestamp()->set_seconds(start_s_ + 10 * static_cast<std::int64_t>(nonces_));
     return made.seal();
   }
@@ -56,7 +56,7 @@ class OrderedStream : public GrowingChannel {
     for (std::size_t i = 1; i < chain_.size(); ++i) gateway_->add_block("set", "");
     ClientConfig config = gateway_->client_config();
     config.config_block = chain_[0].SerializeAsString();
-    config.is_of_hot_path = [](const std::string& key) { return key.starts_with("judge/free/"); };
+    config.is_of_hot_path = [](const std::string& key) { return key.starts_with("draft/free/"); };
     config.where.channel = "teleop";
     config.orderers.push_back({config.endpoint, config.tls_ca_file});
     config.blocks = BlockSource::ordered;
@@ -100,13 +100,13 @@ class OrderedStream : public GrowingChannel {
   Numbers numbers_, confirmed_, refused_;
   std::vector<std::string> contradictions_, orderers_, lost_;
   std::atomic<int> held_{0};
-  Door door_;  ///< outlives whoever waits at it
+  Door door_;  ///< outlives the threads that wait at it
   std::optional<FakeGateway> gateway_;
   std::unique_ptr<Client> client_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first
 };
 
-TEST_F(OrderedStream, BlocksComeBeforeThePeerTellsThemAndAreConfirmed) {
+TEST_F(OrderedStream, BlocksComeBeforeThePeerDeliversThemAndAreConfirmed) {
   serve([&](std::uint64_t number) -> std::optional<common::Block> {
     if (number == 3) door_.pass();
     return std::nullopt;

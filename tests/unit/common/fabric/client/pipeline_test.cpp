@@ -195,7 +195,7 @@ TEST(Pipeline, ABlockStreamOfTheClientTellsTheEnd) {
   EXPECT_EQ(bad.code, 11);
   EXPECT_EQ(watched.asked, 0);
   EXPECT_EQ(watched.client->submit_and_wait({"set", {"good"}}).kind, Kind::committed);
-  EXPECT_EQ(watched.asked, 1) << "who reads what he wrote is told by the peer's state";
+  EXPECT_EQ(watched.asked, 1) << "who reads what he wrote waits for the peer's state";
 }
 
 TEST(Pipeline, ThePeerIsAskedWhereTheBlockStreamIsSilent) {

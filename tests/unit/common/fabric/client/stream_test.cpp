@@ -128,7 +128,7 @@ TEST(BlockStream, ATransactionThatCannotBeTrustedIsLeftOutAloneAndReportedOnce) 
   Logs logs;
   Log<std::string> words;
   auto handlers = logs.handlers();
-  handlers.on_invalid = [&](const std::string& what) { words.add(what); };
+  handlers.on_unverified = [&](const std::string& what) { words.add(what); };
   const auto client = client_of(gateway);
   const auto stream = client->blocks(0, std::move(handlers));
   const auto blocks = logs.blocks.await(13);

@@ -145,7 +145,7 @@ TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndReportedOfThemAlone) {
   const auto before = made->channels();
   EXPECT_EQ(made->channels(), before);
   ASSERT_TRUE(write_file(pair().key_file, "no key", 0600));
-  EXPECT_EQ(made->channels(), before) << "nobody has judged it";
+  EXPECT_EQ(made->channels(), before) << "nobody has checked it";
   const auto next = issue("drone1", {});
   in_use->renew(pair().certificate_file, {next.certificate_pem, next.key_pem});  // whatever lies in the files by now
   const auto after = made->channels();

@@ -4,9 +4,9 @@
 
 #include "common/base/random.hpp"
 #include "common/fabric/receipt/receipt.hpp"
-#include "common/fabric/receipt/receipt_judge.hpp"
+#include "common/fabric/receipt/receipt_verifier.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
-#include "tests/unit/common/fabric/judge/signed_node.hpp"
+#include "tests/unit/common/fabric/validation/signed_node.hpp"
 
 /// A ledger whose transactions have receipts.
 namespace ledgerline::fabric {
@@ -63,7 +63,7 @@ class LedgerOfReceipts : public SignedNode {
     for (const Organisation& one : organisations) trust.organisations.push_back(one.root());
     return trust;
   }
-  ReceiptJudge judge() const { return std::move(ReceiptJudge::from(trust())).value(); }
+  ReceiptVerifier make_verifier() const { return std::move(ReceiptVerifier::from(trust())).value(); }
 
   std::vector<crypto::SigningIdentity> users;
 

@@ -23,7 +23,7 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
  protected:
   std::string why(const Receipt& receipt) const { return why(receipt_bytes(receipt)); }
   std::string why(const std::string& bytes) const {
-    const auto proven = judge_.verify(bytes);
+    const auto proven = verifier_.verify(bytes);
     return proven ? "" : proven.error().what;
   }
   /// Signs an answer, which a peer's key can do with whatever it likes.
@@ -75,7 +75,7 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
     return receipt;
   }
 
-  const ReceiptJudge judge_ = judge();
+  const ReceiptVerifier verifier_ = make_verifier();
 };
 
 /// A transaction with something changed in it, signed again by `who`.
@@ -93,7 +93,7 @@ TEST_F(ReceiptTest, ItProvesBlockCreatorCallAndVerdictAndSaysByWhoseWord) {
   const Sent other = send(1, "somebody else's");
   Sent sent = send(0, "mine");
   commit();
-  const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
+  const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().what;
   EXPECT_EQ(proven->channel, "teleop");
   EXPECT_EQ(proven->tx_id, sent.tx_id);
@@ -121,7 +121,7 @@ TEST_F(ReceiptTest, ItProvesBlockCreatorCallAndVerdictAndSaysByWhoseWord) {
 TEST_F(ReceiptTest, TheBlocksHashIsTheOneThatTheNextBlockNames) {
   const Sent sent = committed(0, "first");
   committed(1, "second");
-  const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
+  const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().what;
   EXPECT_EQ(proven->block_hash, crypto::hex(decode_block(chain[2])->previous_hash));
 }
@@ -129,7 +129,7 @@ TEST_F(ReceiptTest, TheBlocksHashIsTheOneThatTheNextBlockNames) {
 TEST_F(ReceiptTest, WhatWasRefusedIsProvenToBeInvalid) {
   const Sent sent = committed(0, "by one peer alone", false);
   ASSERT_EQ(sent.code, protos::ENDORSEMENT_POLICY_FAILURE);
-  const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
+  const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().what;
   EXPECT_EQ(proven->verdict, "ENDORSEMENT_POLICY_FAILURE");
   EXPECT_EQ(proven->endorsers.size(), 1U);
@@ -217,7 +217,7 @@ TEST_F(ReceiptTest, APeersKeyIsNotEnoughForALie) {
   EXPECT_THAT(why(bent), HasSubstr("it is a refusal"));
 }
 
-TEST_F(ReceiptTest, WhatItsCreatorHasNotSignedIsNotProvenWhoeverElseSaysSo) {
+TEST_F(ReceiptTest, WhatItsCreatorHasNotSignedIsNotProvenByAnybodyElse) {
   const Sent sent = committed(0, "mine");
   const Receipt good = receipt(sent);
   const std::string& mine = good.block.data[0];
@@ -276,7 +276,7 @@ TEST_F(ReceiptTest, AnEndorsementCountsOnlyByAPeersKeyAndForThisCall) {
             none);
 }
 
-TEST_F(ReceiptTest, WhoIsNoPeerOrNoOrdererHasNoWord) {
+TEST_F(ReceiptTest, OnlyPeersAndOrderersCount) {
   const Receipt good = receipt(committed(0, "mine"));
   Receipt bent = good;
   sign(bent.answers[0], users[0]);
@@ -308,9 +308,9 @@ TEST_F(ReceiptTest, OnlyWhoChecksSaysWhomToTrust) {
   const auto refusal = [&](const std::function<void(ReceiptTrust&)>& change) {
     ReceiptTrust other = trust();
     change(other);
-    const auto judge = ReceiptJudge::from(std::move(other));
-    if (!judge) return judge.error().what;
-    const auto proven = judge->verify(bytes);
+    const auto verifier = ReceiptVerifier::from(std::move(other));
+    if (!verifier) return verifier.error().what;
+    const auto proven = verifier->verify(bytes);
     return proven ? std::string() : proven.error().what;
   };
   EXPECT_EQ(refusal([](auto&) {}), "");
@@ -333,15 +333,15 @@ std::string certificate_of(const crypto::SigningIdentity& who) {
   return serialized.id_bytes();
 }
 
-TEST_F(ReceiptTest, WhoIsRevokedHasNoWordAnyMoreAsOrdererOrAsAnsweringPeer) {
+TEST_F(ReceiptTest, ARevokedOrdererOrPeerNoLongerCounts) {
   const Receipt good = receipt(committed(0, "mine"));
   Receipt two = good;
   two.answers.pop_back();
   const auto said = [&](const Receipt& receipt, const std::string& lists) {
     ReceiptTrust with = trust();
     with.revocation_lists_pem = lists;
-    const auto judge = ReceiptJudge::from(std::move(with));
-    return judge ? judge->verify(receipt_bytes(receipt)) : judge.error();
+    const auto verifier = ReceiptVerifier::from(std::move(with));
+    return verifier ? verifier->verify(receipt_bytes(receipt)) : verifier.error();
   };
   const auto list = [](const Organisation& of, const crypto::SigningIdentity& who) {
     return crypto::list_of(of.ca, certificate_of(who), crypto::NamedKey::none);
@@ -365,7 +365,7 @@ TEST_F(ReceiptTest, WhoIsRevokedHasNoWordAnyMoreAsOrdererOrAsAnsweringPeer) {
               HasSubstr("no orderer has signed it; revoked, so not counted: OrdererMSP CN=orderer"));
 
   const auto creator = said(good, user1 + user2);
-  ASSERT_TRUE(creator) << creator.error().what << ": the peers judged who made it, and when";
+  ASSERT_TRUE(creator) << creator.error().what << ": the peers validated who made it, and when";
   EXPECT_EQ(creator->peers.size(), 3U);
   for (const Proven::Certificate& one : creator->certificates)
     EXPECT_EQ(one.revoked, one.role == Proven::Certificate::Role::creator) << one.who.subject;
@@ -375,31 +375,31 @@ TEST_F(ReceiptTest, WhoIsRevokedHasNoWordAnyMoreAsOrdererOrAsAnsweringPeer) {
 
 TEST_F(ReceiptTest, ItTellsWhichListsWereLookedAtAndTakesNoneThatIsNobodys) {
   const std::string bytes = receipt_bytes(receipt(committed(0, "mine")));
-  const auto none = judge_.verify(bytes);
+  const auto none = verifier_.verify(bytes);
   ASSERT_TRUE(none) << none.error().what;
   EXPECT_TRUE(none->revocation_lists.empty());
   EXPECT_EQ(none->without_list, (std::vector<std::string>{"OrdererMSP", "Org1MSP", "Org2MSP", "Org3MSP"}));
   ReceiptTrust with = trust();
   with.revocation_lists_pem = crypto::list_of(organisations[1].ca, certificate_of(users[1]));
   with.orderers[0].revocation_lists_pem = crypto::list_of(orderers.ca, certificate_of(orderers.member("orderer")));
-  const auto judge = ReceiptJudge::from(with);
-  ASSERT_TRUE(judge) << judge.error().what;
-  const auto proven = judge->verify(bytes);
+  const auto verifier = ReceiptVerifier::from(with);
+  ASSERT_TRUE(verifier) << verifier.error().what;
+  const auto proven = verifier->verify(bytes);
   ASSERT_TRUE(proven) << proven.error().what;
   ASSERT_EQ(proven->revocation_lists.size(), 2U);
   EXPECT_EQ(proven->revocation_lists[0].msp_id, "Org2MSP");
   EXPECT_EQ(proven->without_list, (std::vector<std::string>{"Org1MSP", "Org3MSP"}));
   with.revocation_lists_pem = crypto::list_of(Organisation("Org2MSP").ca, certificate_of(users[1]));
-  EXPECT_THAT(ReceiptJudge::from(with).error().what, HasSubstr("signed by none of the named authorities"));
+  EXPECT_THAT(ReceiptVerifier::from(with).error().what, HasSubstr("signed by none of the named authorities"));
   with.revocation_lists_pem = "no list";
-  EXPECT_THAT(ReceiptJudge::from(with).error().what, HasSubstr("revocation list"));
+  EXPECT_THAT(ReceiptVerifier::from(with).error().what, HasSubstr("revocation list"));
 }
 
 TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsReported) {
   const Sent sent = committed(0, "mine");
   const TimeNs then_ns = now.real_ns;
   now.real_ns += 3'600 * ns_per_s;  // the question is asked an hour later
-  const auto proven = judge_.verify(receipt_bytes(receipt(sent)));
+  const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().what;
   std::map<Proven::Certificate::Role, int> roles;
   for (const Proven::Certificate& one : proven->certificates) {
@@ -502,7 +502,7 @@ TEST_F(ReceiptTest, RandomOnesVerifyAndChangedOnesDoNot) {
     const Receipt made = receipt(sent[random.next() % sent.size()]);
     const std::string bytes = receipt_bytes(made);
     ASSERT_EQ(receipt_bytes(*read_receipt(bytes)), bytes);
-    const auto proven = judge_.verify(bytes);
+    const auto proven = verifier_.verify(bytes);
     ASSERT_TRUE(proven) << i << ": " << proven.error().what;
     ++(proven->code == protos::VALID ? valid : invalid);
     for (int change = 0; change < changes_each; ++change) {
@@ -512,7 +512,7 @@ TEST_F(ReceiptTest, RandomOnesVerifyAndChangedOnesDoNot) {
         --change;  // no change: another one in its place
         continue;
       }
-      const auto lie = judge_.verify(bent);
+      const auto lie = verifier_.verify(bent);
       ASSERT_FALSE(lie) << "receipt " << i << ", change " << change;
       ++refused;
     }

@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 using Weight = CertificateWatch::Weight;
 using std::chrono::milliseconds;
 
-/// A program's identity and TLS pair in files, a watch of them, and what it has told.
+/// A program's identity and TLS pair in files, a watch of them, and what it has reported.
 class Watch : public testing::Test {
  protected:
   void SetUp() override {
@@ -58,8 +58,8 @@ class Watch : public testing::Test {
         },
         milliseconds(10));
   }
-  /// Its weight, once something with these words is told, or that a renewal was taken; without a limit of its own:
-  /// ctest has one. On a slow disk a look may fall between two files, and that is told before.
+  /// Its weight, once something with these words is reported, or that a renewal was taken; without a limit of its own:
+  /// ctest has one. On a slow disk a look may fall between two files, and that is reported before.
   Weight await(const std::string& words) {
     std::unique_lock lock(mutex_);
     for (;; ++heard_) {
@@ -86,7 +86,7 @@ TEST_F(Watch, ARenewedIdentityIsInUseOnceBothFilesAreThere) {
   const std::string old = serialized();
   put(issued(ca_, "raven", 200));
   EXPECT_EQ(await("Org1MSP CN=raven,OU=client has a renewed certificate, for "), Weight::info);
-  while (serialized() == old) std::this_thread::yield();  // it is told just before
+  while (serialized() == old) std::this_thread::yield();  // it is reported just before
   EXPECT_EQ(ledger_.identity.serialized, old) << "clients go by what is in use";
 }
 

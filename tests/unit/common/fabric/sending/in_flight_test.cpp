@@ -13,7 +13,7 @@ Outcome committed(TimeNs ordered_after_ns = 0) {
   return outcome;
 }
 
-TEST(InFlight, AnotherGoesAtOnceWhileNoneIsUnderWayElseBehindAGap) {
+TEST(InFlight, AnotherGoesAtOnceWhileNoneIsInFlightElseAfterAGap) {
   InFlight<int> calls;
   EXPECT_TRUE(calls.may_go(0));
   calls.add(1, 0, 10);

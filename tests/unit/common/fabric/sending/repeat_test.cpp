@@ -36,11 +36,11 @@ TEST(Repeat, ThePauseGrowsToItsMaximumAndHasJitter) {
   Repeat one(limits, 1, start), other(limits, 2, start);
   TimeNs now = start;
   bool differ = false;
-  for (const TimeNs longest : {10, 20, 40, 80, 80, 80}) {
+  for (const TimeNs max_ms : {10, 20, 40, 80, 80, 80}) {
     ASSERT_EQ(one.ended(now, ended(Kind::unavailable)), Next::again);
     ASSERT_EQ(other.ended(now, ended(Kind::unavailable)), Next::again);
-    EXPECT_GE(one.at_ns() - now, longest * ns_per_ms / 2);
-    EXPECT_LE(one.at_ns() - now, longest * ns_per_ms);
+    EXPECT_GE(one.at_ns() - now, max_ms * ns_per_ms / 2);
+    EXPECT_LE(one.at_ns() - now, max_ms * ns_per_ms);
     differ = differ || one.at_ns() != other.at_ns();
     now += ns_per_s;
   }

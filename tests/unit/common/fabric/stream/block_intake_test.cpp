@@ -47,7 +47,7 @@ class Intake : public GrowingChannel {
         if (lie && one.code == code_unverified && !is_malformed(names_[{number, i}])) {
           EXPECT_FALSE(one.payload.empty()) << names_[{number, i}];
         }
-        if (one.problem.empty() && lie && one.code == protos::VALID) ++taken.flown, ++trusted_[names_[{number, i}]];
+        if (one.problem.empty() && lie && one.code == protos::VALID) ++taken.flown, ++undetected_[names_[{number, i}]];
         // The decoder leaves out what Fabric takes and nobody can read.
         if (lie || one.code == code_unverified) continue;
         EXPECT_EQ(one.problem, "") << "block " << number << ", " << i << ", flag " << int(truth[i]) << ", "
@@ -58,7 +58,7 @@ class Intake : public GrowingChannel {
     return taken;
   }
 
-  std::map<std::string, int> trusted_;  ///< lies that were, by kind
+  std::map<std::string, int> undetected_;  ///< wrong flags that were accepted, by kind
 };
 
 TEST_F(Intake, TrustsAnHonestPeerWhereverItBegins) {
@@ -83,7 +83,7 @@ TEST_P(IntakeOfPart, APartKnowsNothingElseThanTheWhole) {
     grow(1);
     for (const char* kind : {"free", "own", "range"}) {
       for (int i = 0; i < 20; ++i) {
-        const KeyName name{"ledgerline", "", fmt::format("judge/{}/{}", kind, i)};
+        const KeyName name{"ledgerline", "", fmt::format("draft/{}/{}", kind, i)};
         const auto whole = state_.find(name), part = part_->find(name);
         const auto known = part_->known(name);
         if (known.version) {
@@ -101,12 +101,12 @@ TEST_P(IntakeOfPart, APartKnowsNothingElseThanTheWhole) {
 }
 
 TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
-  SignedChain later;  // of the same making: block 2 configures the channel anew
+  SignedChain later;  // of the same making: block 2 configures the channel again
   later.add("transaction", &later.orderer_);
   later.add(later.config_of(later.second_), &later.orderer_);
   BlockIntake intake = std::move(BlockIntake::make({.where = {},
                                                     .config_block = later.chain_[0].SerializeAsString(),
-                                                    .make_registry = BlockJudge::registry_of(library)}))
+                                                    .make_registry = BlockValidator::registry_of(library)}))
                            .value();
   intake.start_at(1);
   EXPECT_FALSE(intake.take(later.chain_[2], nothing));
@@ -125,21 +125,21 @@ TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
   EXPECT_TRUE(intake.take(later.chain_[2], nothing));
 }
 
-TEST_F(Intake, JudgesEverythingWhereItHasSeenTheKeysMade) {
+TEST_F(Intake, ValidatesEverythingWhereItHasSeenTheKeysMade) {
   grow(600);
   const Taken taken = take(1);
-  EXPECT_LT(taken.counts.by_flag * 4, taken.counts.judged);
+  EXPECT_LT(taken.counts.by_flag * 4, taken.counts.validated);
   const auto flip = [](int flag) { return flag == protos::VALID ? protos::MVCC_READ_CONFLICT : protos::VALID; };
   const Taken lied = take(1, flip);
   EXPECT_GT(lied.lies, 300u);
-  std::cout << taken.counts.judged << " judged, " << taken.counts.by_flag << " by flag; " << lied.lies << " lies, "
-            << lied.reported << " told, " << lied.flown << " trusted\n";
+  std::cout << taken.counts.validated << " validated, " << taken.counts.by_flag << " by flag; " << lied.lies
+            << " lies, " << lied.reported << " reported, " << lied.flown << " accepted\n";
   EXPECT_GT(lied.reported * 10, lied.lies * 8);
   const std::set<std::string> of_others{"a contract that is not there", "a write to _lifecycle",
                                         "a write to a contract that is not there"};
   // Of others a few: what an invalid transaction would have written is not known for a while.
   int more = 0;
-  for (const auto& [kind, times] : trusted_) more += of_others.contains(kind) ? 0 : times;
+  for (const auto& [kind, times] : undetected_) more += of_others.contains(kind) ? 0 : times;
   EXPECT_LT(more * 20, static_cast<int>(lied.lies));
 }
 

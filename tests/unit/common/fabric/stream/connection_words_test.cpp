@@ -43,7 +43,7 @@ TEST(ConnectionWords, TellAnotherReasonAtOnce) {
   EXPECT_EQ(words.on(false, "not reached", begin_ns + 1), Word("not reached"));
 }
 
-TEST(ConnectionWords, SayThatItIsBackOnceWhereLossesWereUntold) {
+TEST(ConnectionWords, ReportOnceThatItIsBackWhereLossesWereNotReported) {
   ConnectionWords words;
   (void)words.on(false, "refused", begin_ns);
   EXPECT_EQ(words.on(true, "", begin_ns + 1), Word("connected"));

@@ -10,14 +10,14 @@
 
 #include "common/fabric/stream/block_intake.hpp"
 #include "peer/transaction.pb.h"
-#include "tests/unit/common/fabric/judge/judged_channel.hpp"
+#include "tests/unit/common/fabric/validation/validated_channel.hpp"
 
 namespace ledgerline::fabric {
 
 inline Result<common::Block> nothing(std::uint64_t) { return Error{"nobody is asked"}; }
 
 /// A chain of blocks as an honest peer serves them: transactions of every kind, good and spoilt.
-class GrowingChannel : public ::testing::Test, protected JudgedChannel {
+class GrowingChannel : public ::testing::Test, protected ValidatedChannel {
  protected:
   GrowingChannel() : chain_{first_block_} {
     for (const Kind& kind : all_) {
@@ -37,11 +37,11 @@ class GrowingChannel : public ::testing::Test, protected JudgedChannel {
   void add(const std::vector<std::string>& envelopes) {
     common::Block block = node::make_block({chain_.size(), node::header_hash(chain_.back().header())}, envelopes);
     ASSERT_TRUE(node::sign_block(block, orderer_));
-    const auto verdicts = judge(envelopes, rules_);
+    const auto verdicts = validate(envelopes, rules_);
     std::string flags;
     for (const Verdict& one : verdicts) flags += static_cast<char>(one.code);
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
-    if (part_) part_->apply(chain_.size(), judge_transactions(block, *part_, *members_, rules_));
+    if (part_) part_->apply(chain_.size(), validate_transactions(block, *part_, *members_, rules_));
     state_.apply(++height_, verdicts);
     chain_.push_back(std::move(block));
   }
@@ -77,14 +77,14 @@ class GrowingChannel : public ::testing::Test, protected JudgedChannel {
     return std::move(BlockIntake::make(
                          {.where = {},
                           .config_block = chain_[0].SerializeAsString(),
-                          .make_registry = BlockJudge::registry_of(library),
-                          .is_of_hot_path = [](const std::string& key) { return key.starts_with("judge/free/"); },
+                          .make_registry = BlockValidator::registry_of(library),
+                          .is_of_hot_path = [](const std::string& key) { return key.starts_with("draft/free/"); },
                           .real_time = std::move(real_time),
                           .source = source}))
         .value();
   }
 
-  const JudgeRules rules_{"teleop", false};  ///< the embedded node's, of whose making the first block is
+  const ValidationRules rules_{"teleop", false};  ///< the embedded node's, of whose making the first block is
   std::optional<KeyState> part_;
   std::vector<common::Block> chain_;
   std::vector<const Kind*> usable_;

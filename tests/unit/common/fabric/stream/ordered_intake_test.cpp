@@ -19,7 +19,7 @@ class OrderedIntake : public GrowingChannel {
   /// A state, endorsed by enough, made ten seconds behind those of the block before.
   std::string state(std::size_t key = 1) {
     Draft made = draft();
-    write(made, "judge/free/" + std::to_string(key));
+    write(made, "draft/free/" + std::to_string(key));
     made.channel_header.mutable_timestamp()->set_seconds(2'000 + 10 * static_cast<std::int64_t>(chain_.size()));
     return made.seal();
   }
@@ -220,7 +220,7 @@ TEST_F(OrderedIntake, AFlagThatIsNotOurVerdictIsAContradiction) {
 class OrderedByClock : public OrderedIntake {
  protected:
   static constexpr std::int64_t start_s = 1'000;
-  std::string written(std::int64_t made_s, const std::string& nonce, const std::string& key = "judge/free/1") {
+  std::string written(std::int64_t made_s, const std::string& nonce, const std::string& key = "draft/free/1") {
     Draft made = draft();
     write(made, key);
     made.nonce = nonce;
@@ -257,15 +257,15 @@ TEST_F(OrderedByClock, WhatIsNewByItsMakersClockComesAndAnotherKeyDoesNot) {
   EXPECT_EQ(intake.confirm(chain_.back()).value(), 0u);
   EXPECT_FALSE(comes(intake, written(start_s + 1, "too near to the start")));
   ASSERT_TRUE(intake.take(chain_.back(), nothing));
-  EXPECT_FALSE(comes(intake, written(start_s + 60, "not told twice without harm", "judge/range/1")));
+  EXPECT_FALSE(comes(intake, written(start_s + 60, "not delivered twice without harm", "draft/range/1")));
 }
 
 TEST_F(OrderedByClock, WhoReadsWhatMayHaveBeenReportedTwiceWaits) {
   BlockIntake intake = begin_at_block_4();
   EXPECT_TRUE(comes(intake, written(start_s + 60, "old"))) << "invalid, as the peer will say";
   Draft reader = draft();
-  write(reader, "judge/free/2");
-  reader.set.add_reads()->set_key("judge/free/1");
+  write(reader, "draft/free/2");
+  reader.set.add_reads()->set_key("draft/free/1");
   reader.set.mutable_reads(0)->mutable_version()->set_block_num(4);
   reader.channel_header.mutable_timestamp()->set_seconds(start_s + 60);
   EXPECT_FALSE(comes(intake, reader.seal()));

@@ -22,7 +22,7 @@ std::string make_transaction(const crypto::SigningIdentity& client, const crypto
                              const Call& call, const std::string& nonce);
 
 /// The same envelope with a result whose event names another transaction: one peer's key is enough for it, and Fabric
-/// flags it valid. Nothing is signed anew.
+/// flags it valid. Nothing is signed again.
 std::string with_foreign_event(const std::string& envelope);
 
 /// Follows `previous` (nullptr: block 0); `flags` one byte per envelope, empty for a block as the orderer has it.

@@ -32,7 +32,7 @@ struct Slept {
 };
 
 const auto never = [] { return false; };
-const auto in_vain = []() -> Status { return Error{"nobody answers"}; };
+const auto never_done = []() -> Status { return Error{"nobody answers"}; };
 
 TEST(KeepTrying, TheFirstSuccessIsTheEnd) {
   Slept slept;
@@ -46,7 +46,7 @@ TEST(KeepTrying, TheFirstSuccessIsTheEnd) {
 
 TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
   Slept slept;
-  const Status status = keep_trying("RouDi answers", {.within_ns = 2 * ns_per_s}, never, in_vain, slept.world());
+  const Status status = keep_trying("RouDi answers", {.within_ns = 2 * ns_per_s}, never, never_done, slept.world());
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().what, "gave up after 2 s waiting until RouDi answers: nobody answers");
   EXPECT_GT(slept.now_ns, 2 * ns_per_s);
@@ -56,16 +56,16 @@ TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
 TEST(KeepTrying, PausesGrowToTheirMaximum) {
   Slept slept;
   const TryLimits limits{.within_ns = ns_per_s, .first_pause_ns = 10 * ns_per_ms, .max_pause_ns = 40 * ns_per_ms};
-  ASSERT_FALSE(keep_trying("it is there", limits, never, in_vain, slept.world()));
+  ASSERT_FALSE(keep_trying("it is there", limits, never, never_done, slept.world()));
   EXPECT_LE(slept.pauses.front(), 10 * ns_per_ms);
-  EXPECT_GE(slept.pauses.back(), 20 * ns_per_ms) << "half of the longest, by jitter";
+  EXPECT_GE(slept.pauses.back(), 20 * ns_per_ms) << "half of the maximum, by jitter";
   EXPECT_THAT(slept.pauses, Each(Le(40 * ns_per_ms)));
 }
 
 TEST(KeepTrying, TheWaitIsReportedNowAndThen) {
   Slept slept;
   const TryLimits limits{.within_ns = 5 * ns_per_s};
-  ASSERT_FALSE(keep_trying("RouDi answers", limits, never, in_vain, slept.world()));
+  ASSERT_FALSE(keep_trying("RouDi answers", limits, never, never_done, slept.world()));
   const std::string words = "waiting until RouDi answers: nobody answers";
   EXPECT_THAT(slept.reported, ElementsAre(words, words)) << "after 0.5 s and after 3.5 s";
 }
@@ -73,7 +73,7 @@ TEST(KeepTrying, TheWaitIsReportedNowAndThen) {
 TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {
   Slept slept;
   const Status status = keep_trying(
-      "RouDi answers", {}, [] { return true; }, in_vain, slept.world());
+      "RouDi answers", {}, [] { return true; }, never_done, slept.world());
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().what, "asked to end before RouDi answers");
   EXPECT_TRUE(slept.pauses.empty());
@@ -82,7 +82,7 @@ TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {
 TEST(KeepTrying, TheRealWorldSleeps) {
   const TimeNs begin_ns = monotonic_ns();
   const TryLimits limits{.within_ns = 30 * ns_per_ms};
-  EXPECT_THAT(keep_trying("it is there", limits, never, in_vain).error().what, HasSubstr("nobody answers"));
+  EXPECT_THAT(keep_trying("it is there", limits, never, never_done).error().what, HasSubstr("nobody answers"));
   EXPECT_GE(monotonic_ns() - begin_ns, 30 * ns_per_ms);
 }
 

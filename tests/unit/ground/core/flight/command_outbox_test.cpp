@@ -87,7 +87,7 @@ TEST_F(CommandOutboxTest, EachOrganisationsDronesGoInACallOfTheirOwnAndDoNotWait
   put(0, 3);
   put(1, 4);
   EXPECT_EQ(submit(1).organisation(), "Org1MSP");
-  EXPECT_EQ(out.submissions.size(), 1u) << "the other organisation's is under way";
+  EXPECT_EQ(out.submissions.size(), 1u) << "the other organisation's is in flight";
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ TEST(PlanTiming, APlanLastsUntilTheNextOne) {
   EXPECT_GE(static_cast<TimeNs>(seldom.of(0).steps) * PathController::step_ns, ns_per_s);
 }
 
-TEST(PlanTiming, ALedgerThatNoPlanReachesOverIsSaid) {
+TEST(PlanTiming, ALedgerThatIsTooSlowForAnyPlanIsReported) {
   PlanTiming timing(1);
   EXPECT_EQ(timing.too_slow(), "") << "nobody knows yet";
   timing.measure(1'900 * ns_per_ms);

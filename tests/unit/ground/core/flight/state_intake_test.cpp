@@ -33,7 +33,7 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   EXPECT_EQ(news[0].drone, 0u);
 }
 
-TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsSaid) {
+TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsReported) {
   const FlightConfig config = config_for(1);
   FlightTransactions counters;
   const LeaseBook leases(config, counters);

@@ -39,7 +39,7 @@ TEST_F(PilotStopsTest, EachStopperHasAStopOfHisOwn) {
   const auto ended = stops.take_outcome(2, fabric::Outcome::failed(Kind::committed, ""), sent[1].id);
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->drone, 0U);
-  EXPECT_TRUE(stops.pending()) << "ours is under way";
+  EXPECT_TRUE(stops.pending()) << "ours is in flight";
 }
 
 TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
@@ -62,24 +62,24 @@ TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
   EXPECT_FALSE(stops.pending());
 }
 
-TEST_F(PilotStopsTest, ItSaysForWhichResumesItIsAndOnceMoreWithoutWhereThatIsRefused) {
+TEST_F(PilotStopsTest, ItSaysForHowManyClearsItIsAndOnceMoreWithoutWhereThatIsRefused) {
   Control record = control_record("tello1", operator_name);
-  set_resumes(record, stop_of("tello1", operator_name).stopper(), 4);
+  set_clears(record, stop_of("tello1", operator_name).stopper(), 4);
   ASSERT_TRUE(leases.set(record));
   stops.want(0, 0, false);
   submit(0);
-  ASSERT_EQ(newest().resumes_size(), 1);
-  EXPECT_EQ(newest().resumes(0), 4u);
-  const auto refused = fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: lifted 5 times");
+  ASSERT_EQ(newest().clears_size(), 1);
+  EXPECT_EQ(newest().clears(0), 4u);
+  const auto refused = fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: cleared 5 times");
   EXPECT_EQ(stops.take_outcome(1, refused, 1)->problem, "");
   submit(1);
   ASSERT_EQ(sent.size(), 2u);
-  EXPECT_EQ(newest().resumes_size(), 0);
-  EXPECT_EQ(stops.take_outcome(2, refused, 2)->problem, "no stop: tello1: lifted 5 times");
+  EXPECT_EQ(newest().clears_size(), 0);
+  EXPECT_EQ(stops.take_outcome(2, refused, 2)->problem, "no stop: tello1: cleared 5 times");
   EXPECT_FALSE(stops.pending());
 }
 
-TEST_F(PilotStopsTest, TheContractsWordsAreSaidWhenItRefuses) {
+TEST_F(PilotStopsTest, TheContractsMessageIsReportedWhenItRefuses) {
   stops.want(0, 0, false);
   submit(0);
   const auto ended =

@@ -106,7 +106,7 @@ TEST_F(RequestAnswersTest, WhoAnswersFirstOrWithdrawsLeavesTheRuleNothingToDo) {
   step(20 * ns_per_s);
   request(other_name, 3);
   step(21 * ns_per_s);
-  EXPECT_THAT(notes, ElementsAre(HasSubstr("requests it"))) << "asked anew";
+  EXPECT_THAT(notes, ElementsAre(HasSubstr("requests it"))) << "requested again";
   record.clear_holder();
   record.set_epoch(2);
   ASSERT_TRUE(leases.set(record));

@@ -77,7 +77,7 @@ class FaultServiceTest : public testing::Test {
                        }};
 };
 
-TEST_F(FaultServiceTest, TellsWhatIsOnAndSwitchesAndSaysWhoDid) {
+TEST_F(FaultServiceTest, ListsAndSwitchesFaultsAndReportsWho) {
   serve();
   start();
   wait([&] { return reported.size() == 1; });
@@ -125,8 +125,8 @@ TEST_F(FaultServiceTest, TakesNoMoreThanItsQueueHoldsAndAnswersEachOnce) {
   EXPECT_EQ(refusals, answers);
 }
 
-// Whoever asks is not held up: the service alone waits.
-TEST_F(FaultServiceTest, OneThatNeverAnswersIsWaitedForBehindTheBackOfWhoAsks) {
+// The caller is not held up: only the service waits.
+TEST_F(FaultServiceTest, OneThatNeverAnswersDoesNotHoldUpTheRequest) {
   auto deaf = CommandSocket::open(at());
   ASSERT_TRUE(deaf);
   start();

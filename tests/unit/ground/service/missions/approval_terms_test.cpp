@@ -66,8 +66,8 @@ TEST(ApprovalTerms, SaysWhereAndUntilWhenWithinAnAnchorsBound) {
   EXPECT_EQ(terms.approval_words("survey", 1'790'000'000),
             "mission survey may be flown until 2026-09-22T12:00:00Z at Org2MSP CN=ground");
   EXPECT_THAT(terms.withdrawal_words("survey"), HasSubstr("may not be flown any more at Org2MSP CN=ground"));
-  const ApprovalTerms longest({std::string(64, 'M'), std::string(1'024, 'x')}, day_s);
-  EXPECT_LE(longest.approval_words(std::string(64, 'm'), 1'790'000'000).size(), 256U);
+  const ApprovalTerms maximal({std::string(64, 'M'), std::string(1'024, 'x')}, day_s);
+  EXPECT_LE(maximal.approval_words(std::string(64, 'm'), 1'790'000'000).size(), 256U);
 }
 
 }  // namespace

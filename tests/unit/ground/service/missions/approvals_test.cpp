@@ -53,7 +53,7 @@ TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
   }
 }
 
-TEST(MissionApprovals, AreReadAnewForABlockThatChangesARole) {
+TEST(MissionApprovals, AreReadAgainForABlockThatChangesARole) {
   fabric::Block block;
   for (const char* function : {contract::enroll, contract::revoke}) {
     block.transactions = {event("set", ""), event(function, "")};
@@ -80,7 +80,7 @@ TEST(MissionApprovals, WhatIsWantedOftenIsDoneAtOnceAndThenAtMostOnceInItsGap) {
   EXPECT_FALSE(spaced.take(30 * ns_per_s));
 }
 
-TEST(MissionApprovals, AreReadAnewForABlockThatAnchorsTheirDigest) {
+TEST(MissionApprovals, AreReadAgainForABlockThatAnchorsTheirDigest) {
   MissionBook book({}, operator_name);
   auto run = mission::MissionRun::make(
       {"survey", {{.drone = "tello1", .start_m = {}, .waypoints = {{{1, 2}, 1.0}, {{1, 3}, 1.0}}}}}, {});

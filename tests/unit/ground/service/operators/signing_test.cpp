@@ -19,21 +19,22 @@ TEST(OperatorSigning, OfOneWhoHasLeftOnlyThatHeGivesBackIsSigned) {
   }
 }
 
-TEST(OperatorSigning, GroundLiftsItsOwnStopForWhoIsRefusedForThatDroneAlone) {
+TEST(OperatorSigning, GroundClearsItsOwnStopForWhoIsRefusedForThatDroneAlone) {
   using Outcome = fabric::Outcome;
   const auto refused = [](const char* words) {
     return Outcome::failed(Outcome::Kind::refused, std::string("chaincode response 500, ") + words);
   };
-  EXPECT_TRUE(may_lift_ground_stop(refused("tello1: stopped by Org2MSP CN=ground; only they, each its own"), "tello1"));
-  EXPECT_FALSE(may_lift_ground_stop(refused("resume: Org2MSP CN=alice is revoked"), "tello1"));
-  EXPECT_FALSE(may_lift_ground_stop(refused("tello2: not stopped"), "tello1"));
-  EXPECT_FALSE(may_lift_ground_stop(Outcome::failed(Outcome::Kind::unavailable, "nobody answers"), "tello1"));
+  EXPECT_TRUE(
+      may_clear_ground_stop(refused("tello1: stopped by Org2MSP CN=ground; only they, each its own"), "tello1"));
+  EXPECT_FALSE(may_clear_ground_stop(refused("clear_stop: Org2MSP CN=alice is revoked"), "tello1"));
+  EXPECT_FALSE(may_clear_ground_stop(refused("tello2: not stopped"), "tello1"));
+  EXPECT_FALSE(may_clear_ground_stop(Outcome::failed(Outcome::Kind::unavailable, "nobody answers"), "tello1"));
   Outcome committed;
   committed.kind = Outcome::Kind::committed;
-  EXPECT_FALSE(may_lift_ground_stop(committed, "tello1")) << "nothing is left";
+  EXPECT_FALSE(may_clear_ground_stop(committed, "tello1")) << "nothing is left";
 }
 
-TEST(OperatorSigning, WhatComesOfACallIsSaidInTheContractsWords) {
+TEST(OperatorSigning, ACallsOutcomeIsReportedInTheContractsWords) {
   const OperatorCall call{.kind = Kind::acquire, .drone = 0};
   fabric::Outcome outcome;
   outcome.kind = fabric::Outcome::Kind::committed;

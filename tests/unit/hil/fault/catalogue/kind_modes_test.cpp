@@ -19,7 +19,7 @@ std::string script_of(const std::string& fault, bool momentary) {
          (momentary ? "" : "for = \"1s\"\n");
 }
 
-bool acts_virtually(const FaultActs& acts) { return acts.strike || acts.begin || acts.lasts || acts.lasts_on; }
+bool acts_in_sitl(const FaultActs& acts) { return acts.strike || acts.begin || acts.lasts || acts.lasts_on; }
 
 bool is_nothing(const RealActs& acts) {
   return acts.proxy.empty() && acts.programs.empty() && acts.parts.empty() && acts.control.empty() &&
@@ -34,12 +34,12 @@ TEST(KindModes, EachKindHasAnExample) {
   EXPECT_THAT(examples, testing::ElementsAre("agent kill", "link kill", "ground kill"));
 }
 
-TEST(KindModes, InVirtualTimeEachFaultActsOrIsRefusedByName) {
+TEST(KindModes, InSimulatedTimeEachFaultActsOrIsRefusedByName) {
   for (const FaultKind* kind : fault_kinds()) {
     for (const std::string& example : examples_of(*kind)) {
       const auto fault = parse_fault(example, "", "", false);
       if (fault) {
-        EXPECT_TRUE(acts_virtually(fault->acts)) << example << " is taken and does nothing";
+        EXPECT_TRUE(acts_in_sitl(fault->acts)) << example << " is taken and does nothing";
         continue;
       }
       const auto script = check_script(script_of(example, true), "x.toml");
@@ -92,11 +92,11 @@ TEST(KindModes, WhatTheFlightHasNotIsRefusedByName) {
   EXPECT_EQ(error_of("blocks = \"ordered\"", "ledger both orders forks"), "");
 }
 
-TEST(KindModes, AreSaidInWords) {
+TEST(KindModes, AreShownInWords) {
   const auto words = [](const char* text, bool real = false) { return modes_text(modes_of(**kind_of(text, real))); };
-  EXPECT_EQ(words("drone tello1 to delay 1ms"), "virtual, real");
-  EXPECT_EQ(words("drone tello1 reboot"), "virtual");
-  EXPECT_EQ(words("agent kill"), "virtual, real: `agent kill`, `link kill`");
+  EXPECT_EQ(words("drone tello1 to delay 1ms"), "sitl, real");
+  EXPECT_EQ(words("drone tello1 reboot"), "sitl");
+  EXPECT_EQ(words("agent kill"), "sitl, real: `agent kill`, `link kill`");
   EXPECT_EQ(words("peer 1 kill", true), "real on Fabric");
   EXPECT_EQ(words("disk full", true), "real on the embedded node");
   EXPECT_EQ(words("roudi kill", true), "real");

@@ -7,7 +7,7 @@
 #include <regex>
 
 #include "hil/fault/catalogue/kind_modes.hpp"
-#include "hil/fault/judge/rule.hpp"
+#include "hil/fault/checker/rule.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 
 namespace ledgerline::hil {
@@ -68,7 +68,7 @@ TEST(Schema, TakesWhatTheTablesTakeAndNothingElse) {
       must(root["properties"]["must"]["items"]["anyOf"]);
   for (const FaultKind* kind : fault_kinds()) {
     const KindModes modes = modes_of(*kind);
-    for (const auto* mode : {&modes.in_virtual_time, &modes.embedded, &modes.fabric}) {
+    for (const auto* mode : {&modes.sitl, &modes.embedded, &modes.fabric}) {
       for (const std::string& example : mode->possible) EXPECT_TRUE(what.match(example)) << example;
     }
   }

@@ -165,7 +165,7 @@ TEST(Comparison, ARuleThatBreaksForTheFirstTimeIsAFact) {
   EXPECT_EQ(of(now, before).rules[0].verdict, Change::better);
 }
 
-TEST(Comparison, ARuleThatBreaksNowAndThenIsJudgedByHowOften) {
+TEST(Comparison, ARuleThatBreaksNowAndThenIsDecidedByHowOften) {
   const auto every = [](std::uint64_t nth, std::uint64_t offset) {
     return [nth, offset](FlownRun& run) {
       if ((run.seed + offset) % nth == 0) run.broken = {"path within 0.4 m"};
@@ -189,7 +189,7 @@ TEST(Comparison, ARuleThatBreaksNowAndThenIsJudgedByHowOften) {
   EXPECT_EQ(verdict_of(once), "unknown") << "nor is it equality";
 }
 
-TEST(Comparison, TheSameBytesThatAreJudgedOtherwiseAreAFact) {
+TEST(Comparison, TheSameBytesWithOtherVerdictsAreAFact) {
   const auto breaks = [](FlownRun& run) {
     if (run.script == "script1" && run.seed <= 2) run.broken = {"finishes"};
   };
@@ -271,19 +271,18 @@ TEST(Comparison, OnlyTheSameModeIsCompared) {
   const auto flown = [](std::string mode, int scripts) {
     return Flights{.scripts = scripts, .change = [mode](FlownRun& run) { run.mode = mode; }}.runs();
   };
-  const auto nothing = compare(flown("virtual", 1), flown("real", 1), {});
+  const auto nothing = compare(flown("sitl", 1), flown("real", 1), {});
   ASSERT_FALSE(nothing.ok());
-  EXPECT_THAT(nothing.error().what,
-              HasSubstr("script1: flown in virtual in build1.json, in real in build1.json: only"));
-  Runs both = flown("virtual", 2), real = flown("real-shim", 1);
+  EXPECT_THAT(nothing.error().what, HasSubstr("script1: flown in sitl in build1.json, in real in build1.json: only"));
+  Runs both = flown("sitl", 2), real = flown("real-shim", 1);
   EXPECT_EQ(verdict_of(of(both, both)), "equal");
-  Runs now = flown("virtual", 2);
+  Runs now = flown("sitl", 2);
   for (FlownRun& run : now.runs) {
     if (run.script == "script2") run.mode = "real-fabric";
   }
   EXPECT_EQ(of(both, now).scripts, 1U);
-  EXPECT_EQ(verdict_of(of(both, now)), "unknown") << "its virtual runs are missing";
-  EXPECT_THAT(of(both, now).left_out, Contains(HasSubstr("script2: flown in virtual in")));
+  EXPECT_EQ(verdict_of(of(both, now)), "unknown") << "its simulated runs are missing";
+  EXPECT_THAT(of(both, now).left_out, Contains(HasSubstr("script2: flown in sitl in")));
   EXPECT_EQ(verdict_of(of(real, real)), "equal");
 }
 

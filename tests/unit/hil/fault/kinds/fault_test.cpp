@@ -5,7 +5,7 @@
 #include <set>
 
 #include "common/base/file.hpp"
-#include "hil/lines/text_parse.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -56,7 +56,7 @@ TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
                            "ledger agent lies hash",
                            "ledger relay plan-speed compared",
                            "operator errs boot",
-                           "supervisor resume tello1",
+                           "supervisor clear_stop tello1",
                            "agent kill",
                            "link end",
                            "host suspend",
@@ -65,7 +65,7 @@ TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
   }
 }
 
-TEST(FaultKinds, WhatIsNearestIsSaid) {
+TEST(FaultKinds, TheNearestIsSuggested) {
   const auto error = [](const char* text) { return parse_fault(text, "path", "").error().what; };
   EXPECT_EQ(error("drone tello1 kick 1 2"), "\"drone tello1 kick 1 2\": must be `drone NAME kick X Y Z`");
   EXPECT_NE(error("drone tello1 sideways").find("`drone NAME reboot`"), std::string::npos);
@@ -80,10 +80,10 @@ TEST(FaultKinds, WhatIsNearestIsSaid) {
   EXPECT_NE(error("sdk tello1 answers missing to rc").find("has no answer"), std::string::npos);
   EXPECT_NE(error("sdk tello1 states late 1s").find("states torn|stale|other"), std::string::npos);
   EXPECT_NE(error("clouds").find("must begin with drone"), std::string::npos);
-  EXPECT_NE(error("peer 1 kill").find("peer is not there in virtual time"), std::string::npos);
+  EXPECT_NE(error("peer 1 kill").find("peer is not there in simulated time"), std::string::npos);
 }
 
-TEST(FaultKinds, SaysWhatAJudgeMayExpect) {
+TEST(FaultKinds, SaysWhatACheckerMayExpect) {
   const auto acts = [](const char* text) { return parse_fault(text, "path", "")->acts; };
   EXPECT_TRUE(acts("drone tello1 to loss 5%").deafens);
   EXPECT_FALSE(acts("drone tello1 answers loss 5%").deafens);

@@ -51,7 +51,7 @@ TEST(Course, AFileOfWaypointsLiesBesideTheScript) {
   EXPECT_EQ(text_of(scripted(text)), text) << "the file is not needed any more";
 }
 
-TEST(Course, WhatIsWrongIsSaidByLineAndKey) {
+TEST(Course, WhatIsWrongIsReportedByLineAndKey) {
   const std::pair<std::string, const char*> cases[] = {
       {"[flight]\nshape = \"circle\"\n", "x.toml:3: flight.shape: \"circle\" is neither square"},
       {"[flight]\nwaypoints = [\"0,0\", \"1,0\"]\n", "x.toml:3: flight.waypoints: must be rows"},

@@ -45,7 +45,7 @@ TEST(OwnCode, AProgramIsFoundAsAShellFindsIt) {
 TEST(OwnCode, WhoFliesMustBeThere) {
   const Script by_sdk = own_scenario("sdk-client-errors"), by_topics = own_scenario("ros2-gap");
   for (const Script& script : {by_sdk, by_topics}) {
-    EXPECT_THAT(check_virtual(script).error().what, HasSubstr("give --program COMMAND")) << script.name;
+    EXPECT_THAT(check_sitl(script).error().what, HasSubstr("give --program COMMAND")) << script.name;
     EXPECT_THAT(run_script(script, 1).error().what, HasSubstr("in real time")) << script.name;
     EXPECT_FALSE(check_real(script, {})) << script.name;
   }

@@ -48,7 +48,7 @@ TEST(Pilot, IsReadAgainAsItWasWritten) {
   EXPECT_EQ(text_of(scripted(text)), text);
 }
 
-TEST(Pilot, WhatIsWrongIsSaidByLineAndKey) {
+TEST(Pilot, WhatIsWrongIsReportedByLineAndKey) {
   const std::string manual = "title = \"t\"\n[flight]\nkind = \"manual\"\n[[pilot]]\n";
   const std::pair<std::string, const char*> cases[] = {
       {manual + "do = \"loop\"\n", "x.toml:5: pilot.0.do: must be takeoff"},

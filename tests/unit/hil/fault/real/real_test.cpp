@@ -55,7 +55,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
       {"drone tello1 reboot", "inside of the simulation"},
       {"wind 1 0 0", "inside of the simulation"},
       {"ledger restart", "the flight's end"},
-      {"ledger agent stale", "virtual time alone"},
+      {"ledger agent stale", "simulated time alone"},
       {"clock jump 5s", "not this flight's alone"},
       {"agent kill", "`for` must be at most 1 s"},
       {"ground kill", "use `ground stop`"},
@@ -79,7 +79,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(refusal_of("drone * flow lost"), HasSubstr("inside of the simulation"));
 }
 
-TEST(RealScript, VirtualTimeRefusesWhatTheRealProcessesAloneHave) {
+TEST(RealScript, SimulatedTimeRefusesWhatTheRealProcessesAloneHave) {
   for (const char* what : {"peer 1 kill", "orderer 1 kill", "chaincode 1 kill", "cpu 0 burn", "memory take 1MB",
                            "roudi kill", "disk full"}) {
     EXPECT_THAT(parse_fault(what, "path", "").error().what, HasSubstr("needs the real processes")) << what;
@@ -201,7 +201,7 @@ class RealStart : public testing::Test {
                         out_ = directory_ / "out";
 };
 
-TEST_F(RealStart, WhatAnotherFlightLeftIsNotJudgedAgain) {
+TEST_F(RealStart, WhatAnotherFlightLeftIsNotCheckedAgain) {
   EXPECT_THAT(error_of("exit 1", script_of("")), HasSubstr("the flight did not begin"));
   for (const char* old : {"run", "result.json"}) {
     std::filesystem::create_directories(out_ / old);
@@ -293,7 +293,7 @@ class Flight : public testing::Test {
   }
   /// What broke, of a script with these rules.
   std::vector<std::string> broken(const std::string& rules, const std::string& more = "") {
-    const RunResult result = judge_recording(script_of("must = [" + rules + "]\n" + more), 1, recording);
+    const RunResult result = check_recording(script_of("must = [" + rules + "]\n" + more), 1, recording);
     std::vector<std::string> texts;
     for (const Verdict& verdict : result.verdicts) {
       if (!verdict.held) texts.push_back(verdict.rule.text);
@@ -384,21 +384,21 @@ TEST_F(Flight, IsBrokenByAPlanFlownOnBehindABrake) {
   EXPECT_THAT(broken(""), ElementsAre("always: a brake takes its plans with it"));
 }
 
-TEST_F(Flight, IsBrokenByAnOlderPlanFlownBehindANewerOneUnlessLinkBeganAnew) {
+TEST_F(Flight, IsBrokenByAnOlderPlanFlownAfterANewerOneUnlessLinkRestarted) {
   applied(9'010 * ns_per_ms, 80 * ns_per_ms, 5);
   EXPECT_THAT(broken(""), ElementsAre("always: commands in order, each once"));
   recording.link_restarts = {start + 9'005 * ns_per_ms};
   EXPECT_THAT(broken(""), IsEmpty());
 }
 
-TEST_F(Flight, SaysWhatIsNotJudged) {
-  const auto not_judged = [&] { return judge_recording(script_of(""), 1, recording).not_judged; };
-  EXPECT_THAT(not_judged(),
+TEST_F(Flight, SaysWhatIsNotChecked) {
+  const auto not_checked = [&] { return check_recording(script_of(""), 1, recording).not_checked; };
+  EXPECT_THAT(not_checked(),
               ElementsAre(HasSubstr("each plan's own end"), HasSubstr("transitions alone"), HasSubstr("ramps"),
                           HasSubstr("agent hands"), HasSubstr("what is flown was signed"),
                           HasSubstr("waited during a brake"), HasSubstr("upright")));
   recording.lost_is_known = false;
-  EXPECT_THAT(not_judged()[1], HasSubstr("whether the ledger has all"));
+  EXPECT_THAT(not_checked()[1], HasSubstr("whether the ledger has all"));
 }
 
 TEST_F(Flight, CountsFromTheFaultsThatItHad) {
@@ -413,7 +413,7 @@ TEST_F(Flight, CountsFromTheFaultsThatItHad) {
 
 TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
   const Script script = script_of("");
-  const RunResult a = judge_recording(script, 1, recording);
+  const RunResult a = check_recording(script, 1, recording);
   const Agreement same = compare(a, a);
   EXPECT_TRUE(same.same_transitions);
   EXPECT_LT(same.farthest_m, 1e-6);
@@ -422,16 +422,16 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
   }
   mode(500 * ns_per_ms, FlightPhase::disconnected);                                      // before take-off
   mode(19 * ns_per_s, FlightPhase::landed, FailsafeMode::none, FailsafeCause::stopped);  // link ends
-  Agreement other = compare(a, judge_recording(script, 1, recording));
+  Agreement other = compare(a, check_recording(script, 1, recording));
   EXPECT_TRUE(other.same_transitions);
   EXPECT_NEAR(other.farthest_m, 0.25, 0.01);
   mode(9 * ns_per_s, FlightPhase::flying, FailsafeMode::hold, FailsafeCause::plan_ran_out);
-  other = compare(a, judge_recording(script, 1, recording));
+  other = compare(a, check_recording(script, 1, recording));
   EXPECT_FALSE(other.same_transitions);
   EXPECT_THAT(other.difference, HasSubstr("flying, hold (plan_ran_out)"));
 }
 
-TEST(FaultAgreement, ADifferenceBreaksTheRunWhoeverReadsItsVerdicts) {
+TEST(FaultAgreement, ADifferenceBreaksTheRunInVerdictAndJson) {
   RunResult result;
   result.verdicts = {verdict_on({true, 0.05, {}}, 0.1, ns_per_s)};
   EXPECT_TRUE(result.held());

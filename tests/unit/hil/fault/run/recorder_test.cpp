@@ -45,7 +45,7 @@ TEST(RunRecorder, KeepsAPointOfEachDroneEveryFiftyMilliseconds) {
   EXPECT_FLOAT_EQ(result.timeline[0][1].at_m[0], 0.25F);
 }
 
-TEST(RunRecorder, TheLimitsLeaveRoomForWhatADronesOwnSensesCannotKnowAndNoMore) {
+TEST(RunRecorder, TheLimitsLeaveRoomForTheErrorOfOnboardOdometryAndNoMore) {
   const auto max_m = [](const char* pose, const char* fault) {
     const auto script =
         parse_script(fmt::format("title = \"t\"\n[flight]\npose = \"{}\"\npads = \"1:0:0\"\nlimit = \"20 s\"\n"
@@ -76,7 +76,7 @@ TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {
   run.events = {{1, WorldEvent::Kind::applied, 0, 0.1, {}, 5},
                 {2, WorldEvent::Kind::handed, 0, 0, {}, 5},
                 {3, WorldEvent::Kind::mode, 0, 0, {}, 0},
-                {4, WorldEvent::Kind::mode, 0, 0, "as it was told", 0}};
+                {4, WorldEvent::Kind::mode, 0, 0, "as commanded", 0}};
   run.pass(recorder, ns_per_ms);
   run.drones[0].mode = FailsafeMode::none;
   run.drones[0].cause = FailsafeCause::none;
@@ -85,7 +85,7 @@ TEST(RunRecorder, KeepsEventsButThoseOfEachPlanAndSaysTheModeInWords) {
   const RunResult result = recorder.finish({.now = run.moment.now, .over = true, .ok = true});
   ASSERT_EQ(result.events.size(), 3U);
   EXPECT_EQ(result.events[0].text, "flying, hold (pose_lost)");
-  EXPECT_EQ(result.events[1].text, "as it was told");
+  EXPECT_EQ(result.events[1].text, "as commanded");
   EXPECT_EQ(result.events[2].text, "flying");
 }
 
@@ -97,7 +97,7 @@ TEST(RunRecorder, KeepsNoMoreEventsThanItMay) {
   EXPECT_EQ(recorder.finish({.now = run.moment.now}).events.size(), max_events);
 }
 
-TEST(RunRecorder, HasTheRunJudged) {
+TEST(RunRecorder, HasTheRunChecked) {
   Recorded run;
   RunRecorder recorder(run.script, 1, run.drones);
   run.pass(recorder, 2 * ns_per_s);

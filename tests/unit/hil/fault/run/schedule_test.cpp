@@ -14,7 +14,7 @@ struct Written {
 class Faulty {
  public:
   explicit Faulty(const std::vector<Written>& written, const WorldConfig& config = {}) {
-    world = std::move(*VirtualWorld::create(config));
+    world = std::move(*SimulatedWorld::create(config));
     std::vector<Fault> faults;
     for (const Written& w : written) {
       auto fault = parse_fault(w.what, w.at, w.lasts);
@@ -30,7 +30,7 @@ class Faulty {
     }
   }
 
-  std::unique_ptr<VirtualWorld> world;
+  std::unique_ptr<SimulatedWorld> world;
   std::unique_ptr<FaultSchedule> schedule;
 };
 
@@ -38,7 +38,7 @@ TEST(FaultSchedule, StatesOfAnotherDroneNeedAnotherDrone) {
   const auto refused = [](int drones) {
     WorldConfig config;
     config.drones = drones;
-    const auto world = VirtualWorld::create(config);
+    const auto world = SimulatedWorld::create(config);
     const auto made =
         FaultSchedule::create({*parse_fault("sdk tello1 states other 30%", "path", "")}, (*world)->facts());
     return made ? std::string() : made.error().what;

@@ -24,7 +24,7 @@ class Scripted : public ::testing::Test {
       const auto& said = agent.step(now, drones);
       everything.plans.insert(everything.plans.end(), said.plans.begin(), said.plans.end());
       everything.poses.insert(everything.poses.end(), said.poses.begin(), said.poses.end());
-      everything.beats.insert(everything.beats.end(), said.beats.begin(), said.beats.end());
+      everything.heartbeats.insert(everything.heartbeats.end(), said.heartbeats.begin(), said.heartbeats.end());
     }
     return everything;
   }
@@ -35,7 +35,7 @@ TEST_F(Scripted, SaysPlansPosesAndSignsOfLifeButInItsSilence) {
   const auto said = all(ns_per_ms);
   EXPECT_EQ(said.plans.size(), 25U);               // 30 a second for one second, and one, less the six of the silence
   EXPECT_EQ(said.poses.size(), 2 * (300U - 20U));  // 100 a second of each
-  EXPECT_EQ(said.beats.size(), 60U - 4U);          // 20 a second
+  EXPECT_EQ(said.heartbeats.size(), 60U - 4U);     // 20 a second
   for (std::size_t i = 0; i < said.plans.size(); ++i) {
     const Plan& plan = said.plans[i];
     EXPECT_EQ(plan.drone, 2);
@@ -73,9 +73,9 @@ TEST_F(Scripted, TakesEachTransitionOnceAndSaysSo) {
   agent.take(third);
   EXPECT_EQ(agent.transitions().size(), 1U);
   const auto& said = agent.step(0, drones);
-  ASSERT_EQ(said.beats.size(), 1U);
-  EXPECT_EQ(said.beats[0].boot_id, 7U);
-  EXPECT_EQ(said.beats[0].transitions_on_ledger[1], 1U);
+  ASSERT_EQ(said.heartbeats.size(), 1U);
+  EXPECT_EQ(said.heartbeats[0].boot_id, 7U);
+  EXPECT_EQ(said.heartbeats[0].transitions_on_ledger[1], 1U);
 }
 
 }  // namespace

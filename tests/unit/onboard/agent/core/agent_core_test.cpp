@@ -136,14 +136,14 @@ TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
   EXPECT_EQ(it->drone, 1);
 }
 
-TEST_F(AgentCoreTest, AStopOnTheLedgerIsSaidAgainUntilLinkObeys) {
+TEST_F(AgentCoreTest, AStopOnTheLedgerIsRepeatedUntilLinkObeys) {
   Control stopped = control("tello1", 1);  // as an agent reads it that starts after the stop
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
   StateSample flying = state(1, start);
   flying.phase = FlightPhase::on_ground;
   core_.on_state(start, flying, out_);
-  ASSERT_EQ(out_.plans.size(), 1U) << "a link that started anew on the ground knows of none";
+  ASSERT_EQ(out_.plans.size(), 1U) << "a link that restarted on the ground knows of none";
   EXPECT_EQ(out_.plans.back().action, PlanAction::stop);
   core_.on_state(start + 999 * ns_per_ms, flying, out_);
   EXPECT_EQ(out_.plans.size(), 1U) << "once a second there";
@@ -174,7 +174,7 @@ TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsReportedO
   stopped.cause = FailsafeCause::stopped;
   for (int i = 0; i < 30; ++i) core_.on_state(start + i * 100 * ns_per_ms, stopped, out_);
   ASSERT_EQ(out_.plans.size(), 3U);
-  EXPECT_EQ(out_.plans[0].action, PlanAction::resumed) << "its own stop stands: that is the owner's word";
+  EXPECT_EQ(out_.plans[0].action, PlanAction::stop_cleared) << "its own stop stands: that is the owner's word";
   EXPECT_EQ(out_.plans[0].verified_ns, start);
   out_.plans.clear();
   stopped.phase = FlightPhase::landing;
@@ -187,7 +187,7 @@ TEST_F(AgentCoreTest, ALinkThatHoldsOnToAStopThatNobodyHasOnTheLedgerIsReportedO
   EXPECT_TRUE(out_.plans.empty()) << "no record of it was read";
 }
 
-TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
+TEST_F(AgentCoreTest, AStopInABlockIsAppliedUntilTheLedgerHasIt) {
   Stops stops;
   *stops.add_stops() = testing::stop_of("tello1");
   LedgerOfTests::Tx stop;
@@ -197,7 +197,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
   core_.step(start, out_);
   ASSERT_EQ(out_.plans.size(), 1U) << "obeyed at once";
   ASSERT_EQ(out_.submits.size(), 1U);
-  EXPECT_EQ(out_.submits[0].call.function, "fold");
+  EXPECT_EQ(out_.submits[0].call.function, "apply_stops");
   EXPECT_TRUE(out_.submits[0].urgent);
   EXPECT_TRUE(core_.anything_under_way());
   fabric::Outcome lost;
@@ -210,7 +210,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsFoldedUntilTheLedgerHasIt) {
   core_.step(start + 3 * ns_per_s, out_);
   EXPECT_EQ(out_.submits.size(), 2U);
   EXPECT_FALSE(core_.anything_under_way());
-  EXPECT_EQ(core_.folds().folded(), 1U);
+  EXPECT_EQ(core_.stop_applier().applied(), 1U);
 }
 
 TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
@@ -220,16 +220,16 @@ TEST_F(AgentCoreTest, AFrameThatLacksEndorsementsHasTheRecordsRenewed) {
   outcome.kind = Kind::invalidated;
   outcome.code = 11;
   core_.on_outcome(start + ns_per_ms, out_.submits.back().frame, outcome, out_);
-  EXPECT_FALSE(core_.folds().pending()) << "it has read what changed: the next one reads it anew";
+  EXPECT_FALSE(core_.stop_applier().pending()) << "it has read what changed: the next one reads it again";
   core_.on_state(start + 50 * ns_per_ms, state(2, start + 50 * ns_per_ms), out_);
   core_.step(start + 50 * ns_per_ms, out_);
   outcome.code = 10;
   core_.on_outcome(start + 51 * ns_per_ms, out_.submits.back().frame, outcome, out_);
   out_.submits.clear();
   core_.step(start + 52 * ns_per_ms, out_);
-  const auto folds = std::count_if(out_.submits.begin(), out_.submits.end(),
-                                   [](const auto& submit) { return submit.call.function == "fold"; });
-  EXPECT_EQ(folds, 2) << "of each drone";
+  const auto calls = std::count_if(out_.submits.begin(), out_.submits.end(),
+                                   [](const auto& submit) { return submit.call.function == "apply_stops"; });
+  EXPECT_EQ(calls, 2) << "of each drone";
 }
 
 class IdleHolderTest : public AgentCoreTest {
@@ -303,13 +303,13 @@ TEST_F(IdleHolderTest, KeepsItWithACommandNowAndThenAndDoesNotTakeOffWhileItIsTa
   EXPECT_EQ(out_.plans.size(), 1U);
 }
 
-TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsFoldedToo) {
+TEST_F(AgentCoreTest, AStopFromBeforeItsStartIsAppliedToo) {
   Control stopped = control("tello1", 1);
   add_stop(stopped, testing::stop_of("tello1"));
   core_.set_control(start, stopped);
   core_.step(start, out_);
   ASSERT_EQ(out_.submits.size(), 1U);
-  EXPECT_EQ(out_.submits[0].call.function, "fold");
+  EXPECT_EQ(out_.submits[0].call.function, "apply_stops");
 }
 
 TEST_F(AgentCoreTest, ALinkThatDoesNotSeeItsDroneGetsAStopOnceASecondUntilItLandsBlindly) {
@@ -337,37 +337,37 @@ TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
   EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::unknown_stamp)], 1U);
 }
 
-TEST_F(AgentCoreTest, BeatsTwentyTimesASecond) {
+TEST_F(AgentCoreTest, SendsHeartbeatsTwentyTimesASecond) {
   hear_poses(start);
-  int beats = 0;
+  int heartbeats = 0;
   for (TimeNs t = 0; t < ns_per_s; t += ns_per_ms) {
     out_.clear();
     core_.step(start + t, out_);
-    beats += out_.beat.has_value();
+    heartbeats += out_.heartbeat.has_value();
   }
-  EXPECT_EQ(beats, 20);
+  EXPECT_EQ(heartbeats, 20);
 }
 
-// Link would take a beat without a pose for the loss of the pose.
-TEST_F(AgentCoreTest, TheFirstBeatWaitsForAPoseOfEveryDrone) {
+// Link would take a heartbeat without a pose for the loss of the pose.
+TEST_F(AgentCoreTest, TheFirstHeartbeatWaitsForAPoseOfEveryDrone) {
   core_.on_mocap(start, 1, {.stamp_ns = start}, out_);
   core_.step(start, out_);
   core_.step(start + 50 * ns_per_ms, out_);
-  EXPECT_FALSE(out_.beat);
+  EXPECT_FALSE(out_.heartbeat);
   core_.on_mocap(start + 60 * ns_per_ms, 2, {.stamp_ns = start + 60 * ns_per_ms}, out_);
   core_.step(start + 60 * ns_per_ms, out_);
-  EXPECT_TRUE(out_.beat);
+  EXPECT_TRUE(out_.heartbeat);
 }
 
-TEST_F(AgentCoreTest, TheFirstBeatWaitsForPosesNoLongerThanSetAndLaterOnesNeverDo) {
+TEST_F(AgentCoreTest, TheFirstHeartbeatWaitsForPosesNoLongerThanSetAndLaterOnesNeverDo) {
   core_.step(start, out_);
   core_.step(start + 199 * ns_per_ms, out_);
-  EXPECT_FALSE(out_.beat);
+  EXPECT_FALSE(out_.heartbeat);
   core_.step(start + 200 * ns_per_ms, out_);
-  EXPECT_TRUE(out_.beat);
+  EXPECT_TRUE(out_.heartbeat);
   out_.clear();
   core_.step(start + 250 * ns_per_ms, out_);
-  EXPECT_TRUE(out_.beat);
+  EXPECT_TRUE(out_.heartbeat);
 }
 
 TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsTrustedOnTheGroundAndNotInFlight) {
@@ -383,17 +383,17 @@ TEST_F(AgentCoreTest, APoseThatStandsStillToTheLastBitIsTrustedOnTheGroundAndNot
   }
 }
 
-TEST_F(AgentCoreTest, AfterAPauseItBeatsAtOnceAndMakesUpForNone) {
+TEST_F(AgentCoreTest, AfterAPauseItSendsAHeartbeatAtOnceAndMakesUpForNone) {
   hear_poses(start);
   core_.step(start, out_);
-  int beats = 0;
+  int heartbeats = 0;
   for (TimeNs t = 5 * ns_per_s; t < 5 * ns_per_s + 100 * ns_per_ms; t += ns_per_ms) {
     out_.clear();
     core_.step(start + t, out_);
-    beats += out_.beat.has_value();
+    heartbeats += out_.heartbeat.has_value();
   }
-  EXPECT_LE(beats, 4);
-  EXPECT_GE(beats, 2);
+  EXPECT_LE(heartbeats, 4);
+  EXPECT_GE(heartbeats, 2);
 }
 
 TEST_F(AgentCoreTest, TheLedgerIsNotAliveBeforeItsFirstSign) {
@@ -481,15 +481,15 @@ TEST_F(AgentCoreTest, TheSameInputsGiveTheSameBytes) {
   EXPECT_EQ(once, run());
 }
 
-TEST_F(AgentCoreTest, ItSaysWhenTheNextFrameOrBeatIsDue) {
+TEST_F(AgentCoreTest, ItSaysWhenTheNextFrameOrHeartbeatIsDue) {
   core_.step(start, out_);
-  EXPECT_EQ(core_.due_ns(), INT64_MAX) << "the first beat waits for poses, and nothing else is there";
+  EXPECT_EQ(core_.due_ns(), INT64_MAX) << "the first heartbeat waits for poses, and nothing else is there";
   hear_poses(start + 1);
   core_.step(start + 2, out_);
-  ASSERT_TRUE(out_.beat);
-  const TimeNs next_beat_ns = core_.due_ns();
-  EXPECT_GT(next_beat_ns, start + 2);
-  EXPECT_LE(next_beat_ns, start + 2 + config().beat_period_ns);
+  ASSERT_TRUE(out_.heartbeat);
+  const TimeNs next_heartbeat_ns = core_.due_ns();
+  EXPECT_GT(next_heartbeat_ns, start + 2);
+  EXPECT_LE(next_heartbeat_ns, start + 2 + config().heartbeat_period_ns);
   for (DroneNumber drone = 1; drone <= 2; ++drone) core_.on_state(start + 3, state(1, start, drone), out_);
   core_.step(start + 3, out_);
   commit(start + 4);
@@ -499,7 +499,7 @@ TEST_F(AgentCoreTest, ItSaysWhenTheNextFrameOrBeatIsDue) {
   EXPECT_EQ(core_.due_ns(), start + 5 + config().batch.linger_ns);
   core_.step(core_.due_ns(), out_);
   EXPECT_EQ(out_.submits.size(), 2U);
-  EXPECT_EQ(core_.due_ns(), next_beat_ns);
+  EXPECT_EQ(core_.due_ns(), next_heartbeat_ns);
 }
 
 }  // namespace

@@ -87,7 +87,7 @@ class CommandCheckTest : public ::testing::Test {
     return check_.check(at, now_s, ledger_.block(transactions));
   }
 
-  /// A block with this one transaction gives no plan and one refusal, for this reason, counted and told.
+  /// A block with this one transaction gives no plan and one refusal, for this reason, counted and reported.
   void expect_refused(const Tx& tx, Refusal why, TimeNs at = now) {
     const auto checked = give({tx}, at);
     EXPECT_TRUE(checked.plans.empty());
@@ -277,9 +277,9 @@ TEST_F(CommandCheckTest, ATransactionThatCannotBeTrustedIsCountedAndGivesNothing
   block.transactions[1].problem = "flagged 11, but valid";
   const auto checked = check_.check(now, now_s, block);
   EXPECT_TRUE(checked.plans.empty());
-  EXPECT_EQ(checked.invalid, 2U);
-  EXPECT_EQ(checked.invalid_problem, "transaction " + block.transactions[0].tx_id + ": its event is another's");
-  EXPECT_EQ(check_.invalid_transactions(), 2U);
+  EXPECT_EQ(checked.unverified, 2U);
+  EXPECT_EQ(checked.unverified_problem, "transaction " + block.transactions[0].tx_id + ": its event is another's");
+  EXPECT_EQ(check_.unverified_transactions(), 2U);
 }
 
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {
@@ -390,7 +390,7 @@ TEST_F(CommandCheckTest, AReplayedSequenceIsRefused) {
   EXPECT_EQ(give({command(good_plan(5))}).plans.size(), 1U);
 }
 
-TEST_F(CommandCheckTest, SequencesStartAnewWithTheEpoch) {
+TEST_F(CommandCheckTest, SequencesRestartWithTheEpoch) {
   EXPECT_EQ(give({command(good_plan(4))}).plans.size(), 1U);
   auto plan = good_plan(1);
   plan.set_epoch(epoch + 2);
@@ -512,13 +512,13 @@ TEST_F(CommandCheckTest, AStopByNameWithMotorsOffGivesACut) {
   EXPECT_EQ(give({stop_event(true)}).plans.at(0).action, PlanAction::cut);
 }
 
-TEST_F(CommandCheckTest, AfterResumeCommandsAreTakenAgain) {
+TEST_F(CommandCheckTest, AfterAClearCommandsAreTakenAgain) {
   (void)give({stop_event()});
-  Control resumed = control("tello1", epoch);
-  set_resumes(resumed, testing::stop_of("tello1").stopper(), 1);
-  const auto checked = give({control_event("resume", resumed), command(good_plan(1))});
+  Control cleared = control("tello1", epoch);
+  set_clears(cleared, testing::stop_of("tello1").stopper(), 1);
+  const auto checked = give({control_event("clear_stop", cleared), command(good_plan(1))});
   ASSERT_EQ(checked.plans.size(), 2U);
-  EXPECT_TRUE(is_contract_word(checked.plans[0].action)) << "link is told first";
+  EXPECT_TRUE(is_contract_word(checked.plans[0].action)) << "link is notified first";
   EXPECT_EQ(checked.plans[1].action, PlanAction::fly);
 }
 

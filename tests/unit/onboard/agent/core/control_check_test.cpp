@@ -79,11 +79,11 @@ class ControlCheckTest : public ::testing::Test {
   std::optional<CommandCheck> check_;
 };
 
-TEST_F(ControlCheckTest, AResumeInsideAnotherCallLiftsNoStop) {
+TEST_F(ControlCheckTest, AClearInsideAnotherCallClearsNoStop) {
   start(stopped({own_guard}));
-  for (const char* function : {"set", "command", "stop", "acquire", "fold", "get"}) {
+  for (const char* function : {"set", "command", "stop", "acquire", "apply_stops", "get"}) {
     for (const auto& by : {owner, holder, own_guard}) {
-      Tx lie = event("resume", control("tello1", epoch), by);
+      Tx lie = event("clear_stop", control("tello1", epoch), by);
       lie.asked = fabric::Call{function, {"tello1"}};
       expect_refused(lie, function);
     }
@@ -91,26 +91,26 @@ TEST_F(ControlCheckTest, AResumeInsideAnotherCallLiftsNoStop) {
   EXPECT_TRUE(is_stopped_now());
 }
 
-TEST_F(ControlCheckTest, AResumeOfAnotherDroneLiftsNoStop) {
+TEST_F(ControlCheckTest, AClearOfAnotherDroneClearsNoStop) {
   start(stopped({own_guard}));
-  Tx lie = event("resume", control("tello1", epoch), own_guard);
-  lie.asked = fabric::Call{"resume", {"tello2"}};
+  Tx lie = event("clear_stop", control("tello1", epoch), own_guard);
+  lie.asked = fabric::Call{"clear_stop", {"tello2"}};
   expect_refused(lie, "other drone");
-  lie.asked = fabric::Call{"resume", {"tello1", "tello2"}};
+  lie.asked = fabric::Call{"clear_stop", {"tello1", "tello2"}};
   expect_refused(lie, "one of two drones");
   EXPECT_TRUE(is_stopped_now());
 }
 
-TEST_F(ControlCheckTest, AResumeLiftsItsCreatorsStopOrAllByTheOwnersOrganisation) {
+TEST_F(ControlCheckTest, ClearStopClearsItsCreatorsStopOrAllByTheOwnersOrganisation) {
   start(stopped({holder, own_guard}));
   Control none = control("tello1", epoch), his = stopped({own_guard});
-  for (Control* record : {&none, &his}) set_resumes(*record, to_message(holder), 1);
-  set_resumes(none, to_message(own_guard), 1);
-  expect_refused(event("resume", none, holder), "all of them by one of another organisation");
-  expect_refused(event("resume", stopped({holder}), holder), "another's in place of his own");
-  expect_taken(event("resume", his, holder));
+  for (Control* record : {&none, &his}) set_clears(*record, to_message(holder), 1);
+  set_clears(none, to_message(own_guard), 1);
+  expect_refused(event("clear_stop", none, holder), "all of them by one of another organisation");
+  expect_refused(event("clear_stop", stopped({holder}), holder), "another's in place of his own");
+  expect_taken(event("clear_stop", his, holder));
   EXPECT_TRUE(is_stopped_now());
-  expect_taken(event("resume", none, admin));
+  expect_taken(event("clear_stop", none, admin));
   EXPECT_FALSE(is_stopped_now());
 }
 
@@ -144,7 +144,7 @@ TEST_F(ControlCheckTest, AnAcquireMakesItsCreatorTheHolderAndNothingElse) {
                   .plans.empty());  // had already, as by a record that was read beside the blocks
 }
 
-TEST_F(ControlCheckTest, AnAcquireLiftsNoStop) {
+TEST_F(ControlCheckTest, AnAcquireClearsNoStop) {
   start(stopped({own_guard}));
   Control taken = control("tello1", epoch + 1);
   *taken.mutable_holder() = to_message(rival);
@@ -387,24 +387,24 @@ TEST_F(RevocationTest, OfSomebodyWhomNoRecordNamesItIsNothing) {
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
 
-TEST_F(RevocationTest, AFoldOfTheHostEndsItsLeaseAndNothingElse) {
+TEST_F(RevocationTest, ApplyStopsOfTheHostEndsItsLeaseAndNothingElse) {
   Control ended = control("tello1", epoch + 1);
   ended.clear_holder();
-  expect_refused(event("fold", ended, owner), "nobody is revoked");
+  expect_refused(event("apply_stops", ended, owner), "nobody is revoked");
   ended.mutable_grants()->RemoveLast();  // which was to him alone
   (void)give(revoke(holder, its_admin));
   Control same_epoch = ended;
   same_epoch.set_epoch(epoch);
-  expect_refused(event("fold", same_epoch, owner), "under the same epoch");
-  expect_refused(event("fold", ended, own_guard), "by another than the host");
+  expect_refused(event("apply_stops", same_epoch, owner), "under the same epoch");
+  expect_refused(event("apply_stops", ended, own_guard), "by another than the host");
   Control handed_on = ended;
   *handed_on.mutable_holder() = to_message(rival);
-  expect_refused(event("fold", handed_on, owner), "to somebody");
-  expect_taken(event("fold", ended, owner));
+  expect_refused(event("apply_stops", handed_on, owner), "to somebody");
+  expect_taken(event("apply_stops", ended, owner));
   EXPECT_EQ(command_refused(), Refusal::not_holder);
 }
 
-TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
+TEST_F(RevocationTest, EnrolledAgainItFliesAgain) {
   (void)give(revoke(holder, its_admin));
   Controls reported;
   *reported.mutable_identity() = to_message(holder);
@@ -421,33 +421,47 @@ TEST_F(RevocationTest, EnrolledAnewItFliesAgain) {
   EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
 }
 
-TEST_F(ControlCheckTest, LinkLearnsWhenTheLastStopIsLiftedAndWhetherTheOwnersOrganisationLiftedIt) {
+TEST_F(ControlCheckTest, LinkLearnsWhenTheLastStopIsClearedAndWhetherTheOwnersOrganisationClearedIt) {
   start(stopped({holder, own_guard}));
   Control one_left = stopped({holder}), none = control("tello1", epoch);
-  for (Control* record : {&one_left, &none}) set_resumes(*record, to_message(own_guard), 1);
-  set_resumes(none, to_message(holder), 1);
+  for (Control* record : {&one_left, &none}) set_clears(*record, to_message(own_guard), 1);
+  set_clears(none, to_message(holder), 1);
   EXPECT_FALSE(check_->no_stop(now, 1));
-  EXPECT_TRUE(give(event("resume", one_left, own_guard)).plans.empty()) << "one is left";
-  auto plans = give(event("resume", none, holder)).plans;
+  EXPECT_TRUE(give(event("clear_stop", one_left, own_guard)).plans.empty()) << "one is left";
+  auto plans = give(event("clear_stop", none, holder)).plans;
   ASSERT_EQ(plans.size(), 1U);
-  EXPECT_EQ(plans[0].action, PlanAction::resumed) << "another organisation's lifts no local stop";
+  EXPECT_EQ(plans[0].action, PlanAction::stop_cleared) << "another organisation's clears no local stop";
   ASSERT_TRUE(check_->no_stop(now, 1));
-  EXPECT_EQ(check_->no_stop(now, 1)->action, PlanAction::resumed);
-  EXPECT_TRUE(give(event("resume", none, own_guard)).plans.empty()) << "nobody had it stopped";
+  EXPECT_EQ(check_->no_stop(now, 1)->action, PlanAction::stop_cleared);
+  EXPECT_TRUE(give(event("clear_stop", none, own_guard)).plans.empty()) << "nobody had it stopped";
 
   start(stopped({holder}));
   none = control("tello1", epoch);
-  set_resumes(none, to_message(holder), 1);
-  plans = give(event("resume", none, admin)).plans;
+  set_clears(none, to_message(holder), 1);
+  plans = give(event("clear_stop", none, admin)).plans;
   ASSERT_EQ(plans.size(), 1U);
-  EXPECT_EQ(plans[0].action, PlanAction::resumed_by_owner);
+  EXPECT_EQ(plans[0].action, PlanAction::stop_cleared_by_owner);
 }
 
-TEST_F(ControlCheckTest, AFoldChangesNothing) {
+TEST_F(ControlCheckTest, BlocksWrittenBeforeHoldTheOldNamesOfTheFunctions) {
   start(stopped({own_guard}));
-  expect_refused(event("fold", control("tello1", epoch), owner), "a stop less");
-  expect_refused(event("fold", control("tello1", epoch + 1), owner), "a new epoch");
+  Control none = control("tello1", epoch);
+  set_clears(none, to_message(own_guard), 1);
   expect_taken(event("fold", record_, owner));
+  Tx mixed = event("resume", none, own_guard);
+  mixed.asked = fabric::Call{"clear_stop", {"tello1"}};
+  expect_refused(mixed, "an event of another name than its call");
+  EXPECT_TRUE(is_stopped_now());
+  const auto plans = give(event("resume", none, own_guard)).plans;
+  ASSERT_EQ(plans.size(), 1U);
+  EXPECT_EQ(plans[0].action, PlanAction::stop_cleared_by_owner);
+}
+
+TEST_F(ControlCheckTest, ApplyStopsChangesNothing) {
+  start(stopped({own_guard}));
+  expect_refused(event("apply_stops", control("tello1", epoch), owner), "a stop less");
+  expect_refused(event("apply_stops", control("tello1", epoch + 1), owner), "a new epoch");
+  expect_taken(event("apply_stops", record_, owner));
   EXPECT_TRUE(is_stopped_now());
 }
 
@@ -473,15 +487,15 @@ TEST_F(ControlCheckTest, AStopIsItsCreatorsOwnAndCutsOnlyWhereItWasAskedTo) {
 }
 
 /// A peer that calls an old stop valid, or bends the count that its stopper signed.
-TEST_F(ControlCheckTest, AnOldStopSentAThousandTimesAfterAResumeStopsNothing) {
+TEST_F(ControlCheckTest, AnOldStopSentAThousandTimesAfterAClearStopsNothing) {
   start(stopped({own_guard}));
-  Control resumed = control("tello1", epoch);
-  set_resumes(resumed, to_message(own_guard), 1);
-  expect_refused(event("resume", control("tello1", epoch), own_guard), "a lift that is not counted");
-  expect_taken(event("resume", resumed, own_guard));
+  Control cleared = control("tello1", epoch);
+  set_clears(cleared, to_message(own_guard), 1);
+  expect_refused(event("clear_stop", control("tello1", epoch), own_guard), "a clear that is not counted");
+  expect_taken(event("clear_stop", cleared, own_guard));
   DronesCall call;
   call.add_drones("tello1");
-  call.add_resumes(0);
+  call.add_clears(0);
   Stops stops;
   *stops.add_stops() = stop_of("tello1");
   *stops.mutable_stops(0)->mutable_stopper() = to_message(own_guard);
@@ -489,11 +503,11 @@ TEST_F(ControlCheckTest, AnOldStopSentAThousandTimesAfterAResumeStopsNothing) {
   old.asked = fabric::Call{"stop", {call.SerializeAsString()}};
   for (int i = 0; i < 1'000; ++i) ASSERT_TRUE(give(old).plans.empty());
   EXPECT_FALSE(is_stopped_now());
-  stops.mutable_stops(0)->set_resumes(1);
+  stops.mutable_stops(0)->set_clears(1);
   old.event_payload = stops.SerializeAsString();
   expect_refused(old, "a count that was not asked for");
   EXPECT_FALSE(is_stopped_now());
-  call.set_resumes(0, 1);
+  call.set_clears(0, 1);
   old.asked = fabric::Call{"stop", {call.SerializeAsString()}};
   EXPECT_EQ(give(old).plans.size(), 1U) << "one for this count";
 }

@@ -154,17 +154,17 @@ TEST_F(DelegateCheck, OfAStoppedDroneItLandsAndNothingElse) {
   EXPECT_FALSE(flies(holder, epoch, LAND));
 }
 
-TEST_F(DelegateCheck, WithEitherRevokedNothingFliesUntilTheFoldHasEndedTheLease) {
+TEST_F(DelegateCheck, WithEitherRevokedNothingFliesUntilApplyStopsHasEndedTheLease) {
   for (const auto& who : {station, holder}) {
     start(with_delegate(&station));
-    EXPECT_EQ(give(revoke(who)).revoked, std::vector<DroneNumber>{1}) << "a fold is due";
+    EXPECT_EQ(give(revoke(who)).revoked, std::vector<DroneNumber>{1}) << "apply_stops is due";
     EXPECT_EQ(refused(station), Refusal::revoked) << who.subject;
     Control ended = free_again();
     if (who == holder) ended.mutable_grants()->RemoveLast();  // which was to him alone
     Control kept = ended;
     *kept.mutable_delegate() = to_message(station);
-    expect_lie(event("fold", kept, host), "the delegate stays");
-    expect_taken(event("fold", ended, host));
+    expect_lie(event("apply_stops", kept, host), "the delegate stays");
+    expect_taken(event("apply_stops", ended, host));
     EXPECT_EQ(refused(station, epoch + 1), Refusal::not_holder);
   }
 }

@@ -70,7 +70,7 @@ TEST(Fusion, AnOutlierIsRejectedAndTheFlightGoesOn) {
   EXPECT_NEAR(next->velocity_mps[0], 1, 0.05);
 }
 
-TEST(Fusion, OutliersThatStayAreTheTruthAndTheFilterStartsAnew) {
+TEST(Fusion, OutliersThatStayAreTheTruthAndTheFilterRestarts) {
   FusionConfig config;
   Fusion fusion(config);
   fly(fusion, 0, 50);

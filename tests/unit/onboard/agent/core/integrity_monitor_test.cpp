@@ -17,7 +17,7 @@ using Kind = fabric::Outcome::Kind;
 
 constexpr TimeNs start = 100 * ns_per_s, lasts = 10 * ns_per_s;
 
-TEST(IntegrityMonitor, StandsForAsLongAsAReasonCountsAndEachCountsAnew) {
+TEST(IntegrityMonitor, StandsForAsLongAsAReasonCountsAndEachRestartsTheTime) {
   IntegrityMonitor monitor(lasts);
   EXPECT_FALSE(monitor.stands(start));
   monitor.add(start, IntegrityViolation::chain, 7, "block 9 came where 8 was due");
@@ -43,7 +43,7 @@ TEST(IntegrityMonitor, StandsForAsLongAsRecordsDiffer) {
   EXPECT_FALSE(monitor.stands(start + 3600 * ns_per_s));
 }
 
-TEST(IntegrityMonitor, TellsTheFirstOfAKindAtOnceThenAWordAMinuteWithHowManyThereWere) {
+TEST(IntegrityMonitor, ReportsTheFirstOfAKindAtOnceThenOncePerMinuteWithTheirCount) {
   IntegrityMonitor monitor(lasts);
   std::uint64_t words = 0;
   for (TimeNs now = start; now < start + 150 * ns_per_s; now += 10 * ns_per_ms) {
@@ -58,7 +58,7 @@ TEST(IntegrityMonitor, TellsTheFirstOfAKindAtOnceThenAWordAMinuteWithHowManyTher
   EXPECT_EQ(monitor.take_words(start + 150 * ns_per_s).at(0).kind, IntegrityViolation::stream)
       << "each kind for itself";
   const auto rest = monitor.take_words(start + 180 * ns_per_s);
-  ASSERT_EQ(rest.size(), 1U) << "what came behind the last word is told without another reason";
+  ASSERT_EQ(rest.size(), 1U) << "what came after the last report is reported without another reason";
   EXPECT_EQ(rest[0].since, 3 * 3000U - 3);
   EXPECT_TRUE(monitor.take_words(start + 1000 * ns_per_s).empty());
 }
@@ -82,7 +82,7 @@ class IntegrityInCore : public ::testing::Test {
   static AgentConfig config() {
     AgentConfig c;
     c.drones = {{1, "tello1"}, {2, "tello2"}};
-    c.first_beat_wait_ns = 0;
+    c.first_heartbeat_wait_ns = 0;
     return c;
   }
   IntegrityInCore() {
@@ -94,7 +94,7 @@ class IntegrityInCore : public ::testing::Test {
   bool untrusted(TimeNs now) {
     out_.clear();
     core_.step(now, out_);
-    return out_.beat.value().ledger_untrusted;
+    return out_.heartbeat.value().ledger_untrusted;
   }
   LedgerOfTests::Tx stop(int code) {
     DronesCall call;
@@ -123,10 +123,10 @@ TEST_F(IntegrityInCore, ABlockThatIsAsItShouldBeIsNoReasonNorIsAnInvalidTransact
   EXPECT_EQ(core_.integrity().count(), 0U);
 }
 
-TEST_F(IntegrityInCore, EachReasonIsSaidToLinkAndInTheLogAndOnTheLedger) {
+TEST_F(IntegrityInCore, EachReasonIsReportedToLinkInTheLogAndOnTheLedger) {
   auto block = ledger_.block({LedgerOfTests::Tx{}});
   block.transactions[0].code = 11;
-  block.transactions[0].problem = "flagged 11, but valid by our own judgement";
+  block.transactions[0].problem = "flagged 11, but valid by our own validation";
   core_.on_block(start, block, out_);
   EXPECT_EQ(count(IntegrityViolation::transaction), 1U);
   EXPECT_TRUE(untrusted(start));
@@ -142,11 +142,11 @@ TEST_F(IntegrityInCore, EachReasonIsSaidToLinkAndInTheLogAndOnTheLedger) {
   const auto alarms = alarms_from_cdr(call.assets(1).msg_data());
   ASSERT_TRUE(alarms);
   ASSERT_EQ(alarms->size(), 1U);
-  EXPECT_EQ((*alarms)[0].kind, "transaction_invalid");
+  EXPECT_EQ((*alarms)[0].kind, "transaction_unverified");
   EXPECT_TRUE((*alarms)[0].stands);
   EXPECT_EQ((*alarms)[0].count, 1U);
   EXPECT_EQ((*alarms)[0].block, block.number);
-  EXPECT_NE((*alarms)[0].words.find("valid by our own judgement"), std::string::npos);
+  EXPECT_NE((*alarms)[0].words.find("valid by our own validation"), std::string::npos);
 
   core_.on_block(start, ledger_.block({stop(11)}), out_);
   EXPECT_EQ(count(IntegrityViolation::stop), 1U);

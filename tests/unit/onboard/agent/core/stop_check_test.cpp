@@ -35,16 +35,16 @@ class StopCheckTest : public ::testing::Test {
     check_->set_roles(std::move(roles));
   }
   /// As an honest client and contract make it.
-  static Tx stop(const crypto::IdentityName& by, int code = 0, std::optional<std::uint64_t> resumes = {},
+  static Tx stop(const crypto::IdentityName& by, int code = 0, std::optional<std::uint64_t> clears = {},
                  bool cut = false) {
     DronesCall call;
     call.add_drones("tello1");
     call.set_cut(cut);
-    if (resumes) call.add_resumes(*resumes);
+    if (clears) call.add_clears(*clears);
     Stops reported;
     *reported.add_stops() = stop_of("tello1", cut);
     *reported.mutable_stops(0)->mutable_stopper() = to_message(by);
-    reported.mutable_stops(0)->set_resumes(resumes.value_or(0));
+    reported.mutable_stops(0)->set_clears(clears.value_or(0));
     Tx tx;
     tx.creator = by;
     tx.event_name = "stop";
@@ -145,12 +145,12 @@ TEST_F(StopCheckTest, OfARefusedBlockAForgedStopOrOneByNobodyWhoMayIsNone) {
   Tx forged = stop(guard);
   forged.spoil.creator_signature = true;
   fabric::Block block = ledger_.block({forged, stop(peer3)});
-  for (fabric::Transaction& tx : block.transactions) tx.creator_fits = true;  // whoever read it says so
+  for (fabric::Transaction& tx : block.transactions) tx.creator_fits = true;  // as the reader found
   EXPECT_TRUE(check_->check_refused(now, block).plans.empty());
   EXPECT_FALSE(is_stopped_now());
 }
 
-TEST_F(StopCheckTest, WhoeverEndorsedItItIsObeyedAndOnTheLedgerWithoutAnAlarm) {
+TEST_F(StopCheckTest, WithAnyEndorserItIsObeyedAndOnTheLedgerWithoutAnAlarm) {
   for (const auto& endorser : {peer3, holder}) {
     start(control("tello1", epoch));
     Tx valid = stop(guard);
@@ -164,7 +164,7 @@ TEST_F(StopCheckTest, WhoeverEndorsedItItIsObeyedAndOnTheLedgerWithoutAnAlarm) {
 }
 
 TEST_F(StopCheckTest, AnEventThatSaysSomethingElseHidesNoStop) {
-  for (const char* name : {"", "command", "set", "resume", "stop"}) {
+  for (const char* name : {"", "command", "set", "clear_stop", "stop"}) {
     start(control("tello1", epoch));
     Tx bent = stop(guard);
     bent.event_name = name;
@@ -252,13 +252,13 @@ TEST_F(StopCheckTest, ARoleIsTrustedByAPeerOfItsOwnOrganisation) {
 }
 
 TEST_F(StopCheckTest, AnOldOneIsNotObeyedHoweverOftenAndUnderWhateverFlag) {
-  Control resumed = control("tello1", epoch);
-  set_resumes(resumed, to_message(guard), 2);
-  start(resumed);
+  Control cleared = control("tello1", epoch);
+  set_clears(cleared, to_message(guard), 2);
+  start(cleared);
   for (int i = 0; i < 1'000; ++i) {
     const int code = i % 2 == 0 ? conflict : 0;
     ASSERT_TRUE(give(stop(guard, code, 1)).plans.empty());
-    ASSERT_TRUE(give(stop(guard, code)).plans.empty()) << "its event says that nothing was lifted yet";
+    ASSERT_TRUE(give(stop(guard, code)).plans.empty()) << "its event says that nothing was cleared yet";
   }
   EXPECT_FALSE(is_stopped_now());
   EXPECT_EQ(give(stop(guard, conflict, 2)).plans.size(), 1U);
@@ -271,25 +271,25 @@ TEST_F(StopCheckTest, EachIsObeyedOnce) {
   for (const int code : {conflict, not_endorsed, duplicate}) EXPECT_TRUE(give_again(tx, code).plans.empty()) << code;
 }
 
-TEST_F(StopCheckTest, ItStandsUntilTheDroneIsDownAndAFoldDoesNotShowIt) {
+TEST_F(StopCheckTest, ItStandsUntilTheDroneIsDownAndApplyStopsDoesNotShowIt) {
   (void)give(stop(guard, conflict));
   check_->landed(1);
   EXPECT_TRUE(is_stopped_now()) << "the ledger may have it all the same";
   EXPECT_FALSE(check_->no_stop(now, 1));
-  EXPECT_TRUE(give(control_event("fold", control("tello1", epoch), host)).refused.empty());
+  EXPECT_TRUE(give(control_event("apply_stops", control("tello1", epoch), host)).refused.empty());
   EXPECT_TRUE(is_stopped_now()) << "it may still be in the air";
   check_->landed(1);
   EXPECT_FALSE(is_stopped_now());
   EXPECT_TRUE(check_->no_stop(now, 1));
 }
 
-TEST_F(StopCheckTest, AHiddenOneStaysWhereTheFoldShowsIt) {
+TEST_F(StopCheckTest, AHiddenOneStaysWhereApplyStopsShowsIt) {
   (void)give(stop(guard, conflict));
   Control stopped = control("tello1", epoch);
   Stop one = stop_of("tello1");
   *one.mutable_stopper() = to_message(guard);
   add_stop(stopped, one);
-  EXPECT_EQ(give(control_event("fold", stopped, host)).refused.at(0).why, Refusal::altered) << "an alarm";
+  EXPECT_EQ(give(control_event("apply_stops", stopped, host)).refused.at(0).why, Refusal::altered) << "an alarm";
   check_->landed(1);
   EXPECT_TRUE(is_stopped_now());
   EXPECT_FALSE(check_->no_stop(now, 1));

@@ -10,7 +10,7 @@
 namespace ledgerline::link {
 namespace {
 
-/// One drone that does at once what it is told, and says so in the next step.
+/// One drone that obeys at once, and shows it in the next step.
 class DroneLinkTest : public ::testing::Test {
  protected:
   LinkMoment at(bool healthy = true, bool stop_all = false) {
@@ -23,10 +23,10 @@ class DroneLinkTest : public ::testing::Test {
     drone.take_pose(now,
                     {.drone = 1, .stamp_ns = now, .position_m = {0, 0, height_m}, .velocity_mps = {}, .yaw_rad = 0});
     for (; oks > 0; --oks) drone.take_bytes(now, Port::answer, "ok");
-    AgentBeat beat;
-    beat.stamp_ns = now;
-    beat.ledger_alive = true;
-    drone.take_beat(beat);
+    AgentHeartbeat heartbeat;
+    heartbeat.stamp_ns = now;
+    heartbeat.ledger_alive = true;
+    drone.take_heartbeat(heartbeat);
     drone.step(at(healthy, stop_all));
     for (const ToSend& message : out.to_send) hear(message.command.view());
   }

@@ -21,7 +21,7 @@ class FailsafeTest : public ::testing::Test {
   void pass(TimeNs duration) {
     for (const TimeNs end = now + duration; now < end;) {
       now += ms;
-      if (beats) facts.beat_ns = now;
+      if (heartbeats) facts.heartbeat_ns = now;
       if (states) facts.state_ns = now;
       if (poses) facts.pose_ns = now;
       if (facts.plan_valid) facts.covered_until_ns = now + 10 * ms;
@@ -41,7 +41,7 @@ class FailsafeTest : public ::testing::Test {
   FailsafeFacts facts;
   FailsafeState state;
   TimeNs now = 100 * ns_per_s;
-  bool beats = true, states = true, poses = true;
+  bool heartbeats = true, states = true, poses = true;
   int changes = 0, causes = 0;  ///< of the mode, of the cause
 };
 

@@ -22,14 +22,14 @@ constexpr bool emulated = true;  // the tree's tests for it run under qemu-user
 #else
 constexpr bool emulated = false;
 #endif
-constexpr int handshakes = 2;  // steps until all were in vain
+constexpr int handshakes = 2;  // steps until all failed
 constexpr int dark_lands = 2;  // steps until a drone in the dark is landed
 
 /// Ages in steps. Of a moment that never was: -1.
 struct State {
   int phase = 0;
-  int lost = -1;  ///< disconnected, and it may fly: for so long; then all handshakes were in vain
-  int uncovered = 0, beat = 0, state = 0, pose = 0;
+  int lost = -1;  ///< disconnected, and it may fly: for so long; then all handshakes failed
+  int uncovered = 0, heartbeat = 0, state = 0, pose = 0;
   int ledger_alive = 1, untrusted = 0;
   int mode = 0, cause = 0, battery_low = 0;
   int dark = -1;  ///< flying, and its flow has seen nothing for so long
@@ -40,7 +40,7 @@ struct State {
     const int bits = ledger_alive | untrusted << 1 | battery_low << 2;
     auto key = static_cast<std::uint64_t>(cause);
     const int lost_or_dark = (lost + 1) | (dark + 1) << 2;  // never both
-    for (const int field : {phase, lost_or_dark, uncovered, beat, state, pose, bits, mode, hovering, gone, outward,
+    for (const int field : {phase, lost_or_dark, uncovered, heartbeat, state, pose, bits, mode, hovering, gone, outward,
                             outside, too_near, unflown}) {
       key = key << 4 | static_cast<std::uint64_t>(field + 1);
     }
@@ -66,7 +66,7 @@ enum class Sensed {
 };
 
 struct Input {
-  bool beat = false, ledger_alive = false, untrusted = false, plan = false, pose = false;
+  bool heartbeat = false, ledger_alive = false, untrusted = false, plan = false, pose = false;
   enum class Text { none, charged, low } text = Text::none;
   Place place = Place::inside;
   Asked asked = Asked::nothing;
@@ -77,8 +77,8 @@ struct Input {
 class Search {
  public:
   /// Where an untrusted ledger is ignored every ledger is trusted: it is not looked at (FS-14).
-  Search(const std::array<int, 7>& limits, OnUntrustedLedger action, bool own_senses)
-      : limits_(limits), own_senses_(own_senses) {
+  Search(const std::array<int, 7>& limits, OnUntrustedLedger action, bool by_odometry)
+      : limits_(limits), by_odometry_(by_odometry) {
     settings_.on_untrusted_ledger = action;
     settings_.hold_grace_ns = grace() * step_ns;
     settings_.land_after_ns = land_after() * step_ns;
@@ -130,7 +130,7 @@ class Search {
     return settings_.on_untrusted_ledger == OnUntrustedLedger::ignore ? trusting : untrusting;
   }
 
-  /// `heard`: no beat; that the ledger is silent, that it is alive; the same, untrusted.
+  /// `heard`: no heartbeat; that the ledger is silent, that it is alive; the same, untrusted.
   static std::vector<Input> make_inputs(std::initializer_list<int> all_heard) {
     std::vector<Input> made;
     for (const int heard : all_heard)
@@ -152,7 +152,7 @@ class Search {
                         (bits & 4) != 0 ? Input::Text::charged : Input::Text::none, Place::inside, Asked::nothing,
                         sensed});
     for (const int bits : {0, 1, 2, 3})
-      made.push_back({.beat = true,
+      made.push_back({.heartbeat = true,
                       .ledger_alive = true,
                       .plan = (bits & 1) != 0,
                       .pose = (bits & 2) != 0,
@@ -177,12 +177,12 @@ class Search {
     const int silent = agent_silent() + 1;
     if (input.pose) {
       s.pose = 0;
-    } else if (input.beat || s.beat < silent || s.pose < silent) {
+    } else if (input.heartbeat || s.heartbeat < silent || s.pose < silent) {
       s.pose = std::min(s.pose + 1, silent + pose_lost());
     }
-    s.beat = input.beat ? 0 : std::min(s.beat + 1, silent);
-    if (input.beat) s.ledger_alive = input.ledger_alive;
-    if (input.beat) s.untrusted = input.untrusted;
+    s.heartbeat = input.heartbeat ? 0 : std::min(s.heartbeat + 1, silent);
+    if (input.heartbeat) s.ledger_alive = input.ledger_alive;
+    if (input.heartbeat) s.untrusted = input.untrusted;
     return s;
   }
 
@@ -193,7 +193,7 @@ class Search {
     f.blind = s.lost >= handshakes;
     f.plan_valid = input.plan;
     f.covered_until_ns = f.flying_since_ns = now - s.uncovered * step_ns;
-    f.beat_ns = now - s.beat * step_ns;
+    f.heartbeat_ns = now - s.heartbeat * step_ns;
     f.ledger_alive = s.ledger_alive != 0;
     f.ledger_untrusted = s.untrusted != 0;
     f.state_ns = now - s.state * step_ns;
@@ -201,13 +201,13 @@ class Search {
     f.position_m = {input.place == Place::inside ? 0 : fence_.max_m[0] + 0.5, 0, 1};
     f.velocity_mps = {input.place == Place::out ? 0.5 : -0.5, 0, 0};
     f.height_m = input.place == Place::out ? static_cast<float>(fence_.max_m[2]) + 0.5F : 1;
-    f.battery = settings_.battery_low + settings_.battery_margin / 2;  // neither low anew nor charged
+    f.battery = settings_.battery_low + settings_.battery_margin / 2;  // neither low again nor charged
     if (input.text == Input::Text::charged) f.battery = 1;
     if (input.text == Input::Text::low) f.battery = settings_.battery_low;
     if (input.asked == Asked::empty_battery) f.battery = settings_.battery_critical;
     f.stop = input.asked == Asked::stop;
     f.cut = input.asked == Asked::cut;
-    f.own_senses = own_senses_;
+    f.by_odometry = by_odometry_;
     f.tilted = input.sensed == Sensed::tilted || input.sensed == Sensed::overturned;
     f.overturned = input.sensed == Sensed::overturned;
     f.motion_differs = input.sensed == Sensed::differs;
@@ -283,7 +283,7 @@ class Search {
                              last.cause == FailsafeCause::height_lost;
         if (f.dark_since_ns != 0 && f.needs_position) return false;
         const bool placed =
-            !by_pose || 2 * s.pose <= pose_lost() || (!own_senses_ && s.pose <= s.beat) || !f.needs_position;
+            !by_pose || 2 * s.pose <= pose_lost() || (!by_odometry_ && s.pose <= s.heartbeat) || !f.needs_position;
         const bool sure = last.cause != FailsafeCause::position_uncertain || f.sigma_m[0] <= 0 || !f.needs_position;
         const bool agree = last.cause != FailsafeCause::sources_differ || !f.sources_differ || !f.needs_position;
         const bool trusted = last.cause != FailsafeCause::ledger_untrusted || !f.ledger_untrusted;
@@ -303,44 +303,44 @@ class Search {
   }
 
   void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeFacts& f) {
-    const auto sent = [&](const char* what) {
+    const auto fail = [&](const char* what) {
       ADD_FAILURE() << what << ": mode " << s.mode << " cause " << s.cause << " phase " << s.phase << " plan "
-                    << f.plan_valid << "; ages: uncovered " << s.uncovered << " beat " << s.beat << " state " << s.state
-                    << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown << "; before: mode "
-                    << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
+                    << f.plan_valid << "; ages: uncovered " << s.uncovered << " heartbeat " << s.heartbeat << " state "
+                    << s.state << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown
+                    << "; before: mode " << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
     };
     const FailsafeRow* ended = ended_row(last, next);
-    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) sent("a row ended too early");
+    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) fail("a row ended too early");
     const bool down = next.mode >= FailsafeMode::land;
-    if (next.mode < last.mode && last.mode >= FailsafeMode::land) sent("a landing was taken back in the air");
-    if (f.cut && next.mode != FailsafeMode::cut) sent("a cut was not obeyed");
+    if (next.mode < last.mode && last.mode >= FailsafeMode::land) fail("a landing was taken back in the air");
+    if (f.cut && next.mode != FailsafeMode::cut) fail("a cut was not obeyed");
     if (next.mode == FailsafeMode::cut && !f.cut && !f.overturned && last.mode != FailsafeMode::cut)
-      sent("a cut nobody asked for");
-    if ((f.stop || f.battery <= settings_.battery_critical) && !down) sent("a stop or an empty battery does not land");
-    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) sent("overturned, and its motors run");
-    if (f.tilted && in_flight(f.phase) && !down) sent("it is tilted, and is not landed");
-    if (f.motion_differs && f.phase == FlightPhase::flying && !down) sent("it moves otherwise, and is not landed");
-    if (s.dark >= dark_lands && !down) sent("it sees nothing, and is not landed");
+      fail("a cut nobody asked for");
+    if ((f.stop || f.battery <= settings_.battery_critical) && !down) fail("a stop or an empty battery does not land");
+    if (f.overturned && in_flight(f.phase) && next.mode != FailsafeMode::cut) fail("overturned, and its motors run");
+    if (f.tilted && in_flight(f.phase) && !down) fail("it is tilted, and is not landed");
+    if (f.motion_differs && f.phase == FlightPhase::flying && !down) fail("it moves otherwise, and is not landed");
+    if (s.dark >= dark_lands && !down) fail("it sees nothing, and is not landed");
     if (f.sources_unresolved && f.phase == FlightPhase::flying && !down)
-      sent("nothing to fly by, and it is not landed");
-    if (f.blind && !down) sent("it may be airborne without state, and is not landed");
+      fail("nothing to fly by, and it is not landed");
+    if (f.blind && !down) fail("it may be airborne without state, and is not landed");
     if (f.ledger_untrusted && settings_.on_untrusted_ledger == OnUntrustedLedger::land && !down)
-      sent("the ledger is not trusted, and it is not landed");
+      fail("the ledger is not trusted, and it is not landed");
     if (f.phase != FlightPhase::flying) return;
 
     const bool follows = follows_plan(next.mode, f.plan_valid);
-    if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) sent("neither a plan nor an action");
-    if (!down && s.unflown > land_after() + grace()) sent("no plan for longer than land_after, and no landing");
-    if (follows && s.state > stale()) sent("flies on though the drone is silent");
-    const bool lost = s.pose > pose_lost() && (own_senses_ || s.pose - s.beat > pose_lost() / 2);
-    if (follows && f.needs_position && lost) sent("flies a path though the pose is lost");
-    if (follows && f.dark_since_ns != 0) sent("flies a path in the dark");
-    if (follows && f.needs_position && f.sigma_m[0] > 0) sent("flies a path though its position is uncertain");
-    if (follows && f.ledger_untrusted) sent("flies on though the ledger is not trusted");
-    if (next.mode == FailsafeMode::hold && f.plan_valid) sent("holds though there is a plan");
+    if (!follows && next.mode == FailsafeMode::none && s.uncovered >= grace()) fail("neither a plan nor an action");
+    if (!down && s.unflown > land_after() + grace()) fail("no plan for longer than land_after, and no landing");
+    if (follows && s.state > stale()) fail("flies on though the drone is silent");
+    const bool lost = s.pose > pose_lost() && (by_odometry_ || s.pose - s.heartbeat > pose_lost() / 2);
+    if (follows && f.needs_position && lost) fail("flies a path though the pose is lost");
+    if (follows && f.dark_since_ns != 0) fail("flies a path in the dark");
+    if (follows && f.needs_position && f.sigma_m[0] > 0) fail("flies a path though its position is uncertain");
+    if (follows && f.ledger_untrusted) fail("flies on though the ledger is not trusted");
+    if (next.mode == FailsafeMode::hold && f.plan_valid) fail("holds though there is a plan");
     if (f.too_near && follows && next.cause != FailsafeCause::too_near)
-      sent("another is in its way, and it is not said");
-    if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) sent("a mode without a cause");
+      fail("another is in its way, and it is not reported");
+    if (next.mode != FailsafeMode::none && next.cause == FailsafeCause::none) fail("a mode without a cause");
   }
 
   void visit(const State& s) {
@@ -348,7 +348,7 @@ class Search {
   }
 
   std::array<int, 7> limits_;
-  bool own_senses_;
+  bool by_odometry_;
   FailsafeSettings settings_;
   FenceSettings fence_;
   std::unordered_set<std::uint64_t> seen_;
@@ -360,10 +360,10 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
   // Limits in steps, in the order of the defaults' sizes: hold_grace, land_after, agent_silent, state_stale, pose_lost,
   // clear_after, fence_land_after.
   const bool whole = seeds(0, 1) == 1;
-  for (const auto& [action, own_senses] :
+  for (const auto& [action, by_odometry] :
        {std::pair(OnUntrustedLedger::ignore, false), std::pair(OnUntrustedLedger::ignore, true),
         std::pair(OnUntrustedLedger::hold, false), std::pair(OnUntrustedLedger::land, false)}) {
-    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, action, own_senses);
+    Search search(whole ? std::array{1, 7, 3, 4, 2, 3, 4} : std::array{1, 4, 2, 3, 2, 2, 2}, action, by_odometry);
     // What a sanitizer looks for shows in the first million steps, or not at all. Under an emulator, too, all steps
     // take ten times as long; its first ones show whether this compiler's code finds the states that another's does.
     if (slow || (emulated && !whole)) {
@@ -373,7 +373,7 @@ TEST(FailsafeSearch, NoReachableStateHasNeitherAFreshPlanNorAnAction) {
     }
     search.run();
     std::printf("untrusted ledger: %s, poses of %s: %zu states of the failsafe visited, %zu steps taken\n",
-                name(action), own_senses ? "its own senses" : "motion capture", search.states(), search.steps());
+                name(action), by_odometry ? "onboard odometry" : "motion capture", search.states(), search.steps());
     EXPECT_GT(search.states(), whole ? 500'000U : 100'000U) << "the search did not get anywhere";
   }
 }

@@ -5,7 +5,7 @@ namespace ledgerline::link {
 namespace {
 
 TEST_F(FailsafeTest, FS37ALostVelocityMeansBrakeUntilItIsBackForAWhile) {
-  facts.own_senses = true;
+  facts.by_odometry = true;
   pass(ns_per_s);
   poses = false;
   pass(settings.velocity_lost_ns);
@@ -20,9 +20,9 @@ TEST_F(FailsafeTest, FS37ALostVelocityMeansBrakeUntilItIsBackForAWhile) {
 }
 
 TEST_F(FailsafeTest, FS47InTheDarkTheSticksGoToZeroAtOnceAndItLandsAfterHalfASecond) {
-  for (const bool own_senses : {true, false}) {  // or motion capture is away
+  for (const bool by_odometry : {true, false}) {  // or motion capture is away
     state = {};
-    facts.own_senses = own_senses;
+    facts.by_odometry = by_odometry;
     facts.phase = FlightPhase::flying;
     facts.dark_since_ns = 0;
     pass(ns_per_s);
@@ -40,7 +40,7 @@ TEST_F(FailsafeTest, FS47InTheDarkTheSticksGoToZeroAtOnceAndItLandsAfterHalfASec
 }
 
 TEST_F(FailsafeTest, OneThatSeesAgainWithinHalfASecondFliesOn) {
-  facts.own_senses = true;
+  facts.by_odometry = true;
   pass(ns_per_s);
   facts.dark_since_ns = now + ms;
   pass(settings.dark_land_after_ns - ms);
@@ -59,7 +59,7 @@ TEST_F(FailsafeTest, APilotWhoMayDoWithoutAPositionFliesOnInTheDark) {
 }
 
 TEST_F(FailsafeTest, FS48ALostHeightMeansBrakeAndKeepsItsLongerTime) {
-  facts.own_senses = facts.height_lost = true;
+  facts.by_odometry = facts.height_lost = true;
   pass(ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);  // its pose goes on
   poses = false;
@@ -72,9 +72,9 @@ TEST_F(FailsafeTest, FS48ALostHeightMeansBrakeAndKeepsItsLongerTime) {
 }
 
 TEST_F(FailsafeTest, ALostVelocityNeedsNoAgentToBeKnown) {
-  facts.own_senses = true;
+  facts.by_odometry = true;
   pass(ns_per_s);
-  poses = beats = false;
+  poses = heartbeats = false;
   pass(settings.velocity_lost_ns + 2 * ms);
   expect(FailsafeMode::brake, FailsafeCause::velocity_lost);
 }
@@ -169,10 +169,10 @@ TEST_F(FailsafeTest, FS18ADroneThatMovesOtherwiseThanItIsCommandedLands) {
 }
 
 TEST_F(FailsafeTest, ByHandNeitherPoseNorVelocityNorACertainPositionIsNeeded) {
-  for (const bool own_senses : {false, true}) {
-    facts.own_senses = own_senses;
+  for (const bool by_odometry : {false, true}) {
+    facts.by_odometry = by_odometry;
     facts.needs_position = false;
-    facts.sigma_m = own_senses ? std::array{50.0, 50.0, 0.1} : std::array{0.0, 0.0, 0.0};
+    facts.sigma_m = by_odometry ? std::array{50.0, 50.0, 0.1} : std::array{0.0, 0.0, 0.0};
     poses = false;
     facts.position_m = {100, 0, 1};  // nobody knows
     pass(3 * ns_per_s);
@@ -214,7 +214,7 @@ TEST_F(FailsafeTest, ABatteryThatEmptiesFastLandsWhileThereIsEnoughForIt) {
 
 TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
   facts.phase = FlightPhase::on_ground;
-  facts.beat_ns = facts.state_ns = facts.pose_ns = now;
+  facts.heartbeat_ns = facts.state_ns = facts.pose_ns = now;
   const auto refusal = [&](auto spoil) {
     FailsafeFacts spoiled = facts;
     spoil(spoiled);
@@ -226,7 +226,7 @@ TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.sigma_m = {50, 50, 1}; }), FailsafeCause::position_uncertain);
   const auto by_hand = [](FailsafeFacts& f) {
     f.needs_position = false;
-    f.own_senses = true;
+    f.by_odometry = true;
     f.sigma_m = {0.02, 0.02, 0.02};
   };
   EXPECT_EQ(refusal([&](FailsafeFacts& f) {
@@ -240,7 +240,7 @@ TEST_F(FailsafeTest, NoTakeOffTiltedOrOutsideTheFenceOrWithoutKnowingWhere) {
             }),
             FailsafeCause::fence);
   const auto own = [](FailsafeFacts& f) {
-    f.own_senses = true;
+    f.by_odometry = true;
     f.pose_ns -= ns_per_s;
   };
   EXPECT_EQ(refusal(own), FailsafeCause::velocity_lost);

@@ -43,7 +43,7 @@ TEST_F(FailsafeTest, FS05AHoldOrBrakeOfLandAfterMeansLand) {
   facts.plan_valid = true;
   pass(ms);
   facts.plan_valid = false;
-  pass(settings.hold_grace_ns + settings.land_after_ns - 100 * ms);  // the clock of the hold began anew
+  pass(settings.hold_grace_ns + settings.land_after_ns - 100 * ms);  // the clock of the hold restarted
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
   pass(200 * ms);
   expect(FailsafeMode::land, FailsafeCause::held_too_long);
@@ -89,7 +89,7 @@ TEST_F(FailsafeTest, TakingOffGivesNoFreeTime) {
 }
 
 TEST_F(FailsafeTest, FS08WithASilentAgentThePlanInHandIsFlownToItsEndThenHold) {
-  beats = false;
+  heartbeats = false;
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);
   facts.plan_valid = false;
@@ -105,7 +105,7 @@ TEST_F(FailsafeTest, FS08WithASilentAgentThePlanInHandIsFlownToItsEndThenHold) {
 
 TEST_F(FailsafeTest, ADeadAgentTakesThePosesAlongAndItsPlanIsStillFlownToItsEnd) {
   pass(ns_per_s);
-  beats = poses = false;
+  heartbeats = poses = false;
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);
   facts.plan_valid = false;
@@ -179,9 +179,9 @@ TEST_F(FailsafeTest, ASilenceThatComesAndGoesDoesNotMakeTheCauseFlap) {
   pass(ns_per_s);
   facts.plan_valid = false;
   for (int i = 0; i < 10; ++i) {
-    beats = false;
+    heartbeats = false;
     pass(settings.agent_silent_ns + 100 * ms);
-    beats = true;
+    heartbeats = true;
     pass(settings.clear_after_ns / 4);
   }
   expect(FailsafeMode::hold, FailsafeCause::agent_silent);
@@ -195,10 +195,10 @@ TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreDistinguished) {
   const auto after = [&](bool ledger, bool agent, bool drone) {
     state = {};
     facts.phase = FlightPhase::flying;
-    facts.ledger_alive = beats = poses = states = facts.plan_valid = true;
+    facts.ledger_alive = heartbeats = poses = states = facts.plan_valid = true;
     pass(ns_per_s);
     facts.ledger_alive = ledger;
-    beats = poses = agent;  // poses come through agent
+    heartbeats = poses = agent;  // poses come through agent
     states = drone;
     facts.plan_valid = false;
     pass(settings.state_stale_ns + 100 * ms);
@@ -342,7 +342,7 @@ TEST_F(FailsafeTest, FS03ACriticalBatteryLands) {
 
 TEST_F(FailsafeTest, FS02AStopLandsAtOnceWhateverElseIsWrong) {
   pass(ns_per_s);
-  poses = states = beats = false;
+  poses = states = heartbeats = false;
   pass(2 * ns_per_s);
   facts.stop = true;
   pass(ms);
@@ -364,7 +364,7 @@ TEST_F(FailsafeTest, FS01MotorsAreCutOnlyWhereAskedForByName) {
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
-TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesWereInVain) {
+TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesFailed) {
   facts.phase = FlightPhase::disconnected;
   facts.may_be_airborne = true;
   states = false;
@@ -435,7 +435,7 @@ TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
 TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   const auto refusal = [&](auto spoil) {
     FailsafeFacts spoiled = facts;
-    spoiled.beat_ns = spoiled.state_ns = spoiled.pose_ns = now;
+    spoiled.heartbeat_ns = spoiled.state_ns = spoiled.pose_ns = now;
     spoil(spoiled);
     return takeoff_refusal(settings, fence, now, spoiled);
   };
@@ -444,7 +444,7 @@ TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.battery = 0.1F; }), FailsafeCause::battery_low);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.state_ns = 0; }), FailsafeCause::state_stale);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.pose_ns -= ns_per_s; }), FailsafeCause::pose_lost);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.beat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
+  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.heartbeat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_alive = false; }), FailsafeCause::ledger_silent);
   settings.on_untrusted_ledger = OnUntrustedLedger::hold;
   EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_untrusted = true; }), FailsafeCause::ledger_untrusted);

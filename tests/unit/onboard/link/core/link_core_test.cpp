@@ -206,7 +206,7 @@ TEST(LinkCore, TheFenceHoldsEvenWhenAgentDiesWithItsPosesAndThePlanGoesOn) {
   EXPECT_LE(w.tellos[0].position[0], 1.05);
 }
 
-TEST(LinkCore, AStopLandsAndOnceResumedOnlyATakeOffFromALaterStateFliesAgain) {
+TEST(LinkCore, AStopLandsAndOnceClearedOnlyATakeOffFromALaterStateFliesAgain) {
   LinkWorld w;
   w.take_off();
   Plan& stop = w.plan(PlanAction::stop);
@@ -222,7 +222,7 @@ TEST(LinkCore, AStopLandsAndOnceResumedOnlyATakeOffFromALaterStateFliesAgain) {
   w.pass(3 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
   EXPECT_EQ(w.core.reports()[0].plans.dropped_by[static_cast<std::size_t>(DropReason::too_old)], 1U);
-  w.plan(PlanAction::resumed);
+  w.plan(PlanAction::stop_cleared);
   w.plan(PlanAction::takeoff);
   w.pass(5 * ns_per_s);
   EXPECT_EQ(w.tellos[0].count("takeoff"), 2);
@@ -419,7 +419,7 @@ TEST(LinkCore, PlansAndPosesThatAreNotForItsDronesOrNotFiniteAreIgnored) {
       {.drone = 1, .stamp_ns = w.now, .position_m = {}, .velocity_mps = {}, .yaw_rad = nan},
       {.drone = 1, .stamp_ns = w.now + ns_per_s, .position_m = {5, 5, 5}, .velocity_mps = {}, .yaw_rad = 0},
       {.drone = 77, .stamp_ns = w.now, .position_m = {}, .velocity_mps = {}, .yaw_rad = 0}};
-  w.core.step(w.now, {.received = {}, .plans = {}, .poses = poses, .beats = {}});
+  w.core.step(w.now, {.received = {}, .plans = {}, .poses = poses, .heartbeats = {}});
   w.pass(100 * ms);
   EXPECT_EQ(w.core.phase(1), FlightPhase::flying);
   EXPECT_LT(w.states.back().position_m[0], 1);

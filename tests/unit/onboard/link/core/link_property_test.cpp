@@ -82,7 +82,7 @@ TEST_P(AnyPlans, NeverAboveTheLimitsAndEveryPlanCounted) {
     if (last_at != 0) {
       const double dt = to_seconds(at - last_at);
       const double change = std::hypot(rc[0] - last[0], rc[1] - last[1], rc[2] - last[2]) / 100;
-      // rc's range shortens a vector, which may move what is told by as much again as the limiter moves.
+      // rc's range shortens a vector, which may move what is sent by as much again as the limiter moves.
       ASSERT_LE(change, 4 * settings.playout.max_acceleration_mps2 * dt + 0.02) << text << " after " << dt;
     }
     last = rc;
@@ -114,7 +114,7 @@ TEST_P(AnyPlans, SilenceAlwaysEndsInZeroThenLanding) {
   w.agent = random.next() % 2 == 0;
   w.ledger = random.next() % 2 == 0;
   w.mocap = random.next() % 2 == 0;
-  w.pass(4 * ns_per_s);  // the longest plan that may be in hand, and the ramp
+  w.pass(4 * ns_per_s);  // the maximum duration of a queued plan, and the ramp
   if (w.core.phase(1) == FlightPhase::flying) {
     EXPECT_EQ(w.tellos[0].rc, (std::array<int, 4>{}));
   }

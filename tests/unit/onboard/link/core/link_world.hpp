@@ -18,7 +18,7 @@ struct FakeTello {
   DroneNumber number = 1;
   bool connected = false;
   bool answers = true, states = true;
-  bool hears = true, lands = true;              ///< lands: when told to
+  bool hears = true, lands = true;              ///< lands: when commanded to
   bool keeps_rc = true, command_counts = true;  ///< as sim::SdkParameters
   double at_s = 0, heard_at_s = 0, steered_at_s = 0;
   enum class Motion { ground, spinning_up, climbing, hovering, sinking } motion = Motion::ground;
@@ -91,7 +91,7 @@ struct FakeTello {
   long count(const std::string& command) const { return std::count(heard.begin(), heard.end(), command); }
 };
 
-/// LinkCore, its drones and its agent on a virtual clock.
+/// LinkCore, its drones and its agent on a simulated clock.
 class LinkWorld {
  public:
   explicit LinkWorld(std::size_t drones = 1, LinkSettings settings = {})
@@ -139,20 +139,20 @@ class LinkWorld {
     }
     for (; !measured.empty() && now - measured.front().stamp_ns >= mocap_late_ns; measured.pop_front())
       poses.push_back(measured.front());
-    std::vector<AgentBeat> beats;
+    std::vector<AgentHeartbeat> heartbeats;
     if (agent && now % (50 * ns_per_ms) == 0) {
-      beat.stamp_ns = now;
-      beat.ledger_alive = ledger;
-      beats.push_back(beat);
+      heartbeat.stamp_ns = now;
+      heartbeat.ledger_alive = ledger;
+      heartbeats.push_back(heartbeat);
     }
     const LinkOutputs& out = core.step(now, {.received = received,
                                              .plans = plans,
                                              .poses = poses,
-                                             .beats = beats,
+                                             .heartbeats = heartbeats,
                                              .stop_all = stop_all,
                                              .suspended_ns = suspended_ns,
-                                             .resume_local = resume_local});
-    resume_local = false;
+                                             .clear_local_stops = clear_local_stops});
+    clear_local_stops = false;
     plans.clear();
     for (const ToSend& message : out.to_send) {
       sent.emplace_back(now, std::string(message.command.view()));
@@ -204,14 +204,14 @@ class LinkWorld {
   std::uint64_t sequence = 0;
   std::vector<Plan> plans;
   bool mocap = true, agent = true, ledger = true, stop_all = false;
-  bool resume_local = false;  ///< once
-  TimeNs suspended_ns = 0;    ///< since the host booted; `now` stands still meanwhile
-  TimeNs mocap_late_ns = 0;   ///< from a pose's stamp until link has it
-  std::deque<Pose> measured;  ///< on their way
+  bool clear_local_stops = false;  ///< once
+  TimeNs suspended_ns = 0;         ///< since the host booted; `now` stands still meanwhile
+  TimeNs mocap_late_ns = 0;        ///< from a pose's stamp until link has it
+  std::deque<Pose> measured;       ///< on their way
   std::vector<std::pair<TimeNs, std::string>> sent;
   std::vector<StateSample> states;
   std::vector<Transition> transitions;
-  AgentBeat beat;  ///< what else it says
+  AgentHeartbeat heartbeat;  ///< what else it says
   std::vector<TraceRecord> trace;
 };
 

@@ -3,7 +3,7 @@
 #include "tests/unit/onboard/link/core/link_world.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
-/// A stop stands until it is resumed by name: the ledger's, and the one of the local stop key.
+/// A stop stands until it is cleared by name: the ledger's, and the one of the local stop key.
 namespace ledgerline::link {
 namespace {
 
@@ -15,13 +15,13 @@ class Stops : public ::testing::Test {
     w.plan(action);
     pass_until_down();
   }
-  /// SIGTERM, and whoever watches over link starts it anew with what it left.
+  /// SIGTERM, then the service manager restarts link with what it left.
   void land_by_the_local_key() {
     w.stop_all = true;
     pass_until_down();
-    start_anew(w.core.local_stops());
+    restart(w.core.local_stops());
   }
-  void start_anew(const DroneSet& local_stops) {
+  void restart(const DroneSet& local_stops) {
     w.stop_all = false;
     w.core = LinkCore(w.settings_, ++boot_id_, 1, local_stops);
     w.pass(5 * ns_per_s);  // until the drone counts as standing on the ground
@@ -44,12 +44,12 @@ class Stops : public ::testing::Test {
   std::uint64_t boot_id_ = 100, epoch_ = 1;
 };
 
-TEST_F(Stops, TheLedgersStandsWhateverPlanOrEpochComesUntilItIsResumed) {
+TEST_F(Stops, TheLedgersStandsWhateverPlanOrEpochComesUntilItIsCleared) {
   land_by(PlanAction::stop);
   EXPECT_FALSE(takes_off());
   EXPECT_FALSE(takes_off());
   EXPECT_EQ(w.states.back().cause, FailsafeCause::stopped);
-  w.plan(PlanAction::resumed);
+  w.plan(PlanAction::stop_cleared);
   w.pass(100 * ms);
   EXPECT_EQ(w.states.back().cause, FailsafeCause::none);
   EXPECT_TRUE(takes_off());
@@ -58,11 +58,11 @@ TEST_F(Stops, TheLedgersStandsWhateverPlanOrEpochComesUntilItIsResumed) {
 TEST_F(Stops, ACutStandsAsWell) {
   land_by(PlanAction::cut);
   EXPECT_FALSE(takes_off());
-  w.plan(PlanAction::resumed);
+  w.plan(PlanAction::stop_cleared);
   EXPECT_TRUE(takes_off());
 }
 
-TEST_F(Stops, AnAgentThatStartsAnewLiftsNone) {
+TEST_F(Stops, ARestartedAgentClearsNone) {
   land_by(PlanAction::stop);
   w.agent = false;
   w.pass(3 * ns_per_s);
@@ -71,55 +71,55 @@ TEST_F(Stops, AnAgentThatStartsAnewLiftsNone) {
   EXPECT_FALSE(takes_off());
 }
 
-TEST_F(Stops, AResumeThatIsOlderThanTheStopLiftsNothing) {
-  Plan late = w.plan(PlanAction::resumed);
+TEST_F(Stops, AClearThatIsOlderThanTheStopClearsNothing) {
+  Plan late = w.plan(PlanAction::stop_cleared);
   w.pass(ms);
   land_by(PlanAction::stop);
   w.plans.push_back(late);
   EXPECT_FALSE(takes_off());
 }
 
-TEST_F(Stops, WhatIsResumedInTheAirCountsFromTheGroundOn) {
+TEST_F(Stops, WhatIsClearedInTheAirCountsFromTheGroundOn) {
   w.plan(PlanAction::stop);
   w.pass(ms);
-  w.plan(PlanAction::resumed);
+  w.plan(PlanAction::stop_cleared);
   w.pass(ms);
   EXPECT_EQ(w.core.mode(1), FailsafeMode::land) << "a landing is never taken back";
   pass_until_down();
   EXPECT_TRUE(takes_off());
 }
 
-TEST_F(Stops, AStopBehindAResumeInTheAirStands) {
+TEST_F(Stops, AStopBehindAClearInTheAirStands) {
   w.plan(PlanAction::stop);
-  w.plan(PlanAction::resumed_by_owner);
+  w.plan(PlanAction::stop_cleared_by_owner);
   w.pass(ms);
   w.plan(PlanAction::stop);
   pass_until_down();
   EXPECT_FALSE(takes_off());
 }
 
-TEST_F(Stops, TheLocalOneOutlastsLinkAndNoWordOfTheLedgersEverydayLiftsIt) {
+TEST_F(Stops, TheLocalOneOutlastsLinkAndNoOrdinaryCommandOfTheLedgerClearsIt) {
   land_by_the_local_key();
   EXPECT_FALSE(takes_off());
-  w.plan(PlanAction::resumed);  // that nobody has it stopped on the ledger says nothing about who stands beside it
+  w.plan(PlanAction::stop_cleared);  // that nobody has it stopped on the ledger says nothing about who stands beside it
   EXPECT_FALSE(takes_off());
-  start_anew(w.core.local_stops());
+  restart(w.core.local_stops());
   EXPECT_FALSE(takes_off());
   EXPECT_EQ(w.states.back().cause, FailsafeCause::stopped);
-  w.plan(PlanAction::resumed_by_owner);
+  w.plan(PlanAction::stop_cleared_by_owner);
   EXPECT_TRUE(takes_off());
   EXPECT_TRUE(w.core.local_stops().none());
 }
 
-TEST_F(Stops, TheLocalOneIsLiftedAtThisHostAndTheLedgersIsNot) {
+TEST_F(Stops, TheLocalOneIsClearedAtThisHostAndTheLedgersIsNot) {
   land_by(PlanAction::stop);
-  start_anew(DroneSet().set(1));
+  restart(DroneSet().set(1));
   w.plan(PlanAction::stop);  // agent says it again to a link that knows of none
   w.pass(ms);
-  w.resume_local = true;
+  w.clear_local_stops = true;
   EXPECT_FALSE(takes_off());
   EXPECT_TRUE(w.core.local_stops().none());
-  w.plan(PlanAction::resumed);
+  w.plan(PlanAction::stop_cleared);
   EXPECT_TRUE(takes_off());
 }
 
@@ -129,11 +129,11 @@ TEST_F(Stops, ALinkThatEndsOnTheGroundHasStoppedNobody) {
   w.stop_all = true;
   w.pass(ns_per_s);
   EXPECT_TRUE(w.core.local_stops().none());
-  start_anew(w.core.local_stops());
+  restart(w.core.local_stops());
   EXPECT_TRUE(takes_off());
 }
 
-TEST(LocalStop, OfADroneThatNobodyEverHeardOfIsNone) {
+TEST(LocalStop, OfADroneThatWasNeverHeardIsNone) {
   LinkWorld w(2);
   w.tellos[1].hears = false;
   w.take_off();

@@ -31,7 +31,7 @@ TEST(TransitionLog, EachIsSentOnceAndAgainWhenAgentSaysThatItHasNotTakenIt) {
   EXPECT_EQ(log.counters().kept, 2U) << "agent has them, the ledger has not";
 }
 
-TEST(TransitionLog, WhatIsOnTheLedgerIsForgottenAndAnAgentThatStartedAnewGetsTheRest) {
+TEST(TransitionLog, WhatIsOnTheLedgerIsForgottenAndARestartedAgentGetsTheRest) {
   TransitionLog log;
   for (int i = 0; i < 5; ++i) log.add({});
   (void)sent(log);
@@ -47,7 +47,7 @@ TEST(TransitionLog, WhatIsOnTheLedgerIsForgottenAndAnAgentThatStartedAnewGetsThe
   EXPECT_EQ(log.counters().on_ledger, 5U);
 }
 
-TEST(TransitionLog, AtTheBoundTheOldestGoesIsCountedAndSaid) {
+TEST(TransitionLog, AtTheBoundTheOldestIsDroppedCountedAndReported) {
   TransitionLog log;
   for (std::uint64_t i = 0; i < TransitionLog::capacity + 3; ++i) log.add({});
   EXPECT_EQ(log.counters().lost, 3U);
@@ -110,32 +110,32 @@ TEST(LinkCore, EveryChangeOfPhaseModeAndCauseIsATransitionOnce) {
   }
 }
 
-TEST(LinkCore, ATransitionIsSentUntilABeatSaysThatItIsTaken) {
+TEST(LinkCore, ATransitionIsSentUntilAHeartbeatSaysThatItIsTaken) {
   LinkWorld w;
   w.pass(ns_per_s);
   const auto repeats = w.transitions.size();
-  EXPECT_GT(repeats, 5U) << "each beat of an agent that has taken nothing asks again";
-  w.beat.boot_id = 42;
-  w.beat.transitions_taken[1] = 1;
+  EXPECT_GT(repeats, 5U) << "each heartbeat of an agent that has taken nothing asks again";
+  w.heartbeat.boot_id = 42;
+  w.heartbeat.transitions_taken[1] = 1;
   w.pass(100 * ms);
   w.transitions.clear();
   w.pass(ns_per_s);
   EXPECT_TRUE(w.transitions.empty());
-  w.beat.boot_id = 43;  // it says so of another start of link
+  w.heartbeat.boot_id = 43;  // it says so of another start of link
   w.pass(100 * ms);
   EXPECT_FALSE(w.transitions.empty());
   EXPECT_EQ(w.core.reports()[0].transitions.kept, 1U);
-  w.beat.boot_id = 42;
-  w.beat.transitions_on_ledger[1] = 1;
+  w.heartbeat.boot_id = 42;
+  w.heartbeat.transitions_on_ledger[1] = 1;
   w.pass(100 * ms);
   EXPECT_EQ(w.core.reports()[0].transitions.kept, 0U);
 }
 
-TEST(LinkCore, ABeatCountsForTheDronesOfItsChannelAlone) {
+TEST(LinkCore, AHeartbeatCountsForTheDronesOfItsChannelAlone) {
   LinkWorld w(2);
   w.take_off();
-  w.beat.drones = AgentBeat::bit_of(1);  // drone 2 is on another channel, whose beats end
-  w.pass(2 * ns_per_s);                  // without plans both hold, each for its reason
+  w.heartbeat.drones = AgentHeartbeat::bit_of(1);  // drone 2 is on another channel, whose heartbeats end
+  w.pass(2 * ns_per_s);                            // without plans both hold, each for its reason
   ASSERT_GE(w.states.size(), 2U);
   for (std::size_t i = w.states.size() - 2; i < w.states.size(); ++i) {
     const StateSample& state = w.states[i];

@@ -53,7 +53,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
   EXPECT_EQ(settings->starts, "x");
 }
 
-TEST_F(LinkConfig, WhereADroneIsIsSaidForAllAndForOne) {
+TEST_F(LinkConfig, TheSourceOfThePoseIsGivenForAllAndForOne) {
   const auto settings =
       load("[pose]\nsource = \"tello\"\nvelocity_signs = [-1, 1, -1]\nvelocity_frame = \"body\"\n" + drone +
            "start_m = [1.0, 2.0, 0.0]\nstart_yaw_rad = 1.5\n[[drone]]\nname = \"tello2\"\naddress = "
@@ -107,7 +107,7 @@ TEST_F(LinkConfig, WhatWouldFlyADroneAwayHasNoDefault) {
   EXPECT_EQ(why_not("[pose]\nsource = \"pads\"\n" + signs + drone + pad), "");
 }
 
-TEST_F(LinkConfig, TwoDronesThatFlyByTheirOwnSensesFromOnePlaceAreRefused) {
+TEST_F(LinkConfig, TwoDronesThatFlyByOdometryFromOnePlaceAreRefused) {
   const std::string own = "[pose]\nsource = \"tello\"\nvelocity_signs = [1, 1, 1]\n" + drone;
   const std::string second = "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n";
   const auto refused = load(own + second);

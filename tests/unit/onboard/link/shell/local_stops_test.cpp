@@ -85,7 +85,7 @@ TEST_F(LocalStops, WhateverIsWrongWithTheFileIsNoticed) {
   EXPECT_TRUE(damaged());
 }
 
-TEST_F(LocalStops, AFileThatIsDamagedIsWrittenAnew) {
+TEST_F(LocalStops, ADamagedFileIsWrittenAgain) {
   std::filesystem::create_directories(folder);
   ASSERT_TRUE(write_file(file, "x"));
   LocalStopsFile stops(file, drones);
@@ -94,7 +94,7 @@ TEST_F(LocalStops, AFileThatIsDamagedIsWrittenAnew) {
   EXPECT_EQ(read(drones), DroneSet().set(1).set(2).set(16));
 }
 
-TEST_F(LocalStops, ThatCannotBeKeptAreSaid) {
+TEST_F(LocalStops, ThatCannotBeKeptAreReported) {
   LocalStopsFile stops("/proc/no/such", drones);
   (void)stops.read();
   const auto status = stops.keep(DroneSet().set(1));

@@ -10,7 +10,7 @@
 //
 // With LOOP_WATCH_LOCKS=PROGRAM it watches that program's main thread instead, from the first time that it waits for
 // two descriptors, as agent's main loop does, and for locks and conditions alone. Each caller is an offence of its own,
-// told as the file that has it and the place in that file, so that a program's own locks are told from its libraries'.
+// reported as its file and the offset in that file, so that a program's own locks differ from its libraries'.
 #include <dlfcn.h>
 #include <execinfo.h>
 #include <linux/filter.h>

@@ -66,7 +66,7 @@ class RealLink : public ::testing::Test {
   /// Does agent's run_periodic_tasks until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
-      if (lives) beat_and_pose(*agent, beat, 2);
+      if (lives) heartbeat_and_pose(*agent, heartbeat, 2);
       take_states(*agent, newest);
       if (lives) take_transitions();
       if (reached()) return true;
@@ -79,8 +79,8 @@ class RealLink : public ::testing::Test {
       auto& drone = transitions[t.drone];
       if (t.number != drone.size() + 1) continue;
       drone.push_back(t);
-      beat.boot_id = t.boot_id;
-      beat.transitions_taken[t.drone] = beat.transitions_on_ledger[t.drone] = t.number;
+      heartbeat.boot_id = t.boot_id;
+      heartbeat.transitions_taken[t.drone] = heartbeat.transitions_on_ledger[t.drone] = t.number;
     }
   }
   bool all(FlightPhase phase) const { return newest[1].phase == phase && newest[2].phase == phase; }
@@ -119,7 +119,7 @@ class RealLink : public ::testing::Test {
   std::uint64_t sequence = 0;
   std::uint64_t commands = 0;
   std::array<StateSample, 4> newest{};
-  AgentBeat beat;
+  AgentHeartbeat heartbeat;
   std::array<std::vector<Transition>, 4> transitions;
 };
 
@@ -161,7 +161,7 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   EXPECT_NE(newest[1].boot_id, 0U);
   EXPECT_GT(newest[1].battery, 0.9F);
 
-  // Nobody knows who was stopped, so all are, until somebody at this host lifts it.
+  // Nobody knows who was stopped, so all are, until somebody at this host clears it.
   const auto both = [&](FailsafeCause cause) { return newest[1].cause == cause && newest[2].cause == cause; };
   EXPECT_TRUE(both(FailsafeCause::stopped));
   command(PlanAction::takeoff);
@@ -201,7 +201,7 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   EXPECT_EQ(newest[1].sent_velocity_mps[0], 0);
   EXPECT_EQ(newest[1].phase, FlightPhase::landed);
 
-  // What the failsafe did meanwhile is told when agent is back.
+  // What the failsafe did meanwhile is reported when agent is back.
   lives = true;
   run_until(ns_per_s, [] { return false; });
   for (const auto& drone : {transitions[1], transitions[2]}) {

@@ -11,13 +11,13 @@
 /// in another's way, and each stands still.
 namespace ledgerline::ipc {
 
-inline void beat_and_pose(AgentEnd& agent, AgentBeat beat, DroneNumber drones) {
-  beat.stamp_ns = monotonic_ns();
-  beat.ledger_alive = true;
-  (void)agent.send_beat(beat);
+inline void heartbeat_and_pose(AgentEnd& agent, AgentHeartbeat heartbeat, DroneNumber drones) {
+  heartbeat.stamp_ns = monotonic_ns();
+  heartbeat.ledger_alive = true;
+  (void)agent.send_heartbeat(heartbeat);
   for (DroneNumber drone = 1; drone <= drones; ++drone) {
     (void)agent.send_pose({.drone = drone,
-                           .stamp_ns = beat.stamp_ns,
+                           .stamp_ns = heartbeat.stamp_ns,
                            .position_m = {3.0 * drone, 0, 1},
                            .velocity_mps = {},
                            .yaw_rad = 0});

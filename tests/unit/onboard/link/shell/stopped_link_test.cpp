@@ -91,7 +91,7 @@ class StoppedLink : public ::testing::Test {
       commanded_to_land = commanded_to_land || reported.view() == "land";
     return made;
   }
-  /// Whether its loop ends, within 10 s, and has told the drone to land by then.
+  /// Whether its loop ends, within 10 s, and has commanded the drone to land by then.
   bool lands() {
     commanded_to_land = false;
     for (const TimeNs until = monotonic_ns() + 10 * ns_per_s; monotonic_ns() < until;) {
@@ -117,7 +117,7 @@ class StoppedLink : public ::testing::Test {
 };
 
 // systemd kills who is silent, in flight, too.
-TEST_F(StoppedLink, IsNotSilentToTheServiceManagerThoughWhoeverReadsItsLogStandsStill) {
+TEST_F(StoppedLink, NotifiesTheServiceManagerWhileItsLogReaderStandsStill) {
   const int manager = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0);
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
@@ -163,7 +163,7 @@ TEST_F(StoppedLink, LandsThoughNobodyReadsItsOutputAnyMore) {
   EXPECT_EQ(wait(), 0);
 }
 
-TEST_F(StoppedLink, LandsThoughWhoeverReadsItsLogStandsStill) {
+TEST_F(StoppedLink, LandsWhileItsLogReaderStandsStill) {
   ASSERT_NO_FATAL_FAILURE(start());
   ASSERT_TRUE(make_turn());
   fill_output();

@@ -68,7 +68,7 @@ class TwoInterfaces : public ::testing::Test {
   /// Does agent's run_periodic_tasks until `reached`, or says false after `bound`.
   bool run_until(TimeNs bound, const std::function<bool()>& reached) {
     for (const TimeNs end = monotonic_ns() + bound; monotonic_ns() < end;) {
-      beat_and_pose(*agent, {}, drones);
+      heartbeat_and_pose(*agent, {}, drones);
       take_states(*agent, newest);
       if (reached()) return true;
       std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -84,7 +84,7 @@ TEST(FaultSwitches, AreOnOnceTheProxyHasDoneIt) {
   EXPECT_THAT(names_on(switches), testing::ElementsAre());
   switches.done_with(**step);
   EXPECT_THAT(names_on(switches), testing::ElementsAre("silent-tello1"));
-  EXPECT_TRUE(*switches.step_of("on silent-tello1")) << "it is told again";
+  EXPECT_TRUE(*switches.step_of("on silent-tello1")) << "it is sent again";
   const auto off = switches.steps_off();
   ASSERT_EQ(off.size(), 1u);
   EXPECT_EQ(off[0].line, "drone tello1 from partition off");

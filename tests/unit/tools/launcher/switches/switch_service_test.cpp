@@ -15,7 +15,7 @@ namespace {
 using testing::ElementsAre;
 using testing::HasSubstr;
 
-/// Switches of one drone before a proxy that only notes what it is told.
+/// Switches of one drone before a proxy that only records its commands.
 class SwitchServiceTest : public testing::Test {
  protected:
   SwitchServiceTest() {

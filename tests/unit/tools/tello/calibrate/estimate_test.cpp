@@ -25,7 +25,7 @@ Truth truth_of(const Drone& drone) {
   p.sensors.flow_mps = 0;  // its scale stays, which is what this one drone has
   sim::Simulator simulator(p, 0);
   const double way = p.start_yaw_rad;
-  std::vector<double> reported, flown;
+  std::vector<double> sent, flown;
   for (int ms = 0; ms < 19'000; ++ms) {
     if (ms == 100) simulator.datagram(1, {1, 1}, "command");
     if (ms == 200) simulator.datagram(1, {1, 1}, "takeoff");
@@ -34,7 +34,7 @@ Truth truth_of(const Drone& drone) {
     simulator.step(ms * ns_per_ms);
     if (ms < 10'000 || ms % 10 != 0) continue;
     const auto v = simulator.truth(1).velocity_mps;
-    reported.push_back((ms / 2000) % 2 == 1 ? 0.35 : -0.35);
+    sent.push_back((ms / 2000) % 2 == 1 ? 0.35 : -0.35);
     flown.push_back(std::cos(way) * v[0] + std::sin(way) * v[1]);
   }
   Truth best;
@@ -42,11 +42,11 @@ Truth truth_of(const Drone& drone) {
   for (int dead = 0; dead < 30; ++dead)
     for (int lag = 5; lag < 60; ++lag) {
       double v = 0, uu = 0, uv = 0, vv = 0;
-      for (std::size_t i = 0; i < reported.size(); ++i) {
+      for (std::size_t i = 0; i < sent.size(); ++i) {
         uu += v * v;
         uv += v * flown[i];
         vv += flown[i] * flown[i];
-        const double u = i < static_cast<std::size_t>(dead) ? 0 : reported[i - static_cast<std::size_t>(dead)];
+        const double u = i < static_cast<std::size_t>(dead) ? 0 : sent[i - static_cast<std::size_t>(dead)];
         v += (u - v) * (1 - std::exp(-1.0 / lag));
       }
       if (const double squares = vv - uv * uv / uu; squares < least) {

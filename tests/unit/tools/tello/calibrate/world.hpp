@@ -23,7 +23,7 @@ struct Drone {
   double mount_rad = 0;  ///< of the nose in the pose's frame
 };
 
-/// A calibration flight against sim's core, on a virtual clock.
+/// A calibration flight against sim's core, on a simulated clock.
 class World {
  public:
   World(const Drone& drone, const CalibrationSettings& settings)

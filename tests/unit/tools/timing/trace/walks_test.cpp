@@ -88,7 +88,7 @@ TEST(Walks, OfTwoFramesThatASampleRodeInTheLastCounts) {
   EXPECT_EQ(walk.at(Mark::endorsed), start + 3 * ms);
 }
 
-TEST(Walks, NumbersOfTransactionsBeginAnewWithEachLifeOfTheirWriter) {
+TEST(Walks, TransactionNumbersRestartWithEachLifeOfTheirWriter) {
   Walks walks;
   for (const std::uint32_t life : {0U, 1U}) {
     Flight flight;

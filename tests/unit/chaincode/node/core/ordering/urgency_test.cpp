@@ -42,7 +42,7 @@ class UrgencyTest : public ::testing::Test {
   }
 
   struct Seen {
-    TimeNs state_ns = 0;     ///< the longest time from a state's order to its block
+    TimeNs state_ns = 0;     ///< the maximum time from a state's order to its block
     std::size_t states = 0;  ///< committed
     std::size_t stop_blocks = 0;
     std::size_t refused = 0;
@@ -138,7 +138,7 @@ TEST_F(UrgencyTest, AnEndorsementByAMemberWhoIsNoPeerEarnsNothing) {
   expect_no_harm(flood(endorsed_by_itself));
 }
 
-TEST_F(UrgencyTest, AStopThatIsInABlockAlreadyIsNotUrgentWhoeverSendsItAgain) {
+TEST_F(UrgencyTest, AStopThatIsInABlockAlreadyIsNotUrgentFromAnySender) {
   const std::string stop = net.endorsed(guard, "stop", "tello1");
   ASSERT_EQ(net.core->order(stop, net.now).code, Code::ok);
   ASSERT_THAT(net.commit(), ElementsAre(protos::VALID));
@@ -161,12 +161,12 @@ TEST_F(UrgencyTest, EndorsedOnesThatTurnOutInvalidSpendTheirBudget) {
   grant.mutable_grant()->mutable_to()->set_msp_id("Org3MSP");
   grant.mutable_grant()->set_stop(true);
   net.submit(net.admin1, "grant", grant.SerializeAsString());
-  // Each lifts the same stop: the first one does.
+  // Each clears the same stop: the first one does.
   ASSERT_THAT(net.submit(member, "stop", "tello1"), ElementsAre(protos::VALID));
-  std::vector<std::string> lifts;
-  for (int i = 0; i < 900; ++i) lifts.push_back(net.endorsed(member, "resume", "tello1"));
+  std::vector<std::string> clears;
+  for (int i = 0; i < 900; ++i) clears.push_back(net.endorsed(member, "clear_stop", "tello1"));
   std::size_t at = 0;
-  const Seen seen = flood([&] { return lifts.at(at++ % lifts.size()); });
+  const Seen seen = flood([&] { return clears.at(at++ % clears.size()); });
   EXPECT_GE(seen.states, 38U);
   EXPECT_LE(seen.state_ns, 10 * block_ns) << "one of five is not urgent";
   EXPECT_LE(seen.stop_blocks, 2U);

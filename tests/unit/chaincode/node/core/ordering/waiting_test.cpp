@@ -66,9 +66,10 @@ TEST_F(WaitingTest, UrgentOnesLeaveFirstAndStopsBeforeThem) {
   add("one", "state");
   add("one", std::string(1'000, 'c'), Urgency::control);
   add("two", "acquire", Urgency::control);
-  add("one", "resume", Urgency::control);
+  add("one", "clear_stop", Urgency::control);
   add("two", "stop", Urgency::stop);
-  EXPECT_THAT(all(), ElementsAre("stop", std::string(1'000, 'c'), "acquire", "resume", "state")) << "each in its turn";
+  EXPECT_THAT(all(), ElementsAre("stop", std::string(1'000, 'c'), "acquire", "clear_stop", "state"))
+      << "each in its turn";
 }
 
 TEST_F(WaitingTest, OfFiveThatLeaveOneIsNotUrgent) {
@@ -161,7 +162,7 @@ TEST_F(WaitingTest, OneLargerThanTheAllowanceIsTakenFromWhoHasSpentNothing) {
   EXPECT_EQ(add("one", std::string(1'000, 'x')), std::nullopt);
 }
 
-TEST_F(WaitingTest, TheOldestIsKnownWhoeverLeaves) {
+TEST_F(WaitingTest, TheOldestIsKnownWhicheverEntryLeaves) {
   add("one", "a");
   now_ns += 5;
   add("one", "b", Urgency::control);

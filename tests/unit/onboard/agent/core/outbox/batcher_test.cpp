@@ -273,7 +273,7 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
   BatchConfig config;
   Batcher batcher(config, {{1, "tello1"}}, 1);
   TimeNs now = 0;
-  TimeNs longest = 0;
+  TimeNs max_pause = 0;
   for (std::uint64_t k = 1; k <= 20; ++k) {
     batcher.add(now, sample(1, k, now));
     const auto frame = batcher.next(now);
@@ -284,10 +284,10 @@ TEST(Batcher, AnUnreachableLedgerIsLeftAloneForATimeThatGrowsToItsBound) {
     EXPECT_LE(pause, config.max_back_off_ns);
     batcher.add(now, sample(1, 1000 + k, now));
     EXPECT_FALSE(batcher.next(batcher.back_off_until_ns() - 1));
-    longest = std::max(longest, pause);
+    max_pause = std::max(max_pause, pause);
     now = batcher.back_off_until_ns();
   }
-  EXPECT_GE(longest, config.max_back_off_ns / 2);
+  EXPECT_GE(max_pause, config.max_back_off_ns / 2);
 }
 
 TEST(Batcher, ASampleThatHadToWaitPastItsFreshnessIsDroppedAndCounted) {

@@ -53,7 +53,7 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
   ASSERT_TRUE(message.ParseFromString(made.args.at(0)));
   ASSERT_EQ(message.drones_size(), 1);
   EXPECT_EQ(message.drones(0), "tello1");
-  EXPECT_EQ(message.epochs(0), 7U) << "whoever acquires it behind that keeps it";
+  EXPECT_EQ(message.epochs(0), 7U) << "the next holder keeps it";
   const auto ended = evictor_.finished(now_, calls[0], outcome(Kind::committed));
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->drone->name, "tello1");
@@ -64,7 +64,7 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
       << "nobody holds it";
 }
 
-TEST_F(IdleEvictorTest, ACommandOfTheHolderStartsTheClockAnew) {
+TEST_F(IdleEvictorTest, ACommandOfTheHolderRestartsTheClock) {
   for (int i = 0; i < 10; ++i) {
     EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
     evictor_.heard(now_, 1);
@@ -72,12 +72,12 @@ TEST_F(IdleEvictorTest, ACommandOfTheHolderStartsTheClockAnew) {
   EXPECT_EQ(until(now_ + idle + ns_per_s).size(), 1U);
 }
 
-TEST_F(IdleEvictorTest, ANewLeaseStartsTheClockAnew) {
+TEST_F(IdleEvictorTest, ANewLeaseRestartsTheClock) {
   EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
   EXPECT_TRUE(until(now_ + idle - ns_per_s, {.lease = 6, .on_ground = true, .ledger_heard = true}).empty());
 }
 
-TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrWithoutStateAndBackOnTheGroundTheClockStartsAnew) {
+TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrWithoutStateAndTheClockRestartsOnTheGround) {
   EXPECT_TRUE(until(t0 + 5 * idle, {.lease = 5, .on_ground = false, .ledger_heard = true}).empty());
   EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
   EXPECT_EQ(until(now_ + 2 * ns_per_s).size(), 1U);
@@ -136,7 +136,7 @@ TEST_F(IdleEvictorTest, ItIsGivenUpWhenTheHolderCommandsTakesOffOrChanges) {
     if (way == 0) evictor_.heard(now_, 1);
     if (way == 1) evictor_.see(now_, 1, {.lease = 5, .on_ground = false, .ledger_heard = true});
     if (way == 2) evictor_.see(now_, 1, {.lease = 6, .on_ground = true, .ledger_heard = true});
-    EXPECT_TRUE(evictor_.evicting(1)) << "what is under way cannot be called back";
+    EXPECT_TRUE(evictor_.evicting(1)) << "what is in flight cannot be called back";
     const auto ended = evictor_.finished(now_, call, outcome(Kind::unavailable));
     ASSERT_TRUE(ended);
     EXPECT_FALSE(ended->next);
@@ -145,7 +145,7 @@ TEST_F(IdleEvictorTest, ItIsGivenUpWhenTheHolderCommandsTakesOffOrChanges) {
   }
 }
 
-TEST_F(IdleEvictorTest, AnEvictionThatCameThroughIsSaidThoughItWasNotWantedAnyMore) {
+TEST_F(IdleEvictorTest, AnEvictionThatSucceededIsReportedThoughItWasNoLongerWanted) {
   const auto call = first_call();
   evictor_.heard(now_, 1);
   const auto ended = evictor_.finished(now_, call, outcome(Kind::committed));

@@ -122,17 +122,17 @@ TEST(TransitionSender, WhatCameBeforeOrCameTooSoonIsLeftToLinkToSendAgain) {
   sender.add(transition(1));
   sender.add(transition(1));
   sender.add(transition(3));
-  AgentBeat beat;
-  sender.tell(beat);
-  EXPECT_EQ(beat.boot_id, 9U);
-  EXPECT_EQ(beat.transitions_taken[1], 1U);
-  EXPECT_EQ(beat.transitions_on_ledger[1], 0U);
+  AgentHeartbeat heartbeat;
+  sender.tell(heartbeat);
+  EXPECT_EQ(heartbeat.boot_id, 9U);
+  EXPECT_EQ(heartbeat.transitions_taken[1], 1U);
+  EXPECT_EQ(heartbeat.transitions_on_ledger[1], 0U);
   sender.add(transition(2));
   sender.add(transition(3));
   EXPECT_EQ(numbers(sender.next(0)), (Numbers{1, 2, 3}));
 }
 
-TEST(TransitionSender, AnAgentThatStartsAnewBeginsWithTheOldestThatLinkKeeps) {
+TEST(TransitionSender, ARestartedAgentBeginsWithTheOldestThatLinkKeeps) {
   TransitionSender sender({}, two, 1);
   sender.add(transition(8, 1, 7));
   EXPECT_FALSE(sender.pending()) << "7 is missing";
@@ -141,28 +141,28 @@ TEST(TransitionSender, AnAgentThatStartsAnewBeginsWithTheOldestThatLinkKeeps) {
   EXPECT_EQ(numbers(sender.next(0)), (Numbers{7, 8}));
 }
 
-TEST(TransitionSender, ALinkThatStartsAnewCountsFromOneAndTheOldOnesStillGo) {
+TEST(TransitionSender, ARestartedLinkCountsFromOneAndTheOldOnesAreStillSent) {
   TransitionSender sender({}, two, 1);
   sender.add(transition(1));
   sender.add(transition(2));
   sender.add(transition(1, 1, 1, 10));
-  AgentBeat beat;
-  sender.tell(beat);
-  EXPECT_EQ(beat.boot_id, 10U);
-  EXPECT_EQ(beat.transitions_taken[1], 1U);
+  AgentHeartbeat heartbeat;
+  sender.tell(heartbeat);
+  EXPECT_EQ(heartbeat.boot_id, 10U);
+  EXPECT_EQ(heartbeat.transitions_taken[1], 1U);
   const auto sending = sender.next(0);
   EXPECT_EQ(numbers(sending), (Numbers{1, 2, 1}));
   sender.finished(0, sending->number, ended(Kind::committed));
-  sender.tell(beat);
-  EXPECT_EQ(beat.transitions_on_ledger[1], 1U);
+  sender.tell(heartbeat);
+  EXPECT_EQ(heartbeat.transitions_on_ledger[1], 1U);
 }
 
 TEST(TransitionSender, WhenItIsFullLinkKeepsTheRest) {
   TransitionSender sender({}, two, 1);
   for (std::uint64_t n = 1; n <= TransitionSender::max_kept + 5; ++n) sender.add(transition(n));
-  AgentBeat beat;
-  sender.tell(beat);
-  EXPECT_EQ(beat.transitions_taken[1], TransitionSender::max_kept);
+  AgentHeartbeat heartbeat;
+  sender.tell(heartbeat);
+  EXPECT_EQ(heartbeat.transitions_taken[1], TransitionSender::max_kept);
   Numbers seen;
   while (const auto sending = sender.next(0)) {
     for (const std::uint64_t n : numbers(sending)) seen.push_back(n);
@@ -225,9 +225,9 @@ TEST(AgentTransitions, GoAtOnceOnAWayOfTheirOwnWhateverBecomesOfTheStates) {
   EXPECT_TRUE(core.ledger_alive(2)) << "that is a sign of life";
   EXPECT_EQ(core.report(1).transitions.on_ledger, 1U);
   out.clear();
-  core.step(200 * ns_per_ms, out);  // its first beat waits so long for poses
-  ASSERT_TRUE(out.beat);
-  EXPECT_EQ(out.beat->transitions_on_ledger[1], 1U);
+  core.step(200 * ns_per_ms, out);  // its first heartbeat waits so long for poses
+  ASSERT_TRUE(out.heartbeat);
+  EXPECT_EQ(out.heartbeat->transitions_on_ledger[1], 1U);
 }
 
 TEST(AgentTransitions, AtAnOrderlyEndStillGoWhenStatesDoNot) {

@@ -39,7 +39,7 @@ TEST(FirstRecordsTest, SayWhoseRolesTheyHave) {
   const auto read = records_from(to_bytes(records), {"tello1", "tello2"});
   ASSERT_TRUE(read);
   EXPECT_TRUE(read->roles.follows("Org4MSP"));
-  EXPECT_FALSE(read->roles.follows("Org5MSP")) << "it is read anew";
+  EXPECT_FALSE(read->roles.follows("Org5MSP")) << "it is read again";
   EXPECT_EQ(read->roles.all().size(), 1U);
 }
 

@@ -61,7 +61,7 @@ TEST(SecondOpinionTest, ALastingDifferenceIsOneAlarmUntilThereIsAgreement) {
   EXPECT_NE(verdict.alarms[0].theirs.find("epoch 4"), std::string::npos);
   EXPECT_TRUE(opinion.differs());
   for (std::uint64_t epoch = 6; epoch < 20; ++epoch)
-    EXPECT_TRUE(opinion.compare(records(epoch), records(4)).alarms.empty()) << "it is told once";
+    EXPECT_TRUE(opinion.compare(records(epoch), records(4)).alarms.empty()) << "it is reported once";
   EXPECT_EQ(opinion.compare(records(5), records(5)).cleared, std::vector<std::string>{"tello1"});
   EXPECT_FALSE(opinion.differs());
   (void)opinion.compare(records(5), records(4));

@@ -23,7 +23,7 @@ constexpr TimeNs warm_up = 20 * ns_per_s, end = 80 * ns_per_s;
 struct Flown {
   double spacing_ms = 0;  ///< root mean square of the time between two new setpoints
   double max_ms = 0;
-  double jerk_mps3 = 0;  ///< root mean square, of what the drone is told
+  double jerk_mps3 = 0;  ///< root mean square, of what the drone is sent
   PlanCounters plans;
   TimeNs margin_ns = 0;
 };
@@ -96,7 +96,7 @@ Flown fly(int block, bool smoothing) {
 
 TEST(BurstsTest, BlocksOfManyCommandsFlyAsEvenlyAsSingleOnes) {
   const Flown even = fly(1, true);
-  std::printf("block  smoothing  spacing rms, ms  longest, ms  jerk rms, m/s^3  margin, ms  applied, late, dropped\n");
+  std::printf("block  smoothing  spacing rms, ms  maximum, ms  jerk rms, m/s^3  margin, ms  applied, late, dropped\n");
   const auto print = [](int block, const char* how, const Flown& f) {
     std::printf("%5d  %-9s  %15.1f  %11.0f  %15.1f  %10.0f  %u, %u, %u\n", block, how, f.spacing_ms, f.max_ms,
                 f.jerk_mps3, to_ms(f.margin_ns), f.plans.applied, f.plans.late, f.plans.dropped);

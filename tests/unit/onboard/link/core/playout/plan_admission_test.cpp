@@ -16,7 +16,7 @@ class PlanAdmissionTest : public ::testing::Test {
     if (reason == DropReason::none) ++admitted;
     return reason;
   }
-  /// What was admitted is pending: whoever acts on it says how it ended.
+  /// What was admitted is pending: the one that acts on it reports how it ended.
   void expect_sums() {
     const PlanCounters& c = admission.counters();
     EXPECT_EQ(c.received, admitted + c.dropped);

@@ -4,7 +4,7 @@
 
 #include "tests/unit/onboard/link/core/link_world.hpp"
 
-/// Motion capture that goes away and comes back, and the drone's own senses meanwhile: the place never jumps.
+/// Motion capture that is lost and comes back, and onboard odometry meanwhile: the position never jumps.
 namespace ledgerline::link {
 namespace {
 
@@ -23,40 +23,40 @@ Pose at(TimeNs stamp_ns, double x, double speed_mps = 0, double yaw_rad = 0) {
 
 TEST(Failover, WhatLiesBetweenTheSourcesIsLetInSlowlyAndReportedAsVariance) {
   Failover failover(150 * ms, 0.2);
-  EXPECT_DOUBLE_EQ(failover.tell(Source::mocap, at(1000 * ms, 1.0, 0.5), true).position_m[0], 1.0);
-  // 0.2 s later it has flown on by 0.1 m; its own senses are 0.4 m and 0.3 rad off.
-  Pose sent = failover.tell(Source::own, at(1200 * ms, 1.5, 0.5, 0.3), true);
+  EXPECT_DOUBLE_EQ(failover.to_publish(Source::mocap, at(1000 * ms, 1.0, 0.5), true).position_m[0], 1.0);
+  // 0.2 s later it has flown on by 0.1 m; onboard odometry is 0.4 m and 0.3 rad off.
+  Pose sent = failover.to_publish(Source::own, at(1200 * ms, 1.5, 0.5, 0.3), true);
   EXPECT_NEAR(sent.position_m[0], 1.1, 1e-9);
   EXPECT_NEAR(sent.yaw_rad, 0, 1e-9);
   EXPECT_NEAR(sent.variance[0], 0.01 + 0.16, 1e-6);
   EXPECT_NEAR(sent.variance[3], 0.01 + 0.09, 1e-6);
   for (int i = 1; i <= 10; ++i) {
-    sent = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
+    sent = failover.to_publish(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
     EXPECT_NEAR(sent.position_m[0], 1.1 + 0.05 * i + 0.02 * i, 1e-9) << "0.2 m/s of the 0.4 m";
   }
   for (int i = 11; i <= 30; ++i)
-    sent = failover.tell(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
+    sent = failover.to_publish(Source::own, at((1200 + 100 * i) * ms, 1.5 + 0.05 * i, 0.5, 0.3), true);
   EXPECT_NEAR(sent.position_m[0], 3.0, 1e-9);
   EXPECT_NEAR(sent.yaw_rad, 0.3, 1e-9);
   EXPECT_NEAR(sent.variance[0], 0.01, 1e-6);
   // And back.
-  sent = failover.tell(Source::mocap, at(4300 * ms, 2.8, 0.5), true);
+  sent = failover.to_publish(Source::mocap, at(4300 * ms, 2.8, 0.5), true);
   EXPECT_NEAR(sent.position_m[0], 3.05, 1e-9);
   EXPECT_EQ(failover.source(), Source::mocap);
 }
 
 TEST(Failover, BehindAGapWithoutEitherTheNewPlaceCountsAtOnce) {
   Failover failover(100 * ms, 0.2);
-  failover.tell(Source::own, at(1000 * ms, 1.0, 1.0), true);
-  const Pose sent = failover.tell(Source::mocap, at(4000 * ms, 1.3), true);
+  failover.to_publish(Source::own, at(1000 * ms, 1.0, 1.0), true);
+  const Pose sent = failover.to_publish(Source::mocap, at(4000 * ms, 1.3), true);
   EXPECT_DOUBLE_EQ(sent.position_m[0], 1.3) << "it has braked meanwhile, and nobody flies by the place of before";
   EXPECT_NEAR(sent.variance[0], 0.01, 1e-6);
 }
 
 TEST(Failover, OnTheGroundTheSourceCountsAtOnce) {
   Failover failover(150 * ms, 0.2);
-  failover.tell(Source::own, at(1000 * ms, 1.0), false);
-  EXPECT_DOUBLE_EQ(failover.tell(Source::mocap, at(1100 * ms, 5.0), false).position_m[0], 5.0);
+  failover.to_publish(Source::own, at(1000 * ms, 1.0), false);
+  EXPECT_DOUBLE_EQ(failover.to_publish(Source::mocap, at(1100 * ms, 5.0), false).position_m[0], 5.0);
 }
 
 TEST(Failover, ItIsMissingOnlyAfterItWasThere) {
@@ -84,7 +84,7 @@ void fly(LinkWorld& world, TimeNs duration) {
   }
 }
 
-TEST(Failover, ADroneFliesOnByItsOwnSensesAndNeverJumps) {
+TEST(Failover, ADroneFliesOnByOnboardOdometryAndNeverJumps) {
   LinkWorld world(1, joined());
   world.tellos[0].position[0] = 4;  // where nobody said that it starts
   world.tellos[0].yaw = 1.5707963;
@@ -117,7 +117,7 @@ TEST(Failover, MotionCaptureThatIsSlowIsNotMissing) {
   ASSERT_EQ(world.core.phase(1), FlightPhase::flying);
   fly(world, 3 * ns_per_s);
   EXPECT_EQ(world.core.mode(1), FailsafeMode::none);
-  EXPECT_EQ(world.core.pose(1).variance[0], 0) << "motion capture's, not its own senses'";
+  EXPECT_EQ(world.core.pose(1).variance[0], 0) << "motion capture's, not onboard odometry's";
 }
 
 TEST(Failover, WhoStandsWaitsForMotionCapture) {

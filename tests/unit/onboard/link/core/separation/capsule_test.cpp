@@ -13,7 +13,7 @@ double distance_m(const Capsule& capsule, double x, double y) {
   return gap_m(capsule, {.from_m = {x, y}, .to_m = {x, y}, .low_m = capsule.low_m, .high_m = capsule.high_m});
 }
 
-// A drone that turns while it is told to stop, in steps of a millisecond.
+// A drone that turns while it is commanded to stop, in steps of a millisecond.
 template <class Check>
 void brake(Motion motion, const Check& check) {
   constexpr double dt = 0.001;
@@ -59,7 +59,7 @@ TEST(Capsule, OfADroneThatIsOrderedToStopComesNoNearerToAnybody) {
 }
 
 TEST(Capsule, OfAnOldPoseIsTheSameAsOfAFreshOne) {
-  // Told the same for long: only the velocity's answer goes on meanwhile.
+  // Commanded the same for long: only the velocity's response continues meanwhile.
   Motion old{.position_m = {0, 0, 1}, .velocity_mps = {0.5, 0, 0}, .sent_mps = {1, 0, 0}, .late_s = 0.1, .age_s = 0.1};
   const double kept = std::exp(-0.1 / 0.3);
   Motion fresh = old;

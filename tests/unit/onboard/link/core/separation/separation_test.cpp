@@ -59,7 +59,7 @@ TEST(Separation, AtACrossingTheHigherNumberWaitsAndGoesOn) {
   EXPECT_GE(world.nearest_m, min_m);
 }
 
-TEST(Separation, WhoeverOvertakesFinishesWhicheverNumberItHas) {
+TEST(Separation, ADroneThatOvertakesFinishesWhicheverNumberItHas) {
   for (const bool slow_first : {true, false}) {
     TrafficWorld world;
     world.add({0, 0, 1}, {6, 0, 1}).speed = slow_first ? 1 : 0.3;
@@ -72,7 +72,7 @@ TEST(Separation, WhoeverOvertakesFinishesWhicheverNumberItHas) {
   }
 }
 
-TEST(Separation, OneThatHoversForGoodIsGoneRoundWhoeverItIs) {
+TEST(Separation, ADroneThatKeepsHoveringIsPassedWhicheverNumberItHas) {
   for (const auto kind : {Neighbour::Kind::steered, Neighbour::Kind::held}) {
     for (const DroneNumber hovering : {DroneNumber{1}, DroneNumber{2}}) {
       for (const double height_m : {0.4, 1.0, 1.6, 2.7}) {

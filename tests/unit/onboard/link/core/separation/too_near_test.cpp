@@ -30,7 +30,7 @@ TEST_F(FailsafeTest, FS60AnotherDroneInItsWayIsAWarningUntilItIsApartForAWhile) 
   expect(FailsafeMode::none, FailsafeCause::too_near);  // as what speaks against a take-off
 }
 
-/// Two drones that change places, each told anew ten times a second what leads to its goal.
+/// Two drones that change places, each commanded towards its goal ten times a second.
 struct Crossing : LinkWorld {
   explicit Crossing(LinkSettings settings = {}) : LinkWorld(2, std::move(settings)) {
     take_off();
@@ -66,7 +66,7 @@ struct Crossing : LinkWorld {
   double nearest_m = std::numeric_limits<double>::infinity();
 };
 
-TEST(TooNear, TwoDronesThatChangePlacesPassEachOtherAndItIsSaid) {
+TEST(TooNear, TwoDronesThatChangePlacesPassEachOtherAndReportIt) {
   Crossing w;
   EXPECT_TRUE(w.fly(30 * ns_per_s));
   EXPECT_GE(w.nearest_m, w.settings_.separation.min_m);
@@ -210,7 +210,7 @@ TEST(TooNear, ALandingWithNobodyBelowIsSentInTheSameStep) {
   EXPECT_EQ(w.core.phase(2), FlightPhase::landing);
 }
 
-TEST(TooNear, AStopLandsAtOnceWhoeverIsBelow) {
+TEST(TooNear, AStopLandsAtOnceWhateverIsBelow) {
   Above w;
   w.ask_to_land(200 * ns_per_ms);
   w.plan(PlanAction::stop, 1);
@@ -226,7 +226,7 @@ TEST(TooNear, ALandingWaitsNoLongerWhereItsPlaceIsLost) {
   EXPECT_EQ(w.core.phase(1), FlightPhase::landing);
 }
 
-TEST(TooNear, ALandingIsMadeWhenItsTimeIsOverWhoeverIsBelow) {
+TEST(TooNear, ALandingIsMadeWhenItsWaitIsOverWhateverIsBelow) {
   LinkSettings settings;
   settings.separation.landing_wait_s = 1;  // half of what it takes to get aside
   Above w(2, settings);

@@ -13,7 +13,7 @@ namespace ledgerline::link {
 
 inline constexpr double landing_mps = 0.5;
 
-/// A drone as a point that follows what it is told as a first-order response, and flies straight to its goal.
+/// A drone as a point that follows its setpoint as a first-order response, and flies straight to its goal.
 struct PointDrone {
   DroneNumber number = 1;
   Vec3 place{}, goal{};
@@ -33,7 +33,7 @@ struct PointDrone {
     TimeNs stamp = 0;
     Vec3 place{}, velocity{};
   };
-  std::deque<Seen> poses;  ///< under way
+  std::deque<Seen> poses;  ///< in flight
   Seen pose;
   Vec3 moved{};  ///< since it came, by what was sent
   double late_s = 0;
@@ -42,7 +42,7 @@ struct PointDrone {
   bool arrived() const { return std::hypot(place[0] - goal[0], place[1] - goal[1], place[2] - goal[2]) < 0.1; }
 };
 
-/// Drones, their limiters and a Separation on a virtual clock.
+/// Drones, their limiters and a Separation on a simulated clock.
 class TrafficWorld {
  public:
   explicit TrafficWorld(TimeNs tick = 5 * ns_per_ms, SeparationSettings settings = {})

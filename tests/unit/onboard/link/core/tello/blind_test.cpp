@@ -31,7 +31,7 @@ struct WithoutState : LinkWorld {
   }
 };
 
-TEST(Blind, TheFirstStepOfALinkSaysCommandAndZero) {
+TEST(Blind, TheFirstStepOfALinkSendsCommandAndZero) {
   WithoutState w;
   w.step();
   ASSERT_EQ(w.sent.size(), 2U);
@@ -40,7 +40,7 @@ TEST(Blind, TheFirstStepOfALinkSaysCommandAndZero) {
   EXPECT_EQ(w.tello().rc, (std::array<int, 4>{}));
 }
 
-TEST(Blind, AZeroThatIsLostIsSaidAgainWithinATenthOfASecond) {
+TEST(Blind, ALostZeroIsRepeatedWithinATenthOfASecond) {
   WithoutState w;
   w.tello().states = false;
   w.tello().hears = false;
@@ -50,7 +50,7 @@ TEST(Blind, AZeroThatIsLostIsSaidAgainWithinATenthOfASecond) {
   EXPECT_EQ(w.tello().rc, (std::array<int, 4>{}));
 }
 
-TEST(Blind, HandshakesInVainEndInALanding) {
+TEST(Blind, FailedHandshakesEndInALanding) {
   for (const bool answers : {true, false}) {
     WithoutState w;
     w.tello().states = false;
@@ -69,7 +69,7 @@ TEST(Blind, HandshakesInVainEndInALanding) {
   }
 }
 
-TEST(Blind, TheWordIsBoundedAndSilenceBehindItIsLongerThanTheTellosOwn) {
+TEST(Blind, TheCommandIsBoundedAndTheSilenceAfterItIsLongerThanTheTellosOwn) {
   WithoutState w;
   w.tello().states = w.tello().answers = w.tello().lands = false;  // it hears everything, and obeys no landing
   const SessionSettings& s = w.settings_.session;
@@ -174,7 +174,7 @@ TEST(Blind, WithAnswersLostAloneItIsLandedByWhatIsSeenAndThenLeftAlone) {
   EXPECT_EQ(w.said("land"), 0);
 }
 
-TEST(Blind, AStopALandingAndACutAreSaidAtOnceAndAgain) {
+TEST(Blind, AStopALandingAndACutAreSentAtOnceAndRepeated) {
   for (const auto& [action, word] :
        {std::pair(PlanAction::stop, "land"), {PlanAction::land, "land"}, {PlanAction::cut, "emergency"}}) {
     WithoutState w;
@@ -215,7 +215,7 @@ TEST(Blind, TheSilenceIsBrokenOnceByAStopALandingAndACutEach) {
   EXPECT_TRUE(w.down());
 }
 
-TEST(Blind, TheSameWillDuringAndBehindTheWordDoesNotBreakTheSilence) {
+TEST(Blind, ARepeatedRequestDuringAndAfterTheCommandDoesNotBreakTheSilence) {
   for (const PlanAction action : {PlanAction::land, PlanAction::stop}) {
     WithoutState w;
     const SessionSettings& s = w.settings_.session;
@@ -231,7 +231,7 @@ TEST(Blind, TheSameWillDuringAndBehindTheWordDoesNotBreakTheSilence) {
   }
 }
 
-TEST(Blind, TheLocalStopKeyTellsADroneThatWasHeardToLandUntilTheEndOfItsTime) {
+TEST(Blind, TheLocalStopKeyLandsADroneThatWasHeardForAllOfItsTime) {
   for (const int after_s : {0, 2, 5, 15}) {  // in each stage
     WithoutState w;
     w.tello().states = w.tello().lands = false;
@@ -250,7 +250,7 @@ TEST(Blind, TheLocalStopKeyTellsADroneThatWasHeardToLandUntilTheEndOfItsTime) {
   }
 }
 
-TEST(Blind, TheLocalStopKeyTellsADroneThatWasNeverHeardForThreeSeconds) {
+TEST(Blind, TheLocalStopKeyLandsADroneThatWasNeverHeardForThreeSeconds) {
   WithoutState w;
   w.tello().states = w.tello().answers = false;
   w.pass(20 * ms);
@@ -343,7 +343,7 @@ class BlindSearch {
   }
 };
 
-TEST(BlindSearch, WhateverIsDeafAndWhoeverDiesTheDroneStopsAndComesDown) {
+TEST(BlindSearch, TheDroneStopsAndLandsWhicheverLinkIsLostAndWhicheverProcessDies) {
   BlindSearch search;
   search.run(seeds(2, 3));
   std::printf("%zu courses flown\n", search.flown);

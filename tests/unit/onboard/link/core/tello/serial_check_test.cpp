@@ -13,7 +13,7 @@ namespace {
 
 using Verdict = SerialCheck::Verdict;
 
-/// A session that was told a serial, with a drone on the ground that sends its state text and says `ok` to `command`.
+/// A session with a configured serial, with a drone on the ground that sends its state text and says `ok` to `command`.
 class SerialOfTheSession : public ::testing::Test {
  protected:
   static constexpr TimeNs tick = 10 * ns_per_ms;
@@ -54,7 +54,7 @@ TEST_F(SerialOfTheSession, AnotherDroneDoesNotAndIsNamed) {
   EXPECT_EQ(session.phase(), FlightPhase::on_ground);
 }
 
-TEST_F(SerialOfTheSession, WhoeverSaysNothingIsAskedAgainAndWaits) {
+TEST_F(SerialOfTheSession, ADroneThatDoesNotAnswerIsAskedAgainAndWaits) {
   pass(10 * ns_per_s);
   EXPECT_EQ(session.serial().verdict(), Verdict::open);
   EXPECT_FALSE(takes_off());
@@ -95,7 +95,7 @@ TEST_F(SerialOfTheSession, WhatIsNoSerialDecidesNothing) {
   }
 }
 
-TEST_F(SerialOfTheSession, WhoeverConnectsAnewIsAskedAnew) {
+TEST_F(SerialOfTheSession, ADroneThatReconnectsIsAskedAgain) {
   answer = "0TQDG00EDPMV39";
   pass(ns_per_s);
   now += 10 * ns_per_s;  // a change of batteries

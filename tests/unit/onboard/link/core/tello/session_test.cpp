@@ -283,7 +283,7 @@ TEST_F(Session, WithoutAnySightAnOkToLandIsTrusted) {
   EXPECT_EQ(session.phase(), FlightPhase::landed);
 }
 
-TEST_F(Session, ADroneThatFallsSilentOnTheGroundIsConnectedToAnew) {
+TEST_F(Session, ADroneThatFallsSilentOnTheGroundIsReconnected) {
   connect();
   talks = false;
   pass(settings.lost_after_ns + ns_per_s);
@@ -344,7 +344,7 @@ TEST_F(Session, CutSendsEmergencyUntilItIsDown) {
   EXPECT_EQ(session.phase(), FlightPhase::landed);
 }
 
-TEST_F(Session, CutOutranksALandingUnderWay) {
+TEST_F(Session, CutOutranksALandingInProgress) {
   fly();
   session.request_land(now);
   pass(100 * ns_per_ms);

@@ -148,7 +148,7 @@ TEST(BatteryWatch, AFallIsNoticedWithinSeconds) {
   EXPECT_GT(watch.rate_per_s(), 0.02);
 }
 
-TEST(BatteryWatch, AChangedBatteryBeginsAnew) {
+TEST(BatteryWatch, AChangedBatteryStartsAgain) {
   BatteryWatch watch;
   watch.take(ns_per_s, 0.2F);
   watch.take(2 * ns_per_s, 1.0F);

@@ -1,0 +1,140 @@
+#pragma once
+#include <deque>
+#include <functional>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <string_view>
+#include <unordered_set>
+#include <vector>
+
+#include "common/fabric/validation/channel_config.hpp"
+#include "common/fabric/validation/channel_state.hpp"
+#include "common/fabric/validation/key_effects.hpp"
+#include "common/fabric/validation/key_use.hpp"
+#include "common/fabric/validation/transaction_validator.hpp"
+
+namespace ledgerline::fabric {
+
+/// The state of a channel as a validator needs it that has followed it: versions and policies of keys, but no values;
+/// the ids of transactions; the definitions of contracts, out of Fabric's `_lifecycle`. One thread.
+///
+/// Followed from its first block on it is whole: memory grows with the number of keys, and by some 120 bytes a
+/// transaction. Followed from a later block on it knows what the blocks since have written, and which versions those
+/// transactions have read that counted; memory is bounded.
+class KeyState final : public ChannelState {
+ public:
+  KeyState() = default;
+  struct Part {
+    std::string contract;  ///< whose keys are followed, beside the definitions
+    /// Beyond them the writer with most keys loses the least recently used one of its most numerous kind (KeyUse).
+    std::size_t max_keys = 20'000;
+    std::size_t max_ids = 50'000;  ///< of the newest transactions
+    std::size_t max_ranges = 1'000;
+    /// As ClientConfig::likely_policy.
+    std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
+    /// As ClientConfig::is_of_hot_path.
+    std::function<bool(const std::string& key)> is_of_hot_path{};
+  };
+  explicit KeyState(Part part) : part_(std::move(part)) {}
+
+  /// From here on these policies are the channel's.
+  void configure(ChannelConfig config) {
+    config_ = std::move(config);
+    ++policies_;
+  }
+  /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
+  /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
+  void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
+  /// What somebody says of a contract whose definition was not followed: protos.ApplicationPolicy; until it is.
+  void hear(const std::string& contract, const std::string& policy) {
+    Definition& definition = definitions_[contract];
+    if (definition.policy && !definition.unverified) return;  // a block has defined it
+    definition.policy = policy;
+    definition.unverified = true;
+  }
+  /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time, where it is known.
+  void apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now = std::nullopt);
+  /// A transaction that was applied as valid, and was not: what it has written is not known.
+  void forget(const ReadWriteSet& sets);
+
+  std::optional<Key> find(const KeyName& name) const override;
+  bool whole() const override { return !part_; }
+  Completeness known(const KeyName& name) const override;
+  std::optional<std::string> likely_policy(const KeyName& name) const override;
+  bool have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const override;
+  bool is_of_hot_path(const KeyName& name) const override;
+  bool knows_range(const std::string& name, const std::string& start, const std::string& end) const override;
+  void walk(const std::string& name, const std::string& start,
+            const std::function<bool(const std::string& key, Version version)>& take) const override;
+  bool knows_transaction(const std::string& tx_id) const override;
+  bool is_claimed(const std::string& tx_id) const override { return claimed_.contains(tx_id); }
+  std::uint64_t ids_since() const override { return ids_since_; }
+  std::optional<TimeNs> ids_since_ns() const override { return ids_since_ns_; }
+  std::optional<Policy> policy_of(const std::string& name, const std::string& collection) const override;
+  bool policy_is_unverified(const std::string& name) const override;
+
+  std::size_t keys() const { return keys_.size(); }
+  std::size_t transactions() const { return transactions_.size(); }
+
+ private:
+  struct Entry {
+    Key key;
+    bool there = true;  ///< else it is known that it is not; of a part alone
+    Completeness known{};
+    std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
+    std::uint64_t policies = 0;        ///< policies_ before that write's block
+    KeyUse::Place place{};             ///< of a part alone
+  };
+  bool follows(const NamespaceSet& part) const;
+  /// `writer`: MSP id of whose transaction it is in; of a part alone.
+  Entry& entry(const KeyName& name, const std::string& writer);
+  void erase(std::map<KeyName, Entry>::iterator entry);
+  /// A range with it, or with one that nobody follows any more, is not known.
+  void forget_ranges_of(const KeyName& name);
+  void learn(const NamespaceSet& part, const std::string& reader);
+  void learn(const KeyName& name, const kvrwset::KVRead& read, const std::string& reader);
+  void learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range, const std::string& reader);
+  /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
+  void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
+  void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
+  void write(const NamespaceSet& part, Version version, const std::string& writer);
+  void write(const KeyName& name, const KeyEffect& effect, Version version, const std::string& writer);
+  void remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now);
+  /// Of what may have been written or not.
+  void forget(const NamespaceSet& part);
+  void take_definition(std::string_view key, const KeyEffect& effect);
+  void take_collections(const std::string& contract, const std::string& bytes);
+
+  ChannelConfig config_;
+  std::optional<Part> part_;  ///< none: it is whole
+  std::map<KeyName, Entry> keys_;
+  KeyUse use_;  ///< of a part's keys
+  struct Range {
+    std::string name, start, end;
+    auto operator<=>(const Range&) const = default;
+  };
+  std::map<Range, KeyUse::Place> ranges_;  ///< of a part, whose keys are all known
+  KeyUse range_use_;
+  std::unordered_set<std::string> transactions_;
+  std::unordered_set<std::string> claimed_;  ///< of these those that nobody but others have used
+  struct Id {
+    std::string tx_id;
+    std::uint64_t block = 0;
+    std::optional<TimeNs> came_ns;
+  };
+  std::deque<Id> newest_;  ///< of a part's, newest last
+  std::uint64_t ids_since_ = 0;
+  std::optional<TimeNs> ids_since_ns_;
+  std::uint64_t policies_ = 0;  ///< grows with each change of a policy that keys without one of their own have
+  struct Definition {
+    /// protos.ApplicationPolicy; empty: the channel's own; none: a part has not seen it.
+    std::optional<std::string> policy{};
+    bool unverified = false;
+    std::map<std::string, std::string> collections{};  ///< the same for those of private data; empty: the contract's
+  };
+  std::map<std::string, Definition> definitions_;  ///< by contract
+};
+
+}  // namespace ledgerline::fabric

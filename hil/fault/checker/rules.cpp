@@ -1,0 +1,359 @@
+// The table of rules: each row a sentence, what it takes, and who checks it.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "common/msg/names.hpp"
+#include "hil/fault/checker/rule.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Takes = RuleKind::Takes;
+
+// To the nanosecond.
+bool longer(TimeNs duration, double seconds) { return duration > std::llround(seconds * 1e9); }
+
+const DroneFacts& of(const Sight& sight, std::size_t drone) { return sight.moment.drones[drone]; }
+
+void finishes(RuleState& state, const Ending& ending) {
+  if (!ending.ok) state.verdict.broke(ending.now, ending.why.empty() ? "not finished" : ending.why);
+}
+
+void recovers(RuleState& state, const Ending& ending) {
+  finishes(state, ending);
+  if (!state.all_done()) state.verdict.broke(ending.now, "its plan was never flown again");
+}
+
+void never(RuleState& state, const Ending& ending) { state.verdict.broke(ending.now, "never"); }
+
+void flies_again(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (sight.moment.last_fault_end_ns && facts.mode == FailsafeMode::none && facts.sent_ns != 0 &&
+      facts.plan_end_ns > sight.moment.now)
+    state.done[drone] = true;
+}
+
+void resumes(RuleState& state, const Sight& sight, std::size_t drone) {
+  flies_again(state, sight, drone);
+  const auto& from = sight.moment.last_fault_end_ns;
+  if (from && !state.done[drone] && longer(sight.moment.now - *from, state.verdict.rule.amount))
+    state.verdict.broke(sight.moment.now,
+                        fmt::format("{}: not within {:g} s", of(sight, drone).name, state.verdict.rule.amount));
+}
+
+bool is_named(const Moment& moment, std::size_t drone) {
+  const auto& named = moment.first_fault_drones;
+  return named.empty() || std::find(named.begin(), named.end(), drone) != named.end();
+}
+
+// `does`: what it has to do within the time.
+void within(RuleState& state, const Sight& sight, std::size_t drone, bool does) {
+  const Moment& moment = sight.moment;
+  if (!moment.first_fault_ns || state.done[drone] || !is_named(moment, drone)) return;
+  if (sight.flew[drone] && does) state.done[drone] = state.seen = true;
+  if (state.done[drone]) return;
+  state.waits = true;
+  if (longer(moment.now - *moment.first_fault_ns, state.verdict.rule.amount))
+    state.verdict.broke(moment.now,
+                        fmt::format("{}: not within {:g} s", of(sight, drone).name, state.verdict.rule.amount));
+}
+
+template <FailsafeMode mode>
+void reacts(RuleState& state, const Sight& sight, std::size_t drone) {
+  within(state, sight, drone, of(sight, drone).mode == mode);
+}
+
+void lands(RuleState& state, const Sight& sight, std::size_t drone) {
+  within(state, sight, drone, on_ground(of(sight, drone).truth));
+}
+
+void was_done_by_all(RuleState& state, const Ending& ending) {
+  if (!state.seen || state.waits) never(state, ending);
+}
+
+void hold_after_plan(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  const TimeNs since = sight.moment.now - facts.plan_end_ns;
+  if (sight.moment.link_runs && facts.phase == FlightPhase::flying && facts.plan_end_ns != 0 &&
+      longer(since, state.verdict.rule.amount) && facts.mode == FailsafeMode::none)
+    state.verdict.broke(sight.moment.now,
+                        fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(since)));
+}
+
+bool shows(const Rule& rule, const DroneFacts& facts) {
+  return in_flight(facts.phase) &&
+         ((rule.mode && facts.mode == *rule.mode) || (rule.cause && facts.cause == *rule.cause));
+}
+
+void is_seen(RuleState& state, const Sight& sight, std::size_t drone) {
+  state.seen = state.seen || shows(state.verdict.rule, of(sight, drone));
+}
+
+void is_never_seen(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (shows(state.verdict.rule, facts)) state.verdict.broke(sight.moment.now, facts.name);
+}
+
+void was_seen(RuleState& state, const Ending& ending) {
+  if (!state.seen) never(state, ending);
+}
+
+void command_age(RuleState& state, const Moment& moment, const WorldEvent& event) {
+  if (event.kind == WorldEvent::Kind::applied && event.value > state.verdict.rule.amount)
+    state.verdict.broke(moment.now, fmt::format("{}: {:.0f} ms", moment.drones[event.drone].name, 1000 * event.value));
+}
+
+bool is_sent(const RuleState& state, const WorldEvent& event) {
+  return event.kind == WorldEvent::Kind::sent && event.text == state.verdict.rule.command;
+}
+
+void sends(RuleState& state, const Moment&, const WorldEvent& event) {
+  state.seen = state.seen || is_sent(state, event);
+}
+
+void sends_no(RuleState& state, const Moment& moment, const WorldEvent& event) {
+  if (is_sent(state, event)) state.verdict.broke(moment.now, moment.drones[event.drone].name + " was sent it");
+}
+
+void untrusted(RuleState& state, const Moment&, const WorldEvent& event) {
+  state.seen = state.seen || event.kind == WorldEvent::Kind::untrusted;
+}
+
+void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& event) {
+  if (event.kind == WorldEvent::Kind::untrusted) state.verdict.broke(moment.now, event.text);
+}
+
+void height(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  const double metres = facts.truth.position_m[2];
+  if (metres >= state.verdict.rule.amount)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, metres));
+}
+
+void speed(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  const auto& v = facts.truth.velocity_mps;
+  if (const double mps = std::hypot(v[0], v[1], v[2]); mps >= state.verdict.rule.amount)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m/s", facts.name, mps));
+}
+
+void path(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (facts.off_path_m.value_or(0) > state.verdict.rule.amount)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, *facts.off_path_m));
+}
+
+// `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
+void visits(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  const auto& corners = facts.corners;
+  std::size_t& count = state.counts[drone];
+  state.done[drone] = corners.empty() || count >= corners.size() * static_cast<std::size_t>(facts.laps);
+  if (state.done[drone] || !facts.truth.in_flight) return;
+  const auto& next = corners[(count + 1) % corners.size()];
+  if (std::hypot(facts.truth.position_m[0] - next[0], facts.truth.position_m[1] - next[1]) <= state.verdict.rule.amount)
+    ++count;
+}
+
+void visited_all(RuleState& state, const Ending& ending) {
+  for (std::size_t drone = 0; drone < state.counts.size(); ++drone) {
+    if (!state.done[drone])
+      state.verdict.broke(ending.now,
+                          fmt::format("tello{}: {} corners in their order", drone + 1, state.counts[drone]));
+  }
+}
+
+void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (!facts.pose || facts.phase != FlightPhase::flying) return;
+  const auto& p = facts.pose->position_m;
+  const auto& at = facts.truth.position_m;
+  const double off = std::hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2]);
+  if (off > state.verdict.rule.amount)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m off", facts.name, off));
+}
+
+void fence(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const double at = facts.truth.position_m[axis];
+    const double beyond = std::max(sight.limits.fence_min_m[axis] - at, at - sight.limits.fence_max_m[axis]);
+    if (beyond > state.verdict.rule.amount)
+      state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m beyond it", facts.name, beyond));
+  }
+}
+
+// On the ground they stand where they were put.
+void apart(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  for (const DroneFacts& other : sight.moment.drones.first(drone)) {
+    if (on_ground(facts.truth) && on_ground(other.truth)) continue;
+    const auto &a = facts.truth.position_m, &b = other.truth.position_m;
+    const double distance = std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    if (distance < state.verdict.rule.amount)
+      state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {:.2f} m", facts.name, other.name, distance));
+  }
+}
+
+// `done`: it has flown, and landed.
+void takes_off_once(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (on_ground(facts.truth) && sight.flew[drone]) state.done[drone] = true;
+  if (state.done[drone] && facts.truth.in_flight) state.verdict.broke(sight.moment.now, facts.name + " took off again");
+}
+
+void no_crash(RuleState& state, const Sight& sight, std::size_t drone) {
+  const DroneFacts& facts = of(sight, drone);
+  if (facts.truth.crashed) state.verdict.broke(sight.moment.now, facts.name + " turned over");
+}
+
+void no_crashed_process(RuleState& state, const Ending& ending) {
+  if (!ending.crashed.empty()) state.verdict.broke(ending.now, ending.crashed.front());
+}
+
+void ends(RuleState& state, const Ending& ending) {
+  if (longer(ending.now, state.verdict.rule.amount) || !ending.over)
+    state.verdict.broke(ending.now, fmt::format("{:.1f} s", to_seconds(ending.now)));
+}
+
+void transactions(RuleState& state, const Ending& ending) {
+  if (const double rate = static_cast<double>(ending.transactions) / to_seconds(ending.now);
+      rate > state.verdict.rule.amount)
+    state.verdict.broke(ending.now, fmt::format("{:.0f} a second", rate));
+}
+
+void nothing_lost(RuleState& state, const Ending& ending) {
+  if (!ending.lost.empty()) state.verdict.broke(ending.now, ending.lost.front());
+}
+
+constexpr RuleKind table[] = {
+    {.form = "finishes", .help = "every drone flew its path and landed", .finish = finishes},
+    {.form = "recovers and finishes the lap",
+     .help = "and flew its plan again after the last fault's end",
+     .observe = flies_again,
+     .finish = recovers,
+     .needs_fault = true,
+     .needs_fault_end = true,
+     .needs_link = true},
+    {.form = "hold within {} after the plan's end",
+     .takes = Takes::time,
+     .help = "of the newest plan that link was given",
+     .observe = hold_after_plan,
+     .needs_link = true,
+     .not_real = "the traces do not tell a plan's end"},
+    {.form = "holds within {}",
+     .takes = Takes::time,
+     .help = "of the first fault's beginning",
+     .observe = reacts<FailsafeMode::hold>,
+     .finish = was_done_by_all,
+     .needs_fault = true,
+     .needs_link = true},
+    {.form = "brakes within {}",
+     .takes = Takes::time,
+     .help = "the same",
+     .observe = reacts<FailsafeMode::brake>,
+     .finish = was_done_by_all,
+     .needs_fault = true,
+     .needs_link = true},
+    {.form = "lands within {}",
+     .takes = Takes::time,
+     .help = "the same: it is on the ground",
+     .observe = lands,
+     .finish = was_done_by_all,
+     .needs_fault = true},
+    {.form = "resumes within {}",
+     .takes = Takes::time,
+     .help = "of the last fault's end: the plan is flown again",
+     .observe = resumes,
+     .finish =
+         [](RuleState& state, const Ending& ending) {
+           if (!state.all_done()) never(state, ending);
+         },
+     .needs_fault = true,
+     .needs_fault_end = true,
+     .needs_link = true},
+    {.form = "{} is seen",
+     .takes = Takes::mode_or_cause,
+     .help = "hold, brake, land, cut; plan ran out, agent silent, pose lost ...",
+     .observe = is_seen,
+     .finish = was_seen,
+     .needs_link = true},
+    {.form = "{} is never seen",
+     .takes = Takes::mode_or_cause,
+     .help = "the same",
+     .observe = is_never_seen,
+     .needs_link = true},
+    {.form = "no command older than {} applied",
+     .takes = Takes::time,
+     .help = "at application",
+     .hear = command_age,
+     .needs_link = true},
+    {.form = "height below {}", .takes = Takes::metres, .help = "of the true place", .observe = height},
+    {.form = "speed below {}", .takes = Takes::speed, .help = "of the true speed", .observe = speed},
+    {.form = "path within {}", .takes = Takes::metres, .help = "of the true place from the path", .observe = path},
+    {.form = "corners within {}",
+     .takes = Takes::metres,
+     .help = "every drone comes so near to each corner of its course, in their order, every lap",
+     .observe = visits,
+     .finish = visited_all},
+    {.form = "pose within {}",
+     .takes = Takes::metres,
+     .help = "of what link estimates from the truth, in flight",
+     .observe = estimate,
+     .needs_link = true},
+    {.form = "fence kept within {}",
+     .takes = Takes::metres,
+     .help = "the true place is nowhere farther beyond it",
+     .observe = fence},
+    {.form = "drones apart by {}",
+     .takes = Takes::metres,
+     .help = "no two of which one flies are ever nearer",
+     .observe = apart},
+    {.form = "nothing acknowledged is lost",
+     .help = "neither commits nor transitions",
+     .finish = nothing_lost,
+     .needs_link = true},
+    {.form = "at most {} transactions a second",
+     .takes = Takes::number,
+     .help = "on the ledger, on average",
+     .finish = transactions,
+     .needs_link = true,
+     .not_real = "the traces do not tell how many there were"},
+    {.form = "the ledger is not trusted",
+     .help = "by agent, which says so in its log",
+     .hear = untrusted,
+     .finish = was_seen,
+     .needs_link = true,
+     .not_real = "the traces do not tell it"},
+    {.form = "the ledger is always trusted",
+     .help = "the same",
+     .hear = always_trusted,
+     .needs_link = true,
+     .not_real = "the traces do not tell it"},
+    {.form = "takes off once", .help = "no drone leaves the ground again that has landed", .observe = takes_off_once},
+    {.form = "ends within {}", .takes = Takes::time, .help = "of the run's beginning", .finish = ends},
+    {.form = "sends {}",
+     .takes = Takes::command,
+     .help = "command, takeoff, land, emergency: to a drone",
+     .hear = sends,
+     .finish = was_seen,
+     .not_real = "the traces do not tell it"},
+    {.form = "sends no {}",
+     .takes = Takes::command,
+     .help = "the same",
+     .hear = sends_no,
+     .not_real = "the traces do not tell it"},
+    {.form = "no crash",
+     .help = "no drone turns over, broken or not, and no process ends but by a fault",
+     .observe = no_crash,
+     .finish = no_crashed_process},
+};
+
+}  // namespace
+
+std::span<const RuleKind> rule_kinds() { return table; }
+
+}  // namespace ledgerline::hil

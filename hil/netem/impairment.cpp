@@ -1,0 +1,323 @@
+#include "hil/netem/impairment.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "common/base/printable.hpp"
+#include "hil/netem/text_parse.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Words = std::vector<std::string_view>;
+
+constexpr double max_bytes_per_s = 1e9;
+constexpr double max_queue_bytes = 64e6;
+constexpr double smallest_queue_bytes = 2'000;  // a datagram of any Tello fits
+constexpr double usual_queue_s = 0.25;
+
+Error wrong(const Words& words, std::string_view why) {
+  return Error{fmt::format("\"{}\": {}", printable(fmt::format("{}", fmt::join(words, " ")), 100), why)};
+}
+
+Result<double> parse_share(std::string_view text) {
+  const bool percent = !text.empty() && text.back() == '%';
+  const auto number = parse_number(percent ? text.substr(0, text.size() - 1) : text);
+  if (!percent || !number || *number < 0 || *number > 100)
+    return Error{fmt::format("\"{}\" is no share from 0% to 100%, such as 5%", printable(text, 40))};
+  return *number / 100;
+}
+
+/// With the unit behind it: "20kB" and, of a rate, "20kB/s".
+Result<double> parse_bytes(std::string_view text, std::string_view behind, double least, double most) {
+  static constexpr std::pair<std::string_view, double> units[] = {{"kB", 1e3}, {"MB", 1e6}, {"B", 1}};
+  std::string_view left = text;
+  if (left.ends_with(behind)) {
+    left.remove_suffix(behind.size());
+    for (const auto& [unit, scale] : units) {
+      if (!left.ends_with(unit)) continue;
+      const auto number = parse_number(left.substr(0, left.size() - unit.size()));
+      if (number && *number * scale >= least && *number * scale <= most) return *number * scale;
+      break;
+    }
+  }
+  return Error{fmt::format("\"{}\" is not from {}B{} to {:.0f}MB{}, such as 20kB{}", printable(text, 40), least, behind,
+                           most / 1e6, behind, behind)};
+}
+
+std::string_view rest(std::string_view effect, std::string_view first_word) {
+  return trimmed(effect.substr(first_word.size()));
+}
+
+Status set_distribution(std::string_view text, const ReadRecording& read, std::optional<Distribution>& out) {
+  auto distribution = parse_distribution(text, read);
+  if (!distribution) return distribution.error();
+  out = std::move(*distribution);
+  return done;
+}
+
+Status set_share(const Words& words, double& out) {
+  if (words.size() != 2) return wrong(words, fmt::format("allowed is {} SHARE, such as {} 1%", words[0], words[0]));
+  const auto share = parse_share(words[1]);
+  if (!share) return share.error();
+  out = *share;
+  return done;
+}
+
+Status set_loss(const Words& words, std::optional<Impairment::Loss>& out) {
+  const bool bursts = words.size() > 1 && words[1] == "bursts";
+  if (bursts ? words.size() < 4 || words.size() > 6 : words.size() != 2)
+    return wrong(words, "allowed is loss SHARE, or loss bursts ENTER LEAVE [LOST_IN_THEM [LOST_BETWEEN]]");
+  Impairment::Loss loss;
+  double* const values[] = {&loss.enter, &loss.leave, &loss.bad, &loss.good};
+  if (!bursts) {
+    const auto share = parse_share(words[1]);
+    if (!share) return share.error();
+    loss.good = *share;
+  }
+  for (std::size_t i = 2; i < words.size(); ++i) {
+    const auto share = parse_share(words[i]);
+    if (!share) return share.error();
+    *values[i - 2] = *share;
+  }
+  out = loss;
+  return done;
+}
+
+/// Of duplication and reordering: a share and a distribution.
+Status set_share_and_time(std::string_view effect, const Words& words, const ReadRecording& read, bool time_needed,
+                          double& share, Distribution& time) {
+  if (words.size() < (time_needed ? 3u : 2u))
+    return wrong(words, fmt::format("allowed is {} SHARE {}, such as {} 5% 30ms", words[0],
+                                    time_needed ? "DISTRIBUTION" : "[DISTRIBUTION]", words[0]));
+  const auto parsed = parse_share(words[1]);
+  if (!parsed) return parsed.error();
+  if (words.size() > 2) {
+    auto distribution = parse_distribution(rest(rest(effect, words[0]), words[1]), read);
+    if (!distribution) return distribution.error();
+    time = std::move(*distribution);
+  }
+  share = *parsed;
+  return done;
+}
+
+Status set_rate(const Words& words, std::optional<Impairment::Rate>& out) {
+  const bool queue = words.size() == 4 && words[2] == "queue";
+  if (words.size() != 2 && !queue)
+    return wrong(words, "allowed is rate BYTES/s [queue BYTES], such as rate 20kB/s queue 8kB");
+  const auto rate = parse_bytes(words[1], "/s", 1, max_bytes_per_s);
+  if (!rate) return rate.error();
+  double bytes = std::clamp(*rate * usual_queue_s, smallest_queue_bytes, max_queue_bytes);
+  if (queue) {
+    const auto asked = parse_bytes(words[3], "", 1, max_queue_bytes);
+    if (!asked) return asked.error();
+    bytes = *asked;
+  }
+  out = Impairment::Rate{*rate, static_cast<std::size_t>(bytes)};
+  return done;
+}
+
+/// "90s", "250ms", "15min", "2h".
+std::optional<TimeNs> offset_in(std::string_view text) {
+  static constexpr std::pair<std::string_view, double> units[] = {{"ms", 1e-3}, {"min", 60}, {"s", 1}, {"h", 3600}};
+  for (const auto& [unit, seconds] : units) {
+    if (!text.ends_with(unit)) continue;
+    const auto number = parse_number(text.substr(0, text.size() - unit.size()));
+    if (!number || *number < 0 || *number * seconds > to_seconds(RecordedDay::max_length)) return std::nullopt;
+    return std::llround(*number * seconds * 1e9);
+  }
+  return std::nullopt;
+}
+
+Status set_recorded_day(const Words& words, const ReadDay& read, std::optional<Impairment::RecordedLink>& out) {
+  const bool from = words.size() == 4 && words[2] == "at";
+  if (words.size() != 2 && !from)
+    return wrong(words, "allowed is recorded-day FILE [at OFFSET], such as recorded-day day.csv at 90s");
+  Impairment::RecordedLink recorded;
+  recorded.file = words[1];
+  auto day = read(recorded.file);
+  if (!day) return day.error();
+  recorded.day = std::move(*day);
+  const double length_s = to_seconds(recorded.day->length_ns());
+  if (from) {
+    const auto offset = offset_in(words[3]);
+    if (!offset || *offset >= recorded.day->length_ns())
+      return wrong(words,
+                   fmt::format("the OFFSET must be a time such as 90s, 15min or 2h within the day, which is {:g} s "
+                               "long",
+                               length_s));
+    recorded.offset_ns = *offset;
+  }
+  out = std::move(recorded);
+  return done;
+}
+
+std::string recorded_text(const Impairment::RecordedLink& recorded) {
+  if (recorded.offset_ns == 0) return "recorded-day " + recorded.file;
+  return fmt::format("recorded-day {} at {}s", recorded.file, to_seconds(recorded.offset_ns));
+}
+
+std::string percent(double share) { return fmt::format("{:.12g}%", share * 100); }
+
+std::string bytes_text(double bytes) {
+  if (std::fmod(bytes, 1e3) == 0) return fmt::format("{:.15g}kB", bytes / 1e3);
+  return fmt::format("{:.15g}B", bytes);
+}
+
+std::string loss_text(const Impairment::Loss& loss) {
+  if (loss.enter == 0) return "loss " + percent(loss.good);
+  std::string text = "loss bursts " + percent(loss.enter) + " " + percent(loss.leave);
+  if (loss.bad != 1 || loss.good != 0) text += " " + percent(loss.bad);
+  if (loss.good != 0) text += " " + percent(loss.good);
+  return text;
+}
+
+bool switch_off(std::string_view name, Impairment& impairment) {
+  if (name == "delay")
+    impairment.delay.reset();
+  else if (name == "jitter")
+    impairment.jitter.reset();
+  else if (name == "loss")
+    impairment.loss.reset();
+  else if (name == "duplicate")
+    impairment.duplicate.reset();
+  else if (name == "reorder")
+    impairment.reorder.reset();
+  else if (name == "corrupt")
+    impairment.corrupt = 0;
+  else if (name == "truncate")
+    impairment.truncate = 0;
+  else if (name == "rate")
+    impairment.rate.reset();
+  else if (name == "recorded-day")
+    impairment.recorded_day.reset();
+  else if (name == "stall")
+    impairment.stall = false;
+  else if (name == "partition")
+    impairment.partition = false;
+  else
+    return false;
+  return true;
+}
+
+}  // namespace
+
+bool Impairment::any() const { return kinds_in(*this) != 0; }
+
+unsigned kinds_in(const Impairment& i) {
+  const bool there[] = {
+      i.delay.has_value(), i.jitter.has_value(), i.loss.has_value(), i.duplicate.has_value(),    i.reorder.has_value(),
+      i.corrupt > 0,       i.truncate > 0,       i.rate.has_value(), i.recorded_day.has_value(), i.stall,
+      i.partition};
+  unsigned kinds = 0;
+  for (std::size_t k = 0; k < std::size(there); ++k) kinds |= there[k] ? 1U << k : 0;
+  return kinds;
+}
+
+void overlay(const Impairment& over, Impairment& impairment) {
+  const auto take = [](const auto& from, auto& to) {
+    if (from) to = from;
+  };
+  take(over.delay, impairment.delay);
+  take(over.jitter, impairment.jitter);
+  take(over.loss, impairment.loss);
+  take(over.duplicate, impairment.duplicate);
+  take(over.reorder, impairment.reorder);
+  if (over.corrupt > 0) impairment.corrupt = over.corrupt;
+  if (over.truncate > 0) impairment.truncate = over.truncate;
+  take(over.rate, impairment.rate);
+  take(over.recorded_day, impairment.recorded_day);
+  take(over.stall, impairment.stall);
+  take(over.partition, impairment.partition);
+}
+
+Status apply_effect(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
+  const std::string_view effect = trimmed(text);
+  const Words words = words_of(effect);
+  constexpr std::string_view allowed =
+      "allowed are delay, jitter, loss, duplicate, reorder, corrupt, truncate, rate, recorded-day, stall, partition, "
+      "EFFECT off, and "
+      "clear";
+  if (words.empty()) return Error{fmt::format("an effect is missing: {}", allowed)};
+  const std::string_view name = words[0];
+  if (words.size() == 2 && words[1] == "off" && switch_off(name, impairment)) return done;
+  const bool alone = words.size() == 1;
+  if (name == "clear" && alone) return impairment = {}, done;
+  if (name == "stall" && alone) return impairment.stall = true, done;
+  if (name == "partition" && alone) return impairment.partition = true, done;
+  if (name == "delay") return set_distribution(rest(effect, name), read, impairment.delay);
+  if (name == "jitter") return set_distribution(rest(effect, name), read, impairment.jitter);
+  if (name == "loss") return set_loss(words, impairment.loss);
+  if (name == "corrupt") return set_share(words, impairment.corrupt);
+  if (name == "truncate") return set_share(words, impairment.truncate);
+  if (name == "recorded-day") return set_recorded_day(words, day, impairment.recorded_day);
+  if (name == "rate") return set_rate(words, impairment.rate);
+  if (name == "duplicate") {
+    Impairment::Duplication duplicate;
+    auto set = set_share_and_time(effect, words, read, false, duplicate.share, duplicate.after);
+    if (set) impairment.duplicate = std::move(duplicate);
+    return set;
+  }
+  if (name == "reorder") {
+    Impairment::Reordering reorder;
+    auto set = set_share_and_time(effect, words, read, true, reorder.share, reorder.by);
+    if (set) impairment.reorder = std::move(reorder);
+    return set;
+  }
+  return wrong(words, allowed);
+}
+
+Status apply_effects(std::string_view text, Impairment& impairment, const ReadRecording& read, const ReadDay& day) {
+  Impairment changed = impairment;
+  for (;;) {
+    const std::size_t comma = std::min(text.find(','), text.size());
+    if (auto applied = apply_effect(text.substr(0, comma), changed, read, day); !applied) return applied;
+    if (comma == text.size()) break;
+    text.remove_prefix(comma + 1);
+  }
+  impairment = std::move(changed);
+  return done;
+}
+
+std::string text_of(const Impairment& impairment) {
+  std::vector<std::string> effects;
+  if (impairment.delay) effects.push_back("delay " + text_of(*impairment.delay));
+  if (impairment.jitter) effects.push_back("jitter " + text_of(*impairment.jitter));
+  if (impairment.loss) effects.push_back(loss_text(*impairment.loss));
+  if (const auto& d = impairment.duplicate)
+    effects.push_back("duplicate " + percent(d->share) + " " + text_of(d->after));
+  if (const auto& r = impairment.reorder) effects.push_back("reorder " + percent(r->share) + " " + text_of(r->by));
+  if (impairment.corrupt > 0) effects.push_back("corrupt " + percent(impairment.corrupt));
+  if (impairment.truncate > 0) effects.push_back("truncate " + percent(impairment.truncate));
+  if (const auto& r = impairment.rate)
+    effects.push_back(
+        fmt::format("rate {}/s queue {}", bytes_text(r->bytes_per_s), bytes_text(static_cast<double>(r->queue_bytes))));
+  if (impairment.recorded_day) effects.push_back(recorded_text(*impairment.recorded_day));
+  if (impairment.stall) effects.push_back("stall");
+  if (impairment.partition) effects.push_back("partition");
+  return effects.empty() ? "clear" : fmt::format("{}", fmt::join(effects, ", "));
+}
+
+Status check_for_stream(const Impairment& impairment) {
+  const std::pair<bool, const char*> effects[] = {
+      {impairment.loss.has_value(), "loss"},
+      {impairment.duplicate.has_value(), "duplicate"},
+      {impairment.reorder.has_value(), "reorder"},
+      {impairment.corrupt > 0, "corrupt"},
+      {impairment.truncate > 0, "truncate"},
+      {impairment.recorded_day && impairment.recorded_day->day->loses(), "a recorded day with losses"},
+  };
+  for (const auto& [there, name] : effects) {
+    if (there)
+      return Error{
+          fmt::format("{} is of datagrams: a stream (TCP) delivers what was sent, in order, or nothing; it can "
+                      "have delay, jitter, rate, stall and partition",
+                      name)};
+  }
+  return done;
+}
+
+}  // namespace ledgerline::hil

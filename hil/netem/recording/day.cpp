@@ -1,0 +1,133 @@
+#include "hil/netem/recording/day.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+
+#include "common/base/printable.hpp"
+#include "common/base/random.hpp"
+#include "hil/netem/distribution.hpp"
+#include "hil/netem/text_parse.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+/// Of a table's line: seconds, up to a bound.
+std::optional<TimeNs> time_in(std::string_view text, TimeNs most) {
+  const auto seconds = parse_number(trimmed(text));
+  if (!seconds || *seconds < 0 || *seconds > to_seconds(most)) return std::nullopt;
+  return std::llround(*seconds * 1e9);
+}
+
+}  // namespace
+
+RecordedDay::RecordedDay(std::vector<DayMoment> moments) : moments_(std::move(moments)) {
+  const TimeNs last = moments_.back().at_ns;
+  length_ns_ = last + (last - moments_[moments_.size() - 2].at_ns);
+  loses_ = std::any_of(moments_.begin(), moments_.end(), [](const DayMoment& moment) { return moment.lost; });
+}
+
+Result<Day> RecordedDay::make(std::vector<DayMoment> moments) {
+  if (moments.size() < 2) return Error{fmt::format("{} moments: a day has at least two", moments.size())};
+  if (moments.size() > max_moments)
+    return Error{fmt::format("{} moments: {} are the most", moments.size(), max_moments)};
+  for (std::size_t i = 0; i < moments.size(); ++i) {
+    const DayMoment& moment = moments[i];
+    if (moment.at_ns < 0 || moment.at_ns > max_length || (i > 0 && moment.at_ns <= moments[i - 1].at_ns))
+      return Error{fmt::format("moment {} at {} s: they must ascend, from 0 to {:.0f} s", i + 1,
+                               to_seconds(moment.at_ns), to_seconds(max_length))};
+    if (moment.delay_ns < 0 || moment.delay_ns > max_delay)
+      return Error{fmt::format("moment {} has a delay of {} s: 0 to {:.0f} s can be", i + 1,
+                               to_seconds(moment.delay_ns), to_seconds(max_delay))};
+  }
+  return Day(new RecordedDay(std::move(moments)));
+}
+
+RecordedDay::Delivery RecordedDay::at(TimeNs since_start) const noexcept {
+  const TimeNs t = std::max<TimeNs>(0, since_start) % length_ns_;
+  const auto next = std::upper_bound(moments_.begin(), moments_.end(), t,
+                                     [](TimeNs time, const DayMoment& moment) { return time < moment.at_ns; });
+  const DayMoment& now = next == moments_.begin() ? *next : *std::prev(next);
+  if (now.lost) return {true, 0};
+  if (next == moments_.begin() || next == moments_.end() || next->lost) return {false, now.delay_ns};
+  const double share = static_cast<double>(t - now.at_ns) / static_cast<double>(next->at_ns - now.at_ns);
+  return {false, now.delay_ns + std::llround(share * static_cast<double>(next->delay_ns - now.delay_ns))};
+}
+
+Day crowded_day() {
+  constexpr TimeNs length = 120 * ns_per_s, step = 30 * ns_per_ms, beacon = 102'400 * ns_per_us;
+  Random random(1);
+  const auto drawn = [&](double from_s, double to_s) {
+    return from_seconds(from_s + random.uniform() * (to_s - from_s));
+  };
+  struct Spell {
+    double every_s, from_s, to_s;  ///< how often it comes, how long it lasts
+    TimeNs begin = 0, end = 0;
+  };
+  Spell sleep{9, 0.4, 2.5}, interference{7, 0.04, 0.25}, scan{50, 0.25, 0.6};
+  const auto lasts = [&](Spell& spell, TimeNs t) {
+    if (t >= spell.end) {
+      spell.begin = t + drawn(0.5 * spell.every_s, 1.5 * spell.every_s);
+      spell.end = spell.begin + drawn(spell.from_s, spell.to_s);
+    }
+    return t >= spell.begin;
+  };
+  std::vector<DayMoment> moments;
+  for (TimeNs t = 0; t < length; t += step) {
+    DayMoment moment{t, drawn(0.003, 0.007)};
+    if (lasts(sleep, t)) moment.delay_ns += beacon - t % beacon;
+    if (lasts(interference, t)) moment.lost = random.uniform() < 0.6;
+    if (lasts(scan, t)) moment.lost = true;
+    moments.push_back(moment);
+  }
+  return *RecordedDay::make(std::move(moments));
+}
+
+Result<Day> parse_day(const std::string& path, std::string_view content) {
+  std::vector<DayMoment> moments;
+  int number = 0;
+  while (!content.empty()) {
+    const std::size_t end = std::min(content.find('\n'), content.size());
+    const std::string_view line = trimmed(content.substr(0, end));
+    content.remove_prefix(std::min(end + 1, content.size()));
+    ++number;
+    if (line.empty() || line.front() == '#') continue;
+    if (moments.empty() && line == "seconds,delay_s") continue;
+    const std::size_t comma = std::min(line.find(','), line.size());
+    const std::string_view fate = trimmed(line.substr(std::min(comma + 1, line.size())));
+    const auto at = time_in(line.substr(0, comma), RecordedDay::max_length);
+    const bool lost = fate == "lost";
+    const auto delay = lost ? std::optional<TimeNs>(0) : time_in(fate, max_delay);
+    const auto wrong = [&](std::string_view why) {
+      return Error{fmt::format("{}:{}: \"{}\" {}", path, number, printable(line, 40), why)};
+    };
+    if (!at || !delay)
+      return wrong(
+          fmt::format("must be SECONDS,DELAY_S or SECONDS,lost: a time up to {:.0f} s and a delay up to {:.0f} s",
+                      to_seconds(RecordedDay::max_length), to_seconds(max_delay)));
+    if (!moments.empty() && *at <= moments.back().at_ns) return wrong("is not later than the line before");
+    if (moments.size() == RecordedDay::max_moments)
+      return wrong(fmt::format("is one too many: {} moments are the most", RecordedDay::max_moments));
+    moments.push_back({*at, *delay, lost});
+  }
+  if (moments.size() < 2)
+    return Error{path + ": a day has at least two moments: lines as 0.1,0.025 or 0.2,lost are expected"};
+  return RecordedDay::make(std::move(moments));
+}
+
+std::string table_of(const std::vector<DayMoment>& moments) {
+  std::string text = "seconds,delay_s\n";
+  for (const DayMoment& moment : moments) {
+    fmt::format_to(std::back_inserter(text), "{:.6f},", to_seconds(moment.at_ns));
+    if (moment.lost) {
+      text += "lost\n";
+    } else {
+      fmt::format_to(std::back_inserter(text), "{:.6f}\n", to_seconds(moment.delay_ns));
+    }
+  }
+  return text;
+}
+
+}  // namespace ledgerline::hil

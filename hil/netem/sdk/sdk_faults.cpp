@@ -1,0 +1,166 @@
+#include "hil/netem/sdk/sdk_faults.hpp"
+
+#include <algorithm>
+
+#include "hil/netem/sdk/calls.hpp"
+
+namespace ledgerline::hil {
+namespace {
+
+using Kind = SdkFault::Kind;
+
+/// What no Tello answers; some of it is near to an ok.
+std::string garbage(Random& random) {
+  static constexpr std::array<std::string_view, 7> nonsense{"",        "o", "okay", "ko", "nan", "99999999999999999999",
+                                                            "ok;error"};
+  constexpr std::size_t max_noise = 24;
+  const std::size_t which = random.next() % (nonsense.size() + 1);
+  if (which < nonsense.size()) return std::string(nonsense[which]);
+  std::string noise(1 + random.next() % max_noise, '\0');
+  for (char& c : noise) c = static_cast<char>(random.next());
+  return noise;
+}
+
+/// A refusal becomes an ok; an ok, and a value, a refusal.
+std::string opposite_of(std::string_view answer) { return is_refusal(answer) ? "ok" : "error"; }
+
+/// Inside of a field: neither beside a semicolon nor in the line's end. Nothing: the text has no such place.
+std::optional<std::size_t> place_in_field(std::string_view text, Random& random) {
+  std::vector<std::size_t> places;
+  for (std::size_t i = 1; i < text.size() && text[i] != '\r' && text[i] != '\n'; ++i) {
+    if (text[i - 1] != ';' && text[i] != ';') places.push_back(i);
+  }
+  if (places.empty()) return std::nullopt;
+  return places[random.next() % places.size()];
+}
+
+/// The end is missing, or of the text before: as of a buffer that was sent while it was written.
+std::string torn(const std::string& text, const std::string* before, Random& random) {
+  const auto place = place_in_field(text, random);
+  if (!place) return text;
+  const bool halves = before && *place < before->size() && random.next() % 2 == 0;
+  return text.substr(0, *place) + (halves ? before->substr(*place) : std::string());
+}
+
+}  // namespace
+
+SdkFaults::SdkFaults(std::uint64_t seed, std::size_t drones) : seed_(seed), drones_(drones) {}
+
+Status SdkFaults::set(std::size_t drone, std::vector<SdkFault> faults) {
+  const auto of_another = [](const SdkFault& fault) { return fault.kind == Kind::other_drone; };
+  if (drones_.size() < 2 && std::any_of(faults.begin(), faults.end(), of_another))
+    return Error{"states of another drone: there is no other one"};
+  Drone& d = drones_[drone];
+  std::vector<Live> live;
+  for (SdkFault& fault : faults) {
+    const auto before = std::find_if(d.faults.begin(), d.faults.end(), [&](const Live& known) {
+      return known.fault.item == fault.item && known.fault.kind == fault.kind;
+    });
+    Random seeds(seed_ + drone);
+    const Random fresh(seeds.next() + fault.item * sdk_fault_kinds + static_cast<std::size_t>(fault.kind));
+    const Random random = before == d.faults.end() ? fresh : before->random;
+    live.push_back({std::move(fault), random});
+  }
+  d.faults = std::move(live);
+  const bool shifts =
+      std::any_of(d.faults.begin(), d.faults.end(), [](const Live& l) { return l.fault.kind == Kind::shifted; });
+  if (d.held && !shifts) keep(0, drone, false, *std::exchange(d.held, std::nullopt));
+  return done;
+}
+
+void SdkFaults::command(TimeNs now, std::size_t drone, std::string_view bytes) {
+  Drone& d = drones_[drone];
+  if (d.calls.command(now, bytes.substr(0, max_bytes)) && d.held)
+    keep(now, drone, false, *std::exchange(d.held, std::nullopt));
+}
+
+bool SdkFaults::strikes(Live& live) {
+  if (live.fault.share < 1 && live.random.uniform() >= live.fault.share) return false;
+  ++counts_.struck[static_cast<std::size_t>(live.fault.kind)];
+  return true;
+}
+
+void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
+  ++counts_.answers;
+  Drone& d = drones_[drone];
+  std::string said(bytes);
+  if (said.size() > max_bytes) return keep(now, drone, false, std::move(said));
+  const auto call = d.calls.take(now, said);
+  const std::string before = std::exchange(d.last_answer, said);
+  bool missing = false, shifted = false;
+  TimeNs due = now;
+  std::vector<TimeNs> again;
+  for (Live& live : d.faults) {
+    const SdkFault& fault = live.fault;
+    if (of_states(fault.kind) || (!fault.command.empty() && (!call || call->word != fault.command))) continue;
+    if (fault.kind == Kind::other && before.empty()) continue;
+    if (!strikes(live)) continue;
+    if (fault.kind == Kind::late) due += fault.time_ns;
+    if (fault.kind == Kind::wrong) said = opposite_of(said);
+    if (fault.kind == Kind::garbage) said = garbage(live.random);
+    if (fault.kind == Kind::missing) missing = true;
+    if (fault.kind == Kind::twice) again.push_back(fault.time_ns);
+    if (fault.kind == Kind::other) said = before;
+    if (fault.kind == Kind::shifted) shifted = true;
+  }
+  if (missing) return;
+  if (shifted) {
+    if (d.held) keep(now, drone, false, std::move(*d.held));
+    d.held = std::move(said);
+    return;
+  }
+  for (const TimeNs after : again) keep(due + after, drone, false, said);
+  keep(due, drone, false, std::move(said));
+}
+
+const std::string* SdkFaults::text_of_another(std::size_t drone, Random& random) const {
+  std::vector<const std::string*> texts;
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    if (i != drone && !drones_[i].texts.empty()) texts.push_back(&drones_[i].texts.back());
+  }
+  return texts.empty() ? nullptr : texts[random.next() % texts.size()];
+}
+
+void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
+  ++counts_.states;
+  Drone& d = drones_[drone];
+  const std::string reported(bytes);
+  if (reported.size() > max_bytes) return keep(now, drone, true, reported);
+  std::string said = reported;
+  for (Live& live : d.faults) {  // which text
+    if (live.fault.kind == Kind::stale && !d.texts.empty() && strikes(live))
+      said = d.texts[live.random.next() % d.texts.size()];
+    if (live.fault.kind != Kind::other_drone) continue;
+    if (const std::string* text = text_of_another(drone, live.random); text && strikes(live)) said = *text;
+  }
+  for (Live& live : d.faults) {
+    if (live.fault.kind == Kind::torn && strikes(live))
+      said = torn(said, d.texts.empty() ? nullptr : &d.texts.back(), live.random);
+  }
+  d.texts.push_back(reported);
+  if (d.texts.size() > max_texts) d.texts.pop_front();
+  keep(now, drone, true, std::move(said));
+}
+
+std::optional<SdkFaults::Unit> SdkFaults::pop(TimeNs now) {
+  if (units_.empty() || units_.begin()->first.first > now) return std::nullopt;
+  auto node = units_.extract(units_.begin());
+  --drones_[node.mapped().drone].waiting;
+  return std::move(node.mapped());
+}
+
+std::optional<TimeNs> SdkFaults::next_due() const {
+  if (units_.empty()) return std::nullopt;
+  return units_.begin()->first.first;
+}
+
+void SdkFaults::keep(TimeNs due, std::size_t drone, bool is_state, std::string bytes) {
+  if (drones_[drone].waiting >= max_waiting) {
+    ++counts_.no_room;
+    return;
+  }
+  ++drones_[drone].waiting;
+  units_.emplace(std::pair(due, next_number_++), Unit{drone, is_state, std::move(bytes)});
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,93 @@
+#pragma once
+#include <array>
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "common/base/random.hpp"
+#include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
+#include "hil/netem/sdk/open_calls.hpp"
+#include "hil/netem/sdk/sdk_fault.hpp"
+
+namespace ledgerline::hil {
+
+/// Stands at the drones' ends of their links and knows the SDK's calls: answers come late, wrong, not at all, twice or
+/// for another command, state texts torn, old or of another drone. What no fault is about comes out at once, as it is
+/// and in its order. A core: no clock, no socket; the same seed, faults and bytes give the same bytes at the same
+/// times, and each fault has random numbers of its own. One thread; `now` never goes back.
+///
+/// Whose answer it is: OpenCalls.
+///
+/// Faults of one drone act together: first which text is said (other, wrong, garbage; stale, other, then torn), then
+/// whether it is said (missing, shifted), then when (late, twice). Times of several `late` add up. What
+/// `shifted` keeps comes with the next command, once and at once: to that answer late and twice do nothing.
+///
+/// Bounded: of each drone at most max_waiting units on their way, beyond which one that comes is dropped and counted
+/// (no_room), and max_texts old state texts. What is longer than max_bytes is no Tello's: no fault touches it, and
+/// nothing remembers it.
+class SdkFaults {
+ public:
+  static constexpr std::size_t max_waiting = 256, max_texts = 100, max_bytes = 2'048;
+
+  SdkFaults(std::uint64_t seed, std::size_t drones);
+
+  /// All that this drone (an index) has from now on; one that it had before, by `item` and kind, goes on with its
+  /// random numbers. What was late comes when it was due; what `shifted` keeps comes at once when that fault has ended.
+  /// An error, and nothing changed: the state of another drone where there is none.
+  Status set(std::size_t drone, std::vector<SdkFault> faults);
+
+  /// What the client said, as it gets to the drone.
+  void command(TimeNs now, std::size_t drone, std::string_view bytes);
+  /// What the drone answered, and its state text.
+  void answer(TimeNs now, std::size_t drone, std::string_view bytes);
+  void state(TimeNs now, std::size_t drone, std::string_view bytes);
+
+  struct Unit {
+    std::size_t drone = 0;
+    bool is_state = false;
+    std::string bytes{};
+  };
+  /// The next one that is due; call until there is none.
+  std::optional<Unit> pop(TimeNs now);
+  /// When pop() will give something; none: not before something is said.
+  std::optional<TimeNs> next_due() const;
+
+  struct Counts {
+    std::uint64_t answers = 0, states = 0;  ///< that came in
+    std::uint64_t no_room = 0;
+    std::array<std::uint64_t, sdk_fault_kinds> struck{};  ///< by SdkFault::Kind
+  };
+  const Counts& counts() const { return counts_; }
+
+ private:
+  struct Live {
+    SdkFault fault;
+    Random random;
+  };
+  struct Drone {
+    std::vector<Live> faults;
+    OpenCalls calls;
+    std::string last_answer;          ///< empty: none yet
+    std::optional<std::string> held;  ///< of `shifted`
+    std::deque<std::string> texts;    ///< state texts as the drone said them, oldest first
+    std::size_t waiting = 0;
+  };
+  /// Whether this fault acts now; draws.
+  bool strikes(Live& live);
+  const std::string* text_of_another(std::size_t drone, Random& random) const;
+  void keep(TimeNs due, std::size_t drone, bool is_state, std::string bytes);
+
+  std::uint64_t seed_;
+  std::vector<Drone> drones_;
+  std::map<std::pair<TimeNs, std::uint64_t>, Unit> units_;  // by when they are due, then as they came
+  std::uint64_t next_number_ = 0;
+  Counts counts_;
+};
+
+}  // namespace ledgerline::hil

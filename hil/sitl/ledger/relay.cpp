@@ -1,0 +1,360 @@
+#include "hil/sitl/ledger/relay.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/fabric/tx/form.hpp"
+#include "common/fabric/tx/opened.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
+#include "common/msg/ros.hpp"
+#include "common/verification/identity.hpp"
+#include "hil/sitl/peer/bent_transactions.hpp"
+#include "hil/sitl/peer/words.hpp"
+#include "peer/chaincode_event.pb.h"
+
+namespace ledgerline::hil {
+namespace {
+
+constexpr WordTable<RelayTampering, 40> all_lies{{
+    {"plan-speed", RelayTampering::plan_speed},
+    {"plan-climb", RelayTampering::plan_climb},
+    {"plan-turn", RelayTampering::plan_turn},
+    {"plan-takeoff", RelayTampering::plan_takeoff},
+    {"plan-land", RelayTampering::plan_land},
+    {"plan-fly", RelayTampering::plan_fly},
+    {"plan-times", RelayTampering::plan_times},
+    {"plan-longer", RelayTampering::plan_longer},
+    {"plan-drone", RelayTampering::plan_drone},
+    {"plan-boot", RelayTampering::plan_boot},
+    {"plan-stamp", RelayTampering::plan_stamp},
+    {"plan-sequence", RelayTampering::plan_sequence},
+    {"plan-epoch", RelayTampering::plan_epoch},
+    {"plan-added", RelayTampering::plan_added},
+    {"plan-left-out", RelayTampering::plan_left_out},
+    {"plan-form", RelayTampering::plan_form},
+    {"plan-replayed", RelayTampering::plan_replayed},
+    {"command-acquire", RelayTampering::command_acquire},
+    {"command-release", RelayTampering::command_release},
+    {"command-clear-stop", RelayTampering::command_clear_stop},
+    {"command-enroll", RelayTampering::command_enroll},
+    {"command-apply-stops", RelayTampering::command_apply_stops},
+    {"command-cut", RelayTampering::command_cut},
+    {"command-silent", RelayTampering::command_silent},
+    {"command-other", RelayTampering::command_other},
+    {"frame-cut", RelayTampering::frame_cut},
+    {"frame-acquire", RelayTampering::frame_acquire},
+    {"frame-release", RelayTampering::frame_release},
+    {"frame-clear-stop", RelayTampering::frame_clear_stop},
+    {"frame-enroll", RelayTampering::frame_enroll},
+    {"frame-back", RelayTampering::frame_back},
+    {"frame-flies", RelayTampering::frame_flies},
+    {"frame-pose", RelayTampering::frame_pose},
+    {"frame-replayed", RelayTampering::frame_replayed},
+    {"stop-cut", RelayTampering::stop_cut},
+    {"stop-other", RelayTampering::stop_other},
+    {"apply-stops-clears", RelayTampering::apply_stops_clears},
+    {"apply-stops-back", RelayTampering::apply_stops_back},
+    {"asked-plan", RelayTampering::asked_plan},
+    {"asked-function", RelayTampering::asked_function},
+}};
+
+const crypto::IdentityName rival{"Org3MSP", "CN=User1@org3.ledgerline"};
+
+/// Whose result it bends.
+std::string_view function_of(RelayTampering lie) {
+  if (lie >= RelayTampering::asked_plan || lie < RelayTampering::frame_cut) return contract::command;
+  if (lie <= RelayTampering::frame_replayed) return contract::set;
+  return lie <= RelayTampering::stop_other ? contract::stop : contract::apply_stops;
+}
+bool of_what_was_asked(RelayTampering lie) { return lie >= RelayTampering::asked_plan; }
+
+std::string bytes_of(const Control& record) {
+  Controls controls;
+  *controls.add_controls() = record;
+  *controls.mutable_identity() = record.owner();
+  return controls.SerializeAsString();
+}
+
+std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper) {
+  Stops stops;
+  Stop& stop = *stops.add_stops();
+  stop.set_drone(drone);
+  *stop.mutable_stopper() = verification::to_message(stopper);
+  stop.set_cut(true);
+  return stops.SerializeAsString();
+}
+
+void set_velocity(DronePlan& plan, float vx, float vz, float yaw_rate) {
+  for (PlannedSetpoint& setpoint : *plan.mutable_setpoints()) {
+    setpoint.set_vx(vx);
+    setpoint.set_vy(0);
+    setpoint.set_vz(vz);
+    setpoint.set_yaw_rate(yaw_rate);
+  }
+}
+
+/// Flies for so long, from its state on.
+void add_setpoints(DronePlan& plan, float vx, float vz) {
+  plan.clear_setpoints();
+  for (int i = 1; i <= 10; ++i) plan.add_setpoints()->set_at_ns(plan.state_stamp_ns() + i * 50 * ns_per_ms);
+  set_velocity(plan, vx, vz, 0);
+}
+
+std::string other_drone(const std::string& drone) { return drone == "tello1" ? "tello2" : "tello1"; }
+
+void bend_plan(DronePlan& plan, RelayTampering lie) {
+  switch (lie) {
+    case RelayTampering::plan_speed:
+    case RelayTampering::plan_form:
+      return set_velocity(plan, 2, 0, 0);
+    case RelayTampering::plan_climb:
+      return set_velocity(plan, 0, 1, 0);
+    case RelayTampering::plan_turn:
+      return set_velocity(plan, 0, 0, 3);
+    case RelayTampering::plan_takeoff:
+      return plan.set_action(TAKEOFF);
+    case RelayTampering::plan_land:
+      return plan.set_action(LAND);
+    case RelayTampering::plan_fly:
+      if (plan.action() != FLY) add_setpoints(plan, 0, 1);
+      return plan.set_action(FLY);
+    case RelayTampering::plan_times:
+      for (PlannedSetpoint& setpoint : *plan.mutable_setpoints()) setpoint.set_at_ns(setpoint.at_ns() + ns_per_s);
+      return;
+    case RelayTampering::plan_longer:
+      if (!plan.setpoints().empty()) {
+        const PlannedSetpoint last = plan.setpoints(plan.setpoints_size() - 1);
+        for (int i = 1; i <= 5; ++i) {
+          *plan.add_setpoints() = last;
+          plan.mutable_setpoints(plan.setpoints_size() - 1)->set_at_ns(last.at_ns() + i * 100 * ns_per_ms);
+        }
+      }
+      return;
+    case RelayTampering::plan_drone:
+      return plan.set_drone(other_drone(plan.drone()));
+    case RelayTampering::plan_boot:
+      return plan.set_boot_id(plan.boot_id() ^ 1);
+    case RelayTampering::plan_stamp:
+      return plan.set_state_stamp_ns(plan.state_stamp_ns() - 1);
+    case RelayTampering::plan_sequence:
+      return plan.set_sequence(plan.sequence() + 1000);
+    case RelayTampering::plan_epoch:
+      return plan.set_epoch(plan.epoch() + 1);
+    default:
+      return;
+  }
+}
+
+}  // namespace
+
+std::optional<RelayTampering> relay_lie_from(std::string_view word) { return value_of(all_lies, word); }
+
+std::vector<std::string> relay_lie_names() { return names_of(all_lies); }
+
+std::string relay_lies() { return list_of(relay_lie_names()); }
+
+// As the launcher left it.
+Control Relay::record_of(const std::string& drone) const {
+  Control record;
+  record.set_drone(drone);
+  *record.mutable_owner() = verification::to_message(names_.drone_host);
+  *record.mutable_holder() = verification::to_message(names_.holder);
+  record.set_epoch(1);
+  Grant& operators = *record.add_grants();
+  operators.mutable_to()->set_msp_id(names_.holder.msp_id);
+  operators.set_fly(true);
+  operators.set_max_priority(contract::max_priority);
+  operators.set_stop(true);
+  operators.set_cut(true);
+  return record;
+}
+
+std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
+  auto call = parsed<CommandCall>(payload);
+  if (call.plans().empty()) return std::nullopt;
+  const std::string drone = call.plans(0).drone();
+  Control record = record_of(drone);
+  switch (lie_) {
+    case RelayTampering::plan_added: {
+      DronePlan more = call.plans(0);
+      more.set_action(TAKEOFF);
+      more.set_sequence(more.sequence() + 1);
+      *call.add_plans() = more;
+      return Event{contract::command, call.SerializeAsString()};
+    }
+    case RelayTampering::plan_left_out:
+      return Event{contract::command, CommandCall().SerializeAsString()};
+    case RelayTampering::plan_replayed: {
+      if (earlier_command_.empty()) earlier_command_ = payload;
+      auto earlier = parsed<CommandCall>(earlier_command_);
+      earlier.mutable_plans(0)->set_sequence(call.plans(0).sequence());
+      earlier.mutable_plans(0)->set_state_stamp_ns(call.plans(0).state_stamp_ns());
+      return Event{contract::command, earlier.SerializeAsString()};
+    }
+    case RelayTampering::command_acquire:
+      *record.mutable_holder() = verification::to_message(rival);
+      record.set_epoch(2);
+      return Event{contract::acquire, bytes_of(record)};
+    case RelayTampering::command_release:
+      record.clear_holder();
+      record.set_epoch(2);
+      return Event{contract::release, bytes_of(record)};
+    case RelayTampering::command_clear_stop:
+      return Event{contract::clear_stop, bytes_of(record)};
+    case RelayTampering::command_enroll:
+      *record.mutable_owner() = verification::to_message(rival);
+      return Event{contract::enroll, bytes_of(record)};
+    case RelayTampering::command_apply_stops:
+      record.set_epoch(9);
+      return Event{contract::apply_stops, bytes_of(record)};
+    case RelayTampering::command_cut:
+      return Event{contract::stop, cut_of(drone, names_.holder)};
+    case RelayTampering::command_silent:
+      return Event{};
+    case RelayTampering::command_other:
+      return Event{contract::command, payload};
+    default:
+      for (DronePlan& plan : *call.mutable_plans()) bend_plan(plan, lie_);
+      return Event{contract::command, lie_ == RelayTampering::plan_form ? to_json(call) : call.SerializeAsString()};
+  }
+}
+
+// First the lease, then a climb and a flight ahead: all of it under the host's own signature.
+std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
+  for (const Asset& asset : frame.assets()) {
+    if (asset.msg_type() != link_status_type) continue;
+    const auto state = link_status_from_cdr(asset.msg_data());
+    if (!state) continue;
+    const std::string drone = asset.id().substr(0, asset.id().find('/'));
+    if (host_sequence_++ == 0) {
+      Control record = record_of(drone);
+      *record.mutable_holder() = verification::to_message(names_.drone_host);
+      record.set_epoch(2);
+      return Event{contract::acquire, bytes_of(record)};
+    }
+    CommandCall call;
+    call.set_organisation("Org1MSP");
+    DronePlan& plan = *call.add_plans();
+    plan.set_drone(drone);
+    plan.set_boot_id(state->boot_id);
+    plan.set_state_stamp_ns(state->stamp_ns);
+    plan.set_sequence(host_sequence_);
+    plan.set_epoch(2);
+    add_setpoints(plan, 1, 1);
+    return Event{contract::command, call.SerializeAsString()};
+  }
+  return std::nullopt;
+}
+
+std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
+  auto frame = parsed<SetCall>(payload);
+  if (!frame.stream() || frame.assets().empty()) return std::nullopt;
+  const std::string drone = frame.assets(0).id().substr(0, frame.assets(0).id().find('/'));
+  Control record = record_of(drone);
+  switch (lie_) {
+    case RelayTampering::frame_cut:
+      return Event{contract::stop, cut_of(drone, names_.drone_host)};
+    case RelayTampering::frame_acquire:
+      *record.mutable_holder() = verification::to_message(rival);
+      record.set_epoch(2);
+      return Event{contract::acquire, bytes_of(record)};
+    case RelayTampering::frame_release:
+      record.clear_holder();
+      record.set_epoch(2);
+      return Event{contract::release, bytes_of(record)};
+    case RelayTampering::frame_clear_stop:
+      return Event{contract::clear_stop, bytes_of(record)};
+    case RelayTampering::frame_enroll:
+      *record.mutable_owner() = verification::to_message(rival);
+      return Event{contract::enroll, bytes_of(record)};
+    case RelayTampering::frame_back:
+      *record.mutable_holder() = verification::to_message(rival);
+      record.set_epoch(0);
+      return Event{contract::acquire, bytes_of(record)};
+    case RelayTampering::frame_flies:
+      return host_flies(frame);
+    case RelayTampering::frame_replayed:
+      if (earlier_frame_.empty()) earlier_frame_ = payload;
+      break;
+    default:
+      break;
+  }
+  const auto earlier = parsed<SetCall>(earlier_frame_);
+  for (int i = 0; i < frame.assets_size(); ++i) {
+    Asset& asset = *frame.mutable_assets(i);
+    auto state = link_status_from_cdr(asset.msg_data());
+    if (asset.msg_type() != link_status_type || !state) continue;
+    if (lie_ == RelayTampering::frame_pose) state->position_m[0] += 3;
+    if (lie_ == RelayTampering::frame_replayed && i < earlier.assets_size()) {
+      const auto old = link_status_from_cdr(earlier.assets(i).msg_data());
+      if (old) state->position_m = old->position_m;
+    }
+    asset.set_msg_data(link_status_to_cdr(*state));
+  }
+  return Event{contract::set, frame.SerializeAsString()};
+}
+
+// `payload`: the honest event.
+std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
+  auto stops = parsed<Stops>(payload);
+  auto controls = parsed<Controls>(payload);
+  for (Stop& stop : *stops.mutable_stops()) {
+    if (lie_ == RelayTampering::stop_cut) stop.set_cut(true);
+    if (lie_ == RelayTampering::stop_other) *stop.mutable_stopper() = verification::to_message(rival);
+  }
+  for (Control& record : *controls.mutable_controls()) {
+    if (lie_ == RelayTampering::apply_stops_clears) record.clear_stoppers();
+    if (lie_ == RelayTampering::apply_stops_back) {
+      *record.mutable_holder() = verification::to_message(rival);
+      record.set_epoch(0);
+    }
+  }
+  if (lie_ <= RelayTampering::stop_other) return Event{contract::stop, stops.SerializeAsString()};
+  return Event{contract::apply_stops, controls.SerializeAsString()};
+}
+
+std::string Relay::bend(const fabric::Call& call, std::string bytes) {
+  if (lie_ == RelayTampering::none || call.function != function_of(lie_)) return bytes;
+  auto opened = fabric::open_transaction(bytes);
+  if (!opened) return bytes;
+  auto event = parsed<protos::ChaincodeEvent>(opened->result.events());
+  const auto bent = call.function == contract::set       ? bent_frame(call.args.at(0))
+                    : call.function == contract::command ? bent_command(call.args.at(0))
+                                                         : bent_stop(event.payload());
+  if (!bent) return bytes;
+  if (of_what_was_asked(lie_)) {
+    auto proposal = parsed<protos::ChaincodeProposalPayload>(opened->action.chaincode_proposal_payload());
+    auto invocation = parsed<protos::ChaincodeInvocationSpec>(proposal.input());
+    auto& args = *invocation.mutable_chaincode_spec()->mutable_input();
+    if (lie_ == RelayTampering::asked_function) {
+      args.set_args(0, contract::set);
+    } else {
+      auto plans = parsed<CommandCall>(call.args.at(0));
+      for (DronePlan& plan : *plans.mutable_plans()) set_velocity(plan, 2, 0, 0);
+      args.set_args(1, plans.SerializeAsString());
+      event.set_payload(plans.SerializeAsString());
+    }
+    proposal.set_input(invocation.SerializeAsString());
+    opened->action.set_chaincode_proposal_payload(proposal.SerializeAsString());
+    const common::Header& header = opened->payload.header();
+    opened->response.set_proposal_hash(fabric::proposal_hash(header.channel_header(), header.signature_header(),
+                                                             opened->action.chaincode_proposal_payload()));
+  } else {
+    event.set_event_name(bent->name);
+    event.set_payload(bent->payload);
+    if (lie_ == RelayTampering::command_other) event.set_tx_id(std::string(64, '0'));
+  }
+  opened->result.set_events(event.event_name().empty() ? std::string() : event.SerializeAsString());
+  opened->seal_result();
+  const crypto::SigningIdentity& peer = names_.peer;
+  auto& endorsed = *opened->action.mutable_action();
+  endorsed.clear_endorsements();
+  protos::Endorsement& endorsement = *endorsed.add_endorsements();
+  endorsement.set_endorser(peer.serialized);
+  const auto signature = peer.signer->sign(endorsed.proposal_response_payload() + peer.serialized);
+  if (signature) endorsement.set_signature(*signature);
+  return opened->bytes();
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,251 @@
+#include "hil/sitl/ledger/simulated_ledger.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "common/verification/calls.hpp"
+#include "peer/proposal_response.pb.h"
+
+namespace ledgerline::hil {
+namespace {
+
+// A moment in 2026, so that blocks carry plausible times; real time on the simulated clock is this plus the clock.
+constexpr TimeNs real_epoch_ns = 1'767'225'600 * ns_per_s;
+
+const std::vector<std::string> organisations{"Org1MSP", "Org2MSP", "Org3MSP"};
+
+node::Now at(TimeNs now) { return {now, real_epoch_ns + now}; }
+
+const std::string& reason_of(const node::Reply& reply) { return reply.detail.empty() ? reply.message : reply.detail; }
+
+}  // namespace
+
+SimulatedLedger::SimulatedLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed)
+    : config_(config), delays_(delays), where_{config.channel, config.contract}, random_(seed) {
+  std::vector<std::string> msp_ids = organisations;
+  for (const std::string& msp_id : msp_ids) config_.organisations.push_back({msp_id, "test authority of " + msp_id});
+  config_.orderers = {"OrdererMSP", "test authority of OrdererMSP"};
+  msp_ids.push_back(config_.orderers.msp_id);
+  registry_ = crypto::make_test_registry(msp_ids);
+  open();
+}
+
+// From what the store has; the first time it is empty.
+void SimulatedLedger::open() {
+  std::vector<crypto::SigningIdentity> peers;
+  for (const auto& msp_id : organisations) peers.push_back(crypto::make_test_identity({msp_id, "CN=peer0"}));
+  core_ = std::make_unique<node::NodeCore>(config_, registry_, peers,
+                                           crypto::make_test_identity({"OrdererMSP", "CN=orderer"}),
+                                           [this](std::uint64_t number) { return store_->read(number); });
+  auto store = node::BlockStore::open(
+      files_, [this](std::string_view block) { return core_->replay(std::string(block)); }, [](const std::string&) {});
+  assert(store.ok());
+  store_ = std::move(*store);
+  if (store_->height() == 0) apply(0, core_->genesis());
+}
+
+void SimulatedLedger::restart(TimeNs now) {
+  files_.lose_power();
+  open();
+  writing_.reset();
+  const auto lose = [&](const Pending& pending) {
+    fabric::Outcome outcome;
+    outcome.tx_id = pending.tx_id;
+    outcome.message = "the node ended";
+    members_[pending.client].outcomes.emplace_back(later(now, delays_.deliver_ns), Ended{pending.id, outcome});
+  };
+  for (const auto& [due, pending] : due_) lose(pending);
+  for (const auto& [waiter, pending] : waiting_) lose(pending);
+  due_.clear();
+  waiting_.clear();
+}
+
+std::vector<std::string> SimulatedLedger::blocks() const {
+  std::vector<std::string> blocks;
+  for (std::uint64_t number = 0; number < store_->height(); ++number) {
+    auto block = store_->read(number);
+    assert(block.ok());
+    blocks.push_back(std::move(*block));
+  }
+  return blocks;
+}
+
+SimulatedLedger::Client SimulatedLedger::add_client(const crypto::IdentityName& name, WayDelay::Way way, double share) {
+  members_.push_back({crypto::make_test_identity(name), WayDelay(delays_.added, way, share, added_seed_), {}, {}});
+  return members_.size() - 1;
+}
+
+Result<fabric::Proposal> SimulatedLedger::propose(TimeNs now, const Member& member, const fabric::Call& call) {
+  std::string nonce(24, '\0');
+  for (char& c : nonce) c = static_cast<char>(random_.next());
+  return fabric::make_proposal(member.identity, where_, call, real_epoch_ns + now, nonce);
+}
+
+TimeNs SimulatedLedger::later(TimeNs now, TimeNs delay) {
+  return now + delay + static_cast<TimeNs>(random_.uniform() * static_cast<double>(delays_.jitter_ns));
+}
+
+void SimulatedLedger::submit(TimeNs now, Client client, std::uint64_t id, const fabric::Call& call) {
+  Pending pending{client, id, {}, call, {}, false, now, 0};
+  if (asked_) asked_(call);
+  const auto proposal = propose(now, members_[client], call);
+  if (!proposal) {
+    end(now, pending, {node::Code::invalid_argument, proposal.error().what, {}, {}});
+    return;
+  }
+  pending.tx_id = proposal->tx_id;
+  pending.bytes = proposal->signed_proposal;
+  due_.emplace(later(now, delays_.endorse_ns), std::move(pending));
+}
+
+void SimulatedLedger::end(TimeNs now, const Pending& pending, const node::Reply& refusal) {
+  auto outcome = fabric::Outcome::failed(fabric::Outcome::Kind::refused, reason_of(refusal));
+  outcome.tx_id = pending.tx_id;
+  Member& member = members_[pending.client];
+  member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
+}
+
+TimeNs SimulatedLedger::delivered(TimeNs now, Member& member) {
+  return later(now, delays_.deliver_ns) + member.added.at(now);
+}
+
+// As fabric::Client does.
+Result<std::string> SimulatedLedger::sign(const Pending& pending, const std::string& honest) {
+  const std::string envelope = relay_.bend(pending.call, honest);
+  fabric::EventCheck event_check;
+  if (relay_.compared()) {
+    event_check = [&](std::string_view name, std::string_view payload) {
+      return verification::check_event({pending.call.function, pending.call.args}, name, payload);
+    };
+  }
+  const auto prepared = fabric::check_prepared({pending.tx_id, pending.bytes}, envelope, event_check);
+  if (!prepared) return prepared.error();
+  return fabric::sign_envelope(members_[pending.client].identity, envelope);
+}
+
+void SimulatedLedger::advance(TimeNs now, Pending pending) {
+  if (!pending.endorsed) {
+    node::Reply reply = core_->endorse(pending.bytes, at(now));
+    if (reply.code != node::Code::ok) return end(now, pending, reply);
+    const auto envelope = sign(pending, reply.bytes);
+    if (!envelope) return end(now, pending, {node::Code::invalid_argument, envelope.error().what, {}, {}});
+    pending.bytes = *envelope;
+    pending.endorsed = true;
+    due_.emplace(later(now, delays_.submit_ns), std::move(pending));
+    return;
+  }
+  const node::Reply reply = core_->order(pending.bytes, at(now));
+  if (reply.code != node::Code::ok) return end(now, pending, reply);
+  pending.ordered_after_ns = now - pending.begun_ns;
+  const std::uint64_t waiter = next_waiter_++;
+  core_->watch(pending.tx_id, waiter);  // never committed already: one transaction id is submitted once
+  waiting_.emplace(waiter, std::move(pending));
+}
+
+TimeNs SimulatedLedger::real(TimeNs now) { return real_epoch_ns + now; }
+
+void SimulatedLedger::order(TimeNs now, const std::string& envelope) { (void)core_->order(envelope, at(now)); }
+
+void SimulatedLedger::cut_if_due(TimeNs now) {
+  const auto due = core_->next_cut();
+  if (writing_ || !due || *due > now) return;
+  if (auto block = core_->cut(at(now))) writing_.emplace(later(now, delays_.write_ns), std::move(*block));
+}
+
+void SimulatedLedger::apply(TimeNs now, const node::CutBlock& block) {
+  [[maybe_unused]] const Status stored = store_->append(block.bytes);
+  assert(stored.ok());
+  const node::Applied applied = core_->apply(block);
+  const auto message = std::make_shared<common::Block>();
+  [[maybe_unused]] const bool whole = message->ParseFromString(block.bytes);
+  assert(whole);
+  for (auto& member : members_) {
+    // A stream keeps its order: no block overtakes the one before.
+    const TimeNs earliest = member.blocks.empty() ? 0 : member.blocks.back().first;
+    member.blocks.emplace_back(std::max(earliest, delivered(now, member)), message);
+  }
+  for (const auto& answer : applied.answers) {
+    const auto found = waiting_.find(answer.waiter);
+    fabric::Outcome outcome;
+    outcome.kind = answer.status.code == 0 ? fabric::Outcome::Kind::committed : fabric::Outcome::Kind::invalidated;
+    outcome.tx_id = answer.status.tx_id;
+    outcome.block = answer.status.block;
+    outcome.code = answer.status.code;
+    const Pending& pending = found->second;
+    if (committed_ && answer.status.code == 0) committed_(pending.call);
+    outcome.ordered_after_ns = pending.ordered_after_ns;
+    Member& member = members_[pending.client];
+    member.outcomes.emplace_back(delivered(now, member), Ended{pending.id, outcome});
+    waiting_.erase(found);
+  }
+}
+
+void SimulatedLedger::step(TimeNs now) {
+  if (writing_ && writing_->first <= now) {
+    const node::CutBlock block = std::move(writing_->second);
+    writing_.reset();
+    apply(now, block);
+  }
+  while (!due_.empty() && due_.begin()->first <= now) {
+    Pending pending = std::move(due_.begin()->second);
+    due_.erase(due_.begin());
+    advance(now, std::move(pending));
+  }
+  cut_if_due(now);
+}
+
+Status SimulatedLedger::commit_now(TimeNs now, Client client, const fabric::Call& call) {
+  const auto proposal = propose(now, members_[client], call);
+  if (!proposal) return proposal.error();
+  const node::Reply endorsed = core_->endorse(proposal->signed_proposal, at(now));
+  if (endorsed.code != node::Code::ok) return Error{reason_of(endorsed)};
+  const auto envelope = fabric::sign_envelope(members_[client].identity, endorsed.bytes);
+  if (!envelope) return envelope.error();
+  const node::Reply ordered = core_->order(*envelope, at(now));
+  if (ordered.code != node::Code::ok) return Error{reason_of(ordered)};
+  const auto due = core_->next_cut();
+  const auto block = core_->cut(at(std::max(now, due.value_or(now))));
+  if (!block) return Error{"no block was cut"};
+  apply(now, *block);
+  if (block->transactions.front().code != 0)
+    return Error{"invalid: " + std::to_string(block->transactions.front().code)};
+  return done;
+}
+
+Result<std::string> SimulatedLedger::evaluate(TimeNs now, Client client, const fabric::Call& call) {
+  const auto proposal = propose(now, members_[client], call);
+  if (!proposal) return proposal.error();
+  const node::Reply reply = core_->evaluate(proposal->signed_proposal, at(now));
+  if (reply.code != node::Code::ok) return Error{reason_of(reply)};
+  protos::Response response;
+  if (!response.ParseFromString(reply.bytes)) return Error{"malformed protos.Response"};
+  return response.payload();
+}
+
+SimulatedLedger::BlockPtr SimulatedLedger::block(std::uint64_t number) const {
+  const auto message = std::make_shared<common::Block>();
+  const auto bytes = store_->read(number);
+  [[maybe_unused]] const bool whole = bytes.ok() && message->ParseFromString(*bytes);
+  assert(whole);
+  return message;
+}
+
+std::vector<SimulatedLedger::BlockPtr> SimulatedLedger::take_blocks(TimeNs now, Client client) {
+  std::vector<BlockPtr> arrived;
+  auto& queue = members_[client].blocks;
+  for (; !queue.empty() && queue.front().first <= now; queue.pop_front())
+    arrived.push_back(std::move(queue.front().second));
+  return arrived;
+}
+
+std::vector<SimulatedLedger::Ended> SimulatedLedger::take_outcomes(TimeNs now, Client client) {
+  std::vector<Ended> arrived;
+  auto& queue = members_[client].outcomes;
+  const auto later_ones =
+      std::stable_partition(queue.begin(), queue.end(), [now](const auto& e) { return e.first <= now; });
+  for (auto e = queue.begin(); e != later_ones; ++e) arrived.push_back(std::move(e->second));
+  queue.erase(queue.begin(), later_ones);
+  return arrived;
+}
+
+}  // namespace ledgerline::hil

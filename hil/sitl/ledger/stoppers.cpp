@@ -1,0 +1,110 @@
+#include "hil/sitl/ledger/stoppers.hpp"
+
+#include <algorithm>
+
+#include "common/msg/contract.hpp"
+#include "hil/sitl/world_setup.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::hil {
+
+Stoppers::Stoppers(SimulatedLedger& ledger, LedgerPort& operating, std::uint64_t seed)
+    : ledger_(ledger), operating_(operating), seed_(seed) {}
+
+LedgerPort& Stoppers::port(Stopper who) {
+  if (who == Stopper::operating) return operating_;
+  auto& port = ports_[who];
+  if (!port) {
+    const auto& name = who == Stopper::supervisor ? supervisor_name
+                       : who == Stopper::outsider ? outsider_name
+                                                  : administrator_name;
+    port = std::make_unique<LedgerPort>(ledger_, name, ++seed_);
+  }
+  return *port;
+}
+
+namespace {
+
+fabric::Call call_of(const std::string& drone, ControlWord word) {
+  if (word == ControlWord::acquire || word == ControlWord::claim || word == ControlWord::request) {
+    LeaseCall call;
+    call.add_drones(drone);
+    if (word != ControlWord::claim) call.set_priority(contract::max_priority);
+    return {word == ControlWord::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
+  }
+  if (word == ControlWord::hand_over || word == ControlWord::deny) {
+    AnswerCall call;
+    call.add_drones(drone);
+    call.mutable_to()->set_msp_id(supervisor_name.msp_id);
+    call.mutable_to()->set_subject(supervisor_name.subject);
+    return {word == ControlWord::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
+  }
+  if (word == ControlWord::revoke) {
+    RevokeCall call;
+    call.mutable_identity()->set_msp_id(operator_name.msp_id);
+    call.mutable_identity()->set_subject(operator_name.subject);
+    return {contract::revoke, {call.SerializeAsString()}};
+  }
+  DronesCall call;
+  call.add_drones(drone);
+  call.set_cut(word == ControlWord::cut);
+  const bool stops = word == ControlWord::stop || word == ControlWord::cut;
+  return {stops                             ? contract::stop
+          : word == ControlWord::clear_stop ? contract::clear_stop
+                                            : contract::evict,
+          {call.SerializeAsString()}};
+}
+
+}  // namespace
+
+void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, ControlWord word) {
+  fabric::RepeatLimits limits;
+  fabric::Call call = call_of(drone, word);
+  if (call.function != contract::stop) limits = {.attempts = 10, .conflicts_only = true};
+  sayings_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
+}
+
+void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {
+  Saying& saying = sayings_[at];
+  saying.id = 0;
+  if (saying.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
+    saying.next_ns = saying.repeat.at_ns();
+  } else {
+    sayings_.erase(sayings_.begin() + static_cast<std::ptrdiff_t>(at));
+  }
+}
+
+bool Stoppers::take_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
+  const auto saying =
+      std::find_if(sayings_.begin(), sayings_.end(), [&](const Saying& s) { return s.id == outcome.id; });
+  if (outcome.id == 0 || saying == sayings_.end()) return outcome.id > (std::uint64_t{1} << 62);
+  ended(now, static_cast<std::size_t>(saying - sayings_.begin()), outcome.outcome);
+  return true;
+}
+
+void Stoppers::forgotten(TimeNs now) {
+  fabric::Outcome outcome;
+  outcome.message = "the connection broke";
+  for (std::size_t at = sayings_.size(); at-- > 0;) {
+    if (sayings_[at].who == Stopper::operating && sayings_[at].id != 0) ended(now, at, outcome);
+  }
+}
+
+void Stoppers::restart(TimeNs now) {
+  for (auto& [who, port] : ports_) port->restart(now);
+}
+
+void Stoppers::step(TimeNs now) {
+  for (auto& [who, port] : ports_) {
+    port->step(now);
+    (void)port->take_blocks();
+    for (const auto& outcome : port->take_outcomes()) take_outcome(now, outcome);
+  }
+  for (Saying& saying : sayings_) {
+    if (saying.id != 0 || now < saying.next_ns) continue;
+    saying.id = ++last_id_;
+    port(saying.who).submit(now, saying.id, saying.call);
+  }
+}
+
+}  // namespace ledgerline::hil

@@ -1,0 +1,262 @@
+#include "hil/sitl/witness.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "common/msg/contract.hpp"
+#include "common/msg/proto_json.hpp"
+#include "hil/netem/text_parse.hpp"
+#include "hil/sitl/world_setup.hpp"
+#include "ledgerline.pb.h"
+
+namespace ledgerline::hil {
+
+namespace {
+
+void put(std::string& key, const auto& value) { key.append(reinterpret_cast<const char*>(&value), sizeof value); }
+
+/// All that a drone does by a plan, and which plan it is.
+std::string key_of(const DronePlan& plan) {
+  std::string key;
+  put(key, static_cast<int>(plan.action()));
+  put(key, std::uint64_t{plan.epoch()});
+  put(key, std::uint64_t{plan.sequence()});
+  put(key, TimeNs{plan.state_stamp_ns()});
+  for (const PlannedSetpoint& s : plan.setpoints()) {
+    put(key, TimeNs{s.at_ns()});
+    for (const float value : {s.vx(), s.vy(), s.vz(), s.yaw_rate()}) put(key, value);
+  }
+  return key;
+}
+
+std::string key_of(const Plan& plan) {
+  std::string key;
+  put(key, static_cast<int>(plan.action));
+  put(key, std::uint64_t{plan.epoch});
+  put(key, std::uint64_t{plan.sequence});
+  put(key, TimeNs{plan.state_stamp_ns});
+  for (std::uint32_t i = 0; i < plan.count; ++i) {
+    const Setpoint& s = plan.setpoints[i];
+    put(key, TimeNs{s.at_ns});
+    for (const float value : {s.velocity_mps[0], s.velocity_mps[1], s.velocity_mps[2], s.yaw_rate_radps})
+      put(key, value);
+  }
+  return key;
+}
+
+}  // namespace
+
+std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link, std::size_t drone,
+                       DroneNumber number) {
+  std::string text;
+  if (agent) {
+    const auto commands = agent->report(number).commands;
+    text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
+    for (std::size_t i = 0; i < agent::refusal_count; ++i) {
+      if (commands.reasons[i] > 0)
+        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::Refusal>(i)));
+    }
+  }
+  if (link) {
+    const link::PlanCounters plans = link->reports()[drone].plans;
+    text += fmt::format("{}link: {} received, {} applied, {} late, {} dropped", text.empty() ? "" : "; ",
+                        plans.received, plans.applied, plans.late, plans.dropped);
+  }
+  return text;
+}
+
+Witness::Witness(const WorldConfig& config, const sim::Simulator& sim) {
+  for (int k = 1; k <= config.drones; ++k) {
+    DroneFacts facts;
+    facts.name = drone_name(k);
+    facts.number = static_cast<DroneNumber>(k);
+    const sim::Truth truth = sim.truth(facts.number);
+    facts.start_m = {truth.position_m[0], truth.position_m[1]};
+    const ground::Path course = course_of(config, k, facts.start_m);
+    facts.corners = corners_of(course);
+    facts.laps = task_of(config, k).laps;
+    if (config.manual) courses_.push_back(course);
+    facts_.push_back(facts);
+    asked_.emplace_back();
+  }
+}
+
+void Witness::note(TimeNs now, WorldEvent::Kind kind, std::size_t drone, std::string text) {
+  noted_.push_back({now, kind, drone, 0, std::move(text)});
+}
+
+void Witness::begin_step() { events_ = std::exchange(noted_, {}); }
+
+void Witness::given(const std::vector<Pose>& poses) {
+  for (const Pose& pose : poses) facts_[pose.drone - 1U].pose = pose;
+}
+
+void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& plans) {
+  for (const Plan& plan : plans) {
+    DroneFacts& facts = facts_[plan.drone - 1U];
+    // From the first word on, however often it is said.
+    if (plan.action == PlanAction::land && facts.phase == FlightPhase::flying && facts.land_until_ns == 0)
+      facts.land_until_ns = now + from_seconds(link::SeparationSettings{}.landing_wait_s);
+    if (plan.action != PlanAction::fly || plan.count == 0 || plan.count > max_setpoints) continue;
+    const link::PlayoutSettings settings;
+    const TimeNs last = plan.setpoints[plan.count - 1].at_ns;
+    const TimeNs hold = plan.count == 1 ? settings.default_hold_ns
+                                        : std::min(last - plan.setpoints[plan.count - 2].at_ns, settings.max_hold_ns);
+    facts.sent_until_ns = std::max(facts.sent_until_ns, last + hold + host_slept_ns);
+    ++facts.plans_given;
+  }
+}
+
+void Witness::asked(const fabric::Call& call) {
+  if (call.args.empty()) return;
+  const auto of = [&](const std::string& drone) -> SignedRequests* {
+    for (std::size_t i = 0; i < facts_.size(); ++i) {
+      if (facts_[i].name == drone) return &asked_[i];
+    }
+    return nullptr;
+  };
+  CommandCall command;
+  DronesCall stop;  // or clear_stop
+  if (call.function == contract::command && parse_message(call.args[0], command)) {
+    for (const DronePlan& plan : command.plans()) {
+      if (SignedRequests* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
+    }
+  } else if (call.function == contract::stop && parse_message(call.args[0], stop)) {
+    for (const std::string& name : stop.drones()) {
+      SignedRequests* drone = of(name);
+      if (!drone) continue;
+      drone->stop = true;
+      drone->cut = drone->cut || stop.cut();
+    }
+  } else if (call.function == contract::clear_stop && parse_message(call.args[0], stop)) {
+    for (const std::string& name : stop.drones()) {
+      if (SignedRequests* drone = of(name)) drone->clear_stop = true;
+    }
+  }
+}
+
+void Witness::committed(const fabric::Call& call) {
+  DronesCall stop;
+  if (call.function != contract::stop || call.args.empty() || !parse_message(call.args[0], stop)) return;
+  for (std::size_t i = 0; i < facts_.size(); ++i) {
+    const auto& names = stop.drones();
+    if (std::find(names.begin(), names.end(), facts_[i].name) != names.end()) asked_[i].stopped = true;
+  }
+}
+
+void Witness::said(const StateSample& state) {
+  constexpr std::size_t kept = 4096;  // four seconds at a thousand a second; ground takes older ones no more
+  auto& said = asked_[state.drone - 1U].said;
+  said.push_back(state);
+  if (said.size() > kept) said.pop_front();
+}
+
+void Witness::shown(TimeNs now, std::size_t drone, const StateSample& state) {
+  const auto& said = asked_[drone].said;
+  const auto same = [&](const StateSample& one) {
+    return one.boot_id == state.boot_id && one.sequence == state.sequence;
+  };
+  const auto found = std::find_if(said.rbegin(), said.rend(), same);
+  if (found == said.rend()) return;  // too old to be known here
+  if (found->stamp_ns == state.stamp_ns && found->position_m == state.position_m && found->phase == state.phase) return;
+  events_.push_back({now, WorldEvent::Kind::unasked, drone, 0, "ground flies by a state that link never said"});
+}
+
+void Witness::handed_unasked(TimeNs now, const Plan& plan) {
+  const SignedRequests& asked = asked_[plan.drone - 1U];
+  const bool known = plan.action == PlanAction::stop                    ? asked.stop
+                     : plan.action == PlanAction::cut                   ? asked.cut
+                     : plan.action == PlanAction::stop_cleared          ? asked.clear_stop || !asked.stopped
+                     : plan.action == PlanAction::stop_cleared_by_owner ? asked.clear_stop
+                                                                        : asked.plans.contains(key_of(plan));
+  if (known) return;
+  events_.push_back(
+      {now, WorldEvent::Kind::unasked, plan.drone - 1U, 0, "agent hands on what nobody signed", plan.sequence});
+}
+
+void Witness::handed(TimeNs now, const Plan& plan) {
+  if (link::is_empty_plan(plan)) return;  // nobody's: a lease has ended
+  handed_unasked(now, plan);
+  if (is_contract_word(plan.action)) return;
+  events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
+}
+
+void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, double yaw_rad) {
+  const std::size_t i = drone - 1U;
+  const auto words = words_of(command);
+  if (words.empty() || words[0] != "rc") {
+    events_.push_back({now, WorldEvent::Kind::sent, i, 0, std::string(command)});
+    return;
+  }
+  std::array<double, 4> sticks{};
+  bool good = words.size() == 5;
+  for (std::size_t k = 0; good && k < 4; ++k) {
+    const auto value = parse_number(words[k + 1]);
+    good = value && std::abs(*value) <= 100;
+    if (good) sticks[k] = *value / 100 * rc_full_mps;
+  }
+  if (!good) events_.push_back({now, WorldEvent::Kind::bad_rc, i, 0, std::string(command)});
+  DroneFacts& facts = facts_[i];
+  facts.sent_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
+  // rc is right, forward, up
+  facts.sent = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
+                sticks[1] * std::sin(yaw_rad) - sticks[0] * std::cos(yaw_rad), sticks[2]};
+  facts.sent_ns = now;
+}
+
+void Witness::traced(TimeNs now, const TraceRecord& record) {
+  DroneFacts& facts = facts_[record.drone - 1U];
+  if (record.kind == TraceKind::mode) {
+    facts.phase = static_cast<FlightPhase>(record.id);
+    facts.mode = static_cast<FailsafeMode>(record.extra);
+    facts.cause = static_cast<FailsafeCause>(static_cast<int>(record.v[0]));
+    if (facts.phase != FlightPhase::flying) facts.land_until_ns = 0;
+    events_.push_back({now, WorldEvent::Kind::mode, record.drone - 1U, 0, {}});
+  } else if (record.kind == TraceKind::command_applied) {
+    events_.push_back(
+        {now, WorldEvent::Kind::applied, record.drone - 1U, to_seconds(record.t_ns - record.stamp_ns), {}, record.id});
+  }
+}
+
+void Witness::link_ended() {
+  for (DroneFacts& facts : facts_) {
+    facts.phase = FlightPhase::disconnected;
+    facts.mode = FailsafeMode::none;
+    facts.cause = FailsafeCause::none;
+    facts.sent_until_ns = facts.land_until_ns = facts.made_room_ns = facts.plan_end_ns = 0;
+  }
+}
+
+void Witness::end_step(TimeNs now, const sim::Simulator& sim, const ground::FlightCore* ground,
+                       const link::LinkCore* link) {
+  for (WorldEvent& event : std::exchange(noted_, {})) events_.push_back(std::move(event));
+  for (std::size_t i = 0; i < facts_.size(); ++i) {
+    DroneFacts& facts = facts_[i];
+    facts.truth = sim.truth(facts.number);
+    if (link) {
+      const TimeNs sent_ns = facts.sent_until_ns == 0 ? 0 : facts.sent_until_ns + link->margin_ns(facts.number);
+      if (facts.mode != FailsafeMode::none && link->makes_room(facts.number)) facts.made_room_ns = now;
+      facts.plan_end_ns = std::max({sent_ns, facts.land_until_ns, facts.made_room_ns});
+    }
+    facts.off_path_m.reset();
+    const auto& at_m = facts.truth.position_m;
+    if (!courses_.empty() && on_course(facts.truth)) facts.off_path_m = courses_[i].distance_m({at_m[0], at_m[1]});
+    if (!ground) continue;
+    const auto status = ground->status(i);
+    facts.ground_phase = status.phase;
+    facts.finished = status.finished;
+    facts.lap = status.lap;
+    if (status.phase == ground::DronePhase::path)
+      facts.off_path_m = ground->follower(i)->path().distance_m({facts.truth.position_m[0], facts.truth.position_m[1]});
+  }
+}
+
+bool Witness::all_down() const {
+  return std::all_of(facts_.begin(), facts_.end(),
+                     [](const DroneFacts& facts) { return on_ground(facts.truth) && !in_flight(facts.phase); });
+}
+
+}  // namespace ledgerline::hil
