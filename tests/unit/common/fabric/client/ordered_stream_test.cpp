@@ -100,7 +100,7 @@ class OrderedStream : public GrowingChannel {
   Numbers numbers_, confirmed_, refused_;
   std::vector<std::string> contradictions_, orderers_, lost_;
   std::atomic<int> held_{0};
-  Door door_;  ///< outlives the threads that wait at it
+  Door door_, asked_;  ///< outlive the threads that wait at them
   std::optional<FakeGateway> gateway_;
   std::unique_ptr<Client> client_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first
@@ -163,11 +163,17 @@ TEST_F(OrderedStream, BehindAContradictionBothStreamsAreReadOnAndNothingIsTakenF
 
 TEST_F(OrderedStream, AForkThatTheOrderersBlockShowsEndsThePeersConnection) {
   const common::Block other = fork(3, state());
-  serve({}, [&](std::uint64_t number) -> std::optional<common::Block> {
-    if (number != 3) return std::nullopt;
-    door_.pass();  // the peer's is here before
-    return other;
-  });
+  serve(
+      [&](std::uint64_t number) -> std::optional<common::Block> {
+        if (number == 3) asked_.pass();  // else the orderers' stream may begin behind it
+        return std::nullopt;
+      },
+      [&](std::uint64_t number) -> std::optional<common::Block> {
+        if (number != 3) return std::nullopt;
+        asked_.open();
+        door_.pass();  // the peer's is here before
+        return other;
+      });
   follow(1);
   EXPECT_EQ(await(numbers_, 4), (Numbers{1, 2, 3, 4}));
   door_.open();
