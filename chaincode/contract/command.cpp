@@ -42,15 +42,16 @@ Error not_the_commander(const Control& control, const crypto::IdentityName& call
   const std::string who = to_text(caller);
   if (!control.has_holder()) return Error{"the lease is held by nobody, not by " + who + ", who may acquire it"};
   const bool holder = to_name(control.holder()) == caller;
-  return Error{"the lease is held by " + holder_text(control) + (control.has_delegate() ? "; not by " : ", not by ") +
-               who + (holder ? ", who may acquire it without a delegate" : ", who may request it")};
+  return Error{"the lease is held by " + access::holder_text(control) +
+               (control.has_delegate() ? "; not by " : ", not by ") + who +
+               (holder ? ", who may acquire it without a delegate" : ", who may request it")};
 }
 
 /// What one finds in the control record of a drone that the lease does not let fly.
 Status why_not(Stub& stub, const DronePlan& plan, const std::string& organisation) {
   const auto record = read_control(stub, plan.drone());
   if (!record) return record.error();
-  if (!*record) return Error{not_enrolled_text()};
+  if (!*record) return Error{access::not_enrolled_text()};
   const Control& control = (*record)->message;
   if (control.owner().msp_id() != organisation) {
     return Error{"it belongs to " + control.owner().msp_id() + ", not to " + organisation};

@@ -97,6 +97,7 @@ std::string owner_key(const std::string& drone) { return "owner/" + drone; }
 std::string grant_key(const std::string& drone) { return "grant/" + drone; }
 std::string request_key(const std::string& drone) { return "request/" + drone; }
 std::string drones_key(const std::string& msp_id) { return "drones/" + msp_id; }
+std::string holder_claim_key(const std::string& drone) { return request_key(drone) + "/claim"; }
 std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
   return stops_prefix(drone) + name_hash(stopper);
@@ -142,17 +143,6 @@ std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityNam
   return "lease/" + owner_msp_id + "/" + name_hash(commander) + "/" + std::to_string(epoch);
 }
 std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
-
-Identity to_message(const crypto::IdentityName& name) {
-  Identity identity;
-  identity.set_msp_id(name.msp_id);
-  identity.set_subject(name.subject);
-  return identity;
-}
-
-crypto::IdentityName to_name(const Identity& identity) { return {identity.msp_id(), identity.subject()}; }
-
-std::string to_text(const crypto::IdentityName& name) { return name.msp_id + " " + name.subject; }
 
 Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key) {
   auto value = stub.get_state(key);

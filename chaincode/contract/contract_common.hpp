@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "chaincode/contract/stub.hpp"
+#include "common/access/identity.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/proto_json.hpp"
 #include "ledgerline.pb.h"
@@ -53,7 +54,8 @@ std::string drones_key(const std::string& msp_id);
 std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string cleared_key(const std::string& drone, const crypto::IdentityName& stopper);
 std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant);
-std::string stops_prefix(const std::string& drone);  ///< what all of its stops' and claims' keys begin with
+std::string holder_claim_key(const std::string& drone);  ///< read by what a holder's claim keeps off alone
+std::string stops_prefix(const std::string& drone);      ///< what all of its stops' and claims' keys begin with
 /// The end of the range of all keys that begin with a prefix, which ends with "/".
 std::string end_of(std::string prefix);
 std::string frame_key(const crypto::IdentityName& owner);
@@ -70,10 +72,6 @@ std::size_t role_table_of(const crypto::IdentityName& who);  ///< below contract
 std::string role_key_before(const crypto::IdentityName& who);
 std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch);
 std::string host_key(const crypto::IdentityName& host);
-
-Identity to_message(const crypto::IdentityName& name);
-crypto::IdentityName to_name(const Identity& identity);
-std::string to_text(const crypto::IdentityName& name);  ///< "Org1MSP CN=User1@..."
 
 Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key);
 /// Assets to store, signed with the caller's name.

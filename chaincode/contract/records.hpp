@@ -6,8 +6,8 @@
 #include "common/msg/contract.hpp"
 
 /// The contract's own records: control/<drone>, stop/<drone>/<stopper>, stop/<drone>/<stopper>/lifted,
-/// stop/<drone>/<claimant>/claim, grant/<drone>, request/<drone>, owner/<drone>, drones/<MSP id>,
-/// role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the hot path reads instead of every
+/// stop/<drone>/<claimant>/claim, grant/<drone>, request/<drone>, request/<drone>/claim, owner/<drone>, drones/<MSP
+/// id>, role/<MSP id>/<hex digit>, pilot/<owner MSP>/<commander>, and the two that the hot path reads instead of every
 /// drone's control record, lease/<owner MSP>/<commander>/<epoch> and host/<owner>. Each is kept as an asset, so that
 /// `get` serves it.
 ///
@@ -126,7 +126,7 @@ void erase(Names& names, const std::string& name);
 /// claimed the drone, which is in the same range.
 Status complete(Stub& stub, Control& control, std::vector<Identity>* claims = nullptr);
 struct ControlState : Versioned<Control> {
-  std::vector<Identity> claims;  ///< of those who have claimed the drone
+  std::vector<Identity> claims;  ///< of those who have claimed the drone for its organisation
 };
 /// A complete one; nullopt: not enrolled. Its version is that of the drone's owner, grant and request records, too.
 Result<std::optional<ControlState>> read_control(Stub& stub, const std::string& drone);

@@ -6,6 +6,7 @@
 #include "chaincode/lifecycle/lifecycle.hpp"
 #include "chaincode/lifecycle/package.hpp"
 #include "chaincode/lifecycle/printed.hpp"
+#include "common/access/rules.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
@@ -289,6 +290,10 @@ Status print_commands(const Options& options, const std::string& verb, const Acc
 
 Status run(const Options& options, const std::string& verb) {
   if (verb == "package") return make(options);
+  if (verb == "rules") {
+    fmt::print("{}", access::access_page());
+    return done;
+  }
   auto access = access_of(options);
   if (!access) return access.error();
   if (options.print) return print_commands(options, verb, *access);
@@ -313,6 +318,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
   package.option("--label", options.label, "the package's name").shows_default();
   package.option("--out", options.out, "the file").shows_default();
   verbs.push_back(package);
+  verbs.push_back(line.verb("rules", "print who may do what: the page docs/access.md"));
   const auto add = [&](const char* name, const char* what) {
     Verb verb = line.verb(name, what);
     verb.option("--config", options.config, "TOML file with [ledger]").existing_file();

@@ -95,7 +95,7 @@ std::string make_package(const std::string& label, const std::string& connection
   return gzip_of(tar_of({{"metadata.json", metadata}, {"code.tar.gz", code}}));
 }
 
-std::string contract_version() { return std::to_string(contract::record_version + 1); }
+std::string contract_version() { return contract::version; }
 
 std::string package_id(const std::string& label, const std::string& package) {
   return label + ":" + crypto::hex(crypto::sha256(package));

@@ -59,6 +59,8 @@ inline constexpr std::size_t max_plan_setpoints = 40;  ///< 2 s at 20 Hz
 /// Of the records as this contract keeps them: 0 had no policies of keys, and leases of one holder for all
 /// organisations.
 inline constexpr std::uint32_t record_version = 1;
+/// Of the definition on a channel: the next one where peers of this and the last one would not endorse the same.
+inline constexpr const char* version = "3";
 
 inline constexpr const char* set = "set";
 inline constexpr const char* get = "get";
@@ -100,6 +102,10 @@ inline constexpr std::array<std::string_view, 12> control_functions{
     enroll, revoke, grant, acquire, release, request, hand_over, deny, evict, stop, clear_stop, apply_stops};
 constexpr bool is_control(std::string_view function) {
   return std::ranges::find(control_functions, function) != control_functions.end();
+}
+/// The functions that claims let through.
+constexpr bool is_claimed_for(std::string_view function) {
+  return function == evict || function == grant || function == clear_stop || function == release;
 }
 /// The functions that write nothing.
 constexpr bool is_question(std::string_view function) {

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::verification {
 namespace {

@@ -13,7 +13,6 @@
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeated.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -21,6 +20,7 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/mailbox.hpp"
+#include "common/verification/claiming.hpp"
 #include "common/verification/client.hpp"
 #include "common/verification/control_events.hpp"
 #include "common/verification/control_records.hpp"
@@ -159,30 +159,11 @@ fabric::RepeatLimits limits_of(const Options& options) {
   return {.attempts = 10, .conflicts_only = true};
 }
 
-/// A client that floods the ledger makes these invalid repeatedly, unless the drones are claimed for them.
-bool may_claim(const Options& options) {
-  return options.function == contract::evict || options.function == contract::grant ||
-         options.function == contract::clear_stop;
-}
-
-/// Of the drones of the call. Who may not claim is refused, and goes on without.
-bool change_claim(fabric::Client& client, const Options& options, const char* function) {
-  DronesCall call;
-  for (const auto& drone : options.drones) call.add_drones(drone);
-  const auto outcome = client.submit_and_wait({function, {call.SerializeAsString()}});
-  return outcome.kind == fabric::Outcome::Kind::committed;
-}
-
 fabric::Outcome submit(fabric::Client& client, const Options& options, const fabric::Call& call) {
-  bool claimed = false;
-  fabric::Outcome outcome =
-      fabric::submit_repeatedly(client, call, limits_of(options), [&](const fabric::Outcome& first) {
+  fabric::Outcome outcome = verification::submit_claiming(
+      client, call, options.drones, limits_of(options), [&](const fabric::Outcome& first) {
         spdlog::warn("{}: said again until it is on the ledger: {}", options.function, first.message);
-        claimed = may_claim(options) && change_claim(client, options, contract::claim);
       });
-  // What is on the ledger has ended the claim with it.
-  if (claimed && outcome.kind != fabric::Outcome::Kind::committed && !change_claim(client, options, contract::unclaim))
-    spdlog::error("{}: the drones stay claimed; end that by {}", options.function, contract::unclaim);
   if (outcome.block != 0 && !outcome.unheard.empty())
     spdlog::warn("{}: endorsed by less than all: {}", options.function, outcome.unheard);
   return outcome;
@@ -372,7 +353,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
       .shows_default();
   add(contract::clear_stop, "clear one's own stop, or all as a supervisor of the drone's organisation");
   line.renamed_verb("resume", contract::clear_stop);
-  add(contract::unclaim, "end what keeps others from changing a lease while one is evicted (a supervisor)");
+  add(contract::unclaim, "end claims of drones that were left behind");
   Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
   anchor.option("file", options.file, "the file").required().existing_file();
   anchor.option("--what", options.what, "what it is, in a few words");

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "common/base/log.hpp"
-#include "common/fabric/client/repeated.hpp"
+#include "common/verification/claiming.hpp"
 #include "ground/service/operators/signing.hpp"
 
 namespace ledgerline::ground {
@@ -124,7 +124,8 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
     const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
     // A mission is approved on the channel of [ledger], whatever those of its drones.
     const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
-    fabric::Outcome outcome = fabric::submit_repeatedly(*clients.of_channel[channel].leases, contract, limits, nullptr);
+    fabric::Outcome outcome =
+        verification::submit_claiming(*clients.of_channel[channel].leases, contract, {drone}, limits, nullptr);
     // Ground signs for those without a session: any operator who is signed in may clear that stop, but no other
     // operator's.
     if (call.ground_too && service::may_clear_ground_stop(outcome, drone)) {

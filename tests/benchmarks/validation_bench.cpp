@@ -10,11 +10,11 @@
 #include <fstream>
 #include <map>
 
+#include "common/access/identity.hpp"
 #include "common/fabric/stream/block_intake.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
-#include "common/verification/identity.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/benchmarks/rounds.hpp"
@@ -115,8 +115,8 @@ class Chain {
   Control record() const {
     Control record;
     record.set_drone("tello1");
-    *record.mutable_owner() = verification::to_message(ledger_.host.name);
-    *record.mutable_holder() = verification::to_message(ledger_.pilot.name);
+    *record.mutable_owner() = to_message(ledger_.host.name);
+    *record.mutable_holder() = to_message(ledger_.pilot.name);
     record.set_epoch(epoch);
     return record;
   }

@@ -229,8 +229,8 @@ void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::Verd
       find(i, tx.tx_id, fmt::format("it is flagged VALID and cannot be trusted: {}", tx.problem));
     if (tx.config) continue;
     const auto member = members_->member(tx.creator, std::nullopt);
-    const verification::Creator creator = member ? verification::Creator{(*member)->name, (*member)->admin}
-                                                 : verification::Creator{{"", "nobody of the channel"}, false};
+    const access::Caller creator = member ? access::Caller{(*member)->name, (*member)->admin}
+                                          : access::Caller{{"", "nobody of the channel"}, false};
     const Status status = story_->take({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
     if (!status) find(i, tx.tx_id, status.error().what);
   }

@@ -1,6 +1,5 @@
 #include "chaincode/contract/control/control_calls.hpp"
 
-#include <array>
 #include <set>
 #include <utility>
 
@@ -98,23 +97,20 @@ bool is_among(const std::vector<Identity>& all, const crypto::IdentityName& who)
   return std::ranges::any_of(all, [&](const Identity& one) { return to_name(one) == who; });
 }
 
-/// Why a call has to wait for those who have claimed the drone.
-Status check_claims(const ControlState& known, const std::string& function, const crypto::IdentityName& caller) {
-  constexpr std::array<std::string_view, 4> waits{contract::acquire, contract::request, contract::hand_over,
-                                                  contract::deny};
-  if (known.claims.empty()) return done;
-  const std::string& owner = known.message.owner().msp_id();
-  const bool foreign_clear = function == contract::clear_stop && caller.msp_id != owner;
-  if (!foreign_clear && std::ranges::find(waits, function) == waits.end()) return done;
-  return Error{to_text(to_name(known.claims.front())) +
-               " has claimed it for a change of its own; try again. A supervisor of " + owner +
-               " may end the claim by unclaim"};
+/// Why the call has to wait for those who have claimed the drone. A holder's claim is read by those alone that it keeps
+/// off: a holder who claims all the time makes nothing else invalid.
+Result<std::optional<access::Refusal>> check_claims(Stub& stub, const ControlState& known, const std::string& function,
+                                                    const access::Caller& caller) {
+  if (auto why = access::check_claimed(known.claims, known.message, function, caller)) return why;
+  if (function != contract::request && function != contract::deny) return std::optional<access::Refusal>();
+  const auto claim = read_record<HolderClaim>(stub, holder_claim_key(known.message.drone()));
+  if (!claim) return claim.error();
+  return *claim ? access::check_claimed(**claim, known.message, function, caller) : std::nullopt;
 }
 
 /// Ends the caller's own claim, by one of the calls that claims are for. False: it has none.
 Result<bool> end_claim(Stub& stub, const ControlState& known, const std::string& function) {
-  constexpr std::array<std::string_view, 3> ends{contract::evict, contract::grant, contract::clear_stop};
-  if (!is_among(known.claims, stub.caller()) || std::ranges::find(ends, function) == ends.end()) return false;
+  if (!is_among(known.claims, stub.caller()) || !contract::is_claimed_for(function)) return false;
   const Status status = write_claim(stub, known.message.drone(), to_message(stub.caller()), false);
   return status ? Result<bool>(true) : Result<bool>(status.error());
 }
@@ -125,32 +121,33 @@ bool has_nothing_to_do(const Control& control, const std::string& function) {
          (function == contract::clear_stop && !is_stopped(control));
 }
 
+/// Of those whose roles are not there yet.
+Status read_roles(Stub& stub, const std::vector<crypto::IdentityName>& whose, access::Roles& roles) {
+  for (const crypto::IdentityName& who : whose) {
+    if (roles.known.contains(who)) continue;
+    const auto role = read_role(stub, who);
+    if (!role) return role.error();
+    roles.known.emplace(who, *role);
+  }
+  return done;
+}
+
 }  // namespace
 
-std::string not_enrolled_text() { return "not enrolled; an administrator of its organisation may enroll it"; }
+access::Caller caller_of(const Stub& stub) { return {stub.caller(), stub.caller_is_admin()}; }
 
-std::string revoked_text(const crypto::IdentityName& who) {
-  return to_text(who) + " is revoked; an administrator of " + who.msp_id + " may enroll it again";
-}
-
-std::string holder_text(const Control& control) {
-  const std::string holder = to_text(to_name(control.holder()));
-  return control.has_delegate() ? holder + ", who lets " + to_text(to_name(control.delegate())) + " command it"
-                                : holder;
-}
-
-Status check_operator(const crypto::IdentityName& who, Role role) {
-  if (is_operator(role)) return done;
-  if (role == REVOKED) return Error{revoked_text(who)};
-  return Error{to_text(who) + " is neither operator nor supervisor; an administrator of " + who.msp_id +
-               " may enroll it as one"};
-}
-
-Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function) {
-  const auto role = read_role(stub, who);
-  if (!role) return role.error();
-  if (Status status = check_operator(who, *role); !status) return Error{function + ": " + status.error().what};
+Status check_length(const std::string& field, const Identity& who) {
+  for (const std::string& part : {who.msp_id(), who.subject()}) {
+    if (part.size() <= contract::max_subject_chars) continue;
+    return Error{field + " has " + std::to_string(part.size()) + " characters; the limit is " +
+                 std::to_string(contract::max_subject_chars)};
+  }
   return done;
+}
+
+Status check_identity(const std::string& field, const Identity& who) {
+  if (who.msp_id().empty() || who.subject().empty()) return Error{field + " needs mspId and subject"};
+  return check_length(field, who);
 }
 
 Status check_beside(const std::string& list, int entries, int drones) {
@@ -179,30 +176,40 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
   return stub.put_policy(frame_key(host), host.msp_id);
 }
 
-Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
-                         const std::function<Status(Control&, std::uint64_t new_epoch)>& change) {
+Response change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones) {
+  const access::Caller caller = caller_of(stub);
+  access::RuleInputs inputs{.roles = {.all = true}, .new_epoch = 1};
+  if (Status status = read_roles(stub, access::roles_needed(asked, caller), inputs.roles); !status)
+    return refuse(status.error().what);
+  if (const auto why = access::check_call(asked, caller, inputs.roles))
+    return refuse(asked.function + ": " + why->text);
   std::vector<ControlState> known;
-  std::uint64_t new_epoch = 1;
   for (const std::string& drone : sorted_names(drones)) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     auto control = read_control(stub, drone);
     if (!control) return refuse(control.error().what);
-    if (!*control) return refuse(drone + ": " + not_enrolled_text());
-    if (Status status = check_claims(**control, event, stub.caller()); !status)
-      return refuse(drone + ": " + status.error().what);
-    new_epoch = std::max(new_epoch, (*control)->message.epoch() + 1);
+    if (!*control) return refuse(drone + ": " + access::not_enrolled_text());
+    const Control& before = (*control)->message;
+    const auto claimed = check_claims(stub, **control, asked.function, caller);
+    if (!claimed) return refuse(claimed.error().what);
+    if (*claimed) return refuse(drone + ": " + (*claimed)->text);
+    if (Status status = read_roles(stub, access::roles_needed(asked, before), inputs.roles); !status)
+      return refuse(status.error().what);
+    inputs.new_epoch = std::max(inputs.new_epoch, before.epoch() + 1);
     known.push_back(std::move(**control));
   }
   Controls all;
   Records<Lease> leases(stub);
   std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
   for (const ControlState& before : known) {
-    Control control = before.message;
-    const auto ends_own = end_claim(stub, before, event);
+    const auto ends_own = end_claim(stub, before, asked.function);
     if (!ends_own) return refuse(ends_own.error().what);
-    const bool only_ends = *ends_own && has_nothing_to_do(before.message, event);
-    if (Status status = only_ends ? Status(done) : change(control, new_epoch); !status)
-      return refuse(control.drone() + ": " + status.error().what);
+    Control control = before.message;
+    if (!*ends_own || !has_nothing_to_do(before.message, asked.function)) {
+      auto after = access::apply(before.message, asked, caller, inputs);
+      if (const auto* why = std::get_if<access::Refusal>(&after)) return refuse(control.drone() + ": " + why->text);
+      control = std::get<Control>(std::move(after));
+    }
     if (Status status = write_changes(stub, before.message, control, before.version); !status)
       return refuse(status.error().what);
     if (Status status = follow(leases, before.message, control, new_pilots); !status)
@@ -214,7 +221,7 @@ Response change_controls(Stub& stub, const Arguments& call, const std::string& e
   }
   if (Status status = leases.write(); !status) return refuse(status.error().what);
   const std::string payload = write_form(call, all);
-  stub.set_event(event, payload);
+  stub.set_event(asked.function, payload);
   return {200, {}, payload};
 }
 

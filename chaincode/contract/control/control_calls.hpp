@@ -1,25 +1,22 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "chaincode/contract/records.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 
 /// What the calls share that say who may fly what: enroll, revoke, grant, acquire, release, request,
 /// hand_over, deny, evict, stop, clear_stop, apply_stops and claim.
 namespace ledgerline::chaincode {
 
-/// Why somebody may neither fly nor stop anything, by the role that its organisation gives it.
-Status check_operator(const crypto::IdentityName& who, Role role);
-/// The same, with the role read for `function`.
-Status check_operator(Stub& stub, const crypto::IdentityName& who, const std::string& function);
-std::string revoked_text(const crypto::IdentityName& who);
-std::string not_enrolled_text();
-/// "Org2MSP CN=pilot, who lets Org2MSP CN=station command it": of a drone that somebody holds.
-std::string holder_text(const Control& control);
+access::Caller caller_of(const Stub& stub);
+
+/// Of an identity in a call: `field` is its name there.
+Status check_length(const std::string& field, const Identity& who);
+Status check_identity(const std::string& field, const Identity& who);
 
 /// A LeaseCall, DronesCall, GrantCall or AnswerCall, in any form, with at least one drone and not too many.
 template <typename Message>
@@ -47,14 +44,12 @@ std::vector<std::string> sorted_names(const Names& list);
 /// Sees to it that an identity's host record is of this version, and its frame is there, with their policies.
 Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& host);
 
-/// Changes the control record of each drone. `change` changes it, or says why that is refused (without the drone's
-/// name, which comes first in every refusal); it gets an epoch that is new to all of them. What is written is what
-/// differs afterwards: the record, its grants, how often stops were cleared (no stop can come), and the leases that
-/// follow from these; and all of a drone's records, where they are of an older version. Event and answer hold all
-/// records as they now are. While somebody's claim stands, `acquire`, `request`, `hand_over` and `deny` are refused,
-/// and `clear_stop` to others than the owner's organisation. A claim is over by its claimant's next `evict`, `grant` or
-/// `clear_stop`, also by one that finds nothing to change.
-Response change_controls(Stub& stub, const Arguments& call, const std::string& event, const Names& drones,
-                         const std::function<Status(Control&, std::uint64_t new_epoch)>& change);
+/// Changes the control record of each drone by the rule book; a refusal begins with the drone's name, or with the
+/// function's where it is refused for any drone. Each change of holder gets an epoch that is new to all of them. What
+/// is written is what differs afterwards: the record, its grants, how often stops were cleared (no stop can come), and
+/// the leases that follow from these; and all of a drone's records, where they are of an older version. Event and
+/// answer hold all records as they now are. A claim for the drone's organisation is over by its claimant's next
+/// `evict`, `grant`, `clear_stop` or `release`; by an `evict` or `clear_stop` also where it finds nothing to change.
+Response change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones);
 
 }  // namespace ledgerline::chaincode

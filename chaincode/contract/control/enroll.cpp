@@ -1,41 +1,29 @@
 #include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
 
 /// enroll and revoke: whose a drone is, and who has which role.
 namespace ledgerline::chaincode {
 namespace {
 
-/// Binds one drone; says whether its record has to be written. What streams goes along to the new owner.
-Result<bool> bind(Records<Host>& hosts, Control& control, const Control* old, const Identity& identity) {
-  if (old) {
-    control = *old;
-    if (old->owner().msp_id() != identity.msp_id()) {
-      return Error{old->drone() + ": enrolled to organisation " + old->owner().msp_id() +
-                   " already; names are for good"};
-    }
-  }
+/// Moves what streams of a drone from its host before to the new one; whether there was any.
+Result<bool> move_streams(Records<Host>& hosts, const Control& before, const Identity& identity) {
   const auto host = hosts.at(host_key(to_name(identity)), identity.msp_id());
   if (!host) return host.error();
-  insert(*(*host)->mutable_drones(), control.drone());  // it may be there, and is not where the host was revoked
-  if (old && to_name(old->owner()) == to_name(identity)) return false;
-  if (old) {
-    const auto former = hosts.at(host_key(to_name(old->owner())), identity.msp_id());
-    if (!former) return former.error();
-    erase(*(*former)->mutable_drones(), control.drone());
-    std::vector<std::string> streams;
-    for (const std::string& id : (*former)->streams()) {
-      if (first_segment(id) == control.drone()) streams.push_back(id);
-    }
-    for (const std::string& id : streams) {
-      erase(*(*former)->mutable_streams(), id);
-      insert(*(*host)->mutable_streams(), id);
-    }
-    if (!streams.empty()) *control.add_former_owners() = old->owner();
+  insert(*(*host)->mutable_drones(), before.drone());  // it may be there, and is not where the host was revoked
+  if (!before.has_owner() || to_name(before.owner()) == to_name(identity)) return false;
+  const auto former = hosts.at(host_key(to_name(before.owner())), identity.msp_id());
+  if (!former) return former.error();
+  erase(*(*former)->mutable_drones(), before.drone());
+  std::vector<std::string> streams;
+  for (const std::string& id : (*former)->streams()) {
+    if (first_segment(id) == before.drone()) streams.push_back(id);
   }
-  *control.mutable_owner() = identity;
-  return true;
+  for (const std::string& id : streams) {
+    erase(*(*former)->mutable_streams(), id);
+    insert(*(*host)->mutable_streams(), id);
+  }
+  return !streams.empty();
 }
 
 /// Writes down whose a new drone is. Names are for good, so that each organisation has its bound.
@@ -54,19 +42,11 @@ Status add_name(Stub& stub, Records<Drones>& organisations, const Control& contr
   return made;
 }
 
-Status check_administrator(Stub& stub, const std::string& function, const Identity& who) {
-  if (who.msp_id().empty() || who.subject().empty()) return Error{function + ": identity needs mspId and subject"};
-  for (const std::string& part : {who.msp_id(), who.subject()}) {
-    if (part.size() <= contract::max_subject_chars) continue;
-    return Error{function + ": identity has " + std::to_string(part.size()) + " characters; the limit is " +
-                 std::to_string(contract::max_subject_chars)};
-  }
-  if (stub.caller_is_admin() && stub.caller().msp_id == who.msp_id()) return done;
-  return Error{function + ": only an administrator of " + who.msp_id() + " may " + function + " its identities"};
-}
-
 Status check_enrolment(Stub& stub, const EnrollCall& call) {
-  if (Status status = check_administrator(stub, contract::enroll, call.identity()); !status) return status;
+  if (Status status = check_identity("identity", call.identity()); !status)
+    return Error{"enroll: " + status.error().what};
+  if (const auto why = access::check_call({contract::enroll, call}, caller_of(stub), {}))
+    return Error{"enroll: " + why->text};
   if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
   if (call.role() == REVOKED) return Error{"enroll: REVOKED is no role; call revoke"};
   if (!Role_IsValid(call.role())) return Error{"enroll: unknown role " + std::to_string(call.role())};
@@ -85,6 +65,8 @@ Response enroll(Stub& stub, const Arguments& call) {
   if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().what);
   if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().what);
 
+  const access::Call asked{contract::enroll, enrolment};
+  const access::Caller caller = caller_of(stub);
   Controls all;
   Records<Host> hosts(stub);
   Records<Drones> organisations(stub);
@@ -92,12 +74,16 @@ Response enroll(Stub& stub, const Arguments& call) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
     const auto old = read_control(stub, drone);
     if (!old) return refuse(old.error().what);
+    Control before;
+    before.set_drone(drone);
+    if (*old) before = (*old)->message;
+    const auto moved = move_streams(hosts, before, enrolment.identity());
+    if (!moved) return refuse(moved.error().what);
+    auto after = access::apply(before, asked, caller, {.roles = {.all = true}, .moves_streams = *moved});
+    if (const auto* why = std::get_if<access::Refusal>(&after)) return refuse(drone + ": " + why->text);
     Control& control = *all.add_controls();
-    control.set_drone(drone);
-    const auto changed = bind(hosts, control, *old ? &(*old)->message : nullptr, enrolment.identity());
-    if (!changed) return refuse(changed.error().what);
-    if (enrolment.role() != ROLE_NONE) apply_role(control, enrolment.identity(), enrolment.role());
-    if (!*changed) continue;
+    control = std::get<Control>(std::move(after));
+    if (*old && to_name(before.owner()) == to_name(enrolment.identity())) continue;
     // One of an older version stays so until a control call renews it, with what belongs to it.
     const std::string& keeper = enrolment.identity().msp_id();
     const Status written = *old ? write_record(stub, control_key(drone), stored_part(control), (*old)->version)
@@ -126,7 +112,9 @@ Response revoke(Stub& stub, const Arguments& call) {
   if (call.form == Arguments::Form::plain) return refuse("revoke: give a RevokeCall in protobuf or JSON");
   if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().what);
   const Identity& who = asked.identity();
-  if (Status status = check_administrator(stub, contract::revoke, who); !status) return refuse(status.error().what);
+  if (Status status = check_identity("identity", who); !status) return refuse("revoke: " + status.error().what);
+  if (const auto why = access::check_call({contract::revoke, asked}, caller_of(stub), {}))
+    return refuse("revoke: " + why->text);
   if (Status status = write_role(stub, to_name(who), REVOKED); !status) return refuse("revoke: " + status.error().what);
   Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
   const auto host = hosts.at(host_key(to_name(who)), who.msp_id());

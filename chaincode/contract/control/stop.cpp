@@ -1,8 +1,6 @@
 #include "chaincode/contract/control/control_calls.hpp"
 #include "chaincode/contract/records.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/grants.hpp"
-#include "common/msg/stops.hpp"
 
 /// stop, clear_stop and apply_stops. A stop must lose to nobody: it writes a key of its stopper's own without reading
 /// it, and reads what administrators alone write, and how often its stopper's own stops were cleared. So it is invalid
@@ -11,22 +9,32 @@
 namespace ledgerline::chaincode {
 namespace {
 
-/// Why the caller may not stop this drone. Only administrators write role, organisation and grants, so nobody can make
-/// a stop invalid by flying, acquiring or releasing.
-Status check_stop(Stub& stub, const std::string& drone, Role role, bool cut) {
+/// What administrators alone write of a drone's record: owner and grants, so that nobody can make a stop invalid by
+/// flying, acquiring or releasing.
+Result<Control> read_for_stop(Stub& stub, const std::string& drone) {
   const auto organisation = read_record<Organisation>(stub, owner_key(drone));
   if (!organisation) return organisation.error();
-  if (!*organisation) return Error{not_enrolled_text()};
-  const std::string& owner = (*organisation)->msp_id();
-  if (Status status = check_operator(stub.caller(), role); !status) return status;
-  if (owner == stub.caller().msp_id) return done;
+  if (!*organisation) return Error{access::not_enrolled_text()};
+  Control record;
+  record.set_drone(drone);
+  record.mutable_owner()->set_msp_id((*organisation)->msp_id());
+  if ((*organisation)->msp_id() == stub.caller().msp_id) return record;  // who needs no grant
   const auto grants = read_record<Grants>(stub, grant_key(drone));
   if (!grants) return grants.error();
-  const Rights rights = rights_of((*grants ? **grants : Grants()).grants(), owner, to_message(stub.caller()));
-  if (cut ? rights.cut : rights.stop) return done;
-  return Error{to_text(stub.caller()) + " may not " + (cut ? "cut" : "stop") + " it: " + owner +
-               " has granted that neither to this identity nor to " + stub.caller().msp_id + "; an administrator of " +
-               owner + " may"};
+  if (*grants) *record.mutable_grants() = (*grants)->grants();
+  return record;
+}
+
+/// Reads how often the caller's stops of this drone were cleared, and why the caller may not stop it.
+Result<std::uint64_t> check_stop(Stub& stub, const std::string& drone, const DronesCall& call, Role role) {
+  const access::Caller caller = caller_of(stub);
+  const auto record = read_for_stop(stub, drone);
+  if (!record) return record.error();
+  if (const auto why = access::check_stop(*record, caller, role, call.cut())) return Error{why->text};
+  const auto clears = read_clears(stub, drone, caller.name);
+  if (!clears) return clears;
+  if (const auto why = access::check_clears(call, drone, caller, *clears)) return Error{why->text};
+  return clears;
 }
 
 }  // namespace
@@ -45,16 +53,8 @@ Response stop(Stub& stub, const Arguments& call) {
   Stops all;
   for (const std::string& drone : sorted_names(target->drones())) {
     if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
-    if (Status status = check_stop(stub, drone, *role, target->cut()); !status) {
-      return refuse(drone + ": " + status.error().what);
-    }
-    const auto clears = read_clears(stub, drone, stub.caller());
-    if (!clears) return refuse(clears.error().what);
-    const auto meant = said_of(*target, target->clears(), drone);
-    if (meant && *meant != *clears) {
-      return refuse(drone + ": a stop meant for " + std::to_string(*meant) + " clears of the stops of " +
-                    to_text(stub.caller()) + "; the ledger has " + std::to_string(*clears) + ": name that, or none");
-    }
+    const auto clears = check_stop(stub, drone, *target, *role);
+    if (!clears) return refuse(drone + ": " + clears.error().what);
     Stop& one = *all.add_stops();
     one.set_drone(drone);
     *one.mutable_stopper() = to_message(stub.caller());
@@ -70,18 +70,7 @@ Response stop(Stub& stub, const Arguments& call) {
 Response clear_stop(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
   if (!target) return refuse("clear_stop: " + target.error().what);
-  const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().what);
-  if (*role == REVOKED) return refuse("clear_stop: " + revoked_text(stub.caller()));
-
-  return change_controls(
-      stub, call, contract::clear_stop, target->drones(), [&](Control& control, std::uint64_t) -> Status {
-        if (!is_stopped(control))
-          return Error{"not stopped; there is nothing that " + to_text(stub.caller()) + " could clear"};
-        if (clear_stops(control, to_message(stub.caller()), *role == SUPERVISOR)) return done;
-        return Error{"stopped by " + stopper_names(control) + "; only they, each its own, or a supervisor of " +
-                     control.owner().msp_id() + " may clear it"};
-      });
+  return change_controls(stub, call, {contract::clear_stop, *target}, target->drones());
 }
 
 Response apply_stops(Stub& stub, const Arguments& call) {
@@ -91,14 +80,7 @@ Response apply_stops(Stub& stub, const Arguments& call) {
   Status renewed = renew_host(stub, hosts, stub.caller());
   if (renewed) renewed = hosts.write();
   if (!renewed) return refuse(renewed.error().what);
-  return change_controls(
-      stub, call, contract::apply_stops, target->drones(), [&](Control& control, std::uint64_t new_epoch) -> Status {
-        if (to_name(control.owner()) != stub.caller()) {
-          return Error{"enrolled to " + to_text(to_name(control.owner())) + ", who alone applies its stops"};
-        }
-        end_revoked(control, new_epoch);
-        return done;
-      });
+  return change_controls(stub, call, {contract::apply_stops, *target}, target->drones());
 }
 
 }  // namespace ledgerline::chaincode

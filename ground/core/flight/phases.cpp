@@ -5,10 +5,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/access/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 #include "ground/core/flight/near.hpp"
 
 namespace ledgerline::ground {
@@ -81,7 +81,7 @@ void Phases::lease_changed(TimeNs now) {
     status_.why = lease_.commander != config_.self
                       ? "lost its lease" + (lease_.holder ? " to " + holder_words(lease_) : "")
                       : revoked_words(lease_);
-    const bool ourselves = lease_.revoked && is_revoked(*lease_.record, verification::to_message(config_.self));
+    const bool ourselves = lease_.revoked && is_revoked(*lease_.record, to_message(config_.self));
     // Handed back, or held by another one who lets us command, its pilot flies it on.
     enter(now, config_.manual && !ourselves ? DronePhase::waiting : DronePhase::failed);
   }

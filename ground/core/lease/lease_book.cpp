@@ -4,9 +4,9 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground {
 
@@ -43,21 +43,20 @@ std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const
   lease.commander.reset();
   *lease.stoppers.mutable_stoppers() = control.stoppers();
   *lease.stoppers.mutable_cleared() = control.cleared();
-  if (control.has_owner()) lease.owner = verification::to_name(control.owner());
+  if (control.has_owner()) lease.owner = to_name(control.owner());
   if (control.has_holder()) {
-    lease.holder = verification::to_name(control.holder());
-    lease.commander = verification::to_name(commander_of(control));
+    lease.holder = to_name(control.holder());
+    lease.commander = to_name(commander_of(control));
   }
   update(lease);
   return change;
 }
 
 // Who signed it; nobody who is trusted: none.
-std::optional<verification::Creator> LeaseBook::creator_of(const fabric::Transaction& tx,
-                                                           std::int64_t realtime_s) const {
+std::optional<access::Caller> LeaseBook::creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const {
   const auto member = config_.trusted->member(tx.creator, realtime_s);
   if (!member || !fabric::creator_signed(tx, *(*member)->verifier)) return std::nullopt;
-  return verification::Creator{(*member)->name, (*member)->admin};
+  return access::Caller{(*member)->name, (*member)->admin};
 }
 
 std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, std::int64_t realtime_s) {
@@ -74,13 +73,13 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
                               return lease.record && names_identity(*lease.record, role->identity);
                             });
   if (!ours(event->controls.controls()) && !ours(event->stops.stops()) && !role_of_ours) return {};
-  std::optional<verification::Creator> creator;
+  std::optional<access::Caller> creator;
   if (config_.trusted && !(creator = creator_of(tx, realtime_s))) {
     ++counters_.states_unverified;
     return {};
   }
   std::vector<Change> changes;
-  if (role && creator && !verification::role_follows(*role, *creator)) {
+  if (role && creator && !verification::role_follows(*event, *creator)) {
     ++counters_.altered;
     return {};
   }

@@ -43,7 +43,7 @@ class LeaseBook {
   const Lease& of(std::size_t drone) const { return leases_[drone]; }
 
  private:
-  std::optional<verification::Creator> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
+  std::optional<access::Caller> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
   std::optional<Change> take_record(std::size_t drone, const Control& control);
   void update(Lease& lease) const;
 

@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <functional>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -46,8 +46,7 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
     if (!slot.stop || slot.id != 0 || now < slot.next_ns) continue;
     slot.stop->clear_clears();
     const std::optional<Control>& record = leases.of(slot.drone).record;
-    if (slot.counted && record)
-      slot.stop->add_clears(clears_of(*record, verification::to_message(slot.by ? *slot.by : self_)));
+    if (slot.counted && record) slot.stop->add_clears(clears_of(*record, to_message(slot.by ? *slot.by : self_)));
     slot.id = next_id++;
     submissions.push_back({slot.id, {contract::stop, {slot.stop->SerializeAsString()}}, true, slot.by});
   }

@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "common/access/identity.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
@@ -22,7 +22,7 @@ std::string text_or_none(const std::optional<crypto::IdentityName>& who) {
 
 json stoppers_of(const Lease& lease) {
   json all = json::array();
-  for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(verification::to_name(stop.stopper())));
+  for (const Stop& stop : lease.stoppers.stoppers()) all.push_back(text_of(to_name(stop.stopper())));
   return all;
 }
 

@@ -2,17 +2,17 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground::service {
 
 std::vector<crypto::IdentityName> operators_in(const Anchors& anchors, const verification::Roles& roles) {
   std::vector<crypto::IdentityName> signers;
   for (const Anchor& anchor : anchors.anchors()) {
-    const crypto::IdentityName signer = verification::to_name(anchor.signer());
+    const crypto::IdentityName signer = to_name(anchor.signer());
     if (is_operator(roles.of(signer))) signers.push_back(signer);
   }
   return signers;
@@ -24,7 +24,7 @@ std::vector<AnchorCall> approval_questions(const std::string& digest, const veri
     if (!is_operator(role)) continue;
     if (calls.empty() || static_cast<std::size_t>(calls.back().signers_size()) == contract::max_page_anchors)
       calls.emplace_back().set_digest(digest);
-    *calls.back().add_signers() = verification::to_message(who);
+    *calls.back().add_signers() = to_message(who);
   }
   return calls;
 }

@@ -2,9 +2,9 @@
 
 #include <array>
 
+#include "common/access/identity.hpp"
 #include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
-#include "common/verification/identity.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground::service {
@@ -46,7 +46,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
   if (call.kind == Kind::hand_over || call.kind == Kind::deny) {
     AnswerCall answer;
     answer.add_drones(drone);
-    *answer.mutable_to() = verification::to_message(call.to);
+    *answer.mutable_to() = to_message(call.to);
     return as_call(answer);
   }
   if (call.kind == Kind::clear_stop) {
@@ -58,7 +58,7 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
   LeaseCall lease;
   lease.add_drones(drone);
   lease.set_priority(call.priority);
-  if (call.kind != Kind::release) *lease.mutable_delegate() = verification::to_message(commander);
+  if (call.kind != Kind::release) *lease.mutable_delegate() = to_message(commander);
   return as_call(lease);
 }
 

@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -22,7 +22,7 @@ std::vector<std::size_t> aloft_of(const FlightView& flights) {
 }
 
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
-  const Identity ground = verification::to_message(flights.config().self);
+  const Identity ground = to_message(flights.config().self);
   std::vector<std::size_t> stopped;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
     const Control& stoppers = flights.lease(drone).stoppers;

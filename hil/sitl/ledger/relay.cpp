@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/access/identity.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "common/verification/identity.hpp"
 #include "hil/sitl/peer/bent_transactions.hpp"
 #include "hil/sitl/peer/words.hpp"
 #include "peer/chaincode_event.pb.h"
@@ -80,7 +80,7 @@ std::string cut_of(const std::string& drone, const crypto::IdentityName& stopper
   Stops stops;
   Stop& stop = *stops.add_stops();
   stop.set_drone(drone);
-  *stop.mutable_stopper() = verification::to_message(stopper);
+  *stop.mutable_stopper() = to_message(stopper);
   stop.set_cut(true);
   return stops.SerializeAsString();
 }
@@ -158,8 +158,8 @@ std::string relay_lies() { return list_of(relay_lie_names()); }
 Control Relay::record_of(const std::string& drone) const {
   Control record;
   record.set_drone(drone);
-  *record.mutable_owner() = verification::to_message(names_.drone_host);
-  *record.mutable_holder() = verification::to_message(names_.holder);
+  *record.mutable_owner() = to_message(names_.drone_host);
+  *record.mutable_holder() = to_message(names_.holder);
   record.set_epoch(1);
   Grant& operators = *record.add_grants();
   operators.mutable_to()->set_msp_id(names_.holder.msp_id);
@@ -193,7 +193,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
       return Event{contract::command, earlier.SerializeAsString()};
     }
     case RelayTampering::command_acquire:
-      *record.mutable_holder() = verification::to_message(rival);
+      *record.mutable_holder() = to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     case RelayTampering::command_release:
@@ -203,7 +203,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
     case RelayTampering::command_clear_stop:
       return Event{contract::clear_stop, bytes_of(record)};
     case RelayTampering::command_enroll:
-      *record.mutable_owner() = verification::to_message(rival);
+      *record.mutable_owner() = to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
     case RelayTampering::command_apply_stops:
       record.set_epoch(9);
@@ -229,7 +229,7 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
       Control record = record_of(drone);
-      *record.mutable_holder() = verification::to_message(names_.drone_host);
+      *record.mutable_holder() = to_message(names_.drone_host);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     }
@@ -256,7 +256,7 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     case RelayTampering::frame_cut:
       return Event{contract::stop, cut_of(drone, names_.drone_host)};
     case RelayTampering::frame_acquire:
-      *record.mutable_holder() = verification::to_message(rival);
+      *record.mutable_holder() = to_message(rival);
       record.set_epoch(2);
       return Event{contract::acquire, bytes_of(record)};
     case RelayTampering::frame_release:
@@ -266,10 +266,10 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
     case RelayTampering::frame_clear_stop:
       return Event{contract::clear_stop, bytes_of(record)};
     case RelayTampering::frame_enroll:
-      *record.mutable_owner() = verification::to_message(rival);
+      *record.mutable_owner() = to_message(rival);
       return Event{contract::enroll, bytes_of(record)};
     case RelayTampering::frame_back:
-      *record.mutable_holder() = verification::to_message(rival);
+      *record.mutable_holder() = to_message(rival);
       record.set_epoch(0);
       return Event{contract::acquire, bytes_of(record)};
     case RelayTampering::frame_flies:
@@ -301,12 +301,12 @@ std::optional<Relay::Event> Relay::bent_stop(const std::string& payload) const {
   auto controls = parsed<Controls>(payload);
   for (Stop& stop : *stops.mutable_stops()) {
     if (lie_ == RelayTampering::stop_cut) stop.set_cut(true);
-    if (lie_ == RelayTampering::stop_other) *stop.mutable_stopper() = verification::to_message(rival);
+    if (lie_ == RelayTampering::stop_other) *stop.mutable_stopper() = to_message(rival);
   }
   for (Control& record : *controls.mutable_controls()) {
     if (lie_ == RelayTampering::apply_stops_clears) record.clear_stoppers();
     if (lie_ == RelayTampering::apply_stops_back) {
-      *record.mutable_holder() = verification::to_message(rival);
+      *record.mutable_holder() = to_message(rival);
       record.set_epoch(0);
     }
   }

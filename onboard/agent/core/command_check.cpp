@@ -4,13 +4,13 @@
 #include <cmath>
 #include <utility>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
 #include "common/verification/control_events.hpp"
-#include "common/verification/identity.hpp"
 #include "onboard/agent/core/proposal_hash.hpp"
 
 namespace ledgerline::agent {
@@ -140,7 +140,7 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
 }
 
 Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
-                                    verification::Creator& signer) {
+                                    access::Caller& signer) {
   if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) return Refusal::wrong_channel;
   const auto creator = registry_.member(tx.creator, now_s);
   if (!creator) return Refusal::unknown_signer;
@@ -150,7 +150,7 @@ Refusal CommandCheck::check_creator(std::optional<std::int64_t> now_s, const fab
 }
 
 Refusal CommandCheck::check_transaction(std::int64_t now_s, const fabric::Transaction& tx,
-                                        const Organisations& endorsers, verification::Creator& signer) {
+                                        const Organisations& endorsers, access::Caller& signer) {
   const Refusal why = check_creator(now_s, tx, signer);
   return why != Refusal::none || endorsed_by(endorsers, now_s, tx) ? why : Refusal::not_endorsed;
 }
@@ -179,7 +179,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
       std::any_of(call.plans().begin(), call.plans().end(), [&](const auto& p) { return find(p.drone()); });
   if (!ours) return;
 
-  verification::Creator signer;
+  access::Caller signer;
   const Refusal whole = check_whole(now_s, tx, out, signer);
   for (const DronePlan& plan : call.plans()) {
     Drone* drone = find(plan.drone());
@@ -199,7 +199,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
 }
 
 Refusal CommandCheck::check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
-                                  verification::Creator& signer) {
+                                  access::Caller& signer) {
   if (!out.chain_ok) return Refusal::broken_chain;
   if (tx.code != 0) return Refusal::invalid_transaction;
   return check_transaction(now_s, tx, {config_.msp_id}, signer);
@@ -269,7 +269,7 @@ Refusal CommandCheck::check_setpoints(TimeNs now, const DronePlan& plan) const {
 
 std::optional<verification::ControlEvent> CommandCheck::verified_event(std::int64_t now_s,
                                                                        const fabric::Transaction& tx,
-                                                                       verification::Creator& signer, Checked& out) {
+                                                                       access::Caller& signer, Checked& out) {
   Controls reported;
   Refusal why = parse_message(tx.event_payload, reported) ? Refusal::none : Refusal::malformed;
   if (why == Refusal::none) {
@@ -294,16 +294,18 @@ void CommandCheck::refuse_control_event(Refusal why, DroneNumber drone, Checked&
 }
 
 void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out) {
-  verification::Creator signer;
+  access::Caller signer;
   const auto event = verified_event(now_s, tx, signer, out);
   if (!event) return;
   const auto role = verification::role_change(*event);
-  bool follows = !role || verification::role_follows(*role, signer);  // as a whole or not at all, as on the ledger
+  bool follows = !role || verification::role_follows(*event, signer);  // as a whole or not at all, as on the ledger
   if (!follows) refuse_control_event(Refusal::altered, 0, out);
   for (const Control& control : event->controls.controls()) {
     const Drone* drone = find(control.drone());
     if (!drone) continue;
-    if (drone->control && verification::control_follows(*event, *drone->control, control, signer)) continue;
+    if (drone->control && drone->control->has_owner() &&
+        verification::control_follows(*event, *drone->control, control, signer))
+      continue;
     refuse_control_event(Refusal::altered, drone->name.number, out);
     follows = false;
   }
@@ -311,19 +313,19 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
   for (const Control& control : event->controls.controls()) {
     Drone* drone = find(control.drone());
     if (!drone) continue;
-    const bool cleared = event->function == contract::clear_stop && is_stopped(*drone->control) && !is_stopped(control);
+    const bool cleared =
+        event->call.function == contract::clear_stop && is_stopped(*drone->control) && !is_stopped(control);
     // Who commands no more must not fly on until the end of his plan, seconds on a far ledger. Who hands the drone over
     // does, until the first plan of the other: nobody holds it up in between.
-    const bool lost =
-        event->function != contract::hand_over && drone->control->has_holder() &&
-        control.epoch() > drone->control->epoch() &&
-        verification::to_name(commander_of(*drone->control)) != verification::to_name(commander_of(control));
+    const bool lost = event->call.function != contract::hand_over && drone->control->has_holder() &&
+                      control.epoch() > drone->control->epoch() &&
+                      to_name(commander_of(*drone->control)) != to_name(commander_of(control));
     if (lost) out.plans.push_back(empty_plan(now, drone->name.number, control.epoch()));
     drone->control = control;
     // What no record shows after its host's apply_stops, or after somebody cleared stops, the ledger never had.
     if (drone->heard && !is_stopped(control)) {
-      if (event->function == contract::apply_stops) drone->heard->not_on_ledger = true;
-      if (event->function == contract::clear_stop) drone->heard.reset();
+      if (event->call.function == contract::apply_stops) drone->heard->not_on_ledger = true;
+      if (event->call.function == contract::clear_stop) drone->heard.reset();
     }
     if (!cleared || drone->heard) continue;
     // A member of the owner's organisation also acts for the person who pressed the key beside the drone.

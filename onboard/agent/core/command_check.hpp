@@ -177,11 +177,10 @@ class CommandCheck {
   Drone* find(std::string_view name);
   const Drone* find(DroneNumber number) const;
   /// Channel, contract, and who signed it; `now_s`: nullopt: whatever the time is.
-  Refusal check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx,
-                        verification::Creator& signer);
+  Refusal check_creator(std::optional<std::int64_t> now_s, const fabric::Transaction& tx, access::Caller& signer);
   /// The same, and that a peer of one of the organisations endorsed it.
   Refusal check_transaction(std::int64_t now_s, const fabric::Transaction& tx, const Organisations& endorsers,
-                            verification::Creator& signer);
+                            access::Caller& signer);
   bool endorsed_by(const Organisations& organisations, std::optional<std::int64_t> now_s,
                    const fabric::Transaction& tx);
   /// Takes what link still has of another's plans away.
@@ -190,15 +189,14 @@ class CommandCheck {
   static bool commands(const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan);
   Refusal check_plan(TimeNs now, const Drone& drone, const crypto::IdentityName& signer, const DronePlan& plan) const;
   Refusal check_setpoints(TimeNs now, const DronePlan& plan) const;
-  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out,
-                      verification::Creator& signer);
+  Refusal check_whole(std::int64_t now_s, const fabric::Transaction& tx, const Checked& out, access::Caller& signer);
   static void refuse(Drone& drone, const DronePlan& plan, Refusal why, Checked& out);
   void refuse_altered(const fabric::Transaction& tx, CommandCall asked, Checked& out);
   void take_commands(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   /// A control event, of any function but stop, that concerns us and is what its creator asked for; else it was
   /// refused.
   std::optional<verification::ControlEvent> verified_event(std::int64_t now_s, const fabric::Transaction& tx,
-                                                           verification::Creator& signer, Checked& out);
+                                                           access::Caller& signer, Checked& out);
   void refuse_control_event(Refusal why, DroneNumber drone, Checked& out);
   void take_controls(TimeNs now, std::int64_t now_s, const fabric::Transaction& tx, Checked& out);
   bool concerns_us(const Controls& reported);
@@ -206,7 +204,7 @@ class CommandCheck {
   void take_stops(TimeNs now, const fabric::Transaction& tx, Checked& out);
   /// A call of `stop`, well signed.
   struct StopEvent {
-    const verification::Creator& signer;
+    const access::Caller& signer;
     bool endorsed_by_us = false;                        ///< of an event alone is it asked
     bool again = false;                                 ///< it was heard before
     const verification::ControlEvent* event = nullptr;  ///< what the ledger is said to have made of it; null: nothing

@@ -134,7 +134,7 @@ class VersionBefore final : public shim::Stub {
       Stored stored = table_record;
       stored.mutable_assets(0)->set_msg_type("ledgerline.EnrollCall");
       stored.mutable_assets(0)->set_msg_data(role.SerializeAsString());
-      const std::string own = chaincode::role_key_before(chaincode::to_name(role.identity()));
+      const std::string own = chaincode::role_key_before(to_name(role.identity()));
       if (Status status = put(own, std::move(stored)); !status) return status;
     }
     return done;

@@ -4,12 +4,12 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
-#include "common/verification/identity.hpp"
 #include "peer/transaction.pb.h"
 #include "tools/audit/story/states.hpp"
 
@@ -38,9 +38,9 @@ std::string action_word(Action action) { return action == TAKEOFF ? "take-off" :
 std::string commander_words(const crypto::IdentityName& signer, const DronePlan& plan,
                             const std::optional<Control>& record) {
   const std::string who = words_of(signer);
-  const bool delegate = record && record->has_delegate() && verification::to_name(record->delegate()) == signer &&
-                        record->epoch() == plan.epoch();
-  return delegate ? who + " for " + words_of(verification::to_name(record->holder())) : who;
+  const bool delegate =
+      record && record->has_delegate() && to_name(record->delegate()) == signer && record->epoch() == plan.epoch();
+  return delegate ? who + " for " + words_of(to_name(record->holder())) : who;
 }
 
 }  // namespace
@@ -55,8 +55,7 @@ DroneStory* Story::drone(const std::string& name) {
   return bounded_entry(drones_, printable(name, max_name), max_drones);
 }
 
-Status Story::take(const ValidationResult& result, const fabric::Transaction& tx,
-                   const verification::Creator& creator) {
+Status Story::take(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator) {
   const std::string who = words_of(creator.name);
   const bool valid = result.code == protos::VALID;
   if (valid && tx.timestamp_ns > 0) {
@@ -92,8 +91,7 @@ void Story::take_refusal(const ValidationResult& result, const fabric::Transacti
   }
 }
 
-void Story::take_command(const ValidationResult& result, const fabric::Transaction& tx,
-                         const verification::Creator& creator) {
+void Story::take_command(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator) {
   CommandCall call;
   if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) return;
   const bool valid = result.code == protos::VALID;
@@ -149,31 +147,31 @@ void Story::take_record(const Control& after, const std::string& by, const Momen
   if (story == nullptr) return;
   Tenure* last = story->holders.last();
   const bool held = last != nullptr && !last->to;
-  const std::string holder = after.has_holder() ? words_of(verification::to_name(after.holder())) : "";
+  const std::string holder = after.has_holder() ? words_of(to_name(after.holder())) : "";
   if (held && (holder != last->who || after.epoch() != last->epoch)) {
     last->to = when;
     last->ended_by = by;
   }
   const bool same = held && !last->to;
-  const std::string delegate = after.has_delegate() ? words_of(verification::to_name(after.delegate())) : "";
+  const std::string delegate = after.has_delegate() ? words_of(to_name(after.delegate())) : "";
   if (after.has_holder() && !same)
     story->holders.add({holder, after.epoch(), after.priority(), when, std::nullopt, "", delegate});
   story->record = after;
 }
 
-Status Story::take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when) {
+Status Story::take_control(const fabric::Transaction& tx, const access::Caller& creator, const Moment& when) {
   const auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
   if (!event) return event.error();
-  const std::string who = words_of(creator.name), by = event->function + " by " + who;
+  const std::string who = words_of(creator.name), by = event->call.function + " by " + who;
   Status problem = done;
   const auto follows = [&](const std::string& drone_name, const Status& status) {
     if (!status && problem)
-      problem = Error{fmt::format("{} of {} does not follow: {}", event->function, printable(drone_name, max_name),
+      problem = Error{fmt::format("{} of {} does not follow: {}", event->call.function, printable(drone_name, max_name),
                                   status.error().what)};
     return status.ok();
   };
   const auto role = verification::role_change(*event);
-  const bool role_good = !role || follows("a role", verification::role_follows(*role, creator));
+  const bool role_good = !role || follows("a role", verification::role_follows(*event, creator));
   for (const Control& after : event->controls.controls()) {
     DroneStory* story = drone(after.drone());
     if (story == nullptr) continue;
@@ -181,7 +179,7 @@ Status Story::take_control(const fabric::Transaction& tx, const verification::Cr
     if (story->record && !follows(after.drone(), verification::control_follows(*event, *story->record, after, creator)))
       continue;
     if (tx.function != contract::acquire && tx.function != contract::release)
-      story->words.add({event->function, who, when});
+      story->words.add({event->call.function, who, when});
     take_record(after, by, when);
   }
   for (const Stop& stop : event->stops.stops()) {
@@ -193,7 +191,7 @@ Status Story::take_control(const fabric::Transaction& tx, const verification::Cr
     if (story->record) add_stop(*story->record, stop);
   }
   if (role && role_good) {
-    const std::string of = words_of(verification::to_name(role->identity));
+    const std::string of = words_of(to_name(role->identity));
     roles_.add({fmt::format("{} {}", Role_Name(role->role), of), who, when});
     for (auto& [name, story] : drones_) {
       if (story.record && names_identity(*story.record, role->identity))

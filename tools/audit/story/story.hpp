@@ -98,7 +98,7 @@ class Story {
 
   /// A transaction in the chain's order; `creator` as its certificate says. An error: what it wrote of a drone does not
   /// follow from what its creator signed and from the record before, though its endorsers let it pass.
-  Status take(const ValidationResult& result, const fabric::Transaction& tx, const verification::Creator& creator);
+  Status take(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator);
 
   static constexpr std::size_t max_drones = 1'000, max_refusals = 1'000, max_people = 1'000;
   struct RefusalKey {
@@ -119,10 +119,9 @@ class Story {
  private:
   DroneStory* drone(const std::string& name);
   void take_refusal(const ValidationResult& result, const fabric::Transaction& tx, const std::string& who);
-  void take_command(const ValidationResult& result, const fabric::Transaction& tx,
-                    const verification::Creator& creator);
+  void take_command(const ValidationResult& result, const fabric::Transaction& tx, const access::Caller& creator);
   void take_set(const fabric::Transaction& tx, const Moment& when);
-  Status take_control(const fabric::Transaction& tx, const verification::Creator& creator, const Moment& when);
+  Status take_control(const fabric::Transaction& tx, const access::Caller& creator, const Moment& when);
   void take_record(const Control& after, const std::string& by, const Moment& when);
 
   std::string contract_;

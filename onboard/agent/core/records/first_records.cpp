@@ -2,8 +2,8 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/verification/identity.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -31,7 +31,7 @@ std::string to_bytes(const FirstRecords& records) {
   for (const auto& [who, role] : records.roles.all()) {
     if (!followed.contains(who.msp_id)) continue;
     EnrollCall record;
-    *record.mutable_identity() = verification::to_message(who);
+    *record.mutable_identity() = to_message(who);
     record.set_role(role);
     add(assets, role_id, record.SerializeAsString());
   }

@@ -1,12 +1,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/stops.hpp"
 #include "common/verification/calls.hpp"
 #include "common/verification/control_events.hpp"
-#include "common/verification/identity.hpp"
 #include "onboard/agent/core/command_check.hpp"
 
 /// Which stops are obeyed: one proves itself by its signer, whatever block brings it.
@@ -39,7 +39,7 @@ void CommandCheck::take_stops(TimeNs now, const fabric::Transaction& tx, Checked
   const bool tells =
       std::any_of(reported.stops().begin(), reported.stops().end(), [&](const Stop& s) { return ours(s.drone()); });
   if (!asks && !tells) return;
-  verification::Creator signer;
+  access::Caller signer;
   if (const Refusal why = check_creator(std::nullopt, tx, signer); why != Refusal::none)
     return refuse_control_event(why, 0, out);
   std::optional<verification::ControlEvent> event;
@@ -59,8 +59,7 @@ void CommandCheck::take_stops(TimeNs now, const fabric::Transaction& tx, Checked
                        .tx = tx};
   for (Drone& drone : drones_) {
     if (std::find(asked->drones().begin(), asked->drones().end(), drone.name.name) == asked->drones().end()) continue;
-    const Stop stop =
-        verification::signed_stop(*asked, tx.event_payload, drone.name.name, verification::to_message(signer.name));
+    const Stop stop = verification::signed_stop(*asked, tx.event_payload, drone.name.name, to_message(signer.name));
     take_stop(now, said, stop, drone, out);
   }
 }
@@ -78,7 +77,7 @@ void CommandCheck::take_stop(TimeNs now, const StopEvent& said, const Stop& stop
     }
   }
   const bool vouched = reported != nullptr && said.endorsed_by_us;
-  if (!vouched && !verification::may_stop(record, roles_.of(said.signer.name), stop.stopper())) {
+  if (!vouched && access::check_stop(record, said.signer, roles_.of(said.signer.name), false)) {
     const bool known = reported == nullptr && said.tx.code == 0;  // as altered
     if (!known) refuse_control_event(Refusal::may_not_stop, drone.name.number, out);
     return;

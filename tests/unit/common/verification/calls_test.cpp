@@ -106,12 +106,12 @@ TEST(ReadControlEvent, JsonOfBlocksWrittenBeforeIsReadByTheOldNames) {
   const Args asked{R"({"drones":["tello1"],"resumes":[3]})"};
   const auto stop = read_control_event({"stop", asked}, "stop", R"({"stops":[{"drone":"tello1","resumes":"3"}]})");
   ASSERT_TRUE(stop);
-  EXPECT_EQ(std::get<DronesCall>(stop->asked).clears(0), 3U);
+  EXPECT_EQ(std::get<DronesCall>(stop->call.message).clears(0), 3U);
   EXPECT_EQ(stop->stops.stops(0).clears(), 3U);
   const auto clear = read_control_event({"resume", {"tello1"}}, "resume",
                                         R"({"controls":[{"drone":"tello1","resumed":[{"resumes" : "4"}]}]})");
   ASSERT_TRUE(clear);
-  EXPECT_EQ(clear->function, "clear_stop");
+  EXPECT_EQ(clear->call.function, "clear_stop");
   EXPECT_EQ(clear->controls.controls(0).cleared(0).clears(), 4U);
   Stop lifted;
   EXPECT_TRUE(parse_message(R"({"lifted":true,"drone":"resumes"})", lifted));

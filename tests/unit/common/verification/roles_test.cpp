@@ -2,9 +2,9 @@
 
 #include <gmock/gmock.h>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/verification/identity.hpp"
 
 /// Roles as agent and ground know them: whatever one organisation does with its own, the others' are there.
 namespace ledgerline::verification {

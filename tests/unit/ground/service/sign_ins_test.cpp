@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
-#include "common/verification/identity.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ledgerline.pb.h"
 
@@ -88,8 +88,7 @@ TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
   const std::vector<Operator> operators{one("alice"), one("bob"), one("carol"), one("dave"), one("eve")};
   verification::Roles roles;
   const Role given[] = {OPERATOR, REVOKED, SUPERVISOR, AUDITOR};
-  for (std::size_t i = 0; i < std::size(given); ++i)
-    roles.take({verification::to_message(operators[i].identity), given[i]});
+  for (std::size_t i = 0; i < std::size(given); ++i) roles.take({to_message(operators[i].identity), given[i]});
   EXPECT_THAT(dismissed(operators, roles), ElementsAre(1U, 3U));
 }
 
@@ -142,7 +141,7 @@ TEST(OperatorCalls, ALeaseLetsTheGroundCommandAndAReleaseNamesNobody) {
   ASSERT_TRUE(lease.ParseFromString(call.args.at(0)));
   EXPECT_EQ(lease.drones(0), "tello1");
   EXPECT_EQ(lease.priority(), 7U);
-  EXPECT_EQ(verification::to_name(lease.delegate()), ground);
+  EXPECT_EQ(to_name(lease.delegate()), ground);
   ASSERT_TRUE(lease.ParseFromString(
       contract_call({.kind = OperatorCall::Kind::release, .drone = 0}, "tello1", ground).args.at(0)));
   EXPECT_FALSE(lease.has_delegate());

@@ -1,6 +1,6 @@
 // How well prediction flies, as docs/prediction.md has it, checked against the simulator's truth. Two seeds in every
-// run, ten with LEDGERLINE_LONG=1. All flights in gusts of 0.1 m/s; drones that can be commanded up to 2 m/s, so that no
-// limit of theirs stands in for good control.
+// run, ten with LEDGERLINE_LONG=1. All flights in gusts of 0.1 m/s; drones that can be commanded up to 2 m/s, so that
+// no limit of theirs stands in for good control.
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 

@@ -212,7 +212,8 @@ TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotReported) {
   ASSERT_TRUE(take("acquire", "CN=pilot", record("CN=pilot", 1)));
   const Status status = take("release", "CN=other", record("", 2));
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what, HasSubstr("release of tello1 does not follow: another one holds the lease"));
+  EXPECT_THAT(status.error().what,
+              HasSubstr("release of tello1 does not follow: holder: Org1MSP CN=other does not hold the lease"));
   EXPECT_FALSE(take("acquire", "CN=other", record("CN=third", 2)));
   ASSERT_EQ(story.drones().at("tello1").holders.all().size(), 1U);
   EXPECT_FALSE(story.drones().at("tello1").holders.all()[0].to);
@@ -222,7 +223,7 @@ TEST_F(LiesTest, AStampThatNoStateCanHaveIsNoLatency) {
   ASSERT_TRUE(take("enroll", "CN=admin", record("", 0)));
   fabric::Transaction tx;
   tx.contract = "ledgerline";
-  const verification::Creator who{{"Org1MSP", "CN=pilot"}, false};
+  const access::Caller who{{"Org1MSP", "CN=pilot"}, false};
   CommandCall command;
   DronePlan& plan = *command.add_plans();
   plan.set_drone("tello1");

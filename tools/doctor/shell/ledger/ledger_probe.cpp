@@ -95,7 +95,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
     }
     out.push_back(assess(*channel->batching, facts));
   }
-  ContractFacts contract{.name = one.ledger->contract, .own_version = std::to_string(contract::record_version + 1)};
+  ContractFacts contract{.name = one.ledger->contract, .own_version = contract::version};
   std::string policy;
   if (embedded) {
     out.push_back(fine("contract", contract.name + " of the embedded ledger"));

@@ -3,7 +3,7 @@
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
-/// Who hammers against evict, grant and clear_stop: ten transactions a block, of which the evictor has one.
+/// Who hammers against evict, grant, release and clear_stop: ten transactions a block, of which the evictor has one.
 namespace ledgerline::node {
 namespace {
 
@@ -40,7 +40,9 @@ class ClaimConflicts : public ::testing::Test {
     ASSERT_THAT(commit(), ElementsAre(protos::VALID)) << function;
   }
 
-  /// Nine that change the lease or its requests: they come before the evictor's one in each block.
+  /// Nine that change the lease or its requests: they come before the evictor's one in each block. `acquires`: some are
+  /// the holder's own.
+  bool acquires = true;
   void hammer() {
     for (int i = 0; i < 9; ++i) {
       LeaseCall lease;
@@ -50,7 +52,7 @@ class ClaimConflicts : public ::testing::Test {
       answer.add_drones("tello1");
       answer.mutable_to()->set_msp_id("Org2MSP");
       answer.mutable_to()->set_subject(rival.name.subject);
-      switch (i % 3) {
+      switch (acquires ? i % 3 : 1 + i % 2) {
         case 0:
           lease.mutable_delegate()->set_msp_id("Org2MSP");
           lease.mutable_delegate()->set_subject("CN=station" + std::to_string(hammered % 2));
@@ -124,6 +126,63 @@ TEST_F(ClaimConflicts, SoIsTheEndOfAGrantAndTheHolderIsGoneWithIt) {
   EXPECT_FALSE(order(net.pilot, "acquire", "tello1"));
 }
 
+TEST_F(ClaimConflicts, SoIsAReleaseOfAHolderOfAnotherOrganisation) {
+  acquires = false;
+  EXPECT_EQ(blocks_until_valid(net.pilot, "release", "tello1", false), 0U) << "nobody hammered";
+  const std::size_t blocks = blocks_until_valid(net.pilot, "release", "tello1", true);
+  EXPECT_GE(blocks, 1U);
+  EXPECT_LE(blocks, max_blocks);
+  submit(rival, "acquire", "tello1");
+  submit(net.pilot, "request", "tello1");  // the claim is over with the lease
+}
+
+TEST_F(ClaimConflicts, AHolderWhoClaimsAllTheTimeIsEvicted) {
+  submit(chief, "claim", "tello1");
+  for (int i = 0; i < 9; ++i) EXPECT_TRUE(order(net.pilot, i % 2 == 0 ? "claim" : "unclaim", "tello1"));
+  EXPECT_TRUE(order(chief, "evict", "tello1"));
+  EXPECT_EQ(commit().back(), protos::VALID);
+}
+
+TEST_F(ClaimConflicts, AHoldersClaimDoesNothingElseInItsPlace) {
+  submit(net.pilot, "claim", "tello1");
+  EXPECT_FALSE(order(net.pilot, "clear_stop", "tello1")) << "it is not stopped";
+  EXPECT_FALSE(order(net.pilot, "evict", "tello1"));
+  submit(chief, "evict", "tello1");
+  EXPECT_FALSE(order(net.pilot, "evict", "tello1"));
+}
+
+TEST_F(ClaimConflicts, AHoldersClaimKeepsOffRequestsAndDenialsAloneAndEndsWithItsLease) {
+  submit(rival, "request", "tello1");
+  submit(net.pilot, "claim", "tello1");
+  EXPECT_FALSE(order(rival, "request", "tello1"));
+  AnswerCall answer;
+  answer.add_drones("tello1");
+  answer.mutable_to()->set_msp_id("Org2MSP");
+  answer.mutable_to()->set_subject(rival.name.subject);
+  EXPECT_FALSE(order(rival, "deny", answer.SerializeAsString()));
+  LeaseCall higher;
+  higher.add_drones("tello1");
+  higher.set_priority(5);
+  submit(rival, "acquire", higher.SerializeAsString());  // by its priority, whatever the holder has claimed
+  submit(net.pilot, "request", "tello1");
+  submit(rival, "release", "tello1");
+  submit(net.pilot, "acquire", "tello1");  // of another epoch: its old claim is over
+  submit(rival, "request", "tello1");
+}
+
+TEST_F(ClaimConflicts, AHolderEndsItsOwnClaimAndNoOther) {
+  submit(net.pilot, "claim", "tello1");
+  EXPECT_FALSE(order(rival, "request", "tello1"));
+  submit(net.pilot, "unclaim", "tello1");
+  submit(rival, "request", "tello1");
+  submit(chief, "claim", "tello1");
+  submit(net.pilot, "unclaim", "tello1");
+  EXPECT_FALSE(order(rival, "request", "tello1")) << "the owner's claim stands";
+  submit(net.pilot, "claim", "tello1");
+  submit(chief, "unclaim", "tello1");
+  submit(rival, "request", "tello1");
+}
+
 TEST_F(ClaimConflicts, WhileItStandsTheHolderFliesOnAndIsStopped) {
   submit(chief, "claim", "tello1");
   EXPECT_FALSE(order(rival, "request", "tello1"));
@@ -134,12 +193,12 @@ TEST_F(ClaimConflicts, WhileItStandsTheHolderFliesOnAndIsStopped) {
   submit(rival, "acquire", "tello1");
 }
 
-TEST_F(ClaimConflicts, OnlyTheOwnersOrganisationMayClaim) {
-  for (const auto* who : {&net.pilot, &rival, &net.admin2}) EXPECT_FALSE(order(*who, "claim", "tello1"));
+TEST_F(ClaimConflicts, OnlyTheOwnersOrganisationAndTheHolderMayClaim) {
+  for (const auto* who : {&rival, &net.admin2}) EXPECT_FALSE(order(*who, "claim", "tello1"));
   EXPECT_FALSE(order(crypto::make_test_identity({"Org1MSP", "CN=member"}), "claim", "tello1"));
   for (const auto* who : {&chief, &net.admin1, &net.host}) EXPECT_TRUE(order(*who, "claim", "tello1"));
   for (const int code : commit()) EXPECT_EQ(code, protos::VALID);
-  EXPECT_FALSE(order(net.pilot, "unclaim", "tello1"));
+  EXPECT_FALSE(order(rival, "unclaim", "tello1"));
 }
 
 TEST_F(ClaimConflicts, AClaimOverWhichTheHolderLeftIsEndedByTheEvictionThatItWasFor) {

@@ -2,8 +2,8 @@
 
 #include <gmock/gmock.h>
 
+#include "common/access/identity.hpp"
 #include "common/msg/requests.hpp"
-#include "common/verification/identity.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -23,11 +23,11 @@ class RequestAnswersTest : public ::testing::Test {
     config.request_after_ns = 10 * ns_per_s;
   }
   void request(const crypto::IdentityName& who, std::uint32_t priority) {
-    add_request(record, verification::to_message(who), nullptr, priority);
+    add_request(record, to_message(who), nullptr, priority);
     ASSERT_TRUE(leases.set(record));
   }
   void gone(const crypto::IdentityName& who) {
-    remove_request(record, verification::to_message(who));
+    remove_request(record, to_message(who));
     ASSERT_TRUE(leases.set(record));
   }
   void step(TimeNs now) {
@@ -128,8 +128,8 @@ TEST_F(RequestAnswersTest, OfADroneThatWeOnlyCommandItsHolderAnswers) {
 TEST_F(RequestAnswersTest, AnotherDelegateIsAnotherRequest) {
   request(other_name, 3);
   step(0);
-  const Identity station = verification::to_message({"Org2MSP", "CN=station"});
-  add_request(record, verification::to_message(other_name), &station, 3);
+  const Identity station = to_message({"Org2MSP", "CN=station"});
+  add_request(record, to_message(other_name), &station, 3);
   ASSERT_TRUE(leases.set(record));
   step(ns_per_s);
   EXPECT_THAT(notes, ElementsAre(HasSubstr("requests it, for Org2MSP CN=station to command, at priority 3")));

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
-#include "common/verification/identity.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground::service {
@@ -17,32 +17,32 @@ const crypto::IdentityName first{"Org2MSP", "CN=first"}, second{"Org2MSP", "CN=s
 
 Anchor anchor_of(const crypto::IdentityName& signer, const std::string& what) {
   Anchor anchor;
-  *anchor.mutable_signer() = verification::to_message(signer);
+  *anchor.mutable_signer() = to_message(signer);
   anchor.set_what(what);
   return anchor;
 }
 
 TEST(MissionApprovals, AreOfOperatorsAndSupervisors) {
   verification::Roles roles;
-  roles.take({verification::to_message(first), OPERATOR});
-  roles.take({verification::to_message(second), SUPERVISOR});
-  roles.take({verification::to_message(outsider_name), AUDITOR});
+  roles.take({to_message(first), OPERATOR});
+  roles.take({to_message(second), SUPERVISOR});
+  roles.take({to_message(outsider_name), AUDITOR});
   Anchors anchors;
   *anchors.add_anchors() = anchor_of(first, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(second, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(outsider_name, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(host_name, "mission survey may be flown");
   EXPECT_THAT(operators_in(anchors, roles), ElementsAre(first, second));
-  roles.take({verification::to_message(first), ROLE_NONE});
+  roles.take({to_message(first), ROLE_NONE});
   EXPECT_THAT(operators_in(anchors, roles), ElementsAre(second)) << "a role that was taken";
 }
 
 TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
   verification::Roles roles;
   EXPECT_THAT(approval_questions("digest", roles), IsEmpty()) << "nobody may";
-  for (int i = 0; i < 70; ++i) roles.take({verification::to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
-  roles.take({verification::to_message(first), SUPERVISOR});
-  roles.take({verification::to_message(second), AUDITOR});
+  for (int i = 0; i < 70; ++i) roles.take({to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
+  roles.take({to_message(first), SUPERVISOR});
+  roles.take({to_message(second), AUDITOR});
   const auto calls = approval_questions("digest", roles);
   ASSERT_EQ(calls.size(), 2U);
   EXPECT_EQ(calls[0].signers_size(), 64) << "as many as a verify answers";

@@ -3,8 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "common/access/identity.hpp"
 #include "common/msg/stops.hpp"
-#include "common/verification/identity.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground::service {
@@ -93,7 +93,7 @@ TEST(LeavingOperators, GroundsOwnStopIsKnownWhereItIsTheOnlyOne) {
     Control record = control_record(drone, config.self, 2);
     for (const crypto::IdentityName& who : stoppers) {
       Stop stop;
-      *stop.mutable_stopper() = verification::to_message(who);
+      *stop.mutable_stopper() = to_message(who);
       add_stop(record, stop);
     }
     ASSERT_TRUE(world.core.set_control(record.SerializeAsString()));

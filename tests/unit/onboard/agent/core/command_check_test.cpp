@@ -452,7 +452,7 @@ TEST_F(CommandCheckTest, ASetpointBeyondTheHorizonIsRefused) {
 TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
   const crypto::IdentityName other{"Org2MSP", "CN=User2@org2.ledgerline"};
   auto taken = control("tello1", epoch + 1);
-  *taken.mutable_holder() = testing::to_message(other);
+  *taken.mutable_holder() = to_message(other);
   taken.set_priority(1);
   auto old_plan = command(good_plan(1));
   auto new_plan = good_plan(1);
@@ -471,7 +471,7 @@ TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
 TEST_F(CommandCheckTest, AControlEventWithoutOurEndorsementChangesNothing) {
   const crypto::IdentityName other{"Org2MSP", "CN=User2@org2.ledgerline"};
   auto taken = control("tello1", epoch);
-  *taken.mutable_holder() = testing::to_message(other);
+  *taken.mutable_holder() = to_message(other);
   auto forged = control_event("acquire", taken);
   forged.creator = other;
   forged.endorser = {"Org2MSP", "CN=peer0.org2.ledgerline"};

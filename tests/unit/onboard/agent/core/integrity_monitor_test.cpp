@@ -88,7 +88,7 @@ class IntegrityInCore : public ::testing::Test {
   IntegrityInCore() {
     core_.set_control(start, control("tello1", 1));
     verification::Roles roles;
-    roles.take({agent::testing::to_message(LedgerOfTests::operator_name()), OPERATOR});
+    roles.take({to_message(LedgerOfTests::operator_name()), OPERATOR});
     core_.set_roles(std::move(roles));
   }
   bool untrusted(TimeNs now) {

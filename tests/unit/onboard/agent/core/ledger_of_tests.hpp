@@ -4,14 +4,12 @@
 #include <string>
 #include <vector>
 
+#include "common/access/identity.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/verification/identity.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::agent::testing {
-
-using verification::to_message;
 
 /// Makes blocks of real Fabric transactions with test signatures: proposal, result, endorsement, creator's signature
 /// and chain, each of which a test can spoil.

@@ -11,7 +11,6 @@ namespace {
 using agent::testing::control;
 using agent::testing::LedgerOfTests;
 using agent::testing::stop_of;
-using agent::testing::to_message;
 using Tx = LedgerOfTests::Tx;
 
 constexpr TimeNs now = 100 * ns_per_s;

@@ -18,7 +18,7 @@ constexpr std::int64_t now_s = 1'700'000'000;
 FirstRecords some_records() {
   FirstRecords records;
   records.controls = {testing::control("tello1", 5), testing::control("tello2", 6)};
-  records.roles.take({testing::to_message(LedgerOfTests::operator_name()), OPERATOR});
+  records.roles.take({to_message(LedgerOfTests::operator_name()), OPERATOR});
   return records;
 }
 
@@ -35,7 +35,7 @@ TEST(FirstRecordsTest, SayWhoseRolesTheyHave) {
   FirstRecords records = some_records();
   records.roles.follow("Org4MSP");  // which has none
   records.roles.await("Org5MSP");
-  records.roles.take({testing::to_message({"Org5MSP", "CN=far"}), OPERATOR});
+  records.roles.take({to_message({"Org5MSP", "CN=far"}), OPERATOR});
   const auto read = records_from(to_bytes(records), {"tello1", "tello2"});
   ASSERT_TRUE(read);
   EXPECT_TRUE(read->roles.follows("Org4MSP"));
@@ -53,7 +53,7 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
   LedgerOfTests ledger;
   for (int i = 0; i < 200; ++i) {
     EnrollCall call;
-    *call.mutable_identity() = testing::to_message({"Org3MSP", "CN=s" + std::to_string(i)});
+    *call.mutable_identity() = to_message({"Org3MSP", "CN=s" + std::to_string(i)});
     call.set_role(AUDITOR);
     Controls reported;
     *reported.mutable_identity() = call.identity();
