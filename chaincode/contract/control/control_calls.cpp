@@ -115,6 +115,16 @@ Result<bool> end_claim(Stub& stub, const ControlState& known, const std::string&
   return status ? Result<bool>(true) : Result<bool>(status.error());
 }
 
+/// The same for the claim of the lease's holder, where that is who calls. A release ends it with the lease.
+Status end_holders_claim(Stub& stub, const Control& before, const std::string& function) {
+  const bool is_holder = before.has_holder() && to_name(before.holder()) == stub.caller();
+  if (!is_holder || function == contract::release || !contract::is_claimed_for(function)) return done;
+  const auto claim = read_record<HolderClaim>(stub, holder_claim_key(before.drone()));
+  if (!claim) return claim.error();
+  if (!*claim || !(*claim)->has_holder()) return done;
+  return write_record(stub, holder_claim_key(before.drone()), HolderClaim());
+}
+
 /// Whether the holder or the stops that a call is to end are gone already.
 bool has_nothing_to_do(const Control& control, const std::string& function) {
   return (function == contract::evict && !control.has_holder()) ||
@@ -204,6 +214,8 @@ Response change_controls(Stub& stub, const Arguments& call, const access::Call& 
   for (const ControlState& before : known) {
     const auto ends_own = end_claim(stub, before, asked.function);
     if (!ends_own) return refuse(ends_own.error().what);
+    if (Status status = end_holders_claim(stub, before.message, asked.function); !status)
+      return refuse(status.error().what);
     Control control = before.message;
     if (!*ends_own || !has_nothing_to_do(before.message, asked.function)) {
       auto after = access::apply(before.message, asked, caller, inputs);

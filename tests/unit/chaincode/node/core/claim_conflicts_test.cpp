@@ -136,6 +136,12 @@ TEST_F(ClaimConflicts, SoIsAReleaseOfAHolderOfAnotherOrganisation) {
   submit(net.pilot, "request", "tello1");  // the claim is over with the lease
 }
 
+TEST_F(ClaimConflicts, SoIsAHoldersClearOfItsOwnStopAndItsClaimIsOver) {
+  acquires = false;
+  submit(net.pilot, "stop", "tello1");
+  expect_through(net.pilot, "clear_stop", "tello1");
+}
+
 TEST_F(ClaimConflicts, AHolderWhoClaimsAllTheTimeIsEvicted) {
   submit(chief, "claim", "tello1");
   for (int i = 0; i < 9; ++i) EXPECT_TRUE(order(net.pilot, i % 2 == 0 ? "claim" : "unclaim", "tello1"));
