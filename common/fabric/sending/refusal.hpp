@@ -20,6 +20,8 @@ inline std::optional<Refusal> refusal_in(std::string_view message) {
   message.remove_prefix(introduction.size());
   // What a peer of Fabric answers in the contract's stead when it cannot run it.
   if (message.starts_with("error in simulation")) return std::nullopt;
+  // The contract of another version, on a channel that is being moved: the next one may know the function.
+  if (message.starts_with("unknown function ")) return std::nullopt;
   const auto colon = message.find(':');  // no id has one
   return Refusal{std::string(message.substr(0, colon == std::string_view::npos ? 0 : colon)), std::string(message)};
 }

@@ -14,13 +14,14 @@ TEST(Refusal, SaysWhatTheContractSaysAndOfWhat) {
   ASSERT_TRUE(refusal);
   EXPECT_EQ(refusal->about, "tello3");
   EXPECT_EQ(refusal->words, "tello3: the lease is held by Org1MSP CN=x");
-  EXPECT_EQ(refusal_in("chaincode response 500, unknown function fly")->about, "");
+  EXPECT_EQ(refusal_in("chaincode response 500, no drone is named")->about, "");
 }
 
 TEST(Refusal, IsTheContractsAlone) {
   for (const char* message : {"", "tello3: not the holder", "the orderer: not ready", "access denied: tello3: no",
                               "chaincode response 404, tello3: no", "chaincode response 500",
-                              "chaincode response 500, error in simulation: tello3: timeout expired"}) {
+                              "chaincode response 500, error in simulation: tello3: timeout expired",
+                              "chaincode response 500, unknown function apply_stops; known are set, get"}) {
     EXPECT_FALSE(refusal_in(message)) << message;
   }
 }
