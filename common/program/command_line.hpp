@@ -91,7 +91,7 @@ class CommandLine : public Arguments {
   /// After the verbs: without one the program does something, too, and its own options may stand behind a verb as well.
   void verbs_are_optional();
 
-  /// After a rename: an error about a line with the old verb names the new one.
+  /// After a rename: an error about a line with the old verb or option names the new one.
   void renamed_verb(const std::string& before, const std::string& now) { renamed_verbs_.emplace_back(before, now); }
 
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask

@@ -53,6 +53,7 @@ std::string run_in(const json& row, FlownRun& run) {
   if (auto wrong = text_in(row, "source", false, run.source); !wrong.empty()) return wrong;
   if (auto wrong = text_in(row, "digest", false, run.digest); !wrong.empty()) return wrong;
   if (auto wrong = text_in(row, "mode", false, run.mode); !wrong.empty()) return wrong;
+  if (run.mode == "virtual") run.mode = "sitl";  // in files of before
   if (auto wrong = broken_in(row, run.broken); !wrong.empty()) return wrong;
   return figures_in(row, run);
 }

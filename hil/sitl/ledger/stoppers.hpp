@@ -13,7 +13,7 @@
 
 namespace ledgerline::hil {
 
-/// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, a
+/// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, an
 /// outsider, who is a supervisor of another organisation, and an administrator of the operator's organisation.
 enum class Stopper : std::uint8_t { operating, supervisor, outsider, administrator };
 enum class ControlWord : std::uint8_t {

@@ -79,7 +79,9 @@ Status Story::take(const ValidationResult& result, const fabric::Transaction& tx
 }
 
 void Story::take_refusal(const ValidationResult& result, const fabric::Transaction& tx, const std::string& who) {
-  const RefusalKey key{result.code, who, printable(tx.function, max_name)};
+  const bool ours = tx.contract == contract_;
+  const std::string function(ours ? contract::current_name(tx.function) : std::string_view(tx.function));
+  const RefusalKey key{result.code, who, printable(function, max_name)};
   Refusals* refusals = bounded_entry(refusals_, key, max_refusals);
   if (refusals == nullptr) {
     ++refusals_left_out_;
