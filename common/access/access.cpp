@@ -68,6 +68,12 @@ std::optional<Refusal> check_grantee(const Grant& grant, const Roles& roles) {
   return refuse(Rule::grantee_role, no_operator_text(who, *role));
 }
 
+Refusal wait_for(const Identity& claimant, const std::string& owner) {
+  return {Rule::not_claimed, to_text(claimant) +
+                                 " has claimed it for a change of its own; try again. A supervisor of " + owner +
+                                 " may end the claim by unclaim"};
+}
+
 /// Of one drone's record: changed in place, or refused.
 class Change {
  public:
@@ -359,16 +365,6 @@ bool claims_for_owner(const std::string& owner_msp_id, bool hosts, const Caller&
   return role != REVOKED && caller.name.msp_id == owner_msp_id && (role == SUPERVISOR || caller.admin || hosts);
 }
 
-namespace {
-
-Refusal wait_for(const Identity& claimant, const std::string& owner) {
-  return {Rule::not_claimed, to_text(claimant) +
-                                 " has claimed it for a change of its own; try again. A supervisor of " + owner +
-                                 " may end the claim by unclaim"};
-}
-
-}  // namespace
-
 std::optional<Refusal> check_holders_claim(const Control& record, const Caller& caller, Role role) {
   if (std::optional<Refusal> why = check_not_revoked(caller.name, role)) return why;
   if (record.has_holder() && to_name(record.holder()) == caller.name) return std::nullopt;
@@ -387,11 +383,14 @@ std::optional<Refusal> check_claimed(const std::vector<Identity>& claimants, con
   return claimants.empty() || !has_to_wait ? std::nullopt : std::optional(wait_for(claimants.front(), owner));
 }
 
+bool waits_for_holder(const std::string& function) {
+  return function == contract::request || function == contract::deny;
+}
+
 std::optional<Refusal> check_claimed(const HolderClaim& claim, const Control& record, const std::string& function,
                                      const Caller& caller) {
-  const bool has_to_wait = function == contract::request || function == contract::deny;
   const bool stands = claim.has_holder() && claim.epoch() == record.epoch();
-  if (!has_to_wait || !stands || to_name(claim.holder()) == caller.name) return std::nullopt;
+  if (!waits_for_holder(function) || !stands || to_name(claim.holder()) == caller.name) return std::nullopt;
   return wait_for(claim.holder(), record.owner().msp_id());
 }
 

@@ -83,6 +83,8 @@ std::optional<Refusal> check_claimed(const std::vector<Identity>& claimants, con
 /// The same for the claim of a holder, which is over with the lease of that epoch.
 std::optional<Refusal> check_claimed(const HolderClaim& claim, const Control& record, const std::string& function,
                                      const Caller& caller);
+/// Whether calls of a function ask for a holder's claim at all.
+bool waits_for_holder(const std::string& function);
 
 /// "Org2MSP CN=pilot, who lets Org2MSP CN=station command it": of a drone that somebody holds.
 std::string holder_text(const Control& control);

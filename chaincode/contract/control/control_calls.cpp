@@ -102,7 +102,7 @@ bool is_among(const std::vector<Identity>& all, const crypto::IdentityName& who)
 Result<std::optional<access::Refusal>> check_claims(Stub& stub, const ControlState& known, const std::string& function,
                                                     const access::Caller& caller) {
   if (auto why = access::check_claimed(known.claims, known.message, function, caller)) return why;
-  if (function != contract::request && function != contract::deny) return std::optional<access::Refusal>();
+  if (!access::waits_for_holder(function)) return std::optional<access::Refusal>();
   const auto claim = read_record<HolderClaim>(stub, holder_claim_key(known.message.drone()));
   if (!claim) return claim.error();
   return *claim ? access::check_claimed(**claim, known.message, function, caller) : std::nullopt;
