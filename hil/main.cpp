@@ -186,7 +186,7 @@ int main(int argc, char** argv) {
   CommandLine line(
       "hil", "Ledgerline's flights in simulated time, the proxy that impairs real ones, and the shim in place of UDP",
       notes);
-  line.renamed_verb("virtual", "sitl");
+  line.renamed("virtual", "sitl");
   hil::SimulatedFlightConfig config;
   Words words;
   add_flight_options(line.verb("sitl", about_sitl), config, words);

@@ -22,7 +22,7 @@ int main(int argc, char** argv) {
   sim::SimOptions options;
   double simulated_s = 0;
   CommandLine line("sim", about, notes);
-  line.renamed_verb("--virtual", "--simulated-time");
+  line.renamed("--virtual", "--simulated-time");
   options.add_to(line);
   line.option("--address", options.shell.first_address, "of tello1; the others count up").shows_default();
   line.option("--simulated-time", simulated_s, "simulate this many seconds as fast as possible, without sockets")

@@ -129,7 +129,7 @@ std::optional<EarlyEnd> CommandLine::read(const std::vector<std::string>& argume
   } catch (const CLI::ParseError& end) {
     std::ostringstream text;
     const int code = app_->exit(end, text, text);
-    for (const auto& [before, now] : renamed_verbs_) {
+    for (const auto& [before, now] : renamed_) {
       if (code != 0 && std::ranges::find(arguments, before) != arguments.end())
         text << before << " is " << now << " now\n";
     }

@@ -92,7 +92,7 @@ class CommandLine : public Arguments {
   void verbs_are_optional();
 
   /// After a rename: an error about a line with the old verb or option names the new one.
-  void renamed_verb(const std::string& before, const std::string& now) { renamed_verbs_.emplace_back(before, now); }
+  void renamed(const std::string& before, const std::string& now) { renamed_.emplace_back(before, now); }
 
   /// nullopt: the values are there, and the program goes on. `__complete WORD... TYPED`, which shells ask
   /// (`ledgerline completion`), is an early end with what TYPED may become, a line each: verbs, or options if it begins
@@ -107,7 +107,7 @@ class CommandLine : public Arguments {
 
   std::string name_;
   std::unique_ptr<CLI::App> owned_;
-  std::vector<std::pair<std::string, std::string>> renamed_verbs_;
+  std::vector<std::pair<std::string, std::string>> renamed_;
 };
 
 }  // namespace ledgerline

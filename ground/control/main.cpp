@@ -352,7 +352,7 @@ std::vector<Verb> add_verbs(CommandLine& line, Options& options) {
       .within(0.0, 3600.0)
       .shows_default();
   add(contract::clear_stop, "clear one's own stop, or all as a supervisor of the drone's organisation");
-  line.renamed_verb("resume", contract::clear_stop);
+  line.renamed("resume", contract::clear_stop);
   add(contract::unclaim, "end claims of drones that were left behind");
   Verb anchor = line.verb(contract::anchor, "put a file's hash on the ledger; prints the transaction's id");
   anchor.option("file", options.file, "the file").required().existing_file();

@@ -133,7 +133,7 @@ void add_options(CommandLine& line, Options& o) {
 
 int main(int argc, char** argv) {
   CommandLine line("audit", about, notes);
-  line.renamed_verb("--patience", "--timeout");
+  line.renamed("--patience", "--timeout");
   Options o;
   add_options(line, o);
   if (const auto end = line.parse(argc, argv)) return *end;

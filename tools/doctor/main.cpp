@@ -169,7 +169,7 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, F
 
 int main(int argc, char** argv) {
   CommandLine line("doctor", about, notes);
-  line.renamed_verb("--patience", "--timeout");
+  line.renamed("--patience", "--timeout");
   Options options;
   line.option("--config-dir", options.dir, "where the configs are").shows_default();
   line.option("--role", options.role, "whose configs must be there; without: any")

@@ -196,7 +196,7 @@ struct Verbs {
     all.back().option("--pass-phrase-file", verb_options.pass_phrase_file,
                       "file that nobody else may read; else it is asked for");
     all.push_back(line.verb("logout", "Sign out: what this operator holds is landed and given back"));
-    line.renamed_verb("lift", "clear_stop");
+    line.renamed("lift", "clear_stop");
     line.verbs_are_optional();
   }
   std::string given() const {

@@ -31,7 +31,7 @@ Exit codes: 0 every peer answered; 1 one did not; 2 wrong usage.)";
 
 int main(int argc, char** argv) {
   CommandLine line("status", about, notes);
-  line.renamed_verb("--patience", "--timeout");
+  line.renamed("--patience", "--timeout");
   std::string dir = "/etc/ledgerline";
   bool json = false;
   double timeout_s = 3;

@@ -144,7 +144,7 @@ TEST(ACommandLineWithVerbs, NamesTheNewVerbInPlaceOfAnOldOne) {
   std::vector<std::string> names;
   CommandLine line("control", "", "");
   line.verb("clear_stop", "").option("NAME", names, "").required();
-  line.renamed_verb("resume", "clear_stop");
+  line.renamed("resume", "clear_stop");
   const auto end = line.read({"resume", "tello1"});
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, exit_usage);
