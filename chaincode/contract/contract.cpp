@@ -1,6 +1,7 @@
 #include <array>
 
 #include "chaincode/contract/contract_common.hpp"
+#include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {
@@ -41,7 +42,12 @@ Response invoke(Stub& stub, const std::string& function, const std::vector<std::
   for (const Function& known : functions) {
     if (function != known.name) continue;
     const auto call = read_arguments(args);
-    return call ? known.run(stub, *call) : refuse(function + ": " + call.error().what);
+    if (!call) return refuse(function + ": " + call.error().what);
+    try {
+      return known.run(stub, *call);
+    } catch (const CheckFailed& failed) {  // nothing is written: the call's set is thrown away with its answer
+      return refuse("a check of the contract failed, which is a fault of its own: " + std::string(failed.what()));
+    }
   }
   const std::string now(contract::current_name(function));
   std::string names;

@@ -4,6 +4,7 @@
 #include <array>
 #include <functional>
 
+#include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/requests.hpp"
@@ -284,6 +285,40 @@ class Change {
   const Identity self_;
 };
 
+template <typename List>
+bool same_list(const List& a, const List& b) {
+  return std::ranges::equal(
+      a, b, [](const auto& one, const auto& other) { return one.SerializeAsString() == other.SerializeAsString(); });
+}
+
+/// What every change leaves true of a record, whichever rule allowed it and whatever the record was.
+void check_change(const Control& before, const Control& after, const Call& call, const Caller& caller,
+                  const RuleInputs& inputs) {
+  const std::string& function = call.function;
+  const auto is = [&](std::initializer_list<std::string_view> names) {
+    return std::ranges::find(names, std::string_view(function)) != names.end();
+  };
+  const bool same_lease = before.has_holder() == after.has_holder() && before.has_delegate() == after.has_delegate() &&
+                          same_identity(before.holder(), after.holder()) &&
+                          same_identity(before.delegate(), after.delegate());
+  LEDGERLINE_CHECK(after.drone() == before.drone(), "a change is of one drone", before.drone(), after.drone());
+  LEDGERLINE_CHECK(!before.has_owner() || after.owner().msp_id() == before.owner().msp_id(),
+                   "a drone stays its organisation's", function, before.drone());
+  LEDGERLINE_CHECK(same_lease || after.epoch() == inputs.new_epoch, "another lease has a new epoch", function,
+                   before.drone(), after.epoch(), inputs.new_epoch);
+  LEDGERLINE_CHECK(same_lease || after.has_holder() || !after.has_delegate(), "nobody commands without a holder",
+                   function, before.drone());
+  LEDGERLINE_CHECK(function != contract::acquire || to_name(after.holder()) == caller.name,
+                   "who acquires holds the lease", before.drone());
+  LEDGERLINE_CHECK(same_lease || is({contract::acquire, contract::release, contract::hand_over, contract::evict,
+                                     contract::grant, contract::apply_stops}),
+                   "only these change a lease", function, before.drone());
+  LEDGERLINE_CHECK(function == contract::clear_stop || same_list(before.stoppers(), after.stoppers()),
+                   "only clear_stop ends a stop", function, before.drone());
+  LEDGERLINE_CHECK(is({contract::grant, contract::apply_stops}) || same_list(before.grants(), after.grants()),
+                   "only these change grants", function, before.drone());
+}
+
 }  // namespace
 
 std::string holder_text(const Control& control) {
@@ -338,6 +373,7 @@ std::variant<Control, Refusal> apply(const Control& before, const Call& call, co
   if (std::optional<Refusal> why = check_call(call, caller, inputs.roles)) return std::move(*why);
   Change change(before, call, caller, inputs);
   if (std::optional<Refusal> why = change.run()) return std::move(*why);
+  check_change(before, change.control, call, caller, inputs);
   return std::move(change.control);
 }
 

@@ -1,6 +1,7 @@
 #include "chaincode/node/core/committer.hpp"
 
 #include "chaincode/node/core/tx/proposal.hpp"
+#include "common/base/check.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/transaction_validator.hpp"
 #include "msp/identities.pb.h"
@@ -58,6 +59,9 @@ CutBlock Committer::validate(OrderedBlock ordered) {
       cut.transactions.push_back({std::move(verdict.tx_id), cut.number, verdict.code});
     }
   }
+  LEDGERLINE_CHECK(cut.transactions.size() == static_cast<std::size_t>(block.data().data_size()),
+                   "each transaction of a block gets one verdict", cut.number, cut.transactions.size());
+  LEDGERLINE_CHECK(!under_way_, "a block is validated when the one before it was applied", cut.number);
   std::string flags;
   for (const TxStatus& status : cut.transactions) flags += static_cast<char>(status.code);
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
@@ -67,6 +71,8 @@ CutBlock Committer::validate(OrderedBlock ordered) {
 }
 
 Applied Committer::apply(const CutBlock& block) {
+  LEDGERLINE_CHECK(under_way_ && block.number == ledger_.height(), "the block that was validated is the next one",
+                   block.number, ledger_.height());
   Applied applied;
   applied.block = block.number;
   applied.transactions = block.transactions;
@@ -74,6 +80,7 @@ Applied Committer::apply(const CutBlock& block) {
     ledger_.state().write(write.set, write.version, write.writer);
   }
   ledger_.add_block(std::move(under_way_->hash));
+  LEDGERLINE_CHECK(ledger_.height() == block.number + 1, "the ledger grows by the block", block.number);
   under_way_.reset();
   ++counts_.blocks;
   for (const TxStatus& status : block.transactions) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/base/check.hpp"
 #include "peer/collection.pb.h"
 #include "peer/lifecycle/chaincode_definition.pb.h"
 #include "peer/lifecycle/db.pb.h"
@@ -141,6 +142,8 @@ KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer)
   made.there = false;
   made.known = at_first;
   if (part_) made.place = use_.add(name, writer);
+  LEDGERLINE_CHECK(!part_ || keys_.size() <= std::max<std::size_t>(part_->max_keys, 1), "the memory of keys is bounded",
+                   keys_.size(), part_->max_keys);
   return made;
 }
 

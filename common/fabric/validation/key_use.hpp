@@ -4,6 +4,7 @@
 #include <map>
 #include <string>
 
+#include "common/base/check.hpp"
 #include "common/fabric/validation/channel_state.hpp"
 
 namespace ledgerline::fabric {
@@ -71,6 +72,7 @@ inline void KeyUse::remove(const Place& place) {
 }
 
 inline const KeyName& KeyUse::oldest_of_largest() const {
+  LEDGERLINE_CHECK(!groups_.empty(), "a key is looked for to make room, so there is one");
   const auto keys_of = [](const auto& organisation) {
     std::size_t keys = 0;
     for (const auto& [kind, group] : organisation.second) keys += group.by_use_.size();

@@ -5,6 +5,7 @@
 #include <set>
 #include <unordered_set>
 
+#include "common/base/check.hpp"
 #include "common/fabric/tx/decode.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/block_overlay.hpp"
@@ -289,7 +290,10 @@ std::vector<Verdict> validate_transactions(const common::Block& block, const Cha
   for (std::size_t i = 0; i < count; ++i) {
     const auto reported =
         flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
-    verdicts.push_back(validator.validate(block.data().data(static_cast<int>(i)), reported));
+    const Verdict& verdict =
+        verdicts.emplace_back(validator.validate(block.data().data(static_cast<int>(i)), reported));
+    LEDGERLINE_CHECK(verdict.code != protos::VALID || verdict.config || verdict.creator_signed,
+                     "what counts was signed by its creator", block.header().number(), i, verdict.tx_id);
   }
   return verdicts;
 }

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "common/base/check.hpp"
+
 namespace ledgerline::node {
 namespace {
 
@@ -88,6 +90,8 @@ std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_by
     const std::size_t kind = kind_of(static_cast<Urgency>(lane));
     urgent_in_a_row_ = kind == 0 ? urgent_in_a_row_ + 1 : 0;
     for (Share* share : {&members_[held.sender].waiting, &organisations_[held.sender.msp_id]}) {
+      LEDGERLINE_CHECK(share->count[kind] > 0 && share->bytes[kind] >= size, "what leaves the queue was counted in it",
+                       held.sender.msp_id, share->count[kind], share->bytes[kind], size);
       --share->count[kind];
       share->bytes[kind] -= size;
     }

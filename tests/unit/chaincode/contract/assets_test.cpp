@@ -1,5 +1,6 @@
 #include <gmock/gmock.h>
 
+#include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 #include "tests/unit/chaincode/contract/fake_stub.hpp"
 
@@ -391,6 +392,20 @@ TEST_F(AssetsTest, AnUnknownFunctionIsNamed) {
               StartsWith("unknown function resume, which is clear_stop now; known are"));
   EXPECT_THAT(stub.call(host, "fold", {"tello1"}).message,
               StartsWith("unknown function fold, which is apply_stops now"));
+}
+
+struct StubWithAFault : FakeStub {
+  Result<std::optional<std::string>> get_state(const std::string& key) override {
+    LEDGERLINE_CHECK(key.empty(), "a check that fails", key);
+    return std::optional<std::string>();
+  }
+};
+
+TEST(ContractChecks, OneThatFailsIsTheAnswerOfItsCallAlone) {
+  StubWithAFault broken;
+  const Response answer = broken.call(broken.caller(), "get", {"tello1/note"});
+  EXPECT_EQ(answer.status, 500);
+  EXPECT_THAT(answer.message, AllOf(HasSubstr("a check of the contract failed"), HasSubstr("a check that fails")));
 }
 
 }  // namespace

@@ -14,7 +14,7 @@
 namespace ledgerline::chaincode {
 
 /// A ledger of one: what a call wrote becomes visible when it succeeded, as after its commit.
-class FakeStub final : public Stub {
+class FakeStub : public Stub {
  public:
   Result<std::optional<std::string>> get_state(const std::string& key) override {
     reads.push_back(key);
