@@ -4,7 +4,7 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(public_headers common/crypto/crypto.hpp common/fabric/checkpoint/checkpoint.hpp common/fabric/checkpoint/continuation.hpp
-  common/fabric/client/client.hpp common/fabric/sending/tls_pairs_in_use.hpp common/fabric/sending/outcome.hpp common/fabric/sending/refusal.hpp common/fabric/stream/block_source.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
+  common/fabric/client/client.hpp common/fabric/sending/tls_pairs_in_use.hpp common/fabric/sending/outcome.hpp common/fabric/stream/block_source.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
   common/base/result.hpp chaincode/shim/shim.hpp
   common/msg/contract.hpp common/msg/onboard.hpp common/rt/spsc_ring.hpp
   onboard/shim/drones_end.hpp onboard/shim/mapping.hpp onboard/shim/shim_memory.hpp)

@@ -5,7 +5,6 @@
 
 #include "chaincode/lifecycle/lifecycle.hpp"
 #include "chaincode/lifecycle/package.hpp"
-#include "chaincode/lifecycle/printed.hpp"
 #include "common/access/rules.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"

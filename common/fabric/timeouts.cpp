@@ -4,7 +4,6 @@
 #include "common/common.pb.h"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/channels.hpp"
-#include "common/fabric/tx/both_ways.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {

@@ -7,7 +7,7 @@
 #include <functional>
 
 #include "common/base/file.hpp"
-#include "common/fabric/tx/both_ways.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
 #include "tools/deployment/timeouts.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/identities/first_calls.hpp"
+#include "chaincode/identities/identities.hpp"
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/result.hpp"
 #include "common/fabric/client/client.hpp"

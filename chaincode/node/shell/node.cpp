@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "chaincode/identities/first_calls.hpp"
+#include "chaincode/identities/identities.hpp"
 #include "chaincode/node/core/tx/proposal.hpp"
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"

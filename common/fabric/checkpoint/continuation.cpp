@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 
 namespace ledgerline::fabric {
 

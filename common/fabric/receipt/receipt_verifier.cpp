@@ -2,19 +2,19 @@
 
 #include <fmt/format.h>
 #include <google/protobuf/stubs/logging.h>
-
 #include <algorithm>
+#include <optional>
 #include <set>
 
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/fabric/tx/opened.hpp"
 
 namespace ledgerline::fabric {
+
 namespace {
 
 constexpr std::size_t max_name = 200;  // of what others chose, in a message
@@ -247,6 +247,20 @@ Result<Proven> ReceiptVerifier::verify(std::string_view bytes) const {
     if (i != *at) out.others.push_back(other_of(block->transactions[i], *organisations_));
   }
   return out;
+}
+
+Members::Members(std::vector<crypto::MspRoot> roots, const std::string& lists_pem) {
+  for (crypto::MspRoot& root : roots) root.revocation_lists_pem.clear();
+  all_ = crypto::make_msp_registry(crypto::Library::libcrypto, roots);
+  if (lists_pem.empty()) return;
+  for (crypto::MspRoot& root : roots) root.revocation_lists_pem = lists_pem;
+  not_revoked_ = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots), crypto::ListsFrom::hand);
+}
+
+Result<Members::Found> Members::find(std::string_view serialized) const {
+  auto member = all_->member(serialized, std::nullopt);
+  if (!member) return member.error();
+  return Found{std::move(*member), not_revoked_ && !not_revoked_->member(serialized, std::nullopt)};
 }
 
 }  // namespace ledgerline::fabric

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {

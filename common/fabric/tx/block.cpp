@@ -1,7 +1,7 @@
 #include <fmt/format.h>
 
 #include "common/common.pb.h"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "peer/chaincode.pb.h"

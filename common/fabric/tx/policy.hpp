@@ -7,6 +7,9 @@
 /// Signature policies: common.SignaturePolicyEnvelope, as peers validate endorsements, and orderers' signatures. Pure.
 namespace ledgerline::fabric {
 
+/// The name under which Fabric keeps a key's policy among its metadata.
+inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
+
 /// Who has signed.
 struct Endorser {
   std::string msp_id;

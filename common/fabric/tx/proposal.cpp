@@ -2,7 +2,6 @@
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/fabric/tx/opened.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "orderer/ab.pb.h"
 #include "peer/chaincode.pb.h"

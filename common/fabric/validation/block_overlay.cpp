@@ -1,6 +1,6 @@
 #include "common/fabric/validation/block_overlay.hpp"
 
-#include "common/fabric/validation/key_effects.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::fabric {

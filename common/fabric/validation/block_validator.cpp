@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/common.pb.h"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 
 namespace ledgerline::fabric {
 namespace {

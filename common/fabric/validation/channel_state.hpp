@@ -17,9 +17,6 @@ struct Version {
   auto operator<=>(const Version&) const = default;
 };
 
-/// The name under which Fabric keeps a key's policy among its metadata.
-inline constexpr const char* validation_parameter = "VALIDATION_PARAMETER";
-
 /// Where Fabric keeps the definitions of contracts.
 inline constexpr const char* lifecycle_name = "_lifecycle";
 

@@ -6,7 +6,7 @@
 #include <unordered_set>
 
 #include "common/base/check.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/block_overlay.hpp"
 #include "peer/chaincode_event.pb.h"

@@ -4,7 +4,7 @@
 #include <limits>
 
 #include "common/base/enum_count.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/msg/contract.hpp"
 #include "common/verification/calls.hpp"
 #include "hil/sitl/peer/words.hpp"

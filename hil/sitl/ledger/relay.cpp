@@ -4,8 +4,8 @@
 #include <utility>
 
 #include "common/access/identity.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/fabric/tx/opened.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"

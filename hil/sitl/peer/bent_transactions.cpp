@@ -1,8 +1,8 @@
 #include "hil/sitl/peer/bent_transactions.hpp"
 
 #include "chaincode/node/core/tx/block.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/fabric/tx/opened.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"

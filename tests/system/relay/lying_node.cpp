@@ -17,7 +17,7 @@
 #include <sstream>
 #include <thread>
 
-#include "common/fabric/tx/opened.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "hil/sitl/ledger/relay.hpp"
 #include "peer/chaincode_event.pb.h"

@@ -12,7 +12,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/validation/transaction_validator.hpp"
 #include "msp/identities.pb.h"
 #include "orderer/ab.grpc.pb.h"

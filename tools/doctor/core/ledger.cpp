@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "common/common.pb.h"
-#include "common/fabric/tx/both_ways.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"

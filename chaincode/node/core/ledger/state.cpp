@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "common/fabric/validation/key_effects.hpp"
+#include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::node {
 

@@ -5,7 +5,7 @@
 #include <algorithm>
 
 #include "common/base/printable.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 
 namespace ledgerline::fabric {
 namespace {

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "chaincode/lifecycle/printed.hpp"
 #include "peer/policy.pb.h"
 
 namespace ledgerline::chaincode_lifecycle {

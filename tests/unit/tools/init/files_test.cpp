@@ -7,7 +7,7 @@
 #include <sstream>
 
 #include "common/base/file.hpp"
-#include "common/fabric/tx/both_ways.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "tools/configuration/reference.hpp"
 #include "tools/init/core/commented.hpp"
 

@@ -8,7 +8,7 @@
 #include <fstream>
 
 #include "common/fabric/timeouts.hpp"
-#include "common/fabric/tx/both_ways.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {
 namespace {

@@ -3,7 +3,7 @@
 #include <mutex>
 
 #include "common/fabric/stream/block_intake.hpp"
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"

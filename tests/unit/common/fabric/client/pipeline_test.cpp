@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "common/crypto/identities/identity_in_use.hpp"
-#include "common/fabric/tx/opened.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"
 

@@ -5,7 +5,7 @@
 #include <functional>
 #include <map>
 
-#include "common/fabric/tx/opened.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"

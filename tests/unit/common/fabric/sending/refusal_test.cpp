@@ -1,4 +1,3 @@
-#include "common/fabric/sending/refusal.hpp"
 
 #include <gtest/gtest.h>
 

@@ -2,7 +2,6 @@
 
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
-#include "common/fabric/tx/opened.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::fabric {

@@ -1,4 +1,4 @@
-#include "common/fabric/tx/opened.hpp"
+#include "common/fabric/tx/envelope.hpp"
 
 #include <gtest/gtest.h>
 

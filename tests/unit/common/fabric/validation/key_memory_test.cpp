@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 
 #include "common/fabric/validation/key_state.hpp"
-#include "common/fabric/validation/key_use.hpp"
 #include "peer/transaction.pb.h"
 
 /// What a validator remembers of keys is bounded, and a client that writes many keys evicts only its own.

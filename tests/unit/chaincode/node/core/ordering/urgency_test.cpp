@@ -1,7 +1,7 @@
 #include <gmock/gmock.h>
 
 #include "chaincode/node/core/tx/proposal.hpp"
-#include "common/fabric/tx/opened.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/command_call.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
