@@ -123,7 +123,13 @@ struct FailsafeMoment {
   bool dark = false;                ///< the same: it may run away, and nobody would know
   bool sources_differ = false;      ///< the same
   FailsafeCause no_plan = FailsafeCause::none;
-  bool resting = false;  ///< what made it hover is away, but not long enough
+  bool resting = false;  ///< what made it hover is away, but not for clear_after
+
+  bool on_ground() const noexcept { return !in_flight(facts.phase) && !facts.may_be_airborne; }
+  bool has_cause_to_brake() const noexcept {
+    return state_stale || pose_lost || dark || position_uncertain || sources_differ ||
+           untrusted(OnUntrustedLedger::hold);
+  }
 
   /// The ledger is, and the config wants this for it.
   bool untrusted(OnUntrustedLedger then) const noexcept {
@@ -138,12 +144,9 @@ using Moment = FailsafeMoment;
 // A hold for want of a plan becomes one of silence at once, but not the other way about: so a silence that comes and
 // goes does not make the cause come and go. A brake rests the same way.
 void rest(Moment& at, FailsafeState& memory) noexcept {
-  bool away = false;
-  if (memory.mode == FailsafeMode::brake)
-    away = !at.state_stale && !at.pose_lost && !at.dark && !at.position_uncertain && !at.sources_differ &&
-           !at.untrusted(OnUntrustedLedger::hold);
-  if (memory.mode == FailsafeMode::hold)
-    away = memory.cause != FailsafeCause::plan_ran_out && at.no_plan != memory.cause;
+  const bool silence = memory.mode == FailsafeMode::hold && memory.cause != FailsafeCause::plan_ran_out;
+  const bool away =
+      memory.mode == FailsafeMode::brake ? !at.has_cause_to_brake() : silence && at.no_plan != memory.cause;
   if (!away) {
     memory.cause_gone_since_ns = 0;
     return;
@@ -151,11 +154,6 @@ void rest(Moment& at, FailsafeState& memory) noexcept {
   if (memory.cause_gone_since_ns == 0) memory.cause_gone_since_ns = at.now;
   // Beyond it, not at it: half of state_stale is as long, and one lonely state text must not end a brake.
   at.resting = at.now - memory.cause_gone_since_ns <= at.settings.clear_after_ns;
-  if (at.resting && memory.mode == FailsafeMode::hold && at.no_plan != FailsafeCause::none) at.no_plan = memory.cause;
-}
-
-bool brakes_for(const Moment& at, FailsafeCause cause) noexcept {
-  return at.resting && at.memory.mode == FailsafeMode::brake && at.memory.cause == cause;
 }
 
 bool cut(const Moment& at) { return at.facts.cut; }
@@ -168,101 +166,111 @@ bool leaves_fence(const Moment& at) {
   return at.memory.outward_since_ns != 0 && at.now - at.memory.outward_since_ns >= at.settings.fence_land_after_ns;
 }
 bool untrusted_lands(const Moment& at) { return at.untrusted(OnUntrustedLedger::land); }
-bool state_stale(const Moment& at) { return at.state_stale || brakes_for(at, FailsafeCause::state_stale); }
-bool pose_lost(const Moment& at) {
-  return (at.pose_lost && !at.facts.by_odometry) || brakes_for(at, FailsafeCause::pose_lost);
-}
-bool height_lost(const Moment& at) {
-  return (at.pose_lost && at.facts.by_odometry && at.facts.height_lost && !at.dark) ||
-         brakes_for(at, FailsafeCause::height_lost);
-}
+bool state_stale(const Moment& at) { return at.state_stale; }
+bool pose_lost(const Moment& at) { return at.pose_lost && !at.facts.by_odometry; }
+bool height_lost(const Moment& at) { return at.pose_lost && at.facts.by_odometry && at.facts.height_lost && !at.dark; }
 bool velocity_lost(const Moment& at) {
-  return at.dark || (at.pose_lost && at.facts.by_odometry && !at.facts.height_lost) ||
-         brakes_for(at, FailsafeCause::velocity_lost);
+  return at.dark || (at.pose_lost && at.facts.by_odometry && !at.facts.height_lost);
 }
 // To hover is no way out: it feels no speed, so it glides on and drifts.
 bool dark(const Moment& at) {
   return at.dark && at.facts.phase == FlightPhase::flying &&
          at.now - at.facts.dark_since_ns >= at.settings.dark_land_after_ns;
 }
-bool position_uncertain(const Moment& at) {
-  return at.position_uncertain || brakes_for(at, FailsafeCause::position_uncertain);
-}
-bool sources_differ(const Moment& at) { return at.sources_differ || brakes_for(at, FailsafeCause::sources_differ); }
+bool position_uncertain(const Moment& at) { return at.position_uncertain; }
+bool sources_differ(const Moment& at) { return at.sources_differ; }
 bool sources_unresolved(const Moment& at) {
   return at.facts.sources_unresolved && at.facts.needs_position && at.facts.phase == FlightPhase::flying;
 }
 bool overturned(const Moment& at) { return at.facts.overturned && at.facts.phase != FlightPhase::disconnected; }
 bool tilted(const Moment& at) { return at.facts.tilted; }
 bool motion_differs(const Moment& at) { return at.facts.motion_differs && at.facts.phase == FlightPhase::flying; }
-bool untrusted_holds(const Moment& at) {
-  return at.untrusted(OnUntrustedLedger::hold) || brakes_for(at, FailsafeCause::ledger_untrusted);
-}
+bool untrusted_holds(const Moment& at) { return at.untrusted(OnUntrustedLedger::hold); }
 bool agent_silent(const Moment& at) { return at.no_plan == FailsafeCause::agent_silent; }
 bool ledger_silent(const Moment& at) { return at.no_plan == FailsafeCause::ledger_silent; }
 bool plan_ran_out(const Moment& at) { return at.no_plan == FailsafeCause::plan_ran_out; }
 bool held_too_long(const Moment& at) {
   const TimeNs since = at.memory.hovering_since_ns;
-  const bool goes_on = state_stale(at) || pose_lost(at) || velocity_lost(at) || height_lost(at) ||
-                       position_uncertain(at) || sources_differ(at) || untrusted_holds(at) ||
-                       at.no_plan != FailsafeCause::none;
+  const bool brakes = at.has_cause_to_brake() || (at.memory.mode == FailsafeMode::brake && at.resting);
+  const bool goes_on = brakes || at.no_plan != FailsafeCause::none;
   return at.facts.phase == FlightPhase::flying && since != 0 && goes_on && at.now - since >= at.settings.land_after_ns;
 }
-bool outside_fence(const Moment& at) {
-  return at.memory.outside_ns != 0 && at.now - at.memory.outside_ns <= at.settings.clear_after_ns;
-}
-bool too_near(const Moment& at) {
-  return at.memory.too_near_ns != 0 && at.now - at.memory.too_near_ns <= at.settings.clear_after_ns;
-}
+bool outside_fence(const Moment& at) { return at.memory.outside_ns == at.now; }
+bool too_near(const Moment& at) { return at.facts.too_near; }
 bool battery_low(const Moment& at) { return at.memory.battery_low; }
 bool blind(const Moment& at) { return at.facts.blind; }
+
+bool long_ago(const Moment& at, TimeNs last_ns) {
+  return last_ns == 0 || at.now - last_ns > at.settings.clear_after_ns;
+}
+
+// A landing is never taken back in the air.
+constexpr ClearCondition on_ground{"on_ground", [](const Moment& at) { return at.on_ground(); }};
+// While a cause to brake is there the table decides, by which of them; then the last one stays until it is rested.
+constexpr ClearCondition when_rested{"when_rested", [](const Moment& at) { return !at.resting; }};
+// Or with another cause, which one of silence is not taken for at once.
+constexpr ClearCondition with_a_plan{"with_a_plan",
+                                     [](const Moment& at) { return at.facts.plan_valid || !at.resting; }};
+constexpr ClearCondition back_inside{"back_inside",
+                                     [](const Moment& at) { return long_ago(at, at.memory.outside_ns); }};
+constexpr ClearCondition apart{"apart", [](const Moment& at) { return long_ago(at, at.memory.too_near_ns); }};
+constexpr ClearCondition when_charged{"when_charged", [](const Moment& at) { return !at.memory.battery_low; }};
+
+// The row that decided last, where that has a mode: warnings are remembered each by itself.
+const FailsafeRow* row_in_force(const FailsafeState& memory) noexcept {
+  if (memory.mode == FailsafeMode::none) return nullptr;
+  const auto* const row = std::find_if(failsafe_table.begin(), failsafe_table.end(), [&](const FailsafeRow& r) {
+    return r.mode == memory.mode && (r.cause == memory.cause || r.mode >= FailsafeMode::land);
+  });
+  return row == failsafe_table.end() ? nullptr : row;
+}
+
+bool is_considered(const FailsafeRow& row, FlightPhase phase) noexcept {
+  return row.mode >= FailsafeMode::land || phase == FlightPhase::flying;
+}
 
 }  // namespace
 
 const std::array<FailsafeRow, 25> failsafe_table{{
-    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, Clears::on_ground, cut},
-    {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, Clears::on_ground, overturned},
-    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, Clears::on_ground, stopped},
-    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, Clears::on_ground, battery_critical},
-    {"FS-04", FailsafeCause::fence, FailsafeMode::land, Clears::on_ground, leaves_fence},
-    {"FS-17", FailsafeCause::tilted, FailsafeMode::land, Clears::on_ground, tilted},
-    {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, Clears::on_ground, motion_differs},
-    {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, Clears::on_ground, dark},
-    {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, Clears::on_ground, sources_unresolved},
-    {"FS-14", FailsafeCause::ledger_untrusted, FailsafeMode::land, Clears::on_ground, untrusted_lands},
-    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, Clears::on_ground, held_too_long},
-    {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, Clears::when_rested, state_stale},
-    {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, Clears::when_rested, pose_lost},
-    {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, Clears::when_rested, velocity_lost},
-    {"FS-48", FailsafeCause::height_lost, FailsafeMode::brake, Clears::when_rested, height_lost},
-    {"FS-44", FailsafeCause::sources_differ, FailsafeMode::brake, Clears::when_rested, sources_differ},
-    {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, Clears::when_rested, position_uncertain},
-    {"FS-15", FailsafeCause::ledger_untrusted, FailsafeMode::brake, Clears::when_rested, untrusted_holds},
-    {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, Clears::with_a_plan, agent_silent},
-    {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, Clears::with_a_plan, ledger_silent},
-    {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, Clears::with_a_plan, plan_ran_out},
-    {"FS-60", FailsafeCause::too_near, FailsafeMode::none, Clears::apart, too_near},
-    {"FS-11", FailsafeCause::fence, FailsafeMode::none, Clears::back_inside, outside_fence},
-    {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, Clears::when_charged, battery_low},
-    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, Clears::on_ground, blind},
+    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, cut, on_ground},
+    {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, overturned, on_ground},
+    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, stopped, on_ground},
+    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, battery_critical, on_ground},
+    {"FS-04", FailsafeCause::fence, FailsafeMode::land, leaves_fence, on_ground},
+    {"FS-17", FailsafeCause::tilted, FailsafeMode::land, tilted, on_ground},
+    {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, motion_differs, on_ground},
+    {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, dark, on_ground},
+    {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, sources_unresolved, on_ground},
+    {"FS-14", FailsafeCause::ledger_untrusted, FailsafeMode::land, untrusted_lands, on_ground},
+    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, held_too_long, on_ground},
+    {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, state_stale, when_rested},
+    {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, pose_lost, when_rested},
+    {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, velocity_lost, when_rested},
+    {"FS-48", FailsafeCause::height_lost, FailsafeMode::brake, height_lost, when_rested},
+    {"FS-44", FailsafeCause::sources_differ, FailsafeMode::brake, sources_differ, when_rested},
+    {"FS-19", FailsafeCause::position_uncertain, FailsafeMode::brake, position_uncertain, when_rested},
+    {"FS-15", FailsafeCause::ledger_untrusted, FailsafeMode::brake, untrusted_holds, when_rested},
+    {"FS-08", FailsafeCause::agent_silent, FailsafeMode::hold, agent_silent, with_a_plan},
+    {"FS-09", FailsafeCause::ledger_silent, FailsafeMode::hold, ledger_silent, with_a_plan},
+    {"FS-10", FailsafeCause::plan_ran_out, FailsafeMode::hold, plan_ran_out, with_a_plan},
+    {"FS-60", FailsafeCause::too_near, FailsafeMode::none, too_near, apart},
+    {"FS-11", FailsafeCause::fence, FailsafeMode::none, outside_fence, back_inside},
+    {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, battery_low, when_charged},
+    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, blind, on_ground},
 }};
 
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
                      TimeNs now, const FailsafeFacts& facts) noexcept {
   FailsafeState memory = last;
+  Moment at{.settings = settings, .memory = memory, .now = now, .facts = facts};
   remember_battery(settings, memory, facts);
-  if (!in_flight(facts.phase) && !facts.may_be_airborne) {
+  if (at.on_ground()) {
     FailsafeState grounded;
     grounded.battery_low = memory.battery_low;
     grounded.cause = takeoff_refusal(settings, fence, now, facts);
     if (grounded.cause == FailsafeCause::none && memory.battery_low) grounded.cause = FailsafeCause::battery_low;
     return grounded;
   }
-  // Until it is on the ground, unless a cut is asked for, or it turns out to lie there.
-  const bool motors_off = facts.cut || facts.overturned;
-  if (memory.mode == FailsafeMode::cut || (memory.mode == FailsafeMode::land && !motors_off)) return memory;
-
-  Moment at{.settings = settings, .memory = memory, .now = now, .facts = facts};
   at.state_stale = older(now, facts.state_ns, tightened(settings.state_stale_ns, memory));
   const bool lost = lost_pose(settings, memory, now, facts);
   at.pose_lost = lost && facts.needs_position;
@@ -273,8 +281,16 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   remember_fence(fence_for(settings, fence, memory, now, facts), memory, now, facts, lost);
   if (facts.too_near) memory.too_near_ns = now;
   rest(at, memory);
+
+  const FailsafeRow* in_force = row_in_force(memory);
+  // One that lies overturned while it is not connected lands for what is wrong with it now.
+  const bool decides_again = memory.mode == FailsafeMode::land && facts.overturned;
+  const bool stays = in_force && is_considered(*in_force, facts.phase) && !in_force->clears.holds(at) && !decides_again;
   for (const FailsafeRow& row : failsafe_table) {
-    if ((row.mode < FailsafeMode::land && facts.phase != FlightPhase::flying) || !row.applies(at)) continue;
+    if (stays && row.mode <= memory.mode) return change(memory, now, memory.mode, memory.cause);
+    if (!is_considered(row, facts.phase)) continue;
+    const bool warns = row.mode == FailsafeMode::none && !row.clears.holds(at);
+    if (!warns && !row.applies(at)) continue;
     // The cause stays readable: only a mere lack of plans becomes "held too long".
     const bool known = row.cause == FailsafeCause::held_too_long && memory.cause != FailsafeCause::plan_ran_out;
     return change(memory, now, row.mode, known ? memory.cause : row.cause);

@@ -61,26 +61,22 @@ struct FailsafeState {
   bool battery_low = false;
 };
 
-/// How a row ends, said for readers: update() does not look at it, since the rows' own conditions come to this. No row
-/// ends otherwise in any reachable state: failsafe_search_test.cpp holds each of them to it.
-enum class Clears : std::uint8_t {
-  on_ground,    ///< once on the ground: a landing is never taken back in the air
-  when_rested,  ///< its cause, measured at half the limit where it has one, has been away for clear_after
-  with_a_plan,  ///< a plan covers this moment again
-  back_inside,  ///< inside the fence for clear_after
-  apart,        ///< nobody has been in its way for clear_after
-  when_charged  ///< above the threshold by battery_margin
-};
-
 struct FailsafeMoment;
 
-/// One requirement: this cause leads to this mode. docs/failsafe.md has them in words, with the test of each.
+/// What ends a row that decided; update() evaluates it. The name is the one of docs/failsafe.md.
+struct ClearCondition {
+  const char* name;
+  bool (*holds)(const FailsafeMoment&);
+};
+
+/// One requirement: this cause leads to this mode, until it is cleared. docs/failsafe.md has them in words, with the
+/// test of each.
 struct FailsafeRow {
   const char* id;
   FailsafeCause cause;
   FailsafeMode mode;
-  Clears clears;
   bool (*applies)(const FailsafeMoment&);
+  ClearCondition clears;
 };
 
 /// What the modes mean and how they follow each other:
@@ -99,8 +95,9 @@ struct FailsafeRow {
 /// brake: the same with twice the deceleration, and the plans in hand are dropped. land: until it is on the ground.
 /// cut: motors off.
 ///
-/// By weight: of the rows that apply the first one decides. Rows that land are looked at from take-off to the ground
-/// and while the drone may be airborne without state, the others while it flies.
+/// By weight: of the rows that apply the first one decides. It stays in force until its clear condition holds; before
+/// that only a row of a heavier mode takes over. Rows that land are looked at from take-off to the ground and while the
+/// drone may be airborne without state, the others while it flies.
 extern const std::array<FailsafeRow, 25> failsafe_table;
 
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is

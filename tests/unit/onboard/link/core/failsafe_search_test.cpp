@@ -264,20 +264,18 @@ class Search {
     return kept;
   }
 
-  // The row that decided before, when no row decides now.
-  static const FailsafeRow* ended_row(const FailsafeState& last, const FailsafeState& next) {
-    if (next.mode != FailsafeMode::none || next.cause != FailsafeCause::none) return nullptr;
-    const auto row = std::find_if(failsafe_table.begin(), failsafe_table.end(), [&](const FailsafeRow& r) {
-      return r.mode == last.mode && (r.cause == last.cause || r.mode >= FailsafeMode::land);
-    });
-    return row == failsafe_table.end() ? nullptr : &*row;
-  }
-
-  bool cleared(Clears clears, const State& s, const FailsafeState& last, const FailsafeFacts& f) const {
-    switch (clears) {
-      case Clears::on_ground:
-        return !in_flight(f.phase);
-      case Clears::when_rested: {
+  // Whether what decided before may end now, said without the table: in which state its clear condition holds.
+  bool may_end(const State& s, const FailsafeState& last, const FailsafeFacts& f) const {
+    switch (last.mode) {
+      case FailsafeMode::none:
+        if (last.cause == FailsafeCause::fence)
+          return f.position_m[0] <= fence_.max_m[0] && now - last.outside_ns > settings_.clear_after_ns;
+        if (last.cause == FailsafeCause::too_near)
+          return !f.too_near && now - last.too_near_ns > settings_.clear_after_ns;
+        return last.cause != FailsafeCause::battery_low || f.battery > settings_.battery_low + settings_.battery_margin;
+      case FailsafeMode::hold:
+        return f.plan_valid;
+      case FailsafeMode::brake: {
         const bool seen = last.cause != FailsafeCause::state_stale || 2 * s.state <= stale();
         const bool by_pose = last.cause == FailsafeCause::pose_lost || last.cause == FailsafeCause::velocity_lost ||
                              last.cause == FailsafeCause::height_lost;
@@ -290,14 +288,9 @@ class Search {
         return seen && placed && sure && agree && trusted && last.cause_gone_since_ns != 0 &&
                now - last.cause_gone_since_ns > settings_.clear_after_ns;
       }
-      case Clears::with_a_plan:
-        return f.plan_valid;
-      case Clears::back_inside:
-        return f.position_m[0] <= fence_.max_m[0] && now - last.outside_ns > settings_.clear_after_ns;
-      case Clears::apart:
-        return !f.too_near && now - last.too_near_ns > settings_.clear_after_ns;
-      case Clears::when_charged:
-        return f.battery > settings_.battery_low + settings_.battery_margin;
+      case FailsafeMode::land:
+      case FailsafeMode::cut:
+        return !in_flight(f.phase);
     }
     return false;
   }
@@ -309,8 +302,8 @@ class Search {
                     << s.state << " pose " << s.pose << " hovering " << s.hovering << " unflown " << s.unflown
                     << "; before: mode " << static_cast<int>(last.mode) << " cause " << static_cast<int>(last.cause);
     };
-    const FailsafeRow* ended = ended_row(last, next);
-    if (ended && f.phase == FlightPhase::flying && !cleared(ended->clears, s, last, f)) fail("a row ended too early");
+    const bool ended = next.mode == FailsafeMode::none && next.cause == FailsafeCause::none;
+    if (ended && f.phase == FlightPhase::flying && !may_end(s, last, f)) fail("a row ended too early");
     const bool down = next.mode >= FailsafeMode::land;
     if (next.mode < last.mode && last.mode >= FailsafeMode::land) fail("a landing was taken back in the air");
     if (f.cut && next.mode != FailsafeMode::cut) fail("a cut was not obeyed");

@@ -473,12 +473,6 @@ TEST_F(FailsafeTest, TheSetpointsUpwardPartIsClippedByTheDronesOwnHeightToo) {
 
 // ---- docs/failsafe.md says what is true
 
-const char* name(Clears clears) {
-  constexpr std::array names{"on_ground", "when_rested", "with_a_plan", "back_inside", "apart", "when_charged"};
-  static_assert(names.size() == enum_count<Clears>);
-  return names.at(static_cast<std::size_t>(clears));
-}
-
 /// The cells of every line of a table in docs/failsafe.md whose first cell begins with FS-, by that cell.
 std::map<std::string, std::vector<std::string>> requirements() {
   std::map<std::string, std::vector<std::string>> lines;
@@ -518,7 +512,7 @@ TEST_F(FailsafeTest, ThePageTheTableAndTheTestsAgree) {
     ASSERT_EQ(line->second.size(), 5U) << row.id;
     EXPECT_EQ(line->second[0], ledgerline::name(row.cause)) << row.id;
     EXPECT_EQ(line->second[1], ledgerline::name(row.mode)) << row.id;
-    EXPECT_EQ(line->second[3], name(row.clears)) << row.id;
+    EXPECT_EQ(line->second[3], row.clears.name) << row.id;
     const std::string test = line->second[4];
     EXPECT_TRUE(test.starts_with("FS" + std::string(row.id).substr(3))) << test << " is not named after " << row.id;
     EXPECT_TRUE(tests.count(test)) << "there is no test " << test;
