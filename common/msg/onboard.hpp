@@ -174,25 +174,24 @@ struct StateSample {
   std::array<double, 3> position_m{};
   std::array<double, 3> velocity_mps{};
   double yaw_rad = 0;
-  float battery = 0;  ///< 0..1
+  float battery = 0;  ///< 0..1; on the ground below 0: not known yet
   float tof_m = 0;
   float height_m = 0;  ///< the Tello's own `h`, above take-off
   bool sdk_state_fresh = false;
   std::uint64_t applied_sequence = 0;        ///< of the last plan a setpoint was flown from
-  TimeNs applied_stamp_ns = 0;               ///< its state's stamp
-  TimeNs applied_late_ns = 0;                ///< sent minus meant
+  TimeNs playout_margin_ns = 0;              ///< so much later than they say setpoints are flown now
   std::uint64_t arrived_sequence = 0;        ///< of the newest plan that came
   TimeNs arrived_ns = 0;                     ///< when it came
   std::array<float, 3> sent_velocity_mps{};  ///< the setpoint as sent, after limits and failsafe
   float sent_yaw_rate_radps = 0;
-  std::uint32_t plans_late = 0;  ///< counters since boot
-  std::uint32_t plans_dropped = 0;
-  std::uint32_t plans_applied = 0;
   /// Roll, pitch and yaw as the Tello reports them, in REP 103's signs; its yaw counts from power on.
   std::array<float, 3> attitude_rad{};
   std::array<float, 3> acceleration_mps2{};  ///< its own, with gravity: x forward, y left, z up; 0, 0, 9.8 at rest
   PoseVariance pose_variance{};
   // For people at link's host; not on the ledger.
+  std::uint32_t plans_late = 0;  ///< counters since boot
+  std::uint32_t plans_dropped = 0;
+  std::uint32_t plans_applied = 0;
   float temperature_c = 0;  ///< the hotter one of the two that it reports; 0: none
   bool hot = false;         ///< beyond what it should be where it is
   bool contested = false;   ///< another client commands it as well (watch/client_watch.hpp) ...

@@ -12,16 +12,25 @@
 namespace ledgerline {
 namespace {
 
+// builtin_interfaces/msg/Time.
+void put_time(CdrWriter& out, TimeNs real_ns) {
+  out.put(static_cast<std::int32_t>(real_ns / ns_per_s));
+  out.put(static_cast<std::uint32_t>(real_ns % ns_per_s));
+}
+
+TimeNs get_time(CdrReader& in) {
+  const TimeNs seconds_ns = static_cast<TimeNs>(in.get<std::int32_t>()) * ns_per_s;
+  return seconds_ns + in.get<std::uint32_t>();
+}
+
 void put_header(CdrWriter& out, const Header& header) {
-  out.put(static_cast<std::int32_t>(header.stamp_ns / ns_per_s));
-  out.put(static_cast<std::uint32_t>(header.stamp_ns % ns_per_s));
+  put_time(out, header.stamp_ns);
   out.put(std::string_view(header.frame_id));
 }
 
 Header get_header(CdrReader& in) {
   Header header;
-  header.stamp_ns = static_cast<TimeNs>(in.get<std::int32_t>()) * ns_per_s;
-  header.stamp_ns += in.get<std::uint32_t>();
+  header.stamp_ns = get_time(in);
   header.frame_id = in.get_string();
   return header;
 }
@@ -186,8 +195,7 @@ bool are_sizes(const Numbers& values) {
 }
 
 bool plausible(const StateSample& s) {
-  return is_time(s.stamp_ns) && is_time(s.pose_stamp_ns) && is_time(s.applied_stamp_ns) && is_time(s.arrived_ns) &&
-         is_time(std::abs(std::max(s.applied_late_ns, -INT64_MAX))) && are_sizes(s.position_m) &&
+  return is_time(s.pose_stamp_ns) && is_time(s.arrived_ns) && is_time(s.playout_margin_ns) && are_sizes(s.position_m) &&
          are_sizes(s.velocity_mps) && are_sizes(s.sent_velocity_mps) && are_sizes(s.attitude_rad) &&
          are_sizes(s.acceleration_mps2) &&
          std::all_of(s.pose_variance.begin(), s.pose_variance.end(),
@@ -195,78 +203,120 @@ bool plausible(const StateSample& s) {
          are_sizes(std::array<double, 5>{s.yaw_rad, s.battery, s.tof_m, s.height_m, s.sent_yaw_rate_radps});
 }
 
-}  // namespace
-
-std::string link_status_to_cdr(const StateSample& s) {
-  CdrWriter out;
-  out.put(static_cast<std::uint8_t>(s.phase));
-  out.put(static_cast<std::uint8_t>(s.mode));
-  out.put(static_cast<std::uint8_t>(s.cause));
-  out.put(s.boot_id);
-  out.put(s.sequence);
-  out.put(s.stamp_ns);
-  out.put(s.pose_stamp_ns);
-  out.put(s.position_m);
-  out.put(s.velocity_mps);
-  out.put(s.yaw_rad);
-  out.put(s.battery);
-  out.put(s.tof_m);
-  out.put(s.height_m);
-  out.put(static_cast<std::uint8_t>(s.sdk_state_fresh));
-  out.put(s.applied_sequence);
-  out.put(s.applied_stamp_ns);
-  out.put(s.applied_late_ns);
-  out.put(s.arrived_sequence);
-  out.put(s.arrived_ns);
-  out.put(s.sent_velocity_mps);
-  out.put(s.sent_yaw_rate_radps);
-  out.put(s.plans_late);
-  out.put(s.plans_dropped);
-  out.put(s.plans_applied);
-  out.put(s.attitude_rad);
-  out.put(s.acceleration_mps2);
-  out.put(s.pose_variance);
-  return out.take();
+/// Around z: by +1 from the child frame, which is turned by yaw against the map (REP 105), by -1 into it.
+std::array<double, 3> turned(const std::array<double, 3>& v, double yaw_rad, double sign) {
+  const double c = std::cos(yaw_rad), n = sign * std::sin(yaw_rad);
+  return {c * v[0] - n * v[1], n * v[0] + c * v[1], v[2]};
 }
 
-Result<StateSample> link_status_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  StateSample s;
-  const auto phase = in.get<std::uint8_t>(), mode = in.get<std::uint8_t>(), cause = in.get<std::uint8_t>();
+bool read_enums(CdrReader& in, StateSample& s) {
+  const auto [phase, mode, cause] = in.get_array<std::uint8_t, 3>();
   s.phase = static_cast<FlightPhase>(phase);
   s.mode = static_cast<FailsafeMode>(mode);
   s.cause = static_cast<FailsafeCause>(cause);
-  if (phase >= enum_count<FlightPhase> || mode >= enum_count<FailsafeMode> || cause >= enum_count<FailsafeCause>) {
-    return Error{"ledgerline_msgs/msg/LinkStatus: phase, mode or cause is none that this version knows"};
-  }
+  return phase < enum_count<FlightPhase> && mode < enum_count<FailsafeMode> && cause < enum_count<FailsafeCause>;
+}
+
+bool read_link_status(CdrReader& in, DroneState& state) {
+  StateSample& s = state.sample;
+  state.real_ns = get_time(in);
+  s.stamp_ns = in.get<TimeNs>();
   s.boot_id = in.get<std::uint64_t>();
   s.sequence = in.get<std::uint64_t>();
-  s.stamp_ns = in.get<TimeNs>();
-  s.pose_stamp_ns = in.get<TimeNs>();
-  s.position_m = in.get_array<double, 3>();
-  s.velocity_mps = in.get_array<double, 3>();
-  s.yaw_rad = in.get<double>();
-  s.battery = in.get<float>();
+  s.applied_sequence = in.get<std::uint64_t>();
+  s.arrived_sequence = in.get<std::uint64_t>();
+  s.arrived_ns = in.get<TimeNs>();
+  s.playout_margin_ns = in.get<TimeNs>();
+  s.sent_velocity_mps = in.get_array<float, 3>();
+  s.sent_yaw_rate_radps = in.get<float>();
+  s.attitude_rad = in.get_array<float, 3>();
+  s.acceleration_mps2 = in.get_array<float, 3>();
   s.tof_m = in.get<float>();
   s.height_m = in.get<float>();
   s.sdk_state_fresh = in.get<std::uint8_t>() != 0;
+  s.battery = -1;
+  return read_enums(in, s);
+}
+
+/// Blocks written before have another layout, with the pose and the charge in it; it is known by its size.
+constexpr std::size_t link_status_bytes_before = 224;
+
+bool read_link_status_before(CdrReader& in, DroneState& state) {
+  StateSample& s = state.sample;
+  const bool known = read_enums(in, s);
+  for (std::uint64_t* value : {&s.boot_id, &s.sequence}) *value = in.get<std::uint64_t>();
+  for (TimeNs* value : {&s.stamp_ns, &s.pose_stamp_ns}) *value = in.get<TimeNs>();
+  for (auto* vector : {&s.position_m, &s.velocity_mps}) *vector = in.get_array<double, 3>();
+  s.yaw_rad = in.get<double>();
+  for (float* value : {&s.battery, &s.tof_m, &s.height_m}) *value = in.get<float>();
+  s.sdk_state_fresh = in.get<std::uint8_t>() != 0;
   s.applied_sequence = in.get<std::uint64_t>();
-  s.applied_stamp_ns = in.get<TimeNs>();
-  s.applied_late_ns = in.get<TimeNs>();
+  (void)in.get_array<TimeNs, 2>();  // of the plan that was applied: its state's stamp, and how late
   s.arrived_sequence = in.get<std::uint64_t>();
   s.arrived_ns = in.get<TimeNs>();
   s.sent_velocity_mps = in.get_array<float, 3>();
   s.sent_yaw_rate_radps = in.get<float>();
-  s.plans_late = in.get<std::uint32_t>();
-  s.plans_dropped = in.get<std::uint32_t>();
-  s.plans_applied = in.get<std::uint32_t>();
-  s.attitude_rad = in.get_array<float, 3>();
-  s.acceleration_mps2 = in.get_array<float, 3>();
+  (void)in.get_array<std::uint32_t, 3>();  // plans that came late, were dropped, were applied
+  for (auto* vector : {&s.attitude_rad, &s.acceleration_mps2}) *vector = in.get_array<float, 3>();
   s.pose_variance = in.get_array<float, 4>();
-  if (in.ok() && !plausible(s)) {
-    return Error{"ledgerline_msgs/msg/LinkStatus: a time or a number is beyond what a drone can say"};
+  return known;
+}
+
+}  // namespace
+
+Odometry odometry_of(const StateSample& s, const std::string& drone, TimeNs real_offset_ns) {
+  return {.header = {s.pose_stamp_ns + real_offset_ns, "map"},  // the pose's own: a lost mocap shows as an old one
+          .child_frame_id = drone + "/base_link",
+          .position_m = s.position_m,
+          .orientation = quaternion_from_yaw(s.yaw_rad),
+          .linear_mps = turned(s.velocity_mps, s.yaw_rad, -1),
+          .angular_radps = {},
+          .pose_variance = s.pose_variance};
+}
+
+std::string link_status_to_cdr(const StateSample& s, TimeNs real_offset_ns) {
+  CdrWriter out;
+  put_time(out, s.stamp_ns + real_offset_ns);
+  out.put(s.stamp_ns);
+  out.put(s.boot_id);
+  out.put(s.sequence);
+  out.put(s.applied_sequence);
+  out.put(s.arrived_sequence);
+  out.put(s.arrived_ns);
+  out.put(s.playout_margin_ns);
+  out.put(s.sent_velocity_mps);
+  out.put(s.sent_yaw_rate_radps);
+  out.put(s.attitude_rad);
+  out.put(s.acceleration_mps2);
+  out.put(s.tof_m);
+  out.put(s.height_m);
+  out.put(std::array{static_cast<std::uint8_t>(s.sdk_state_fresh), static_cast<std::uint8_t>(s.phase),
+                     static_cast<std::uint8_t>(s.mode), static_cast<std::uint8_t>(s.cause)});
+  return out.take();
+}
+
+Result<DroneState> state_from_cdr(std::string_view link_status, std::string_view odometry) {
+  CdrReader in(link_status);
+  DroneState state;
+  StateSample& s = state.sample;
+  const bool has_own_pose = link_status.size() == link_status_bytes_before;
+  if (!(has_own_pose ? read_link_status_before(in, state) : read_link_status(in, state))) {
+    return Error{"ledgerline_msgs/msg/LinkStatus: phase, mode or cause is none that this version knows"};
   }
-  return checked(in, s, link_status_type);
+  if (!in.ok()) return checked(in, state, link_status_type);
+  const Error absurd{"a drone's state: a time or a number is beyond what a drone can say"};
+  if (!is_time(s.stamp_ns) || !is_time(state.real_ns)) return absurd;
+  if (!odometry.empty() && !has_own_pose) {
+    const auto o = odometry_from_cdr(odometry);
+    if (!o) return o.error();
+    s.pose_stamp_ns = o->header.stamp_ns - state.real_ns + s.stamp_ns;
+    s.position_m = o->position_m;
+    s.yaw_rad = yaw_from_quaternion(o->orientation);
+    s.velocity_mps = turned(o->linear_mps, s.yaw_rad, 1);
+    s.pose_variance = o->pose_variance;
+  }
+  if (!plausible(s)) return absurd;
+  return state;
 }
 
 namespace {

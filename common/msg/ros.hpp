@@ -85,12 +85,23 @@ inline constexpr std::string_view battery_type = "sensor_msgs/msg/BatteryState";
 std::string to_cdr(const BatteryState& battery);
 Result<BatteryState> battery_from_cdr(std::string_view cdr);
 
-/// ledgerline_msgs/msg/LinkStatus: a StateSample whole, so that the ground sees what link really did. Fields in the
-/// order of StateSample, the drone's number left out (its name is in the id). Times that are negative or would overflow
-/// and numbers that are not finite or beyond 1e6 are refused: what is read goes into controllers.
+/// A drone's state on the ledger, each fact in one message: where it is and how fast in nav_msgs/msg/Odometry, which it
+/// has when there is a pose, its charge in sensor_msgs/msg/BatteryState, which is not sent with every state, and the
+/// rest in ledgerline_msgs/msg/LinkStatus (common/msg/ledgerline_msgs/msg/LinkStatus.msg).
+/// `real_offset_ns`: real time minus the clock of the sample's stamps.
 inline constexpr std::string_view link_status_type = "ledgerline_msgs/msg/LinkStatus";
-std::string link_status_to_cdr(const StateSample& sample);
-Result<StateSample> link_status_from_cdr(std::string_view cdr);
+Odometry odometry_of(const StateSample& sample, const std::string& drone, TimeNs real_offset_ns);
+std::string link_status_to_cdr(const StateSample& sample, TimeNs real_offset_ns);
+
+/// What a LinkStatus and the Odometry beside it say together.
+struct DroneState {
+  StateSample sample;  ///< no number: its name is in the id; battery below 0: not known from these
+  TimeNs real_ns = 0;  ///< sample.stamp_ns as real time
+};
+/// `odometry`: empty without a pose. Times that are negative or would overflow and numbers that are not finite or
+/// beyond 1e6 are refused: what is read goes into controllers. A LinkStatus of blocks written before, which has a pose
+/// and a charge of its own, is read, too.
+Result<DroneState> state_from_cdr(std::string_view link_status, std::string_view odometry);
 
 /// diagnostic_msgs/msg/DiagnosticArray: transitions of one drone, oldest first, a DiagnosticStatus each. Its name is
 /// "<drone>/failsafe", its level 0 (OK), 1 (WARN: a cause, hold, brake) or 2 (ERROR: land, cut), its message a

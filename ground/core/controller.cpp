@@ -107,11 +107,11 @@ void PathController::start(TimeNs from_ns, double end_m) {
   reference_ns_ = from_ns;
 }
 
-void PathController::observe(const StateSample& state, TimeNs late_ns) {
+void PathController::observe(const StateSample& state) {
   if (state.stamp_ns <= raw_stamp_ns_) return;
   raw_stamp_ns_ = state.stamp_ns;
   waits_ = state.mode == FailsafeMode::brake || state.stamp_ns - state.pose_stamp_ns > config_.pose_lost_ns;
-  predictor_.observe(state, late_ns);
+  predictor_.observe(state);
   if (state.pose_stamp_ns <= raw_.stamp_ns) return;
   raw_.stamp_ns = state.pose_stamp_ns;
   raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());

@@ -100,8 +100,7 @@ class PathController final : public Follower {
   /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
   void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity()) override;
-  /// A state in flight; `late_ns`: how much later than they say link flies setpoints (motion::PlayoutMargin).
-  void observe(const StateSample& state, TimeNs late_ns) override;
+  void observe(const StateSample& state) override;
   bool ready() const override { return predictor_.ready(); }
   /// Setpoints for first_ns, first_ns + 50 ms, ... as many as asked for (12 to 40); first_ns must not go back from plan
   /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for withdraw().

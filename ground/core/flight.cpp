@@ -182,7 +182,7 @@ void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample&
     if (outbox_) outbox_->go_on_behind(index, behind);
   }
   timing_.observe(index, intake_.of(index).state);
-  drone.planner.observe(same_boot, timing_.margin_ns(index));
+  drone.planner.observe(same_boot);
   ++drone.status.states_received;
   out.traces.push_back({.t_ns = now_ns,
                         .kind = TraceKind::state_received,

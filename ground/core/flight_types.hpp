@@ -125,7 +125,8 @@ struct FlightInputs {
 struct DroneUpdate {
   std::size_t drone = 0;  ///< index into FlightConfig::drones
   std::optional<StateSample> state;
-  std::string odometry, battery;  ///< of the state's moment
+  TimeNs real_ns = 0;             ///< the state's moment as real time
+  std::string odometry, battery;  ///< of the state's moment; not every state brings a battery
   std::string transitions;        ///< of the failsafe
   std::string alarm;              ///< why its agent does not or did not trust the ledger
 };

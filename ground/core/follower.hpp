@@ -18,8 +18,8 @@ class Follower {
   /// The path is flown from `from_ns` on, as far as `end_m` along it (laps count on); until then it waits at the
   /// origin.
   virtual void start(TimeNs from_ns, double end_m) = 0;
-  /// A state in flight; `late_ns`: how much later than they say link flies setpoints.
-  virtual void observe(const StateSample& state, TimeNs late_ns) = 0;
+  /// A state in flight.
+  virtual void observe(const StateSample& state) = 0;
   /// It knows enough to plan.
   virtual bool ready() const = 0;
   /// Setpoints from `first_ns` on, which does not go back from plan to plan; none of them `count` steps of 50 ms later

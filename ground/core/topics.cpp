@@ -43,14 +43,12 @@ Result<std::string> battery(const DroneUpdate& news, const std::string&) {
   return as_it_is(news.battery, battery_from_cdr);
 }
 
-// The battery's header has the state's moment in real time, which the state itself does not know.
-Result<std::string> imu(const DroneUpdate& news, const std::string&) {
-  if (!news.state || !news.state->sdk_state_fresh || news.battery.empty()) return nothing;
-  const auto of_moment = battery_from_cdr(news.battery);
-  if (!of_moment) return of_moment.error();
+Result<std::string> imu(const DroneUpdate& news, const std::string& drone) {
+  if (!news.state || !news.state->sdk_state_fresh) return nothing;
   const auto& [roll, pitch, yaw] = news.state->attitude_rad;
   const auto& a = news.state->acceleration_mps2;
-  return to_cdr(Imu{of_moment->header, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
+  return to_cdr(
+      Imu{{news.real_ns, drone + "/base_link"}, quaternion_from_attitude(roll, pitch, yaw), {a[0], a[1], a[2]}});
 }
 
 Result<std::string> diagnostics(const DroneUpdate& news, const std::string&) {

@@ -40,7 +40,8 @@ inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
   const bool has_pose = seen.has_state && state.pose_stamp_ns > 0 &&
                         state.stamp_ns - state.pose_stamp_ns <= core.config().controller.pose_lost_ns;
   if (has_pose) now.at_m = Eigen::Vector3d::Map(state.position_m.data());
-  if (seen.has_state && state.sdk_state_fresh) now.battery_share = static_cast<double>(state.battery);
+  if (seen.has_state && state.sdk_state_fresh && state.battery >= 0)
+    now.battery_share = static_cast<double>(state.battery);
   return now;
 }
 

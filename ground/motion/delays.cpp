@@ -43,16 +43,4 @@ TimeNs TwoWay::quantile(double q) const {
   return *at;
 }
 
-void PlayoutMargin::add(TimeNs late_ns) { late_[count_++ % kept] = std::max<TimeNs>(0, late_ns); }
-
-TimeNs PlayoutMargin::value_ns() const {
-  if (count_ == 0) return 0;
-  const auto known = static_cast<std::ptrdiff_t>(std::min(count_, kept));
-  // No array: g++ 14 assumes that a sort of a part of it goes beyond its end.
-  std::vector<TimeNs> newest(late_.begin(), late_.begin() + known);
-  const auto median = newest.begin() + known / 2;
-  std::nth_element(newest.begin(), median, newest.end());
-  return *median;
-}
-
 }  // namespace ledgerline::motion

@@ -41,19 +41,4 @@ class TwoWay {
   Window ways_;
 };
 
-/// Playout's margin as states show it: how much later than its own moment link flies each setpoint. It grows where
-/// plans come late. Deterministic; one thread.
-class PlayoutMargin {
- public:
-  /// Once for each plan that a state reports as flown.
-  void add(TimeNs late_ns);
-  /// The median of the newest five, never negative.
-  TimeNs value_ns() const;
-
- private:
-  static constexpr std::size_t kept = 5;
-  std::array<TimeNs, kept> late_{};
-  std::size_t count_ = 0;
-};
-
 }  // namespace ledgerline::motion

@@ -59,8 +59,8 @@ void Predictor::start(const StateSample& state) {
   estimator_.interrupt();
 }
 
-void Predictor::observe(const StateSample& state, TimeNs late_ns) {
-  late_ns_ = late_ns;
+void Predictor::observe(const StateSample& state) {
+  late_ns_ = state.playout_margin_ns;
   if (!applied_.empty() && state.stamp_ns <= applied_.back().stamp_ns) return;
   // What link sent the drone is news without a new pose, too: it brakes while mocap is away.
   applied_.push_back({state.stamp_ns, vector(state.sent_velocity_mps), static_cast<double>(state.sent_yaw_rate_radps)});

@@ -47,8 +47,8 @@ class Predictor {
 
   explicit Predictor(const PredictorConfig& config);
 
-  /// A state in flight. `late_ns`: how much later than they say link flies setpoints now (PlayoutMargin::value_ns).
-  void observe(const StateSample& state, TimeNs late_ns);
+  /// A state in flight.
+  void observe(const StateSample& state);
   /// A plan is on its way (not empty, times growing); from its first setpoint on it replaces those before.
   void sent(std::uint64_t id, std::span<const Setpoint> plan);
   /// That plan will not be flown: it was replaced before it left, or the ledger refused it.

@@ -67,7 +67,7 @@ class PluginFollower final : public Follower {
     end_m_ = end_m;
     guarded("start", [&] { table().start(controller_, from_ns, end_m); });
   }
-  void observe(const StateSample& state, TimeNs late_ns) override;
+  void observe(const StateSample& state) override;
   bool ready() const override { return seen_; }
   std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count) override;
   void withdraw(std::uint64_t) override {}  // the states say what link was sent
@@ -109,7 +109,7 @@ void PluginFollower::guarded(const char* which, const Call& call) {
   }
 }
 
-void PluginFollower::observe(const StateSample& state, TimeNs late_ns) {
+void PluginFollower::observe(const StateSample& state) {
   if (state.stamp_ns <= newest_ns_ || state.pose_stamp_ns == 0) return;
   newest_ns_ = state.stamp_ns;
   seen_ = true;
@@ -123,7 +123,7 @@ void PluginFollower::observe(const StateSample& state, TimeNs late_ns) {
   }
   shown.yaw_rad = state.yaw_rad;
   shown.sent_yaw_rate_radps = static_cast<double>(state.sent_yaw_rate_radps);
-  shown.late_ns = late_ns;
+  shown.late_ns = state.playout_margin_ns;
   shown.braking = state.mode == FailsafeMode::brake ? 1 : 0;
   guarded("observe", [&] { table().observe(controller_, &shown); });
 }

@@ -32,8 +32,6 @@ void PlanTiming::submitted(std::size_t drone, std::uint64_t sequence, TimeNs mad
 
 void PlanTiming::observe(std::size_t drone, const StateSample& s) {
   Drone& d = drones_[drone];
-  if (s.applied_sequence != d.applied_sequence) d.margin.add(s.applied_late_ns);
-  d.applied_sequence = s.applied_sequence;
   const auto made = [&](std::uint64_t sequence) {
     const PlanRecord& plan = d.plans[sequence % d.plans.size()];
     return sequence != 0 && plan.sequence == sequence ? std::optional(plan.made_ns) : std::nullopt;

@@ -34,8 +34,6 @@ class PlanTiming {
   void begin_lease(std::size_t drone);
 
   const Timing& of(std::size_t drone) const;
-  /// How much later than they say link flies the drone's setpoints.
-  TimeNs margin_ns(std::size_t drone) const { return drones_[drone].margin.value_ns(); }
   /// Why no plan could be flown in time, as far as our own calls show; empty: one could, or nothing was measured yet.
   std::string too_slow() const;
   /// The maximum over all drones.
@@ -51,14 +49,13 @@ class PlanTiming {
     TimeNs made_ns = 0;
   };
   struct Drone {
-    motion::PlayoutMargin margin;
     motion::Window arrivals;                           ///< from a plan's making until it was there; the drone's clock
     motion::Window spacings;                           ///< between two plans that came
     TimeNs first_arrival_ns = 0, last_arrival_ns = 0;  ///< of those; 0: none
     std::optional<Timing> timing;                      ///< by arrivals
     /// Of the newest plans submitted, as far back as one may be on its way.
     std::array<PlanRecord, (max_plan_delay_ns + overdue_ns) / state_every_ns + 1> plans{};
-    std::uint64_t applied_sequence = 0, arrived_sequence = 0;  ///< as the newest state had it
+    std::uint64_t arrived_sequence = 0;  ///< as the newest state had it
   };
   /// How long plans take, as a distribution, and how far apart they come.
   struct Ways {

@@ -59,7 +59,7 @@ Status Planner::begin_pilot_path(const std::vector<Waypoint>& way, bool land_beh
   PilotPath path(way, land_behind, here, config_.controller.height_m);
   const motion::OpenCourse& course = path.course();
   if (Status made = make_follower(course.waypoints, course.origin_m, state.yaw_rad, 1); !made) return made;
-  follower_->observe(state, margin_ns_);
+  follower_->observe(state);
   follower_->start(from_ns, path.end_m(*follower_));
   manual_.release();
   status_.planned = path.corners();
@@ -73,14 +73,13 @@ void Planner::start_path(TimeNs at_ns) {
                    config_.seconds > 0 ? std::numeric_limits<double>::infinity() : task_.laps * follower_->lap_m());
 }
 
-void Planner::observe(bool same_boot, TimeNs margin_ns) {
+void Planner::observe(bool same_boot) {
   if (!same_boot) {
     first_setpoint_ns_ = 0;
     manual_ = ManualController(config_.controller, config_.cmd_timeout_ns);
   }
-  margin_ns_ = margin_ns;
   if (seen_.state.phase != FlightPhase::flying) return;
-  if (follower_) follower_->observe(seen_.state, margin_ns);
+  if (follower_) follower_->observe(seen_.state);
   if (pilot_path_ && status_.phase == DronePhase::path) pilot_path_->observe(*follower_, seen_.state);
 }
 

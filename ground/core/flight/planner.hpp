@@ -35,7 +35,7 @@ class Planner {
   /// `from_ns`. After an error nothing has changed.
   Status begin_pilot_path(const std::vector<Waypoint>& way, bool land_behind, TimeNs from_ns);
   /// A state of this boot; another boot forgets what was planned for the one before.
-  void observe(bool same_boot, TimeNs margin_ns);
+  void observe(bool same_boot);
   /// A plan that answers the newest state, where there is anything to say.
   std::optional<PlannedCommand> make(TimeNs now, const PlanTiming::Timing& timing);
   /// The plan will not be flown.
@@ -71,7 +71,6 @@ class Planner {
   PathController* controller_ = nullptr;  ///< the follower, where it is our own
   std::uint64_t follower_boot_id_ = 0;    ///< of the states that it was made for
   std::optional<PilotPath> pilot_path_;
-  TimeNs margin_ns_ = 0;
   ManualController manual_;
   std::uint64_t next_plan_ = 1;
   TimeNs first_setpoint_ns_ = 0;  ///< of the newest plan; the drone's clock, as below

@@ -71,17 +71,25 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     }
     DroneUpdate& one = all[*drone];
     if (odometry) one.odometry = asset.msg_data();
-    if (battery) one.battery = asset.msg_data();
+    if (battery) {  // one that nobody can read is the topic's to report; NaN is unknown
+      one.battery = asset.msg_data();
+      const auto message = battery_from_cdr(one.battery);
+      if (message && message->percentage >= 0 && message->percentage <= 1) seen_[*drone].battery = message->percentage;
+    }
     if (transitions) one.transitions = asset.msg_data();
     if (alarm) one.alarm = asset.msg_data();
     if (!status) continue;
-    auto sample = link_status_from_cdr(asset.msg_data());
-    if (!sample) {
+    auto state = state_from_cdr(asset.msg_data(), one.odometry);
+    if (!state) {
       ++counters_.malformed;
-    } else if (one.state ? is_newer(*sample, *one.state) : is_new(*drone, *sample)) {
-      one.state = *sample;
-      states.push_back({*drone, *sample});
+      continue;
     }
+    StateSample& sample = state->sample;
+    if (one.state ? !is_newer(sample, *one.state) : !is_new(*drone, sample)) continue;
+    if (sample.battery < 0) sample.battery = seen_[*drone].battery;
+    one.state = sample;
+    one.real_ns = state->real_ns;
+    states.push_back({*drone, sample});
   }
   for (std::size_t i = 0; i < all.size(); ++i) {
     DroneUpdate& one = all[i];

@@ -9,12 +9,13 @@ namespace ledgerline::ground {
 struct IntakeState {
   StateSample state;
   bool has_state = false;
+  float battery = -1;      ///< the newest that was sent; below 0: none yet
   TimeNs received_ns = 0;  ///< when a state came that counts as a sign of life; the ground's clock
 };
 
 /// States out of frames: only what the drone's host signed, only of drones that fly here, only what is newer than the
-/// newest, or of another boot. A frame repeats the others' last values; those are no news. What is refused is
-/// counted. Deterministic; one thread.
+/// newest, or of another boot. A frame repeats the others' last values; those are no news. In a call a drone's odometry
+/// and battery stand before its status, as agent writes them. What is refused is counted. Deterministic; one thread.
 class StateIntake {
  public:
   struct New {

@@ -224,7 +224,7 @@ std::optional<Relay::Event> Relay::bent_command(const std::string& payload) {
 std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
   for (const Asset& asset : frame.assets()) {
     if (asset.msg_type() != link_status_type) continue;
-    const auto state = link_status_from_cdr(asset.msg_data());
+    const auto state = state_from_cdr(asset.msg_data(), "");
     if (!state) continue;
     const std::string drone = asset.id().substr(0, asset.id().find('/'));
     if (host_sequence_++ == 0) {
@@ -237,8 +237,8 @@ std::optional<Relay::Event> Relay::host_flies(const SetCall& frame) {
     call.set_organisation("Org1MSP");
     DronePlan& plan = *call.add_plans();
     plan.set_drone(drone);
-    plan.set_boot_id(state->boot_id);
-    plan.set_state_stamp_ns(state->stamp_ns);
+    plan.set_boot_id(state->sample.boot_id);
+    plan.set_state_stamp_ns(state->sample.stamp_ns);
     plan.set_sequence(host_sequence_);
     plan.set_epoch(2);
     add_setpoints(plan, 1, 1);
@@ -283,14 +283,14 @@ std::optional<Relay::Event> Relay::bent_frame(const std::string& payload) {
   const auto earlier = parsed<SetCall>(earlier_frame_);
   for (int i = 0; i < frame.assets_size(); ++i) {
     Asset& asset = *frame.mutable_assets(i);
-    auto state = link_status_from_cdr(asset.msg_data());
-    if (asset.msg_type() != link_status_type || !state) continue;
-    if (lie_ == RelayTampering::frame_pose) state->position_m[0] += 3;
-    if (lie_ == RelayTampering::frame_replayed && i < earlier.assets_size()) {
-      const auto old = link_status_from_cdr(earlier.assets(i).msg_data());
-      if (old) state->position_m = old->position_m;
+    auto odometry = odometry_from_cdr(asset.msg_data());
+    if (asset.msg_type() != odometry_type || !odometry) continue;
+    if (lie_ == RelayTampering::frame_pose) odometry->position_m[0] += 3;
+    for (const Asset& old : earlier.assets()) {
+      if (lie_ != RelayTampering::frame_replayed || old.id() != asset.id()) continue;
+      if (const auto then = odometry_from_cdr(old.msg_data())) odometry->position_m = then->position_m;
     }
-    asset.set_msg_data(link_status_to_cdr(*state));
+    asset.set_msg_data(to_cdr(*odometry));
   }
   return Event{contract::set, frame.SerializeAsString()};
 }

@@ -255,8 +255,6 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
   if (!follows || landing_.asked()) return;
   const bool first = playout_.mark_sent();
   applied_sequence_ = setpoint.sequence;
-  applied_stamp_ns_ = setpoint.state_stamp_ns;
-  if (setpoint.fresh) applied_late_ns_ = now - setpoint.meant_ns;
   if (first) {
     age_.add(now - setpoint.state_stamp_ns);
     record_applied(at, setpoint.sequence, setpoint.state_stamp_ns, setpoint.fresh ? now - setpoint.meant_ns : 0);
@@ -350,18 +348,17 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
       .height_m = session.state().height_m,
       .sdk_state_fresh = session.state_at_ns() != 0 && now - session.state_at_ns() <= failsafe_settings_.state_stale_ns,
       .applied_sequence = applied_sequence_,
-      .applied_stamp_ns = applied_stamp_ns_,
-      .applied_late_ns = applied_late_ns_,
+      .playout_margin_ns = playout_.margin_ns(),
       .arrived_sequence = arrived_sequence_,
       .arrived_ns = arrived_ns_,
       .sent_velocity_mps = sent_.mps,
       .sent_yaw_rate_radps = sent_.yaw_radps,
-      .plans_late = plans.late,
-      .plans_dropped = plans.dropped,
-      .plans_applied = plans.applied,
       .attitude_rad = attitude_rad(session.state()),
       .acceleration_mps2 = acceleration_mps2(session.state()),
       .pose_variance = published_pose_.variance,
+      .plans_late = plans.late,
+      .plans_dropped = plans.dropped,
+      .plans_applied = plans.applied,
       .temperature_c = session.state().temperature_c,
       .hot = heat_watch_.hot(),
       .contested = client_watch_.contested(now),

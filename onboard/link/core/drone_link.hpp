@@ -212,8 +212,6 @@ class DroneLink {
 
   std::uint64_t states_sampled_ = 0;
   std::uint64_t applied_sequence_ = 0;
-  TimeNs applied_stamp_ns_ = 0;
-  TimeNs applied_late_ns_ = 0;
   std::uint64_t arrived_sequence_ = 0;
   TimeNs arrived_ns_ = 0;
   Histogram age_;

@@ -48,7 +48,7 @@ class Flying {
 
   std::string state(FlightPhase phase, double height_m) {
     SetCall call;
-    *call.add_assets() = status_asset("tello1", sample(phase, height_m));
+    add_state(call, "tello1", sample(phase, height_m));
     return call.SerializeAsString();
   }
   StateSample sample(FlightPhase phase, double height_m) {
@@ -100,12 +100,7 @@ class EventEntry final : public Entry {
       StateSample s = Flying().sample(FlightPhase::flying, 1);
       s.sequence = 1'000'000;  // newer than what came before
       s.stamp_ns = s.pose_stamp_ns = 1'001 * ns_per_s;
-      *call.add_assets() = status_asset("tello1", s);
-      Asset odometry;
-      odometry.set_id("tello1/odom");
-      odometry.set_msg_type(std::string(odometry_type));
-      odometry.set_msg_data(to_cdr(Odometry{}));
-      *call.add_assets() = odometry;
+      add_state(call, "tello1", s);
       return {call.SerializeAsString(), to_json(call)};
     }
     if (name_ == "command") {
@@ -152,7 +147,8 @@ class EventEntry final : public Entry {
   int fed_ = 0;
 };
 
-/// The state alone, as CDR, of a drone in flight; and again and again, so that one strange state follows another.
+/// The status alone, as CDR, of a drone in flight that has a pose; and again and again, so that one strange state
+/// follows another.
 class StateEntry final : public Entry {
  public:
   std::vector<std::string> seeds() override {
@@ -163,7 +159,7 @@ class StateEntry final : public Entry {
     grounded.phase = FlightPhase::on_ground;
     StateSample late = s;
     late.arrived_ns = 1'000'000 * ns_per_s;
-    return {link_status_to_cdr(s), link_status_to_cdr(grounded), link_status_to_cdr(late)};
+    return {link_status_to_cdr(s, 0), link_status_to_cdr(grounded, 0), link_status_to_cdr(late, 0)};
   }
   std::vector<std::string> probes() override {
     flying_.reset();
@@ -172,11 +168,14 @@ class StateEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     if (++fed_ % 50 == 0 || !flying_ || !flying_->in_path()) flying_ = std::make_unique<Flying>();
     SetCall call;
-    *call.add_assets() = status_asset("tello1", StateSample{});
-    call.mutable_assets(0)->set_msg_data(bytes.data(), bytes.size());
+    add_state(call, "tello1", flying_->sample(FlightPhase::flying, 1));
+    std::string& status = *call.mutable_assets(1)->mutable_msg_data();
+    status = bytes;
     // In every second flight plans come, at whatever time that says.
-    if (const auto sample = link_status_from_cdr(bytes); sample && fed_ / 50 % 2 == 0)
-      call.mutable_assets(0)->set_msg_data(link_status_to_cdr(flying_->next(*sample)));
+    if (const auto state = state_from_cdr(bytes, call.assets(0).msg_data()); state && fed_ / 50 % 2 == 0) {
+      const StateSample next = flying_->next(state->sample);
+      status = link_status_to_cdr(next, state->real_ns - next.stamp_ns);
+    }
     const std::uint64_t before = flying_->core().status(0).states_received;
     if (!flying_->give("set", call.SerializeAsString())) return refused("");
     return flying_->core().status(0).states_received > before ? accepted() : dropped();

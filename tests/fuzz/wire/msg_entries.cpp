@@ -53,10 +53,11 @@ std::unique_ptr<Entry> twist() {
 
 std::unique_ptr<Entry> link_status() {
   return std::make_unique<Function>(
-      std::vector<std::string>{link_status_to_cdr(sample()), link_status_to_cdr(StateSample{})},
-      [](std::string_view bytes) {
-        const auto read = link_status_from_cdr(bytes);
-        if (!read) return refused(read.error().what);
+      std::vector<std::string>{link_status_to_cdr(sample(), 0), link_status_to_cdr(StateSample{}, 0)},
+      [odometry = to_cdr(odometry_of(sample(), "tello1", 0))](std::string_view bytes) {
+        const auto state = state_from_cdr(bytes, odometry);
+        if (!state) return refused(state.error().what);
+        const StateSample* read = &state->sample;
         // What comes out goes into a controller: nothing that arithmetic could trip over.
         for (const auto& values : {read->position_m, read->velocity_mps}) {
           for (const double value : values) {

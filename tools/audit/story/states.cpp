@@ -29,8 +29,9 @@ void take_pose(const Asset& asset, DroneStory& story) {
 
 /// The newest command that was with link when the state was made, and when it came: both on the drone host's clock.
 void take_link(const Asset& asset, DroneStory& story) {
-  const auto sample = link_status_from_cdr(asset.msg_data());
-  if (!sample) return;
+  const auto state = state_from_cdr(asset.msg_data(), "");
+  if (!state) return;
+  const StateSample* sample = &state->sample;
   ++story.states;
   if (sample->boot_id != story.asked_boot || sample->arrived_sequence <= story.last_arrived) return;
   const auto asked = story.asked.find(sample->arrived_sequence);

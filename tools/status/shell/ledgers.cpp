@@ -18,15 +18,15 @@ std::string text_of(const Identity& identity) {
   return identity.msp_id().empty() ? "" : identity.msp_id() + " " + identity.subject();
 }
 
-/// When the drone's newest state was taken; each brings a battery, also without a pose. None: the ledger has none.
+/// When the drone's newest state was taken; each has a status, also without a pose. None: the ledger has none.
 std::optional<TimeNs> newest_stamp(const std::string& drone, const verification::Evaluate& evaluate) {
   QueryCall query;
-  query.set_id(drone + "/battery");
+  query.set_id(drone + "/link");
   const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
   Assets assets;
   if (!answer || !parse_message(*answer, assets) || assets.assets_size() != 1) return std::nullopt;
-  const auto battery = battery_from_cdr(assets.assets(0).msg_data());
-  return battery ? std::optional(battery->header.stamp_ns) : std::nullopt;
+  const auto state = state_from_cdr(assets.assets(0).msg_data(), "");
+  return state ? std::optional(state->real_ns) : std::nullopt;
 }
 
 Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate) {

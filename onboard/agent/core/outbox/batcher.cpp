@@ -2,11 +2,18 @@
 
 #include <algorithm>
 
+#include "common/msg/contract.hpp"
+
 namespace ledgerline::agent {
 namespace {
 
 /// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
 constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
+
+/// Of a drone's states each so-many-th brings its charge. `get` finds what the last frame has not in the frames before
+/// it, of which some may be other drones'.
+constexpr std::size_t battery_every = 16;
+static_assert(4 * battery_every <= contract::max_page_versions);
 
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
 
@@ -91,11 +98,18 @@ void Batcher::drop_stale(TimeNs now) {
   }
 }
 
+bool Batcher::is_battery_due(Slot& slot) {
+  const bool due = slot.states_to_battery == 0 || slot.waiting->battery != slot.battery;
+  slot.battery = slot.waiting->battery;
+  slot.states_to_battery = due ? battery_every - 1 : slot.states_to_battery - 1;
+  return due;
+}
+
 std::optional<Frame> Batcher::next(TimeNs now) {
   drop_stale(now);
   if (!ready(now)) return std::nullopt;
   again_at_once_ = false;
-  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}};
+  Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}, .batteries = {}};
   for (Slot& slot : slots_) {
     if (slot.paused_until_ns > now) continue;
     if (!slot.waiting) {
@@ -104,6 +118,7 @@ std::optional<Frame> Batcher::next(TimeNs now) {
     }
     if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
     slot.sent = slot.waiting;
+    if (is_battery_due(slot)) frame.batteries.push_back(slot.drone.number);
     frame.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }
@@ -152,6 +167,9 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
   auto ended = in_flight_.end(number, outcome);
   if (!ended) return std::nullopt;
   const Frame& frame = ended->what;
+  if (outcome.kind != fabric::Outcome::Kind::committed) {
+    for (const DroneNumber drone : frame.batteries) find(drone)->states_to_battery = 0;
+  }
   using Kind = fabric::Outcome::Kind;
   switch (outcome.kind) {
     case Kind::committed:

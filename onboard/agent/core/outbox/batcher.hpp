@@ -30,6 +30,7 @@ struct Frame {
   /// The last samples of the drones without a new one, sent before and not counted again: the frame is stored under one
   /// key, so what it leaves out would be gone from `get`. Readers know them by their sequence.
   std::vector<StateSample> repeated;
+  std::vector<DroneNumber> batteries;  ///< of these samples the charge is sent, too
 };
 
 /// Few transactions, many samples: one frame is in flight until it is committed; where that takes long, the next one
@@ -42,6 +43,9 @@ struct Frame {
 ///                             their newer samples instead (then the old ones are merged)
 ///     refused, unavailable,   dropped, back-off with jitter: nothing goes out until it is over, samples merge
 ///       overloaded              meanwhile
+///
+/// A drone's charge is sent when it has changed or its last frame did not get there, and with every 16th of its states
+/// for those who begin to read.
 ///
 /// Always, for each drone: sampled = on_ledger + merged + dropped + pending. Memory is bounded by the number of drones.
 /// One thread; the same inputs and seed give the same frames.
@@ -85,6 +89,8 @@ class Batcher {
     TimeNs heard_ns = INT64_MIN / 2;
     TimeNs paused_until_ns = INT64_MIN;
     std::optional<StateSample> sent{};  ///< newest submitted: sent again, it is not counted again
+    float battery = 0;                  ///< the charge that was sent last
+    std::size_t states_to_battery = 0;  ///< it is sent again with the one behind so many
   };
   Slot* find(DroneNumber drone);
   const Slot* find(DroneNumber drone) const;
@@ -92,6 +98,7 @@ class Batcher {
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);
+  static bool is_battery_due(Slot& slot);
   void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
 
   BatchConfig config_;
@@ -105,8 +112,9 @@ class Batcher {
   bool again_at_once_ = false;
 };
 
-/// The frame as a call of `set` with stream = true: for each sample, repeated ones too, `<drone>/odom`, `<drone>/link`
-/// and `<drone>/battery`. `real_offset_ns`: real time minus the clock of the samples' stamps, for the ROS headers.
+/// The frame as a call of `set` with stream = true: for each sample, repeated ones too, `<drone>/odom` and
+/// `<drone>/link`, and `<drone>/battery` where it is due. `real_offset_ns`: real time minus the clock of the samples'
+/// stamps, for the ROS headers.
 fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& drones, TimeNs real_offset_ns);
 
 }  // namespace ledgerline::agent

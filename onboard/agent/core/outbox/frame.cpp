@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
 #include "common/msg/contract.hpp"
@@ -21,31 +20,20 @@ void add_asset(SetCall& call, const std::string& id, std::string_view type, std:
   asset->set_msg_data(std::move(cdr));
 }
 
-Odometry to_odometry(const StateSample& s, const std::string& drone, TimeNs real_offset_ns) {
-  const double c = std::cos(s.yaw_rad);
-  const double n = std::sin(s.yaw_rad);
-  Odometry odometry;
-  odometry.header = {s.pose_stamp_ns + real_offset_ns, "map"};  // the pose's own: a lost mocap shows as an old one
-  odometry.child_frame_id = drone + "/base_link";
-  odometry.position_m = s.position_m;
-  odometry.orientation = quaternion_from_yaw(s.yaw_rad);
-  odometry.pose_variance = s.pose_variance;
-  // REP 105: the twist is in the child frame, which is turned by yaw against the map.
-  odometry.linear_mps = {c * s.velocity_mps[0] + n * s.velocity_mps[1], -n * s.velocity_mps[0] + c * s.velocity_mps[1],
-                         s.velocity_mps[2]};
-  return odometry;
-}
-
-void add_drone(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
+void add_battery(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
   BatteryState battery;
   battery.header = {sample.stamp_ns + real_offset_ns, drone + "/base_link"};
   battery.voltage_v = std::numeric_limits<float>::quiet_NaN();  // a Tello does not report it
   battery.percentage = sample.battery;
-  if (sample.pose_stamp_ns != 0) {
-    add_asset(call, drone + "/odom", odometry_type, to_cdr(to_odometry(sample, drone, real_offset_ns)));
-  }
-  add_asset(call, drone + "/link", link_status_type, link_status_to_cdr(sample));
   add_asset(call, drone + "/battery", battery_type, to_cdr(battery));
+}
+
+// The status last: who reads it then knows the others.
+void add_state(SetCall& call, const StateSample& sample, const std::string& drone, TimeNs real_offset_ns) {
+  if (sample.pose_stamp_ns != 0) {
+    add_asset(call, drone + "/odom", odometry_type, to_cdr(odometry_of(sample, drone, real_offset_ns)));
+  }
+  add_asset(call, drone + "/link", link_status_type, link_status_to_cdr(sample, real_offset_ns));
 }
 
 }  // namespace
@@ -57,7 +45,11 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
     for (const StateSample& sample : *samples) {
       const auto it =
           std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
-      if (it != drones.end()) add_drone(call, sample, it->name, real_offset_ns);
+      if (it == drones.end()) continue;
+      const bool with_battery =
+          std::find(frame.batteries.begin(), frame.batteries.end(), sample.drone) != frame.batteries.end();
+      if (with_battery) add_battery(call, sample, it->name, real_offset_ns);
+      add_state(call, sample, it->name, real_offset_ns);
     }
   }
   return fabric::Call{.function = contract::set,

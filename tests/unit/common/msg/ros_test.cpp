@@ -2,10 +2,17 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <fstream>
+#include <functional>
+#include <map>
 #include <numbers>
+#include <sstream>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/random.hpp"
+#include "common/msg/cdr.hpp"
 #include "common/msg/names.hpp"
 
 namespace ledgerline {
@@ -136,23 +143,28 @@ StateSample sample_status() {
   s.height_m = 1.5F;
   s.sdk_state_fresh = true;
   s.applied_sequence = 41;
-  s.applied_stamp_ns = 990'000'000;
-  s.applied_late_ns = -3;
+  s.playout_margin_ns = 30'000'000;
   s.arrived_sequence = 43;
   s.arrived_ns = 995'000'000;
   s.sent_velocity_mps = {0.5F, -0.5F, 0.25F};
   s.sent_yaw_rate_radps = 0.125F;
-  s.plans_late = 1;
-  s.plans_dropped = 2;
-  s.plans_applied = 3;
   s.attitude_rad = {0.25F, -0.5F, 1.5F};
   s.acceleration_mps2 = {0.5F, -0.25F, 9.75F};
+  s.pose_variance = {0.25F, 0.5F, 0.125F, 0.0625F};
   return s;
 }
 
-TEST(Ros, LinkStatusComesBackWhole) {
+constexpr TimeNs real_offset_ns = 1'700'000'000'123'456'789;
+
+Result<DroneState> there_and_back(const StateSample& s) {
+  return state_from_cdr(link_status_to_cdr(s, real_offset_ns), to_cdr(odometry_of(s, "tello1", real_offset_ns)));
+}
+
+TEST(Ros, AStateComesBackWholeOutOfItsMessages) {
   const StateSample wanted = sample_status();
-  const StateSample got = link_status_from_cdr(link_status_to_cdr(wanted)).value();
+  const DroneState state = there_and_back(wanted).value();
+  const StateSample& got = state.sample;
+  EXPECT_EQ(state.real_ns, wanted.stamp_ns + real_offset_ns);
   EXPECT_EQ(got.phase, wanted.phase);
   EXPECT_EQ(got.mode, wanted.mode);
   EXPECT_EQ(got.cause, wanted.cause);
@@ -161,24 +173,128 @@ TEST(Ros, LinkStatusComesBackWhole) {
   EXPECT_EQ(got.stamp_ns, wanted.stamp_ns);
   EXPECT_EQ(got.pose_stamp_ns, wanted.pose_stamp_ns);
   EXPECT_EQ(got.position_m, wanted.position_m);
-  EXPECT_EQ(got.velocity_mps, wanted.velocity_mps);
-  EXPECT_EQ(got.yaw_rad, wanted.yaw_rad);
-  EXPECT_EQ(got.battery, wanted.battery);
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(got.velocity_mps[i], wanted.velocity_mps[i], 1e-12) << i;
+  EXPECT_NEAR(got.yaw_rad, wanted.yaw_rad, 1e-12);
+  EXPECT_EQ(got.pose_variance, wanted.pose_variance);
+  EXPECT_LT(got.battery, 0) << "it is in a message of its own";
   EXPECT_EQ(got.tof_m, wanted.tof_m);
   EXPECT_EQ(got.height_m, wanted.height_m);
   EXPECT_EQ(got.sdk_state_fresh, wanted.sdk_state_fresh);
   EXPECT_EQ(got.applied_sequence, wanted.applied_sequence);
-  EXPECT_EQ(got.applied_stamp_ns, wanted.applied_stamp_ns);
-  EXPECT_EQ(got.applied_late_ns, wanted.applied_late_ns);
+  EXPECT_EQ(got.playout_margin_ns, wanted.playout_margin_ns);
   EXPECT_EQ(got.arrived_sequence, wanted.arrived_sequence);
   EXPECT_EQ(got.arrived_ns, wanted.arrived_ns);
   EXPECT_EQ(got.sent_velocity_mps, wanted.sent_velocity_mps);
   EXPECT_EQ(got.sent_yaw_rate_radps, wanted.sent_yaw_rate_radps);
-  EXPECT_EQ(got.plans_late, wanted.plans_late);
-  EXPECT_EQ(got.plans_dropped, wanted.plans_dropped);
-  EXPECT_EQ(got.plans_applied, wanted.plans_applied);
   EXPECT_EQ(got.attitude_rad, wanted.attitude_rad);
   EXPECT_EQ(got.acceleration_mps2, wanted.acceleration_mps2);
+}
+
+TEST(Ros, AStateWithoutOdometryHasNoPose) {
+  const DroneState state = state_from_cdr(link_status_to_cdr(sample_status(), real_offset_ns), "").value();
+  EXPECT_EQ(state.sample.sequence, 42U);
+  EXPECT_EQ(state.sample.pose_stamp_ns, 0);
+}
+
+TEST(Ros, ALinkStatusOfBlocksWrittenBeforeIsRead) {
+  CdrWriter out;
+  for (const int value : {3, 1, 1}) out.put(static_cast<std::uint8_t>(value));
+  for (const std::uint64_t value : {7, 42}) out.put(value);
+  for (const TimeNs value : {1'000, 990}) out.put(value);
+  for (const double value : {1, 2, 3, 4, 5, 6, -1}) out.put(value);
+  for (const float value : {0.25F, 1.25F, 1.5F}) out.put(value);
+  out.put(std::uint8_t{1});
+  for (const TimeNs value : {41, 900, -3, 43, 995}) out.put(value);
+  for (const float value : {0.5F, -0.5F, 0.25F, 0.125F}) out.put(value);
+  for (const std::uint32_t value : {1, 2, 3}) out.put(value);
+  for (const float value : {0.25F, -0.5F, 1.5F, 0.5F, -0.25F, 9.75F, 1.0F, 2.0F, 3.0F, 4.0F}) out.put(value);
+  const StateSample got = state_from_cdr(out.take(), to_cdr(sample_odometry())).value().sample;
+  EXPECT_EQ(got.phase, FlightPhase::flying);
+  EXPECT_EQ(got.boot_id, 7U);
+  EXPECT_EQ(got.stamp_ns, 1'000);
+  EXPECT_EQ(got.pose_stamp_ns, 990);
+  EXPECT_EQ(got.position_m, (std::array<double, 3>{1, 2, 3})) << "its own, not the odometry's";
+  EXPECT_EQ(got.battery, 0.25F);
+  EXPECT_EQ(got.arrived_sequence, 43U);
+  EXPECT_EQ(got.arrived_ns, 995);
+  EXPECT_EQ(got.pose_variance, (PoseVariance{1, 2, 3, 4}));
+}
+
+/// The .msg file, as rosidl reads it: each field's type and name, and the constants.
+struct Definition {
+  std::vector<std::pair<std::string, std::string>> fields;
+  std::map<std::string, int> constants;
+};
+
+Definition definition_of(const std::string& path) {
+  Definition definition;
+  std::ifstream file(path);
+  for (std::string line; std::getline(file, line);) {
+    std::istringstream words(line.substr(0, line.find('#')));
+    std::string type, name;
+    if (!(words >> type >> name)) continue;
+    const auto equals = name.find('=');
+    if (equals == std::string::npos)
+      definition.fields.emplace_back(type, name);
+    else
+      definition.constants[name.substr(0, equals)] = std::stoi(name.substr(equals + 1));
+  }
+  return definition;
+}
+
+template <typename Enum>
+void expect_constants(const Definition& definition, const std::string& prefix) {
+  for (std::uint8_t i = 0; i < enum_count<Enum>; ++i) {
+    std::string constant = prefix + name(static_cast<Enum>(i));
+    std::transform(constant.begin(), constant.end(), constant.begin(), ::toupper);
+    ASSERT_TRUE(definition.constants.contains(constant)) << constant;
+    EXPECT_EQ(definition.constants.at(constant), i) << constant;
+  }
+}
+
+TEST(Ros, LinkStatusHasTheFieldsOfItsDefinition) {
+  const Definition definition = definition_of(LEDGERLINE_SOURCE "/common/msg/ledgerline_msgs/msg/LinkStatus.msg");
+  expect_constants<FlightPhase>(definition, "PHASE_");
+  expect_constants<FailsafeMode>(definition, "MODE_");
+  expect_constants<FailsafeCause>(definition, "CAUSE_");
+  const StateSample s = sample_status();
+  CdrWriter out;
+  const std::map<std::string, std::function<void()>> values{
+      {"stamp",
+       [&] {
+         out.put(static_cast<std::int32_t>((s.stamp_ns + real_offset_ns) / ns_per_s));
+         out.put(static_cast<std::uint32_t>((s.stamp_ns + real_offset_ns) % ns_per_s));
+       }},
+      {"stamp_ns", [&] { out.put(s.stamp_ns); }},
+      {"boot_id", [&] { out.put(s.boot_id); }},
+      {"sequence", [&] { out.put(s.sequence); }},
+      {"applied_sequence", [&] { out.put(s.applied_sequence); }},
+      {"arrived_sequence", [&] { out.put(s.arrived_sequence); }},
+      {"arrived_ns", [&] { out.put(s.arrived_ns); }},
+      {"playout_margin_ns", [&] { out.put(s.playout_margin_ns); }},
+      {"sent_velocity", [&] { out.put(s.sent_velocity_mps); }},
+      {"sent_yaw_rate", [&] { out.put(s.sent_yaw_rate_radps); }},
+      {"attitude", [&] { out.put(s.attitude_rad); }},
+      {"acceleration", [&] { out.put(s.acceleration_mps2); }},
+      {"tof", [&] { out.put(s.tof_m); }},
+      {"height", [&] { out.put(s.height_m); }},
+      {"sdk_state_fresh", [&] { out.put(static_cast<std::uint8_t>(s.sdk_state_fresh)); }},
+      {"phase", [&] { out.put(static_cast<std::uint8_t>(s.phase)); }},
+      {"mode", [&] { out.put(static_cast<std::uint8_t>(s.mode)); }},
+      {"cause", [&] { out.put(static_cast<std::uint8_t>(s.cause)); }}};
+  ASSERT_EQ(definition.fields.size(), values.size());
+  for (const auto& [type, field] : definition.fields) {
+    ASSERT_TRUE(values.contains(field)) << field;
+    values.at(field)();
+  }
+  EXPECT_EQ(hex(link_status_to_cdr(s, real_offset_ns)), hex(out.take()));
+}
+
+/// A state's own part of what the ledger stores: see also the frame's, of agent.
+TEST(Ros, BytesOfAStateAreKnown) {
+  const StateSample s = sample_status();
+  EXPECT_EQ(to_cdr(odometry_of(s, "tello1", real_offset_ns)).size(), 724U) << "of them 544 of covariances that are 0";
+  EXPECT_EQ(link_status_to_cdr(s, real_offset_ns).size(), 120U) << "224 before";
 }
 
 std::vector<Transition> sample_transitions() {
@@ -255,10 +371,10 @@ TEST(Ros, EveryModeCauseAndPhaseHasANameOfItsOwn) {
 }
 
 TEST(Ros, ValuesOfNoEnumerationAreRefused) {
-  for (const std::size_t at : {4U, 5U, 6U}) {
-    std::string text = link_status_to_cdr(sample_status());
-    text[at] = 100;
-    EXPECT_FALSE(link_status_from_cdr(text));
+  for (const std::size_t from_end : {1U, 2U, 3U}) {
+    std::string text = link_status_to_cdr(sample_status(), 0);
+    text[text.size() - from_end] = 100;
+    EXPECT_FALSE(state_from_cdr(text, ""));
   }
 }
 
@@ -267,42 +383,45 @@ TEST(Ros, TimesAndNumbersThatNoDroneCanSayAreRefused) {
   const auto refused = [](const auto& spoil) {
     StateSample s = sample_status();
     spoil(s);
-    return !link_status_from_cdr(link_status_to_cdr(s));
+    return !there_and_back(s);
   };
   EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = -1; }));
-  EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = INT64_MAX; }));
-  EXPECT_TRUE(refused([](auto& s) { s.pose_stamp_ns = INT64_MIN; }));
-  EXPECT_TRUE(refused([](auto& s) { s.applied_late_ns = INT64_MIN; }));
+  EXPECT_TRUE(refused([](auto& s) { s.stamp_ns = INT64_MAX / 2; }));
+  EXPECT_TRUE(refused([](auto& s) { s.pose_stamp_ns = -1; }));
+  EXPECT_TRUE(refused([](auto& s) { s.playout_margin_ns = -1; }));
+  EXPECT_TRUE(refused([](auto& s) { s.playout_margin_ns = INT64_MAX; }));
   EXPECT_TRUE(refused([](auto& s) { s.arrived_ns = -1; }));
   EXPECT_TRUE(refused([](auto& s) { s.position_m[2] = nan; }));
   EXPECT_TRUE(refused([](auto& s) { s.velocity_mps[0] = -1e300; }));
   EXPECT_TRUE(refused([](auto& s) { s.yaw_rad = std::numeric_limits<double>::infinity(); }));
-  EXPECT_TRUE(refused([](auto& s) { s.battery = static_cast<float>(nan); }));
+  EXPECT_TRUE(refused([](auto& s) { s.pose_variance[1] = -1; }));
   EXPECT_TRUE(refused([](auto& s) { s.attitude_rad[1] = static_cast<float>(nan); }));
   EXPECT_TRUE(refused([](auto& s) { s.acceleration_mps2[2] = 1e30F; }));
-  EXPECT_FALSE(refused([](auto& s) { s.applied_late_ns = -3 * ns_per_s; }));
+  EXPECT_FALSE(refused([](auto& s) { s.playout_margin_ns = 3 * ns_per_s; }));
+  EXPECT_FALSE(state_from_cdr(link_status_to_cdr(sample_status(), -500 * ns_per_s), "")) << "real time before 1970";
 }
 
 TEST(Ros, TruncatedMessagesAreErrorsThatNameTheType) {
-  const std::string odometry = to_cdr(sample_odometry()), status = link_status_to_cdr(sample_status());
+  const std::string odometry = to_cdr(sample_odometry()), status = link_status_to_cdr(sample_status(), 0);
   const std::string battery = to_cdr(BatteryState{{0, "x"}, 1, 1});
   for (std::size_t cut = 0; cut < odometry.size(); ++cut)
     ASSERT_FALSE(odometry_from_cdr(odometry.substr(0, cut))) << cut;
   for (std::size_t cut = 0; cut < status.size(); ++cut)
-    ASSERT_FALSE(link_status_from_cdr(status.substr(0, cut))) << cut;
+    ASSERT_FALSE(state_from_cdr(status.substr(0, cut), odometry)) << cut;
   for (std::size_t cut = 0; cut < 40; ++cut) ASSERT_FALSE(battery_from_cdr(battery.substr(0, cut))) << cut;
   EXPECT_NE(odometry_from_cdr("").error().what.find("nav_msgs/msg/Odometry"), std::string::npos);
 }
 
 TEST(Ros, HostileBytesNeverCrash) {
   Random random(3);
-  const std::string whole = to_cdr(sample_odometry());
+  const std::string whole = to_cdr(sample_odometry()), status = link_status_to_cdr(sample_status(), 0);
   for (int i = 0; i < 5000; ++i) {
     std::string bad = whole;
     for (int k = 0; k < 4; ++k) bad[random.next() % 60] = static_cast<char>(random.next());
     (void)odometry_from_cdr(bad);
     (void)battery_from_cdr(bad);
-    (void)link_status_from_cdr(bad);
+    (void)state_from_cdr(bad, "");
+    (void)state_from_cdr(status, bad);
     (void)transitions_from_cdr(bad);
     (void)alarms_from_cdr(bad);
     (void)twist_from_cdr(bad);

@@ -34,7 +34,7 @@ Flown fly(Shape shape, double speed_mps, double delay_ms, double lag_s, double g
     flown.max_m = std::max(flown.max_m, off);
     flown.worst_height_m = std::max(flown.worst_height_m, std::abs(drone.motion.position_m.z() - 1));
     const TimeNs there = drone.motion.stamp_ns + static_cast<TimeNs>(delay_ms * ns_per_ms);
-    controller.observe(drone.state(), 0);
+    controller.observe(drone.state());
     drone.deliver(there, controller.plan(++plans, there));
     if (controller.at_end() && drone.motion.position_m.head<2>().norm() < 0.1) {
       flown.finished = true;
@@ -114,7 +114,7 @@ TEST(PathController, PlansTwelveSetpointsAFiftiethOfASecondApartFromTheMomentAsk
 
 TEST(PathController, HoversAtTheOriginUntilItIsStarted) {
   PathController controller = square_at({1, 1});
-  controller.observe(hovering(1, {0.8, 1, 0.7}), 0);
+  controller.observe(hovering(1, {0.8, 1, 0.7}));
   const auto plan = controller.plan(1, 1);
   EXPECT_GT(plan.front().velocity_mps[0], 0.1F);
   EXPECT_NEAR(plan.front().velocity_mps[1], 0, 0.15);  // to the middle of the rounded corner
@@ -127,7 +127,7 @@ TEST(PathController, WaitsForADroneThatIsHeldBack) {
   controller.start(0);
   std::uint64_t plans = 0;
   for (TimeNs t = 33 * ns_per_ms; t < 60 * ns_per_s; t += 33 * ns_per_ms) {
-    controller.observe(hovering(t, {0, 0, 1}), 0);
+    controller.observe(hovering(t, {0, 0, 1}));
     (void)controller.plan(++plans, t + 20 * ns_per_ms);
   }
   EXPECT_LT(controller.progress_m(), 0.5);
@@ -143,7 +143,7 @@ TEST(PathController, TheReferenceWaitsWhileLinkBrakesOrThePoseIsLost) {
     const auto fly_until = [&](TimeNs until_ns) {
       for (TimeNs t = drone.motion.stamp_ns + ns_per_s / 30; t < until_ns; t += ns_per_s / 30) {
         drone.run_until(t);
-        controller.observe(drone.state(), 0);
+        controller.observe(drone.state());
         drone.deliver(t + 20 * ns_per_ms, controller.plan(++plans, t + 20 * ns_per_ms));
       }
     };
@@ -156,7 +156,7 @@ TEST(PathController, TheReferenceWaitsWhileLinkBrakesOrThePoseIsLost) {
     state.mode = brakes ? FailsafeMode::brake : FailsafeMode::none;
     for (int i = 1; i <= 60; ++i) {
       state.stamp_ns = state.pose_stamp_ns + i * ns_per_s / 30;
-      controller.observe(state, 0);
+      controller.observe(state);
       (void)controller.plan(++plans, state.stamp_ns + 20 * ns_per_ms);
     }
     EXPECT_LT(controller.progress_m() - before_m, brakes ? 0.03 : 0.25);
@@ -174,7 +174,7 @@ TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
     drone.motion.position_m = {0, 0, 1};
     drone.motion.stamp_ns = 1;
     controller.start(0);
-    controller.observe(drone.state(), 0);
+    controller.observe(drone.state());
     std::uint64_t plans = 0;
     for (TimeNs t = 0; t <= under_way; t += 50 * ns_per_ms) (void)controller.plan(++plans, t);
     drone.motion.stamp_ns = ns_per_s;
@@ -182,7 +182,7 @@ TEST(PathController, ADroneThatIsFarAheadComesBackAndGoesOn) {
     for (TimeNs t = ns_per_s; t < 10 * ns_per_s; t += ns_per_s / 30) {
       drone.run_until(t);
       const TimeNs there = t + 20 * ns_per_ms;
-      controller.observe(drone.state(), 0);
+      controller.observe(drone.state());
       drone.deliver(there, controller.plan(++plans, there));
     }
     EXPECT_GT(controller.progress_m(), 1.5) << to_ms(under_way) << " ms after the start";
@@ -193,24 +193,26 @@ TEST(PathController, TurnsBackToItsYawTheShortWay) {
   PathController controller = square_at({0, 0}, 3.1);
   StateSample state = hovering(1, {0, 0, 1});
   state.yaw_rad = -3.1;
-  controller.observe(state, 0);
+  controller.observe(state);
   EXPECT_LT(controller.plan(1, 1).front().yaw_rate_radps, 0);
 }
 
 TEST(PathController, AStateWhoseTimesAreYearsApartTakesNoLongerThanAnyOther) {
   PathController controller = square_at({0, 0});
-  controller.observe(hovering(1, {0, 0, 1}), 0);
+  controller.observe(hovering(1, {0, 0, 1}));
   controller.start(0);
   constexpr TimeNs years = INT64_MAX / 4;
   EXPECT_EQ(controller.plan(1, years).size(), PathController::steps);
   EXPECT_LT(controller.progress_m(), 2);
-  controller.observe(hovering(years, {0, 0, 1}), years);
+  StateSample late = hovering(years, {0, 0, 1});
+  late.playout_margin_ns = years;
+  controller.observe(late);
   EXPECT_EQ(controller.plan(2, years + ns_per_s).size(), PathController::steps);
 }
 
 TEST(PathController, NeverAsksForMoreThanItsSpeedAllows) {
   PathController controller = square_at({0, 0});
-  controller.observe(hovering(1, {100, -100, 50}), 0);
+  controller.observe(hovering(1, {100, -100, 50}));
   for (const Setpoint& s : controller.plan(1, 1)) {
     EXPECT_LE(std::hypot(s.velocity_mps[0], s.velocity_mps[1]), 1.05 + 1e-6);
     EXPECT_LE(std::abs(s.velocity_mps[2]), 0.5 + 1e-6);
@@ -239,7 +241,7 @@ TEST(PathController, OldCommandsOfADroneThatIsNotKnownYetSlowItDownAndItSaysSo) 
   ControllerConfig config;
   config.speed_mps = 1.0;
   PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
-  controller.observe(hovering(1, {0, 0, 1}), 0);
+  controller.observe(hovering(1, {0, 0, 1}));
   controller.start(1);
   (void)controller.plan(1, 2 * ns_per_s);
   EXPECT_LT(controller.limit_mps(), 0.5);
@@ -248,7 +250,7 @@ TEST(PathController, OldCommandsOfADroneThatIsNotKnownYetSlowItDownAndItSaysSo) 
   EXPECT_DOUBLE_EQ(*controller.slowed_to_mps(), controller.limit_mps());
 
   PathController near(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
-  near.observe(hovering(1, {0, 0, 1}), 0);
+  near.observe(hovering(1, {0, 0, 1}));
   near.start(1);
   (void)near.plan(1, 20 * ns_per_ms);
   EXPECT_FALSE(near.slowed_to_mps());
@@ -258,7 +260,7 @@ TEST(PathController, WithoutPredictionOneVelocityIsHeldUntilTheNextOneComes) {
   ControllerConfig config;
   config.predict = false;
   PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
-  controller.observe(hovering(5, {0, 0.1, 1}), 0);
+  controller.observe(hovering(5, {0, 0.1, 1}));
   controller.start(5);
   (void)controller.plan(1, 5);
   const auto plan = controller.plan(2, ns_per_s);
@@ -275,11 +277,11 @@ TEST(PathController, WithoutPredictionWaypointsKeepTheirHeightsAndSpeeds) {
   config.predict = false;
   PathController controller(*points, {0, 0}, config, 0);
   EXPECT_DOUBLE_EQ(controller.start_height_m(), 1.5);
-  controller.observe(hovering(1, {0, 0, 1}), 0);
+  controller.observe(hovering(1, {0, 0, 1}));
   EXPECT_FLOAT_EQ(controller.plan(1, 1).front().velocity_mps[2], 0.5F);  // half a metre below its first point
   controller.start(1);
   const auto vertical_at = [&](TimeNs t, const Eigen::Vector3d& at) {
-    controller.observe(hovering(t, at), 0);
+    controller.observe(hovering(t, at));
     return controller.plan(2, t).front().velocity_mps[2];
   };
   // 0.5 m/s along the first piece, half of it in 2 s, climbing a quarter of that.

@@ -38,7 +38,7 @@ class FlightByHand : public testing::Test {
       sample.sequence = ++sequence;
       sample.stamp_ns = sample.pose_stamp_ns = now_ns;
       sample.applied_sequence = applied;
-      *call.add_assets() = status_asset("tello" + std::to_string(k), sample);
+      add_state(call, "tello" + std::to_string(k), sample);
     }
     return block(event("set", call.SerializeAsString()));
   }
@@ -56,7 +56,7 @@ class FlightByHand : public testing::Test {
       sample.position_m = {0, 0, height_m};
       sample.arrived_sequence = arrived;
       sample.arrived_ns = arrived_ns;
-      *call.add_assets() = status_asset("tello" + std::to_string(k), sample);
+      add_state(call, "tello" + std::to_string(k), sample);
     }
     return block(event("set", call.SerializeAsString()));
   }
@@ -177,7 +177,7 @@ TEST_F(FlightByHand, AStateSeenBeforeMakesNoSecondPlan) {
   sample.phase = FlightPhase::on_ground;
   sample.sequence = 5;
   sample.stamp_ns = sample.pose_stamp_ns = now_ns;
-  *call.add_assets() = status_asset("tello1", sample);
+  add_state(call, "tello1", sample);
   EXPECT_EQ(block(event("set", call.SerializeAsString())).submissions.size(), 1u);
   now_ns += ns_per_s;
   EXPECT_TRUE(block(event("set", call.SerializeAsString())).submissions.empty());
@@ -190,19 +190,18 @@ TEST_F(FlightByHand, WhatRidesAgainInAFrameIsNoNewsButTransitionsAlwaysAre) {
   sample.sequence = 5;
   sample.stamp_ns = sample.pose_stamp_ns = now_ns;
   SetCall call;
-  *call.add_assets() = status_asset("tello2", sample);
-  for (const auto& [id, type] : {std::pair{"tello2/odom", odometry_type}, std::pair{"tello2/battery", battery_type}}) {
-    Asset* asset = call.add_assets();
-    asset->set_id(id);
-    asset->set_msg_type(std::string(type));
-    asset->set_msg_data(id);
-  }
+  Asset* battery = call.add_assets();
+  battery->set_id("tello2/battery");
+  battery->set_msg_type(std::string(battery_type));
+  battery->set_msg_data(to_cdr(BatteryState{{5, "tello2/base_link"}, 0, 0.5F}));
+  add_state(call, "tello2", sample);
   const auto first = block(event("set", call.SerializeAsString()));
   ASSERT_EQ(first.news.size(), 1U);
   EXPECT_EQ(first.news[0].drone, 1U);
   EXPECT_EQ(first.news[0].state->sequence, 5U);
-  EXPECT_EQ(first.news[0].odometry, "tello2/odom");
-  EXPECT_EQ(first.news[0].battery, "tello2/battery");
+  EXPECT_EQ(first.news[0].odometry, call.assets(1).msg_data());
+  EXPECT_EQ(first.news[0].battery, call.assets(0).msg_data());
+  EXPECT_EQ(first.news[0].state->battery, 0.5F);
   EXPECT_TRUE(block(event("set", call.SerializeAsString())).news.empty());
 
   Asset* failsafe = call.add_assets();
@@ -245,13 +244,13 @@ TEST_F(FlightByHand, InvalidTransactionsAndForeignAssetsAreNotListenedTo) {
   sample.sequence = 5;
   sample.pose_stamp_ns = now_ns;
   SetCall call;
-  *call.add_assets() = status_asset("tello1", sample);
+  add_state(call, "tello1", sample);
   invalid.event_payload = call.SerializeAsString();
   invalid.args = {invalid.event_payload};
   invalid.code = 11;
   EXPECT_TRUE(block(invalid).traces.empty());
   SetCall foreign;
-  *foreign.add_assets() = status_asset("tello99", sample);
+  add_state(foreign, "tello99", sample);
   EXPECT_TRUE(block(event("set", foreign.SerializeAsString())).traces.empty());
   EXPECT_TRUE(block(event("set", "\xff\xff garbage")).traces.empty());
 }
@@ -498,7 +497,8 @@ TEST(FlightWithAFaultyLedger, WhatIsNoFrameOrNoStateIsCounted) {
   StateSample sample;
   sample.sequence = 1;
   SetCall good, cut;
-  *good.add_assets() = *cut.add_assets() = status_asset("tello1", sample);
+  add_state(good, "tello1", sample);
+  add_state(cut, "tello1", sample);
   std::string& cdr = *cut.mutable_assets(0)->mutable_msg_data();
   cdr.resize(cdr.size() / 2);
   const std::string frame = good.SerializeAsString();

@@ -21,7 +21,7 @@ TEST(FlightVerification, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgn
   const auto give = [&](const crypto::IdentityName& who, bool spoilt) {
     sample.sequence = ++sequence;
     SetCall call;
-    *call.add_assets() = status_asset("tello1", sample);
+    add_state(call, "tello1", sample);
     fabric::Block block;
     block.transactions.push_back(event("set", call.SerializeAsString()));
     const auto identity = crypto::make_test_identity(who);
@@ -37,7 +37,7 @@ TEST(FlightVerification, StatesOfAnotherSignerThanTheDronesOwnerAreCountedAndIgn
   };
   EXPECT_EQ(give(outsider_name, false), 0u);
   EXPECT_EQ(give(host_name, true), 0u);
-  EXPECT_EQ(core.transactions().states_unverified, 2u);
+  EXPECT_EQ(core.transactions().states_unverified, 4u) << "odometry and status of each";
   EXPECT_GT(give(host_name, false), 0u);
 }
 
@@ -60,7 +60,7 @@ class FlightBesideALyingPeer : public testing::Test {
     sample.stamp_ns = sample.pose_stamp_ns = ns_per_s;
     sample.position_m = {x, 0, 0};
     SetCall call;
-    *call.add_assets() = status_asset("tello1", sample);
+    add_state(call, "tello1", sample);
     return event("set", call.SerializeAsString());
   }
   fabric::Transaction record_event(const std::string& name, const Control& after) const {

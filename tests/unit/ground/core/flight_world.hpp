@@ -77,12 +77,16 @@ inline fabric::Transaction control_event(const std::string& name, const std::vec
   return tx;
 }
 
-inline Asset status_asset(const std::string& drone, const StateSample& sample) {
-  Asset asset;
-  asset.set_id(drone + "/link");
-  asset.set_msg_type(std::string(link_status_type));
-  asset.set_msg_data(link_status_to_cdr(sample));
-  return asset;
+/// Adds a state as agent does: odometry, where it has a pose, before the status.
+inline void add_state(SetCall& call, const std::string& drone, const StateSample& sample) {
+  const auto add = [&](const std::string& id, std::string_view type, std::string cdr) {
+    Asset& asset = *call.add_assets();
+    asset.set_id(drone + id);
+    asset.set_msg_type(std::string(type));
+    asset.set_msg_data(std::move(cdr));
+  };
+  if (sample.pose_stamp_ns != 0) add("/odom", odometry_type, to_cdr(odometry_of(sample, drone, 0)));
+  add("/link", link_status_type, link_status_to_cdr(sample, 0));
 }
 
 /// Drones that take off, fly and land, and a ledger that takes its time, around a FlightCore: 30 states a second, each
@@ -242,14 +246,8 @@ class FlightWorld {
       for (const DronePlan& plan : drone.plans) {
         if (plan.action() != FLY || plan.setpoints(0).at_ns() > now_ns) continue;
         sample.applied_sequence = plan.sequence();
-        sample.applied_stamp_ns = plan.state_stamp_ns();
       }
-      *call.add_assets() = status_asset(drone.name, sample);
-      Asset odom;
-      odom.set_id(drone.name + "/odom");
-      odom.set_msg_type(std::string(odometry_type));
-      odom.set_msg_data(to_cdr(Odometry{}));
-      *call.add_assets() = odom;
+      add_state(call, drone.name, sample);
     }
     if (!call.assets().empty()) put_block(event("set", call.SerializeAsString()));
   }

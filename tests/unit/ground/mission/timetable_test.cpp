@@ -41,7 +41,7 @@ TEST(Timetable, ItsEndIsWhereAControllersReferenceEnds) {
     const auto observe = [&](const Eigen::Vector3d& where) {
       state.stamp_ns = state.pose_stamp_ns = now;
       for (int axis = 0; axis < 3; ++axis) state.position_m[static_cast<std::size_t>(axis)] = where[axis];
-      controller.observe(state, 0);
+      controller.observe(state);
     };
     const motion::Track track(course.waypoints, course.origin_m, config.height_m, track_limits(config));
     observe({0, 0, 1});

@@ -39,14 +39,5 @@ TEST(TwoWay, ItsOwnPartIsOneWayAlone) {
   EXPECT_EQ(two_way.own(1), 100 * ns_per_ms);
 }
 
-TEST(PlayoutMargin, IsTheMedianOfTheNewestFiveAndNeverNegative) {
-  PlayoutMargin margin;
-  EXPECT_EQ(margin.value_ns(), 0);
-  margin.add(-5);
-  EXPECT_EQ(margin.value_ns(), 0);
-  for (TimeNs late = 0; late <= 40 * ns_per_ms; late += 10 * ns_per_ms) margin.add(late);
-  EXPECT_EQ(margin.value_ns(), 20 * ns_per_ms);
-}
-
 }  // namespace
 }  // namespace ledgerline::motion

@@ -50,7 +50,9 @@ struct World {
         next_ns += state_period_ns;
         ++number;
         if (!lost || !lost(number)) {
-          predictor.observe(drone.state(), late_ns);
+          StateSample state = drone.state();
+          state.playout_margin_ns = late_ns;
+          predictor.observe(state);
           const auto plan = plan_from(drone.now_ns + delay_ns);
           predictor.sent(static_cast<std::uint64_t>(number), plan);
           const auto rollout = predictor.until(plan.front().at_ns);
@@ -127,10 +129,10 @@ TEST(Predictor, AStateThatIsNotNewerChangesNothing) {
   Predictor one(knowing(known)), two(knowing(known));
   for (int i = 1; i < 40; ++i) {
     const StateSample state = at(i * state_period_ns, 0.01 * i);
-    one.observe(state, 0);
-    two.observe(state, 0);
-    two.observe(state, 0);                                                     // twice
-    if (i > 3) two.observe(at((i - 3) * state_period_ns, 0.01 * (i - 3)), 0);  // out of order
+    one.observe(state);
+    two.observe(state);
+    two.observe(state);                                                     // twice
+    if (i > 3) two.observe(at((i - 3) * state_period_ns, 0.01 * (i - 3)));  // out of order
   }
   EXPECT_EQ(one.newest().position_m, two.newest().position_m);
   EXPECT_EQ(one.newest().velocity_mps, two.newest().velocity_mps);
@@ -145,7 +147,7 @@ TEST(Predictor, WhatTheDroneWasSentCountsWithoutANewPose) {
     StateSample state = at(t, 0.7 * to_seconds(t - ns_per_s));
     state.velocity_mps = {0.7, 0, 0};
     state.sent_velocity_mps = {0.7F, 0, 0};
-    predictor.observe(state, 0);
+    predictor.observe(state);
   }
   predictor.sent(1, flying_on);
   const Motion last = predictor.newest();
@@ -155,7 +157,7 @@ TEST(Predictor, WhatTheDroneWasSentCountsWithoutANewPose) {
     braking.stamp_ns = t;
     braking.pose_stamp_ns = last.stamp_ns;
     braking.mode = FailsafeMode::brake;
-    predictor.observe(braking, 0);
+    predictor.observe(braking);
   }
   EXPECT_EQ(predictor.newest().stamp_ns, last.stamp_ns);
   const double on_m = predictor.until(t).effect().position_m.x() - last.position_m.x();
@@ -174,7 +176,7 @@ TEST(Predictor, WhatTheDroneWasOrderedToTurnSinceItsPoseIsInItsHeading) {
     state.pose_stamp_ns = t - old_ns;
     state.yaw_rad = static_cast<double>(rate_radps) * to_seconds(state.pose_stamp_ns - ns_per_s);
     state.sent_yaw_rate_radps = rate_radps;
-    predictor.observe(state, 0);
+    predictor.observe(state);
   }
   std::vector<Setpoint> turning = steady(state.stamp_ns, 0, 12);
   for (Setpoint& setpoint : turning) setpoint.yaw_rate_radps = rate_radps;
@@ -189,7 +191,7 @@ TEST(Predictor, WhatTheDroneWasOrderedToTurnSinceItsPoseIsInItsHeading) {
 
 TEST(Predictor, AWithdrawnPlanIsNotFlown) {
   Predictor predictor(knowing(known));
-  predictor.observe(at(ns_per_s, 0), 0);
+  predictor.observe(at(ns_per_s, 0));
   predictor.sent(1, steady(ns_per_s, 1, 20));
   EXPECT_GT(predictor.until(2 * ns_per_s).effect().position_m.x(), 0.5);
   predictor.withdraw(1);
@@ -198,7 +200,7 @@ TEST(Predictor, AWithdrawnPlanIsNotFlown) {
 
 TEST(Predictor, ANewerPlanReplacesTheOlderFromItsFirstSetpointOn) {
   Predictor predictor(knowing(known));
-  predictor.observe(at(ns_per_s, 0), 0);
+  predictor.observe(at(ns_per_s, 0));
   predictor.sent(1, steady(ns_per_s, 1, 40));
   predictor.sent(2, steady(3 * ns_per_s / 2, 0, 40));
   const double when_stopped = predictor.until(3 * ns_per_s / 2).effect().position_m.x();
@@ -216,7 +218,7 @@ TEST(Predictor, BehindAPlansEndTheDroneIsOrderedToStopAsLinkDoes) {
   for (const Case& one : {Case{steady(ns_per_s, 1, 10), 50 * ns_per_ms}, Case{steady(ns_per_s, 1, 1), 100 * ns_per_ms},
                           Case{far_apart, 500 * ns_per_ms}}) {
     Predictor predictor(knowing(known));
-    predictor.observe(at(ns_per_s, 0), 0);
+    predictor.observe(at(ns_per_s, 0));
     predictor.sent(1, one.plan);
     const TimeNs end_ns = one.plan.back().at_ns + one.hold_ns;
     // Flown at 1 m/s to its end; less what it took to get there it rolls on for as much.
@@ -230,7 +232,7 @@ TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
   PredictorConfig slow = knowing(known);
   slow.sent_acceleration_mps2 = 1;
   Predictor predictor(slow);
-  predictor.observe(at(ns_per_s, 0), 0);
+  predictor.observe(at(ns_per_s, 0));
   auto rollout = predictor.until(ns_per_s);
   rollout.tell({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms);
   EXPECT_NEAR(rollout.sent_mps().x(), 0.5, 1e-6);
@@ -238,20 +240,22 @@ TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
 
 TEST(Predictor, AJumpOrALongPauseRestartsTheFilter) {
   Predictor predictor(knowing(known));
-  for (int i = 1; i < 40; ++i) predictor.observe(at(i * state_period_ns, 0.02 * i), 0);
-  predictor.observe(at(40 * state_period_ns, 5), 0);
+  for (int i = 1; i < 40; ++i) predictor.observe(at(i * state_period_ns, 0.02 * i));
+  predictor.observe(at(40 * state_period_ns, 5));
   EXPECT_EQ(predictor.newest().position_m.x(), 5);
   EXPECT_EQ(predictor.newest().velocity_mps.x(), 0);
-  predictor.observe(at(40 * state_period_ns + 2 * ns_per_s, 5.2), 0);
+  predictor.observe(at(40 * state_period_ns + 2 * ns_per_s, 5.2));
   EXPECT_EQ(predictor.newest().position_m.x(), 5.2);
 }
 
 TEST(Predictor, TimesYearsApartCostNoMoreThanOthers) {
   Predictor predictor(knowing(known));
-  predictor.observe(at(ns_per_s, 0), 0);
+  predictor.observe(at(ns_per_s, 0));
   constexpr TimeNs years = INT64_MAX / 4;
   EXPECT_LE(predictor.until(years).sent_until_ns(), ns_per_s + Predictor::max_ns + ns_per_s);
-  predictor.observe(at(years, 0), INT64_MAX / 8);
+  StateSample far = at(years, 0);
+  far.playout_margin_ns = INT64_MAX / 8;
+  predictor.observe(far);
   EXPECT_TRUE(predictor.until(years).effect().position_m.allFinite());
   EXPECT_TRUE(predictor.until(0).effect().position_m.allFinite());
 }

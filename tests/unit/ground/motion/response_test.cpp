@@ -18,7 +18,7 @@ Response learned(const Response& truth, double seconds, double gust_mps, double 
       if (moves) drone.sent = around_a_square(drone.now_ns);
       drone.step();
     }
-    predictor.observe(drone.state(), 0);
+    predictor.observe(drone.state());
   }
   return predictor.response();
 }

@@ -39,7 +39,7 @@ StateSample state_at(TimeNs stamp_ns) {
 TEST(Plugin, WhatItPlansIsFlownAsItSays) {
   const auto follower = odd("good");
   EXPECT_FALSE(follower->ready()) << "it has seen nothing";
-  follower->observe(state_at(1), 0);
+  follower->observe(state_at(1));
   EXPECT_TRUE(follower->ready());
   follower->start(first_ns, 12);
   const auto plan = follower->plan(1, first_ns, 20);
@@ -72,7 +72,7 @@ TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
   };
   for (const auto& [which, what] : cases) {
     const auto follower = odd(which);
-    follower->observe(state_at(1), 0);
+    follower->observe(state_at(1));
     follower->start(first_ns, 12);
     EXPECT_TRUE(follower->plan(1, first_ns, 20).empty()) << which;
     EXPECT_THAT(follower->problem(), AllOf(HasSubstr("odd_controller"), HasSubstr(what))) << which;
@@ -83,7 +83,7 @@ TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
 
 TEST(Plugin, AProgressWithoutEndIsRefusedWhereTheFlightHasNone) {
   const auto follower = odd("endless");
-  follower->observe(state_at(1), 0);
+  follower->observe(state_at(1));
   follower->start(first_ns, std::numeric_limits<double>::infinity());
   EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
   EXPECT_THAT(follower->problem(), HasSubstr("a progress of inf m; 0 to 50 may be"));
@@ -91,7 +91,7 @@ TEST(Plugin, AProgressWithoutEndIsRefusedWhereTheFlightHasNone) {
 
 TEST(Plugin, OneThatHasNoPlanIsNoProblem) {
   const auto follower = odd("silent");
-  follower->observe(state_at(1), 0);
+  follower->observe(state_at(1));
   EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
   EXPECT_EQ(follower->problem(), "");
 }

@@ -118,7 +118,7 @@ TEST_F(StoryTest, TwoWayLatencyIsOfOneClock) {
   sample.arrived_ns = 1'030 * ns_per_ms;
   for (int i = 0; i < 2; ++i) {  // the second one names the same command
     SetCall call;
-    add(call, "tello1/link", link_status_type, link_status_to_cdr(sample));
+    add(call, "tello1/link", link_status_type, link_status_to_cdr(sample, 0));
     ledger.submit(ledger.host, "set", call.SerializeAsString());
   }
   const DroneStory& drone = reported();
@@ -240,7 +240,7 @@ TEST_F(LiesTest, AStampThatNoStateCanHaveIsNoLatency) {
   SetCall state;
   state.add_assets()->set_id("tello1/link");
   state.mutable_assets(0)->set_msg_type(std::string(link_status_type));
-  state.mutable_assets(0)->set_msg_data(link_status_to_cdr(sample));
+  state.mutable_assets(0)->set_msg_data(link_status_to_cdr(sample, 0));
   tx.function = tx.event_name = "set";
   tx.args = {state.SerializeAsString()};
   tx.event_payload = tx.args[0];

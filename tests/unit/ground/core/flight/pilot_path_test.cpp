@@ -10,7 +10,7 @@ class SaidFollower final : public Follower {
  public:
   explicit SaidFollower(const motion::OpenCourse& course) : path_(course.waypoints, course.origin_m) {}
   void start(TimeNs, double end_m) override { end_m_ = end_m; }
-  void observe(const StateSample&, TimeNs) override {}
+  void observe(const StateSample&) override {}
   bool ready() const override { return true; }
   std::vector<Setpoint> plan(std::uint64_t, TimeNs, std::size_t) override { return {}; }
   void withdraw(std::uint64_t) override {}

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -21,10 +23,10 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   StateIntake intake(config, leases, counters);
   intake.accept(1, sample(9, 5), ns_per_s);
   SetCall call;
-  *call.add_assets() = status_asset("tello1", sample(9, 1));
-  *call.add_assets() = status_asset("tello1", sample(9, 2));
-  *call.add_assets() = status_asset("tello2", sample(9, 5));
-  *call.add_assets() = status_asset("tello7", sample(9, 6));
+  add_state(call, "tello1", sample(9, 1));
+  add_state(call, "tello1", sample(9, 2));
+  add_state(call, "tello2", sample(9, 5));
+  add_state(call, "tello7", sample(9, 6));
   std::vector<DroneUpdate> news;
   const auto states = intake.take(event("set", call.SerializeAsString()), 0, news);
   ASSERT_EQ(states.size(), 2u);
@@ -44,6 +46,42 @@ TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsReported) {
   intake.accept(0, sample(8, 1), std::nullopt);
   EXPECT_EQ(intake.of(0).received_ns, ns_per_s) << "no sign of life";
   EXPECT_EQ(intake.of(0).state.boot_id, 8u);
+}
+
+TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
+  const FlightConfig config = config_for(1);
+  FlightTransactions counters;
+  const LeaseBook leases(config, counters);
+  StateIntake intake(config, leases, counters);
+  std::vector<DroneUpdate> news;
+  const auto take = [&](std::uint64_t sequence, TimeNs pose_stamp_ns, std::optional<float> charge) {
+    SetCall call;
+    if (charge) {
+      Asset& battery = *call.add_assets();
+      battery.set_id("tello1/battery");
+      battery.set_msg_type(std::string(battery_type));
+      battery.set_msg_data(to_cdr(BatteryState{{0, "tello1/base_link"}, 0, *charge}));
+    }
+    StateSample state = sample(9, sequence);
+    state.stamp_ns = ns_per_s;
+    state.pose_stamp_ns = pose_stamp_ns;
+    state.position_m = {1, 2, 3};
+    state.battery = 0.125F;  // link's own number is not sent
+    add_state(call, "tello1", state);
+    const auto states = intake.take(event("set", call.SerializeAsString()), 0, news);
+    EXPECT_EQ(states.size(), 1u);
+    intake.accept(0, states.at(0).state, std::nullopt);
+    return states.at(0).state;
+  };
+  EXPECT_LT(take(1, 0, std::nullopt).battery, 0) << "who begins to read in the middle";
+  EXPECT_EQ(take(2, 0, 0.75F).battery, 0.75F);
+  const StateSample third = take(3, ns_per_s - 5, std::nullopt);
+  EXPECT_EQ(third.battery, 0.75F);
+  EXPECT_EQ(third.pose_stamp_ns, ns_per_s - 5);
+  EXPECT_EQ(third.position_m, (std::array<double, 3>{1, 2, 3}));
+  EXPECT_EQ(take(4, 0, std::numeric_limits<float>::quiet_NaN()).battery, 0.75F) << "unknown says nothing";
+  EXPECT_EQ(news.size(), 4u);
+  EXPECT_TRUE(news[2].battery.empty());
 }
 
 TEST(StateIntake, WhatIsNoFrameIsCounted) {

@@ -83,7 +83,7 @@ TEST(LinkCore, AgeAtApplicationIsFromTheStateToTheFirstSetpointSent) {
   EXPECT_NEAR(age.max, 20, 1);
   const StateSample& state = w.states.back();
   EXPECT_EQ(state.applied_sequence, w.sequence);
-  EXPECT_EQ(state.applied_late_ns, 0);
+  EXPECT_EQ(state.playout_margin_ns, 0);
   EXPECT_EQ(state.plans_applied, 51U);
 }
 

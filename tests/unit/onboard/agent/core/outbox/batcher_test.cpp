@@ -396,7 +396,7 @@ TEST(EncodeFrame, WithoutAPoseThereIsNoOdometry) {
   for (const Asset& asset : set.assets()) EXPECT_NE(asset.id(), "tello1/odom");
 }
 
-TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
+TEST(EncodeFrame, WritesTheStateOfEachDroneWithRealTimeInHeadersAndTheBatteryThatIsDue) {
   Frame frame;
   auto s = sample(2, 9, 5 * ns_per_s);
   s.position_m = {1, 2, 3};
@@ -408,17 +408,20 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   old.pose_stamp_ns = 1;
   frame.samples = {s};
   frame.repeated = {old};
+  frame.batteries = {2};
   const auto call = encode_frame(frame, three, 1000 * ns_per_s);
   EXPECT_EQ(call.function, "set");
   SetCall set;
   ASSERT_TRUE(set.ParseFromString(call.args.at(0)));
   EXPECT_TRUE(set.stream());
-  ASSERT_EQ(set.assets_size(), 6);
+  ASSERT_EQ(set.assets_size(), 5);
+  EXPECT_EQ(set.assets(0).id(), "tello2/battery");
+  EXPECT_FLOAT_EQ(battery_from_cdr(set.assets(0).msg_data())->percentage, 0.75F);
+  EXPECT_EQ(set.assets(1).id(), "tello2/odom");
+  EXPECT_EQ(set.assets(1).topic(), "/tello2/odom");
+  EXPECT_EQ(set.assets(1).msg_type(), "nav_msgs/msg/Odometry");
   EXPECT_EQ(set.assets(3).id(), "tello1/odom");
-  EXPECT_EQ(set.assets(0).id(), "tello2/odom");
-  EXPECT_EQ(set.assets(0).topic(), "/tello2/odom");
-  EXPECT_EQ(set.assets(0).msg_type(), "nav_msgs/msg/Odometry");
-  const auto odometry = odometry_from_cdr(set.assets(0).msg_data());
+  const auto odometry = odometry_from_cdr(set.assets(1).msg_data());
   ASSERT_TRUE(odometry);
   EXPECT_EQ(odometry->header.stamp_ns, 1005 * ns_per_s - 5 * ns_per_ms) << "the pose's own time";
   EXPECT_EQ(odometry->header.frame_id, "map");
@@ -426,13 +429,57 @@ TEST(EncodeFrame, WritesEveryStreamingAssetOfEachDroneWithRealTimeInHeaders) {
   EXPECT_NEAR(odometry->linear_mps[0], 0, 1e-9);
   EXPECT_NEAR(odometry->linear_mps[1], -1, 1e-9);
   EXPECT_NEAR(odometry->linear_mps[2], 0.5, 1e-9);
-  EXPECT_EQ(set.assets(1).id(), "tello2/link");
-  const auto status = link_status_from_cdr(set.assets(1).msg_data());
+  EXPECT_EQ(set.assets(2).id(), "tello2/link");
+  const auto status = state_from_cdr(set.assets(2).msg_data(), set.assets(1).msg_data());
   ASSERT_TRUE(status);
-  EXPECT_EQ(status->sequence, 9U);
-  EXPECT_EQ(status->stamp_ns, 5 * ns_per_s);
-  EXPECT_EQ(set.assets(2).id(), "tello2/battery");
-  EXPECT_FLOAT_EQ(battery_from_cdr(set.assets(2).msg_data())->percentage, 0.75F);
+  EXPECT_EQ(status->sample.sequence, 9U);
+  EXPECT_EQ(status->sample.stamp_ns, 5 * ns_per_s);
+  EXPECT_EQ(status->sample.pose_stamp_ns, s.pose_stamp_ns);
+  EXPECT_EQ(status->real_ns, 1005 * ns_per_s);
+}
+
+/// What a second at 30 states costs: a call's bytes are on the ledger as its argument and as the value that it writes.
+TEST(EncodeFrame, BytesOfAStateAreKnown) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  std::size_t bytes = 0;
+  constexpr int states = 480;
+  for (std::uint64_t k = 1; k <= states; ++k) {
+    const TimeNs now = static_cast<TimeNs>(k) * ns_per_s / 30;
+    auto s = sample(1, k, now);
+    s.pose_stamp_ns = now;
+    s.battery = k < states / 2 ? 0.75F : 0.74F;
+    batcher.add(now, s);
+    const auto frame = batcher.next(now);
+    ASSERT_TRUE(frame);
+    bytes += encode_frame(*frame, {{1, "tello1"}}, 1'700'000'000 * ns_per_s).args.at(0).size();
+    batcher.finished(now, frame->number, outcome(Kind::committed));
+  }
+  EXPECT_EQ(bytes / states, 976U) << "1,219 with a pose in both messages and a battery each time";
+}
+
+TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedAndWithEvery16thState) {
+  Batcher batcher({}, {{1, "tello1"}}, 1);
+  std::uint64_t sequence = 0;
+  TimeNs now = ns_per_s;
+  const auto sends_battery = [&](float charge, Kind end) {
+    now += 2 * ns_per_s;  // behind any back-off
+    auto s = sample(1, ++sequence, now);
+    s.battery = charge;
+    batcher.add(now, s);
+    const auto frame = batcher.next(now);
+    EXPECT_TRUE(frame);
+    batcher.finished(now, frame->number, outcome(end));
+    return frame->batteries.size() == 1;
+  };
+  EXPECT_TRUE(sends_battery(0.5F, Kind::committed)) << "the first";
+  for (int k = 1; k < 16; ++k) EXPECT_FALSE(sends_battery(0.5F, Kind::committed)) << k;
+  EXPECT_TRUE(sends_battery(0.5F, Kind::committed)) << "the 16th behind it";
+  EXPECT_FALSE(sends_battery(0.5F, Kind::committed));
+  EXPECT_TRUE(sends_battery(0.49F, Kind::unavailable)) << "changed";
+  EXPECT_TRUE(sends_battery(0.49F, Kind::invalidated)) << "that was not committed";
+  EXPECT_TRUE(sends_battery(0.49F, Kind::committed));
+  EXPECT_FALSE(sends_battery(0.49F, Kind::unavailable)) << "it had none to lose";
+  EXPECT_FALSE(sends_battery(0.49F, Kind::committed));
 }
 
 TEST(Batcher, AFrameThatLingersIsDueWhenItHasLingered) {
