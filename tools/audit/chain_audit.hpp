@@ -14,6 +14,9 @@
 
 namespace ledgerline::audit {
 
+/// "MVCC_READ_CONFLICT"; a number that Fabric has no name for: itself.
+std::string code_name(int code);
+
 /// Something that is not as it must be.
 struct Finding {
   std::uint64_t block = 0;
