@@ -11,13 +11,12 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/hosts.hpp"
+#include "chaincode/network/files/places.hpp"
 #include "chaincode/network/files/revocation.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "chaincode/network/network.hpp"
-#include "chaincode/network/processes/start_check.hpp"
+#include "chaincode/network/processes/orderer_watch.hpp"
 #include "chaincode/network/run_file.hpp"
-#include "chaincode/network/upgrade.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"

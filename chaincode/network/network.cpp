@@ -1,18 +1,28 @@
 #include "chaincode/network/network.hpp"
 
 #include <fmt/format.h>
+#include <signal.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <filesystem>
 #include <functional>
 
+#include "chaincode/identities/identities.hpp"
 #include "chaincode/network/files/places.hpp"
 #include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/run_file.hpp"
 #include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/setup/deployment.hpp"
+#include "chaincode/network/setup/site.hpp"
 #include "common/base/disk_space.hpp"
+#include "common/base/file.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {
 
+namespace fs = std::filesystem;
+using nlohmann::json;
 using Step = std::function<Status()>;
 
 Status in_order(const std::vector<Step>& steps) {
@@ -20,6 +30,79 @@ Status in_order(const std::vector<Step>& steps) {
     if (Status s = step(); !s) return s;
   }
   return done;
+}
+
+struct Service {
+  std::string name;
+  pid_t pid = 0;
+};
+
+std::vector<Service> services_of(const json& running) {
+  std::vector<Service> services;
+  for (const json& one : running.value("processes", json::array())) {
+    const std::string name = one.value("name", "");
+    if (name.starts_with("chaincode")) services.push_back({name, one.value("pid", 0)});
+  }
+  return services;
+}
+
+/// What the running network says of itself, in place of what a command line would.
+Status take_places(Options& options, const json& running, const std::vector<Service>& services) {
+  options.channels = running.at("channels").get<std::vector<std::string>>();
+  options.orderers = static_cast<int>(running.at("orderers").size());
+  if (services.size() == identities::organisations) return done;
+  for (const json& one : running.at("processes")) {
+    const std::string name = one.value("name", "");
+    if (name.starts_with("orderer")) options.only.push_back(name);
+    if (name.starts_with("peer")) options.only.push_back("org" + name.substr(4));
+  }
+  for (const auto& [key, places] :
+       {std::pair{"orderers", &options.orderer_places}, std::pair{"peers", &options.organisation_places}}) {
+    places->clear();
+    for (const json& text : running.at(key)) {
+      auto place = parse_place(text.get<std::string>());
+      if (!place) return place.error();
+      places->push_back(std::move(*place));
+    }
+  }
+  return done;
+}
+
+bool runs(const Service& service, const std::string& program) {
+  std::error_code error;
+  return fs::equivalent(fmt::format("/proc/{}/exe", service.pid), program, error);
+}
+
+/// The file that the network's process starts it from.
+Status check_command(const Service& service, const std::string& program) {
+  const auto command = read_file(fmt::format("/proc/{}/cmdline", service.pid));
+  const std::string file = command ? command->substr(0, command->find('\0')) : "";
+  std::error_code error;
+  if (fs::equivalent(file, program, error)) return done;
+  return Error{
+      fmt::format("{} is started from {}, not from {}: put this version's programs in the place of those, or end the "
+                  "network and start it with this one",
+                  service.name, file, program)};
+}
+
+/// Ends those that run another program, and waits until the network's process has restarted them.
+Status renew(Site& site, const RunFile& file, const std::vector<Service>& services) {
+  const std::string& program = site.options().chaincode;
+  for (const Service& service : services) {
+    if (!runs(service, program)) ::kill(service.pid, SIGTERM);
+  }
+  const TimeNs until = monotonic_ns() + starting_limit_ns;
+  for (;;) {
+    const auto running = file.read();
+    if (!running) return Error{"the network has ended"};
+    std::string missing;
+    for (const Service& service : services_of(*running)) {
+      if (service.pid <= 0 || !runs(service, program)) missing = service.name;
+    }
+    if (missing.empty()) return done;
+    if (monotonic_ns() > until) return Error{missing + " does not come back as the new program"};
+    if (Status s = site.tend(10 * ns_per_ms); !s) return s;
+  }
 }
 
 }  // namespace
@@ -71,6 +154,28 @@ Status Network::start_orderers_and_peers() {
     }
   }
   return done;
+}
+
+Status upgrade(Options options) {
+  const RunFile file(options.dir);
+  const auto running = file.read();
+  if (!running || !running->contains("processes")) {
+    return Error{"no network runs in " + options.dir + "; `up` brings one that is down to this version's contract"};
+  }
+  const auto services = services_of(*running);
+  for (const Service& service : services) {
+    if (service.pid <= 0) return Error{service.name + " is just starting; try again"};
+    if (Status s = check_command(service, options.chaincode); !s) return s;
+  }
+  if (Status s = take_places(options, *running, services); !s) return s;
+  Site site(std::move(options));
+  if (Status s = site.open(); !s) return s;
+  Deployment deployment(site);
+  Status status = deployment.make_packages();
+  if (status) status = deployment.define();
+  if (status && !site.options().runs_organisation(1)) status = deployment.wait_for_definition();
+  if (status) status = renew(site, file, services);
+  return status ? deployment.wait_for_contract() : status;
 }
 
 }  // namespace ledgerline::fabric_network

@@ -5,7 +5,7 @@
 #include <string_view>
 
 #include "common/dds/dds.hpp"
-#include "common/dds/settings/ros_release.hpp"
+#include "common/dds/settings/reach.hpp"
 #include "common/msg/cdr.hpp"
 
 namespace ledgerline::dds {

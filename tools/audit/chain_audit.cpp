@@ -6,7 +6,6 @@
 #include "common/common.pb.h"
 #include "common/fabric/tx/transaction.hpp"
 #include "peer/transaction.pb.h"
-#include "tools/audit/codes.hpp"
 
 namespace ledgerline::audit {
 namespace {
@@ -50,6 +49,11 @@ std::vector<fabric::Verdict> first_verdict() {
 }
 
 }  // namespace
+
+std::string code_name(int code) {
+  const std::string& name = protos::TxValidationCode_Name(static_cast<protos::TxValidationCode>(code));
+  return name.empty() ? fmt::format("code {}", code) : name;
+}
 
 std::string to_text(const Finding& finding) {
   if (!finding.transaction) return fmt::format("block {}: {}", finding.block, finding.what);

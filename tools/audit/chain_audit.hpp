@@ -14,6 +14,9 @@
 
 namespace ledgerline::audit {
 
+/// "MVCC_READ_CONFLICT"; a number that Fabric has no name for: itself.
+std::string code_name(int code);
+
 /// Something that is not as it must be.
 struct Finding {
   std::uint64_t block = 0;
@@ -80,7 +83,6 @@ class ChainAudit {
   std::uint64_t next_ = 0;           ///< number of the block that must come
   std::optional<std::string> hash_;  ///< of the header of the one before; nullopt: could not be read
   bool hash_is_known_ = true;
-  bool data_match_ = true;  ///< of the block at hand
   std::uint64_t anchor_number_ = 0;
   std::string anchor_hash_, anchor_signatures_;
   bool anchor_seen_ = false;

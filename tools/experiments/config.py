@@ -12,7 +12,7 @@ NUMBER = (int, float)
 # What can be asked of a run, and of what type. `settings` is one of SETTINGS; the rest are options of the program.
 FLIGHT = {"settings": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int,
           "seconds": NUMBER, "ramp": str, "predict": str, "max_age": str, "ledger": str, "storage": str, "orderers": int,
-          "batch_count": int, "batch_timeout": str, "crypto": str, "gateway": bool, "endorser": bool}
+          "batch_count": int, "batch_timeout": str, "gateway": bool, "endorser": bool}
 SITL = {"mode": str, "shape": str, "side": NUMBER, "drones": int, "rate": NUMBER, "speed": NUMBER, "laps": int, "ramp": str,
            "predict": str, "max_age": NUMBER, "delay": (int, float, str), "model_error": NUMBER, "gust": NUMBER,
            "full_scale": NUMBER, "batch_count": int, "batch_timeout": NUMBER}

@@ -197,12 +197,6 @@ std::string deadline(const Options& options) {
   return fmt::format("deadline_ms = {:.0f}\n", to_ms(deployment::timeout_with(both_ways(options)).deadline_ns));
 }
 
-// What both sides of the ledger add to their [ledger].
-std::string ledger_keys(const Options& options) {
-  return deadline(options) +
-         fmt::format("signer = \"{0}\"\nverifier = \"{0}\"\n", options.mbedtls ? "mbedtls" : "libcrypto");
-}
-
 // Without any pose, link waits for motion capture without result, and its drones may be flown by hand.
 std::string source_for_link(const std::string& pose) { return pose == "none" ? "mocap" : pose; }
 
@@ -322,7 +316,7 @@ Status write_configs(const RunFiles& files, const Options& options, const Ledger
   const auto ledger = [&](const std::string& program, int organisation) {
     if (network) return (program == "agent" ? network->agent : network->ground) + "\n";
     return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
-                        anchor_line(files) + fmt::format("blocks = \"{}\"\n", options.blocks) + ledger_keys(options)) +
+                        anchor_line(files) + fmt::format("blocks = \"{}\"\n", options.blocks) + deadline(options)) +
            direct(program) + msp_tables(files);
   };
   const std::string with_status = "status_period_ms = 250\n";

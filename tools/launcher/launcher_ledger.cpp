@@ -23,7 +23,6 @@ Status Launcher::start_ledger() {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
     if (options_.ca) ledger.push_back("--ca");
-    ledger.insert(ledger.end(), options_.network_options.begin(), options_.network_options.end());
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }

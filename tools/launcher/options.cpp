@@ -7,7 +7,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/dds/settings/ros_release.hpp"
+#include "common/dds/settings/reach.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
@@ -38,7 +38,6 @@ constexpr const char* help_notes = R"(Examples:
   fly --shape manual --watch --fault-switches    and with switches that make ledger or drones bad
   fly --shape manual --pose none      the same without motion capture or any other pose: the pilot sees the drone
   fly --ledger fabric                 peers, an orderer and chaincode of Hyperledger Fabric (needs Go)
-  fly --ledger fabric --network=--background --network=org3    whom nobody waits for steps back (docs/fabric.md)
   fly --deployment deployment.toml          the drones and the ledger that the file names
   fly --deployment real.toml          drones that are there already: Tellos, with their fence (docs/fly.md)
   fly --batch-timeout 100ms --batch-count 10 --seconds 60    a slower ledger
@@ -49,8 +48,7 @@ Exit codes: 0 every drone finished its path and landed (manual: landed, and noth
 struct Words {
   std::string shape = "square", predict = "on", ramp, max_age, pads;
   std::vector<std::string> tasks;
-  std::string deployment, ledger = name_of(Ledger::embedded), storage = "disk", crypto = "libcrypto",
-                          batch_timeout = "10ms";
+  std::string deployment, ledger = name_of(Ledger::embedded), storage = "disk", batch_timeout = "10ms";
 };
 
 void add_path_options(CommandLine& line, Options& o, Words& words) {
@@ -124,12 +122,6 @@ void add_ledger_options(CommandLine& line, Options& o, Words& words) {
             "Fabric: the drones' organisation endorses by an endorser of its own, and by its peer where that is gone");
   line.flag("--endorser-within", o.endorser_within,
             "The same within agent, which holds that key then, and serves ground (docs/endorser.md)");
-  line.option("--network", o.network_options,
-              "Fabric: one more word for `ledgerline fabric run`: --network=--no-history (docs/fabric.md)")
-      .one_at_a_time();
-  line.option("--crypto", words.crypto, "What signs and verifies in agent and ground")
-      .one_of({"libcrypto", "mbedtls"})
-      .shows_default();
   line.option("--blocks", o.blocks,
               "Whose blocks agent and ground take: the own peer's, or an orderer's as soon as they are validated")
       .one_of({"peer", "ordered"})
@@ -216,7 +208,6 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--batch-count", ledger, of_a_ledger},
       {"--ca", ledger, of_a_ledger},
       {"--max-age", ledger, of_a_ledger},
-      {"--crypto", ledger, of_a_ledger},
       {"--blocks", ledger && !o.gateway, "goes with a ledger and the direct path, which knows its orderers"},
       {"--ca", fabric, "goes with --ledger fabric: the embedded ledger issues its identities itself"},
       {"--proxy", ledger, "stands between drones and a ledger: it does not go with --ledger none"},
@@ -233,15 +224,12 @@ std::string contradiction(const CommandLine& line, const Options& o) {
        "goes with --ledger fabric and the direct path: the embedded ledger endorses within itself"},
       {"--endorser-within", fabric && !o.gateway && !o.endorser,
        "goes with --ledger fabric and the direct path, in place of --endorser"},
-      {"--network", fabric, "goes with --ledger fabric: no other ledger takes options of Fabric's network"},
       {"--storage", !others, of_others},
-      {"--crypto", !others, of_others},
       {"--blocks", !others, of_others},
       {"--ca", !others, of_others},
       {"--gateway", !others, of_others},
       {"--endorser", !others, of_others},
       {"--endorser-within", !others, of_others},
-      {"--network", !others, of_others},
       {"--proxy", !o.own, "stands between simulated drones and a ledger: a deployment's own drones have none"},
       {"--shim", !o.own, "stands before simulated drones: a deployment has its own"},
       {"--seed", !o.own, "is the simulator's, and none is started for a deployment's own drones"},
@@ -373,7 +361,6 @@ void take(const Words& words, Options& o) {
   o.ledger = deployment::ledger_kind_of(words.ledger);
   o.tmpfs = words.storage == "tmpfs";
   if (!o.controller.empty()) o.controller = std::filesystem::absolute(o.controller);
-  o.mbedtls = words.crypto == "mbedtls";
   o.batch_timeout_ns = *parse_duration(words.batch_timeout);
   if (!o.cyclonedds.empty()) o.cyclonedds = std::filesystem::absolute(o.cyclonedds);
 }

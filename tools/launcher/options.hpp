@@ -47,11 +47,9 @@ struct Options {
   bool tmpfs = false;            ///< the ledger in memory, gone after the flight
   bool ca = false;               ///< Fabric's identities come from fabric-ca
   bool gateway = false;          ///< Fabric: transactions through the gateway, not the direct path
-  bool mbedtls = false;          ///< signs and verifies in agent and ground, in libcrypto's place
   bool endorser = false;         ///< Fabric: the drones' organisation has an endorser of its own beside its peer
   bool endorser_within = false;  ///< the same within agent, which serves ground, too
-  std::vector<std::string> network_options{};  ///< Fabric: more words for `ledgerline fabric run`
-  std::string blocks = "peer";                 ///< agent's and ground's ledger.blocks
+  std::string blocks = "peer";   ///< agent's and ground's ledger.blocks
   TimeNs batch_timeout_ns = 10 * ns_per_ms;
   int batch_count = 1;
   bool shim = false;            ///< simulated drones are reached through shared memory in place of UDP (docs/shim.md)

@@ -75,9 +75,7 @@ json to_json(const Results& r) {
              {"blocks_of", r.asked.blocks},
              {"endorser", r.asked.endorser},
              {"endorser_within", r.asked.endorser_within},
-             {"network_options", r.asked.network_options},
              {"gateway", r.asked.gateway},
-             {"crypto", r.asked.mbedtls ? "mbedtls" : "libcrypto"},
              {"proxy", r.asked.proxy},
              {"seed", r.asked.seed}};
   if (r.asked.own) asked["own_drones"] = true;

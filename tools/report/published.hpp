@@ -16,11 +16,6 @@ inline constexpr std::array published_boxes{
     PublishedBox{"3 drones", .529, .731, .802, .873, 1.081},
 };
 
-/// Their setting: 70 messages a second (250 with 3 drones).
-inline constexpr std::string_view published_setting =
-    "Wi-Fi between three machines, real drones; Hyperledger Fabric with 3 organisations and 3 Raft orderers, "
-    "BatchTimeout 2 s, MaxMessageCount 10; 70 messages/s (3 drones: 250)";
-
 /// The box to stand beside a flight.
 constexpr const PublishedBox& published_for(std::string_view shape, int drones) {
   for (const PublishedBox& box : published_boxes) {

@@ -3,8 +3,12 @@
 #include <fmt/format.h>
 #include <sched.h>
 
+#include <algorithm>
+#include <map>
+
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline::report {
 extern const char timing_template[];  // page.html, put into the program by CMake
@@ -44,6 +48,45 @@ std::string load_table(const Load& load, std::size_t max_threads) {
   return text +
          fmt::format("\n  used {:.1f} %, headroom {:.1f} %; the whole machine {:.1f} %, steal {:.2f} s in {:.1f} s\n",
                      load.used_percent(), load.headroom_percent(), load.host_percent, load.steal_s, load.seconds);
+}
+
+constexpr int loop_process = 1000;  // behind all drones
+
+class Events {
+ public:
+  explicit Events(std::ostream& out) : out_(out) { out_ << "{\"displayTimeUnit\":\"ms\",\"traceEvents\":["; }
+  ~Events() { out_ << "\n]}\n"; }
+  Events(const Events&) = delete;
+  Events& operator=(const Events&) = delete;
+
+  /// `more`: further members, each behind a comma.
+  void add(std::string_view phase, std::string_view name, int process, std::size_t thread, TimeNs t_ns,
+           const std::string& more) {
+    out_ << (first_ ? "\n" : ",\n")
+         << fmt::format(R"({{"ph":"{}","name":"{}","pid":{},"tid":{},"ts":{}.{:03}{}}})", phase, name, process, thread,
+                        t_ns / ns_per_us, t_ns % ns_per_us, more);
+    first_ = false;
+  }
+  void name(int process, const std::string& text) {
+    add("M", "process_name", process, 0, 0, fmt::format(R"(,"args":{{"name":"{}"}})", text));
+  }
+
+ private:
+  std::ostream& out_;
+  bool first_ = true;
+};
+
+std::string duration(TimeNs ns) { return fmt::format(R"(,"dur":{}.{:03})", ns / ns_per_us, ns % ns_per_us); }
+
+void add_walk(Events& events, const Walk& walk, std::size_t lane) {
+  const TimeNs begin_ns = walk.at(Mark::sampled), end_ns = walk.at(walk.last());
+  events.add("X", "sample", walk.drone, lane, begin_ns,
+             duration(end_ns - begin_ns) + fmt::format(R"(,"args":{{"sequence":{}}})", walk.sequence));
+  for (const Stage& stage : stages) {
+    if (!walk.has(stage.from) || !walk.has(stage.to)) continue;
+    events.add("X", stage.name, walk.drone, lane, walk.at(stage.from),
+               duration(walk.at(stage.to) - walk.at(stage.from)));
+  }
 }
 
 }  // namespace
@@ -142,6 +185,32 @@ json to_json(const Figures& f, const std::vector<Verdict>& verdicts) {
 std::string to_page(json document) {
   document["date"] = report::local_date();
   return report::filled(report::timing_template, "@DATA@", report::for_script(document));
+}
+
+std::size_t write_perfetto(std::ostream& out, std::span<const Walk> walks, std::span<const TraceRecord> loop_turns,
+                           std::size_t max_walks) {
+  const std::size_t left_out = walks.size() - std::min(max_walks, walks.size());
+  walks = walks.subspan(left_out);
+  Events events(out);
+  std::map<int, std::vector<TimeNs>> lanes;  // of each drone: until when each is taken
+  for (const Walk& walk : walks) {
+    if (!lanes.contains(walk.drone)) events.name(walk.drone, fmt::format("tello{}", walk.drone));
+    std::vector<TimeNs>& taken = lanes[walk.drone];
+    const auto free =
+        std::find_if(taken.begin(), taken.end(), [&](TimeNs until) { return until <= walk.at(Mark::sampled); });
+    const auto lane = static_cast<std::size_t>(free - taken.begin());
+    if (free == taken.end()) taken.push_back(0);
+    taken[lane] = walk.at(walk.last());
+    add_walk(events, walk, lane + 1);
+  }
+  events.name(loop_process, "link's loop");
+  for (const TraceRecord& record : loop_turns) {
+    const auto late_us = PackedTurns::late_us(record);
+    if (late_us.empty() || record.t_ns < 0) continue;
+    events.add("C", "late_us", loop_process, 0, record.t_ns,
+               fmt::format(R"(,"args":{{"late_us":{}}})", *std::max_element(late_us.begin(), late_us.end())));
+  }
+  return left_out;
 }
 
 }  // namespace ledgerline::timing

@@ -6,7 +6,6 @@
 #include <variant>
 #include <vector>
 
-#include "chaincode/node/core/ledger/history.hpp"
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/ledger/simulation.hpp"
 #include "chaincode/node/core/member_check.hpp"

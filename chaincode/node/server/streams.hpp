@@ -1,23 +1,129 @@
 #pragma once
+#include <grpcpp/alarm.h>
 #include <grpcpp/server_context.h>
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
 
+#include <deque>
 #include <functional>
 #include <memory>
 #include <mutex>
 #include <optional>
 #include <string>
+#include <utility>
 
-#include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/server/proto_bytes.hpp"
-#include "chaincode/node/server/served_stream.hpp"
+#include "chaincode/node/server/calls.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
 #include "chaincode/node/shell/node.hpp"
-#include "chaincode/node/shell/view_cache.hpp"
+#include "gateway/gateway.pb.h"
 #include "orderer/ab.pb.h"
 
-/// Streams of blocks. Each holds one message and one place in the chain, never a queue: a reader that does not read
-/// costs nothing but its connection.
 namespace ledgerline::node {
+
+/// What the node's streams share: a place under their service's limit, a life that ends when gRPC is done with them,
+/// and one end. `Self` is the stream, `Reactor` gRPC's class for its kind.
+template <typename Self, typename Reactor>
+class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, public std::enable_shared_from_this<Self> {
+ public:
+  void OnCancel() override { finish(grpc::Status::CANCELLED); }
+  void OnDone() override {
+    if (unauthenticated_ != nullptr) unauthenticated_->remove(this);
+    self_.reset();
+  }
+  void displace() override {
+    finish({grpc::StatusCode::RESOURCE_EXHAUSTED, "too many streams of which nobody knows whose they are"});
+  }
+
+ protected:
+  /// It has its place at once. The limit outlives the stream.
+  explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.take()) {}
+  /// It has a place once its member is known. Both outlive the stream.
+  ServedStream(Limit& limit, UnauthenticatedStreams& unauthenticated)
+      : limit_(limit), unauthenticated_(&unauthenticated) {}
+
+  /// Gives a new stream to gRPC. False: the limit is reached, and the stream has ended with that.
+  static bool admit(const std::shared_ptr<Self>& stream) {
+    stream->self_ = stream;
+    if (stream->unauthenticated_ != nullptr) {
+      stream->unauthenticated_->add(stream);
+      return true;
+    }
+    if (!stream->place_) stream->finish(too_many(stream->limit_));
+    return stream->place_ != nullptr;
+  }
+
+  /// Something came, which the core looks at next: nobody displaces it meanwhile.
+  void is_looked_at() {
+    if (!place_) unauthenticated_->remove(this);
+  }
+  /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
+  bool is_of_member() {
+    if (!place_) place_ = limit_.take();
+    if (!place_) finish(too_many(limit_));
+    return place_ != nullptr;
+  }
+  /// It was not, or nobody looks at it: what comes next may be.
+  void is_of_nobody() {
+    if (!place_) unauthenticated_->add(this->shared_from_this());
+  }
+
+  void finish(const grpc::Status& status) {
+    const std::lock_guard lock(mutex_);
+    finish_locked(status);
+  }
+  /// With the mutex held.
+  void finish_locked(const grpc::Status& status) {
+    if (finished_) return;
+    finished_ = true;
+    this->Finish(status);
+  }
+
+  std::mutex mutex_;  ///< guards finished_, the start of a write, and what the stream says
+  bool finished_ = false;
+
+ private:
+  Limit& limit_;
+  UnauthenticatedStreams* unauthenticated_ = nullptr;
+  Limit::Slot place_;
+  std::shared_ptr<Self> self_;
+};
+
+/// The newest blocks as one service shows them: made once, sent to every reader. All methods from any thread.
+class ViewCache {
+ public:
+  using Make = std::function<Result<grpc::ByteBuffer>(std::string_view block)>;
+  ViewCache(const BlockFeed& feed, Make make) : feed_(feed), make_(std::move(make)) {}
+
+  Result<grpc::ByteBuffer> read(std::uint64_t number) {
+    {
+      const std::lock_guard lock(mutex_);
+      for (const auto& [known, bytes] : newest_) {
+        if (known == number) return bytes;
+      }
+    }
+    const auto block = feed_.read(number);
+    if (!block) return block.error();
+    auto bytes = make_(**block);
+    if (!bytes) return bytes;
+    const std::lock_guard lock(mutex_);
+    // Old blocks have one reader, who goes on.
+    if (number + kept < feed_.height()) return bytes;
+    newest_.emplace_front(number, *bytes);
+    if (newest_.size() > kept) newest_.pop_back();
+    return bytes;
+  }
+
+ private:
+  static constexpr std::size_t kept = 16;
+
+  const BlockFeed& feed_;
+  const Make make_;
+  std::mutex mutex_;
+  std::deque<std::pair<std::uint64_t, grpc::ByteBuffer>> newest_;
+};
+
+// Streams of blocks. Each holds one message and one place in the chain, never a queue: a reader that does not read
+// costs nothing but its connection.
 
 /// Where a seek begins and ends in a chain of `height` blocks.
 struct SeekRange {
@@ -84,6 +190,34 @@ class DeliverStream final
   grpc::ByteBuffer response_;
   SeekRange range_;
   common::Status written_ = common::UNKNOWN;  // the status being written; UNKNOWN: a block
+  bool streaming_ = false, busy_ = false;
+};
+
+/// gateway.ChaincodeEvents: a message for each block that has events of the contract.
+class EventStream final : public ServedStream<EventStream, grpc::ServerWriteReactor<grpc::ByteBuffer>>,
+                          public BlockFeed::Waiter {
+ public:
+  /// `events`: the contract's events, block by block, as view_of makes them. Limit and cache outlive the stream.
+  static EventStream* start(Node& node, Limit& limit, ViewCache& events, const grpc::ByteBuffer& request);
+  EventStream(Node& node, Limit& limit, ViewCache& events) : ServedStream(limit), node_(node), events_(events) {}
+  /// A block's message; empty when it has no event.
+  static ViewCache::Make view_of(const std::string& contract, const std::string& after = {});
+
+  void OnWriteDone(bool ok) override;
+  void wake() override;
+
+ private:
+  void begin(NodeCore& core, const gateway::ChaincodeEventsRequest& request);
+  void pump();
+
+  Node& node_;
+  ViewCache& events_;
+  grpc::Alarm to_grpc_thread_;
+
+  // Guarded by the mutex:
+  grpc::ByteBuffer response_;
+  std::string after_;
+  std::uint64_t next_ = 0;
   bool streaming_ = false, busy_ = false;
 };
 

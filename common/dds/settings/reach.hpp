@@ -4,11 +4,31 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/dds/dds.hpp"
-#include "common/dds/settings/interfaces.hpp"
-#include "common/dds/settings/ros_release.hpp"
 
 namespace ledgerline::dds {
+
+/// The releases of ROS 2 that [dds] ros_release may name, oldest first.
+inline const std::vector<std::string>& ros_releases() {
+  static const std::vector<std::string> names{"foxy", "galactic", "humble", "iron", "jazzy", "kilted", "rolling"};
+  return names;
+}
+
+/// Foxy to Humble: other ids of nodes, and ROS_LOCALHOST_ONLY=1 for 127.0.0.1 alone. False of what is no such name.
+inline bool is_before_iron(std::string_view release) {
+  return release == "foxy" || release == "galactic" || release == "humble";
+}
+
+/// A network interface of this host, as DDS sees it.
+struct Interface {
+  std::string name;
+  bool up = false, loopback = false, multicast = false;
+  bool has_address = false;  ///< of IPv4
+};
+
+/// In the kernel's order.
+Result<std::vector<Interface>> host_interfaces();
 
 /// Cyclone's own limit.
 constexpr std::size_t max_interfaces = 4;

@@ -20,7 +20,6 @@ class Flow {
   /// The same as the state text has it: behind by SensorParameters::velocity_lag_s.
   const Vector& reported() const { return reported_; }
   bool lost() const { return lost_; }
-  double scale_error() const { return scale_error_; }
 
  private:
   SensorParameters p_;

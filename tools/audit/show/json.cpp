@@ -3,7 +3,6 @@
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"
-#include "tools/audit/codes.hpp"
 #include "tools/audit/show/show.hpp"
 
 namespace ledgerline::report {

@@ -4,7 +4,6 @@
 #include <ctime>
 
 #include "common/msg/names.hpp"
-#include "tools/audit/codes.hpp"
 #include "tools/audit/show/show.hpp"
 
 namespace ledgerline::audit {

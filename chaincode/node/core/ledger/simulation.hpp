@@ -15,7 +15,7 @@ using ReadVersion = std::function<Result<chaincode::KeyVersion>(const std::strin
 /// How a range that was read is recorded.
 enum class Ranges {
   as_wanted,  ///< with the keys that the contract got
-  as_fabric,  ///< with those that a peer of Fabric reads for it (range_reads.hpp)
+  as_fabric,  ///< with those that a peer of Fabric reads for it
 };
 
 /// Runs a call against the committed state and records what it read and wrote.

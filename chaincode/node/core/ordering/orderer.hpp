@@ -6,8 +6,7 @@
 #include <string_view>
 
 #include "chaincode/node/core/member_check.hpp"
-#include "chaincode/node/core/ordering/invalid_budget.hpp"
-#include "chaincode/node/core/ordering/urgent_budget.hpp"
+#include "chaincode/node/core/ordering/budgets.hpp"
 #include "chaincode/node/core/ordering/waiting.hpp"
 #include "chaincode/node/core/tx/block.hpp"
 #include "chaincode/node/core/types.hpp"

@@ -153,18 +153,14 @@ TEST_F(FakePrograms, WhatIsSwitchedStandsInTheConfigs) {
   };
   ASSERT_TRUE(write_configs(files, {}, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
   for (const char* side : {"agent", "ground"}) {
-    EXPECT_THAT(text(side), HasSubstr("signer = \"libcrypto\"\nverifier = \"libcrypto\""));
     EXPECT_THAT(text(side), HasSubstr("[[orderer]]\nendpoint = \"127.0.0.1:2\""));
     EXPECT_THAT(text(side), HasSubstr("config_block = \"" + files.in("ledger/teleop.block")));
   }
 
   Options options;
-  options.mbedtls = options.gateway = true;
+  options.gateway = true;
   ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2"}, {}}));
-  for (const char* side : {"agent", "ground"}) {
-    EXPECT_THAT(text(side), HasSubstr("signer = \"mbedtls\"\nverifier = \"mbedtls\""));
-    EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
-  }
+  for (const char* side : {"agent", "ground"}) EXPECT_THAT(text(side), Not(HasSubstr("[[orderer]]")));
 }
 
 TEST_F(FakePrograms, GroundChecksMissionsAgainstTheFenceThatLinkHas) {

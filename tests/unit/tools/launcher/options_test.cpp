@@ -140,16 +140,6 @@ TEST(FlyOptions, AuthoritiesGoWithFabricAlone) {
   expect_refused({"--ca"}, "--ledger fabric");
 }
 
-TEST(FlyOptions, WordsForTheNetworkOfFabricArePassedOnAsTheyStand) {
-  const auto line = parse_command_line(
-      {"--ledger", "fabric", "--network=--background", "--network=org3", "--network=--short-slices"});
-  ASSERT_TRUE(line.fly) << line.text;
-  EXPECT_THAT(line.options.network_options, testing::ElementsAre("--background", "org3", "--short-slices"));
-  EXPECT_THAT(parse_command_line({"--ledger", "fabric"}).options.network_options, testing::IsEmpty());
-  expect_refused({"--network=--no-history"}, "--network goes with --ledger fabric");
-  expect_refused({"--ledger", "none", "--network=--no-history"}, "--network goes with --ledger fabric");
-}
-
 TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
   EXPECT_FALSE(parse_command_line({}).options.proxy);
   EXPECT_TRUE(parse_command_line({"--proxy"}).options.proxy);
@@ -162,12 +152,6 @@ TEST(FlyOptions, AProxyIsAskedForAndAScriptGoesWithOne) {
 TEST(FlyOptions, TheWayPastTheGatewayAndTheNumberOfEndorsementsAreFabrics) {
   EXPECT_TRUE(parse_command_line({"--ledger", "fabric", "--gateway"}).options.gateway);
   expect_refused({"--gateway"}, "--ledger fabric");
-}
-
-TEST(FlyOptions, WhatSignsMayBeSwitched) {
-  EXPECT_FALSE(parse_command_line({}).options.mbedtls);
-  EXPECT_TRUE(parse_command_line({"--crypto", "mbedtls"}).options.mbedtls);
-  expect_refused({"--crypto", "none"}, "--crypto");
 }
 
 TEST(FlyOptions, DronesAndGroundMayHaveDomainsOfTheirOwn) {
@@ -310,7 +294,6 @@ TEST(FlyOptions, WithoutALedgerNothingIsAskedOfOne) {
   EXPECT_EQ(controller_program(line.options), "local");
   expect_refused({"--ledger", "none", "--batch-count", "3"}, "--batch-count goes with a ledger");
   expect_refused({"--ledger", "none", "--storage", "tmpfs"}, "--storage goes with a ledger");
-  expect_refused({"--ledger", "none", "--crypto", "mbedtls"}, "--crypto goes with a ledger");
   expect_refused({"--ledger", "none", "--shape", "manual"}, "--shape manual goes with a ledger");
 }
 

@@ -76,7 +76,7 @@ class CalibrationFlight {
   Landing landing_;
   Record record_;
   std::string failure_, refusal_;
-  bool answered_ = false, took_off_ = false, turned_ = false;
+  bool answered_ = false, took_off_ = false;
   int tries_ = 0;
   TimeNs since_ns_ = 0, said_ns_ = 0, state_ns_ = 0, now_ns_ = 0, takeoff_ns_ = 0;
   link::TelloState state_;

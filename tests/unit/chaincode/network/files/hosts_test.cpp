@@ -1,4 +1,4 @@
-#include "chaincode/network/files/hosts.hpp"
+#include "chaincode/network/files/places.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "chaincode/network/processes/start_check.hpp"
+#include "chaincode/network/processes/orderer_watch.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {

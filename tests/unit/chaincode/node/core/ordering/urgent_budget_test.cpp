@@ -1,4 +1,4 @@
-#include "chaincode/node/core/ordering/urgent_budget.hpp"
+#include "chaincode/node/core/ordering/budgets.hpp"
 
 #include <gtest/gtest.h>
 

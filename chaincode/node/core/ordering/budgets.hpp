@@ -1,12 +1,59 @@
 #pragma once
+#include <algorithm>
 #include <cstddef>
 #include <map>
+#include <optional>
 #include <string>
 
 #include "chaincode/node/core/types.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/rt/clock.hpp"
 
 namespace ledgerline::node {
+
+/// A count that is forgiven with time: so many a second.
+class LeakyAccount {
+ public:
+  double at(TimeNs now_ns, double per_s) const {
+    return std::max(0.0, count_ - static_cast<double>(now_ns - at_ns_) / ns_per_s * per_s);
+  }
+  void add(double count, TimeNs now_ns, double per_s) {
+    count_ = at(now_ns, per_s) + count;
+    at_ns_ = now_ns;
+  }
+
+ private:
+  double count_ = 0;
+  TimeNs at_ns_ = 0;
+};
+
+/// Keeps out who sends what turns out invalid: each such transaction is stored, and checked by all who read blocks. Who
+/// loses a race, or flies while the contract changes, stays far below the bound. Where an organisation's identities
+/// have spent its bound together, those of them go on whose transactions are valid. One thread at a time. `config` must
+/// outlive it.
+class InvalidBudget {
+ public:
+  explicit InvalidBudget(const CoreConfig& config) : config_(config) {}
+
+  /// Why nothing of this one is ordered now that is not urgent.
+  std::optional<std::string> refusal(const crypto::IdentityName& who, TimeNs now_ns) const;
+  /// It waits for its block. By its id: who has claimed another's id waits under his own.
+  void ordered(const std::string& tx_id, const crypto::IdentityName& who);
+  /// It is in a block. One that was not ordered here is ignored.
+  void settle(const std::string& tx_id, bool valid, TimeNs now_ns);
+
+ private:
+  struct Standing {
+    LeakyAccount invalid;
+    bool had_valid = false;
+  };
+  void forget_idle(TimeNs now_ns);
+
+  const CoreConfig& config_;
+  std::multimap<std::string, crypto::IdentityName> waiting_;  ///< as many as Waiting has, and a block
+  std::map<crypto::IdentityName, Standing> identities_;
+  std::map<std::string, LeakyAccount> organisations_;
+};
 
 /// How many urgent envelopes an identity, and its whole organisation, may have ordered that were not found valid. A
 /// valid one gives its place back at once; any other one's place comes back slowly, so that nobody lives on invalid

@@ -1,4 +1,4 @@
-#include "chaincode/node/server/grpc_status.hpp"
+#include "chaincode/node/server/calls.hpp"
 
 #include <google/protobuf/any.pb.h>
 #include <google/protobuf/io/coded_stream.h>

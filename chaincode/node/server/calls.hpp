@@ -1,14 +1,49 @@
 #pragma once
+#include <google/protobuf/message_lite.h>
 #include <grpcpp/server_context.h>
+#include <grpcpp/support/byte_buffer.h>
 #include <grpcpp/support/server_callback.h>
+#include <grpcpp/support/status.h>
 
 #include <memory>
+#include <string>
 
-#include "chaincode/node/server/grpc_status.hpp"
-#include "chaincode/node/server/proto_bytes.hpp"
+#include "chaincode/node/core/types.hpp"
+#include "chaincode/node/server/limit.hpp"
 #include "chaincode/node/shell/node.hpp"
 
 namespace ledgerline::node {
+
+/// With a gateway.ErrorDetail (address, MSP id, `detail`) as Fabric's gateway attaches it; none when `detail` is empty.
+grpc::Status make_status(grpc::StatusCode code, const std::string& message, const std::string& detail = {});
+grpc::Status make_status(const Reply& reply);
+/// The queue to the core is full.
+grpc::Status overloaded();
+/// As many calls of this service are open as may be.
+inline grpc::Status too_many(const Limit& limit) { return {grpc::StatusCode::RESOURCE_EXHAUSTED, limit.refusal()}; }
+
+// Messages come and go as bytes: what does not parse is refused in Fabric's words (gRPC's own C++ refusal has none),
+// and a block that many read is written out once.
+
+inline bool parse(const grpc::ByteBuffer& buffer, google::protobuf::MessageLite& message) {
+  grpc::Slice bytes;
+  return buffer.DumpToSingleSlice(&bytes).ok() && message.ParseFromArray(bytes.begin(), static_cast<int>(bytes.size()));
+}
+
+inline grpc::ByteBuffer to_buffer(const google::protobuf::MessageLite& message) {
+  grpc::Slice bytes(message.ByteSizeLong());
+  message.SerializeWithCachedSizesToArray(const_cast<std::uint8_t*>(bytes.begin()));
+  return {&bytes, 1};
+}
+
+inline grpc::ByteBuffer to_buffer(const std::string& message) {
+  const grpc::Slice bytes(message);
+  return {&bytes, 1};
+}
+
+inline grpc::Status unparsable(const std::string& type) {
+  return {grpc::StatusCode::INTERNAL, "grpc: error unmarshalling request: it is no " + type};
+}
 
 /// Instead of another use of the context's reactor.
 inline grpc::ServerUnaryReactor* refuse(grpc::CallbackServerContext* context, const grpc::Status& status) {
