@@ -20,7 +20,7 @@ foreach(target ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
 set(dev ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
-  ledgerline_fabric_checkpoint ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session
+  ledgerline_fabric_checkpoint ledgerline_fabric_serving ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session
   fabric_protos fabric_grpc)
 add_custom_target(install_dev DEPENDS ${dev})
 install(TARGETS ${dev}

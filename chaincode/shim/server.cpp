@@ -1,8 +1,5 @@
 #include <arpa/inet.h>
 #include <grpc/grpc_security_constants.h>
-#include <grpcpp/impl/service_type.h>
-#include <grpcpp/server.h>
-#include <grpcpp/server_builder.h>
 #include <grpcpp/server_context.h>
 
 #include <algorithm>
@@ -15,13 +12,13 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
+#include "common/fabric/serving/tls_server.hpp"
 #include "peer/chaincode_shim.grpc.pb.h"
 
 namespace ledgerline::shim {
 namespace {
 
 constexpr int max_message_bytes = 100 * 1024 * 1024;  // as Fabric's own shims
-constexpr int keepalive_ms = 60'000, keepalive_timeout_ms = 20'000;
 
 bool is_of_this_host_alone(const std::string& address) {
   std::string host = address.substr(0, address.rfind(':'));
@@ -32,29 +29,33 @@ bool is_of_this_host_alone(const std::string& address) {
   return host == "localhost" || (::inet_pton(AF_INET6, host.c_str(), &v6) == 1 && IN6_IS_ADDR_LOOPBACK(&v6));
 }
 
-Result<std::shared_ptr<grpc::ServerCredentials>> credentials(const Options& options) {
+/// What the options name; without files of TLS, which they may leave out together, nothing of it is there.
+Result<fabric::TlsEndpoint> endpoint_of(const Options& options) {
+  fabric::TlsEndpoint at{.name = "chaincode",
+                         .listen = options.address,
+                         .key_pem = "",
+                         .certificate_pem = "",
+                         .max_request_bytes = max_message_bytes,
+                         .keepalive_ms = 60'000};
   if (options.key_file.empty() && options.certificate_file.empty()) {
     if (!options.client_ca_file.empty()) return Error{"a client CA without key and certificate: give all three"};
     if (!is_of_this_host_alone(options.address))
       return Error{options.address +
                    " is reached from other hosts, so it is served with TLS alone: set CHAINCODE_TLS_KEY and "
                    "CHAINCODE_TLS_CERT, or listen at 127.0.0.1"};
-    return grpc::InsecureServerCredentials();
+    return at;
   }
-  const auto key = crypto::read_key_file(options.key_file);
+  auto key = crypto::read_key_file(options.key_file);
   if (!key) return key.error();
-  const auto certificate = read_file(options.certificate_file);
+  auto certificate = read_file(options.certificate_file);
   if (!certificate) return certificate.error();
-  grpc::SslServerCredentialsOptions tls(options.client_ca_file.empty()
-                                            ? GRPC_SSL_DONT_REQUEST_CLIENT_CERTIFICATE
-                                            : GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY);
-  tls.pem_key_cert_pairs.push_back({*key, *certificate});
-  if (!options.client_ca_file.empty()) {
-    const auto ca = read_file(options.client_ca_file);
-    if (!ca) return ca.error();
-    tls.pem_root_certs = *ca;
-  }
-  return grpc::SslServerCredentials(tls);
+  at.key_pem = std::move(*key);
+  at.certificate_pem = std::move(*certificate);
+  if (options.client_ca_file.empty()) return at;
+  auto authorities = fabric::read_client_authorities({options.client_ca_file});
+  if (!authorities) return authorities.error();
+  at.client_authorities_pem = std::move(*authorities);
+  return at;
 }
 
 /// What a client's certificate says it is called.
@@ -134,40 +135,26 @@ class GrpcServer final : public Server {
   ~GrpcServer() override { GrpcServer::stop(); }
 
   Status listen(const Options& options) {
-    const auto tls = credentials(options);
-    if (!tls) return tls.error();
-    grpc::ServerBuilder builder;
-    int port = 0;
-    builder.AddListeningPort(options.address, *tls, &port);
-    builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, keepalive_ms);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, keepalive_timeout_ms);
-    builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
-    builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS, keepalive_ms / 2);
-    builder.SetMaxReceiveMessageSize(max_message_bytes);
-    builder.SetMaxSendMessageSize(max_message_bytes);
-    builder.RegisterService(&service_);
-    server_ = builder.BuildAndStart();
-    const auto colon = options.address.rfind(':');
-    if (!server_ || port == 0 || colon == std::string::npos) {
-      return Error{"cannot listen on " + options.address + ": ADDRESS:PORT, and is it free?"};
-    }
-    endpoint_ = options.address.substr(0, colon + 1) + std::to_string(port);
+    const auto at = endpoint_of(options);
+    if (!at) return at.error();
+    auto served = options.key_file.empty() ? fabric::serve_in_plain_text(*at, {&service_})
+                                           : fabric::serve_by_tls(*at, {&service_});
+    if (!served) return served.error();
+    served_ = std::move(*served);
     return done;
   }
 
-  const std::string& endpoint() const override { return endpoint_; }
+  const std::string& endpoint() const override { return served_.endpoint; }
   void stop() override {
-    if (!server_) return;
-    server_->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-    server_->Wait();
-    server_.reset();
+    if (!served_.server) return;
+    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
+    served_.server->Wait();
+    served_.server.reset();
   }
 
  private:
   Service service_;
-  std::unique_ptr<grpc::Server> server_;
-  std::string endpoint_;
+  fabric::TlsServer served_;
 };
 
 }  // namespace

@@ -8,6 +8,7 @@
 #include <boost/asio/ssl/error.hpp>
 
 #include "common/base/file.hpp"
+#include "common/crypto/tls_policy.hpp"
 #include "common/program/secrets.hpp"
 #include "common/web/host_port.hpp"
 
@@ -19,9 +20,6 @@ namespace ssl = boost::asio::ssl;
 constexpr int max_chain = 4;  // certificates between the other side's and its authority
 constexpr std::size_t max_file_bytes = 1 << 20;
 
-/// Without it OpenSSL would ask for the pass phrase of a locked key at the terminal, and wait.
-int no_pass_phrase(char*, int, int, void*) { return -1; }
-
 /// The newest error of this thread's queue, which is then empty: any other TLS code of this thread reads that queue,
 /// too.
 std::string openssl_error() {
@@ -32,16 +30,8 @@ std::string openssl_error() {
 
 TlsContext context_of(ssl::context::method method) {
   auto context = std::make_shared<ssl::context>(method);
-  SSL_CTX* const native = context->native_handle();
-  SSL_CTX_set_min_proto_version(native, TLS1_2_VERSION);
-  SSL_CTX_set_cipher_list(native, "ECDHE+AESGCM:ECDHE+CHACHA20");  // of TLS 1.2; all of 1.3 are good
-  SSL_CTX_set_options(native, SSL_OP_NO_COMPRESSION | SSL_OP_NO_RENEGOTIATION | SSL_OP_CIPHER_SERVER_PREFERENCE |
-                                  SSL_OP_CLEANSE_PLAINTEXT);  // a pass phrase comes by it
-  SSL_CTX_set_default_passwd_cb(native, no_pass_phrase);
-  SSL_CTX_set_verify_depth(native, max_chain);
-  // A session that is taken up again would outlive a change of certificates; handshakes here are few.
-  SSL_CTX_set_options(native, SSL_OP_NO_TICKET);
-  SSL_CTX_set_session_cache_mode(native, SSL_SESS_CACHE_OFF);
+  crypto::apply_tls_policy(context->native_handle());
+  SSL_CTX_set_verify_depth(context->native_handle(), max_chain);
   return context;
 }
 

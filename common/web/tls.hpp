@@ -9,7 +9,7 @@
 #include "common/base/result.hpp"
 #include "common/web/tls_files.hpp"
 
-/// TLS 1.2 and 1.3 from files, by OpenSSL.
+/// TLS from files, by OpenSSL, as crypto/tls_policy.hpp says.
 namespace ledgerline::web {
 
 using TlsContext = std::shared_ptr<boost::asio::ssl::context>;

@@ -19,7 +19,9 @@ struct TlsEndpoint {
   /// the signature on each request.
   std::string client_authorities_pem{};
   int max_request_bytes = 0;
-  std::size_t max_memory_bytes = 0;  ///< of all requests that are being received
+  std::size_t max_memory_bytes = 0;  ///< of all requests that are being received; 0: as many as come
+  /// Asked of a client after so long without a byte of it, whose end no packet has said: 0: never asked.
+  int keepalive_ms = 0;
 };
 
 /// PEM files of authorities, as client_authorities_pem; none: none. An error names the file.
@@ -31,5 +33,7 @@ struct TlsServer {
 };
 /// Starts a server for clients of Fabric. An error: the address cannot be had. The services must outlive it.
 Result<TlsServer> serve_by_tls(const TlsEndpoint& at, const std::vector<grpc::Service*>& services);
+/// The same without TLS: for an address that other hosts do not reach.
+Result<TlsServer> serve_in_plain_text(const TlsEndpoint& at, const std::vector<grpc::Service*>& services);
 
 }  // namespace ledgerline::fabric

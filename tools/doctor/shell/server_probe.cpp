@@ -20,6 +20,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
+#include "common/crypto/tls_policy.hpp"
 #include "tools/doctor/core/identity.hpp"
 
 namespace ledgerline::doctor {
@@ -147,8 +148,10 @@ void take_end(bool asked, bool shown, ServerFacts& facts) {
       SSL_R_SSLV3_ALERT_CERTIFICATE_REVOKED,   SSL_R_SSLV3_ALERT_CERTIFICATE_EXPIRED,
       SSL_R_SSLV3_ALERT_CERTIFICATE_UNKNOWN,   SSL_R_TLSV1_ALERT_UNKNOWN_CA};
   for (unsigned long code = 0; (code = ERR_get_error()) != 0;) {
-    if (std::find(of_certificates.begin(), of_certificates.end(), ERR_GET_REASON(code)) == of_certificates.end())
-      continue;
+    const int reason = ERR_GET_REASON(code);
+    if (std::find(of_certificates.begin(), of_certificates.end(), reason) == of_certificates.end()) continue;
+    // Also said where the two have no version or cipher in common, before any certificate is asked for.
+    if (reason == SSL_R_SSLV3_ALERT_HANDSHAKE_FAILURE && !asked) continue;
     const char* const words = ERR_reason_error_string(code);
     if (shown) facts.refuses_certificate = words ? words : "an alert";
     facts.wants_certificate = !shown;
@@ -204,8 +207,7 @@ void shake_hands(SSL_CTX* context, int fd, std::chrono::milliseconds timeout, Se
 ContextPtr context_for(const ServerKeys& keys, ServerFacts& facts) {
   ContextPtr context(SSL_CTX_new(TLS_client_method()));
   if (!context) return context;
-  // Else OpenSSL asks for the pass phrase of a locked key at the terminal.
-  SSL_CTX_set_default_passwd_cb(context.get(), [](char*, int, int, void*) { return -1; });
+  crypto::apply_tls_policy(context.get());
   if (SSL_CTX_load_verify_locations(context.get(), keys.tls_ca.c_str(), nullptr) != 1) {
     const auto bytes = read_file(keys.tls_ca);
     facts.no_authority = fmt::format("{}: {}", keys.tls_ca, bytes ? "no certificate in PEM" : "it cannot be read");

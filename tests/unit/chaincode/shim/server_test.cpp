@@ -30,6 +30,19 @@ TEST(ShimServer, RefusesAKeyThatOthersMayRead) {
   ::unlink(key.c_str());
 }
 
+TEST(ShimServer, DoesNotSpeakPlainTextForAnEmptyKey) {
+  const std::string key = ::testing::TempDir() + "shim_server_empty_" + std::to_string(::getpid()) + ".key";
+  std::ofstream(key) << "";
+  ::chmod(key.c_str(), 0600);
+  EXPECT_NE(why_not({.chaincode_id = "c:1",
+                     .address = "0.0.0.0:0",
+                     .key_file = key,
+                     .certificate_file = key,
+                     .client_ca_file = ""}),
+            "");
+  ::unlink(key.c_str());
+}
+
 TEST(ShimServer, SpeaksPlainTextWithinThisHostAlone) {
   for (const char* address : {"0.0.0.0:0", "[::]:0", "192.0.2.1:0", ":0", "host.example.org:0"}) {
     EXPECT_THAT(
