@@ -4,7 +4,6 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/fabric/stream/connection_words.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
@@ -147,18 +146,6 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   if (!block) return Error{fmt::format("ledger.config_block: {}", block.error().what)};
   out.config_block = std::move(*block);
   return out;
-}
-
-std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream) {
-  return [stream = std::move(stream), words = ConnectionWords()](bool connected, const std::string& why) mutable {
-    const auto word = words.on(connected, why, monotonic_ns());
-    if (!word) return;
-    if (connected) {
-      spdlog::info("{} {}", stream, *word);
-    } else {
-      spdlog::warn("{}: {}", stream, *word);
-    }
-  };
 }
 
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {

@@ -1,5 +1,4 @@
 #pragma once
-#include <functional>
 #include <memory>
 #include <string>
 
@@ -19,10 +18,6 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
 /// For the log of a program that acts on blocks, where config_block is empty.
 inline constexpr const char* blocks_not_validated =
     "config_block is not set: the peer's blocks are accepted without a check of who signed them";
-
-/// A handler of a stream's connection that writes to the log what is worth it (ConnectionWords); `stream` begins each
-/// line: "channel a: block stream". Of one stream, since it remembers.
-std::function<void(bool connected, const std::string& why)> tell_connections(std::string stream);
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are trusted, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);

@@ -2,9 +2,6 @@
 
 #include <utility>
 
-#include "common/base/log.hpp"
-#include "common/fabric/config.hpp"
-
 namespace ledgerline::ground {
 namespace {
 
@@ -21,33 +18,19 @@ Channel::Channel(Parts parts, std::string label, Put put)
       names_(names_of(core_)),
       label_(std::move(label)),
       put_(std::move(put)),
-      kept_(std::move(parts.kept)),
       client_(std::move(parts.client)),
-      urgent_(std::move(parts.urgent)) {}
+      urgent_(std::move(parts.urgent)),
+      blocks_({.label = label_, .kept = std::move(parts.kept)}) {}
 
 void Channel::open_stream() {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { put_(block); };
-  handlers.on_connection = [this, tell = fabric::tell_connections(label_ + "block stream")](bool connected,
-                                                                                            const std::string& why) {
-    tell(connected, why);
-    put_(StreamState{connected, why});
-  };
-  handlers.on_unverified = [this](const std::string& what) { spdlog::warn("{}{}", label_, what); };
-  handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
-    if (std::exchange(last, what) != what)
-      spdlog::error("{}the ledger's blocks contradict what is known: {}", label_, what);
-  };
-  handlers.on_confirmed = [this](const auto& confirmed) {
-    confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
-  };
-  handlers.on_orderers = fabric::tell_connections(label_ + "orderer's block stream");
-  blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
+  blocks_.open(*client_, std::move(handlers));
 }
 
 void Channel::close() {
   control_reader_ = {};
-  blocks_.reset();
+  blocks_.close();
   urgent_.reset();
   client_.reset();
 }

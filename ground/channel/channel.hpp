@@ -6,9 +6,8 @@
 #include <variant>
 #include <vector>
 
-#include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/confirmations.hpp"
+#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 #include "ground/core/flight.hpp"
 
@@ -30,15 +29,11 @@ class Channel {
     std::string function;  ///< that was called
     fabric::Outcome outcome;
   };
-  struct StreamState {
-    bool connected = false;
-    std::string why;
-  };
   /// The control records, as read after the first block had come, or why they cannot be.
   struct ControlsRead {
     Result<std::vector<Control>> controls;
   };
-  using Update = std::variant<fabric::Block, Ended, StreamState, ControlsRead>;
+  using Update = std::variant<fabric::Block, Ended, ControlsRead>;
   /// Any thread, but one that may wait where a block comes.
   using Put = std::function<void(Update)>;
 
@@ -49,10 +44,12 @@ class Channel {
   const FlightCore& core() const { return core_; }
   const std::string& label() const { return label_; }
   fabric::Client& urgent() { return *urgent_; }
-  Quantiles confirmed_after_ms() const { return confirmations_.quantiles_ms(); }
+  Quantiles confirmed_after_ms() const { return blocks_.confirmed_after_ms(); }
 
   /// Subscribes to the blocks that come from now on.
   void open_stream();
+  /// Whether they come; an error says why not. Any thread.
+  Status connection() const { return blocks_.connection(); }
   /// Reads the drones' control records; behind the stream's start.
   Status read_controls();
   /// Whether the core is to have the block; else it waits here, or comes again with take().
@@ -74,11 +71,9 @@ class Channel {
   const std::string label_;
   const Put put_;
   verification::ControlStart control_start_;
-  fabric::KeptCheckpoint kept_;  ///< until open_stream()
 
   std::unique_ptr<fabric::Client> client_, urgent_;
-  fabric::Confirmations confirmations_;
-  std::unique_ptr<fabric::Client::Stream> blocks_;
+  fabric::BlockSubscription blocks_;
   std::jthread control_reader_;
 };
 

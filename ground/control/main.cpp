@@ -20,7 +20,6 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/mailbox.hpp"
-#include "common/verification/claiming.hpp"
 #include "common/verification/client.hpp"
 #include "common/verification/control_events.hpp"
 #include "common/verification/control_records.hpp"

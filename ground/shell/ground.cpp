@@ -43,7 +43,6 @@ Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size
       names_(names_of(view_)),
       participant_(std::move(participant)),
       refusals_(names_),
-      streams_(channels_.size()),
       lost_(channels_.size()),
       news_unpublished_(channels_.size()) {}
 
@@ -163,8 +162,6 @@ Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs
       spdlog::warn("{}a command did not get through (block {}, code {}): {}", channel.label(), ended->outcome.block,
                    ended->outcome.code, ended->outcome.message);
     }
-  } else if (const auto* state = std::get_if<Channel::StreamState>(&news)) {
-    streams_[index] = *state;
   } else if (const auto* read = std::get_if<Channel::ControlsRead>(&news)) {
     auto held = channel.take(*read);
     if (!held) return held.error();

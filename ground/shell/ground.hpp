@@ -142,8 +142,7 @@ class Ground {
   std::mutex commands_mutex_;
   std::vector<PilotCommand> commands_;           ///< at most one for each drone and operator
   std::atomic<bool> flying_{false};              ///< run() is
-  std::vector<Channel::StreamState> streams_;    ///< of each channel
-  std::vector<bool> lost_;                       ///< likewise: what it says cannot be taken any more
+  std::vector<bool> lost_;                       ///< of each channel: what it says cannot be taken any more
   std::vector<std::uint64_t> news_unpublished_;  ///< likewise
 
   service::Leaving leaving_;  ///< operators of service_

@@ -6,7 +6,7 @@
 #include <filesystem>
 
 #include "common/base/log.hpp"
-#include "common/verification/claiming.hpp"
+#include "common/verification/client.hpp"
 #include "ground/service/operators/signing.hpp"
 
 namespace ledgerline::ground {

@@ -2,9 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <deque>
 #include <functional>
-#include <iterator>
 #include <optional>
 #include <utility>
 
@@ -45,10 +43,10 @@ Status Ground::start(const std::atomic<bool>& quit) {
   start_certificates();
   for (const auto& channel : channels_) channel->open_stream();
   if (auto status = wait_for_block_streams(quit); !status) return status;
-  for (std::size_t i = 0; i < channels_.size(); ++i) {
-    if (!streams_[i].connected) {  // behind its first block they are read anyway
-      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channels_[i]->label(), streams_[i].why);
-    } else if (auto status = channels_[i]->read_controls(); !status) {
+  for (const auto& channel : channels_) {
+    if (const Status open = channel->connection(); !open) {  // behind its first block they are read anyway
+      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channel->label(), open.error().what);
+    } else if (auto status = channel->read_controls(); !status) {
       if (channels_.size() == 1) return status;
       spdlog::error("{}: its drones are not flown until its records are read", status.error().what);
     }
@@ -88,32 +86,18 @@ Status Ground::read_pilot_topics() {
 }
 
 Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
-  std::deque<Event> later;  // of channels that are read already
   std::optional<TimeNs> first_ns;
   const auto are_open = [&]() -> Status {
-    for (std::size_t i = 0; i < channels_.size();) {
-      if (streams_[i].connected) {
-        ++i;
-        continue;
-      }
-      auto event = next_event(0);
-      if (!event && first_ns && monotonic_ns() - *first_ns > others_wait_ns) return done;
-      if (!event) return Error{channels_[i]->label() + (streams_[i].why.empty() ? "no answer yet" : streams_[i].why)};
-      const auto* of = std::get_if<OfChannel>(&*event);
-      const auto* state = of ? std::get_if<Channel::StreamState>(&of->news) : nullptr;
-      if (state) {
-        streams_[of->channel] = *state;
-        if (state->connected && !first_ns) first_ns = monotonic_ns();
-      } else {
-        later.push_back(std::move(*event));
-      }
+    Status all = done;
+    for (const auto& channel : channels_) {
+      const Status open = channel->connection();
+      if (open && !first_ns) first_ns = monotonic_ns();
+      if (!open && all) all = Error{channel->label() + open.error().what};
     }
-    return done;
+    return first_ns && monotonic_ns() - *first_ns > others_wait_ns ? Status(done) : all;
   };
-  const Status open = keep_trying(
+  return keep_trying(
       "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
-  events_.insert(events_.begin(), std::make_move_iterator(later.begin()), std::make_move_iterator(later.end()));
-  return open;
 }
 
 Status Ground::open_service(const std::string& folder, const std::vector<fabric::ClientConfig>& ledgers) {

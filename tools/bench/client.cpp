@@ -10,7 +10,7 @@
 #include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/stream/confirmations.hpp"
+#include "common/fabric/stream/block_subscription.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"
@@ -57,13 +57,10 @@ class Side {
     for (std::uint64_t k = 0; k < newest_.size(); ++k) streams_[others_.id(k)] = k;
     fabric::Client::StreamHandlers handlers;
     handlers.on_block = [this](const fabric::Block& block, std::string_view) { mailbox_.put_in_turn(block); };
-    handlers.on_confirmed = [this](const auto& confirmed) {
-      confirmations_.add(confirmed.ordered_ns, confirmed.confirmed_ns);
-    };
     handlers.on_connection = [this](bool connected, const std::string& why) {
       mailbox_.put(agent::StreamState{connected, why});
     };
-    blocks_ = client_->blocks(std::nullopt, std::move(handlers));
+    blocks_.open(*client_, std::move(handlers));
   }
   ~Side() { mailbox_.close(); }
   Side(const Side&) = delete;
@@ -126,7 +123,7 @@ class Side {
            {"replaced", account_.replaced()},
            {"transactions", tx.committed},
            {"blocks", blocks_taken_},
-           {"ordered_blocks_confirmed_after_ms", confirmations_.quantiles_ms()},
+           {"ordered_blocks_confirmed_after_ms", blocks_.confirmed_after_ms()},
            {"failed", tx.invalidated + tx.refused + tx.unavailable},
            {"why", why_}}}});
   }
@@ -234,8 +231,7 @@ class Side {
   // In this order: the threads and streams below use what is above, and are ended first.
   agent::Mailbox mailbox_;
   std::unique_ptr<fabric::Client> client_;
-  fabric::Confirmations confirmations_;
-  std::unique_ptr<fabric::Client::Stream> blocks_;
+  fabric::BlockSubscription blocks_{{}};
 };
 
 Status run(const std::string& role, const std::string& config_file, const std::string& schedule_text) {

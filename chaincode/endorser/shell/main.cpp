@@ -8,7 +8,6 @@
 #include "chaincode/endorser/shell/service.hpp"
 #include "chaincode/endorser/shell/serving.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
-#include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"

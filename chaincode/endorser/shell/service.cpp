@@ -5,10 +5,13 @@
 #include <unistd.h>
 
 #include <chrono>
+#include <nlohmann/json.hpp>
+#include <utility>
 
 #include "chaincode/endorser/core/comparison.hpp"
 #include "chaincode/endorser/core/snapshot.hpp"
 #include "chaincode/endorser/shell/first_state_folder.hpp"
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/base/random.hpp"
 #include "common/common.pb.h"
@@ -29,6 +32,22 @@ std::uint64_t seed() { return std::random_device{}(); }
 
 }  // namespace
 
+SampledChecks::SampledChecks(int one_in) : one_in_(one_in), random_(seed()) {}
+
+bool SampledChecks::add(Check one) {
+  if (waiting_.size() >= max_waiting) return false;
+  waiting_.push_back(std::move(one));
+  ++added_;
+  return true;
+}
+
+std::optional<SampledChecks::Check> SampledChecks::next() {
+  if (waiting_.empty()) return std::nullopt;
+  Check one = std::move(waiting_.front());
+  waiting_.pop_front();
+  return one;
+}
+
 Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, const Options& options,
                                                 std::function<void(const std::string&)> on_failure) {
   if (ledger.config_block.empty())
@@ -41,7 +60,7 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
   std::unique_ptr<Service> service(new Service(ledger, options.check_one_in, std::move(on_failure)));
   Service& self = *service;
   self.peer_ = std::move(*peer);
-  if (Status s = self.restore(options.checkpoint); !s) return s.error();
+  if (Status s = self.restore(options.checkpoint, ledger.where); !s) return s.error();
   if (Status s = self.read_first_state(options.first_state, ledger); !s) return s.error();
   self.client_ = std::move(*client);
   const bool begins_at_once = !self.first_state_;
@@ -61,18 +80,21 @@ void Service::begin_stream() {
   };
   handlers.on_unverified = [this](const std::string& what) { fail("the peer's blocks: " + what); };
   handlers.on_contradiction = [this](const std::string& what) { fail("the peer's blocks: " + what); };
-  stream_ = begun_behind_ ? client_->blocks_behind({*begun_behind_, any_absence}, std::move(handlers))
-                          : client_->blocks(0, std::move(handlers));
+  blocks_ =
+      std::make_unique<fabric::BlockSubscription>(fabric::BlockSubscription::Config{.label = "endorser: ",
+                                                                                    .kept = std::move(kept_),
+                                                                                    .first = 0,
+                                                                                    .max_absence_blocks = any_absence,
+                                                                                    .program_keeps = true});
+  blocks_->open(*client_, std::move(handlers));
 }
 
 Service::Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure)
-    : check_one_in_(check_one_in),
-      identity_(ledger.identity.in_use),
-      place_(ledger.where.channel + "/" + ledger.where.contract),
+    : identity_(ledger.identity.in_use),
       on_failure_(std::move(on_failure)),
       seen_identity_(identity_->now()),
       core_({ledger.where, *seen_identity_, fabric::BlockValidator::registry_of(ledger.verifier)}),
-      random_(seed()) {}
+      checks_(check_one_in) {}
 
 Service::~Service() {
   {
@@ -82,37 +104,33 @@ Service::~Service() {
     checked_wakes_.notify_all();
   }
   if (checker_.joinable()) checker_.join();
-  stream_.reset();
+  if (blocks_) blocks_->close();
   keep();
 }
 
-Status Service::restore(const std::string& path) {
-  if (path.empty()) return done;
+Status Service::restore(const std::string& path, const fabric::ChannelAndContract& where) {
   struct stat info {};
-  if (::stat(path.c_str(), &info) == 0 && (info.st_uid != ::geteuid() || (info.st_mode & 077) != 0))
+  if (!path.empty() && ::stat(path.c_str(), &info) == 0 && (info.st_uid != ::geteuid() || (info.st_mode & 077) != 0))
     return Error{fmt::format(
         "{}: others than its owner may read or write it, and it decides what is endorsed; run: chmod 600 {}", path,
         path)};
-  auto checkpoint = fabric::read_checkpoint(path, place_);
-  if (!checkpoint) return checkpoint.error();
-  if (*checkpoint) {
-    const Status restored = core_.restore((*checkpoint)->records);
-    if (!restored || core_.height() != (*checkpoint)->number + 1 || core_.hash() != (*checkpoint)->hash)
-      return Error{fmt::format("{}: {}; without it the chain is read from its first block", path,
-                               restored ? "its state is of another block" : restored.error().what)};
-    counts_.restored = core_.height();
-    begun_behind_ = std::move(**checkpoint);
-    begun_behind_->records.clear();
-  }
-  keeper_ = std::make_unique<fabric::CheckpointKeeper>(
-      path, [](const std::string& why) { spdlog::warn("endorser: its checkpoint is not written: {}", why); });
+  auto kept = fabric::KeptCheckpoint::read(path, where.channel + "/" + where.contract);
+  if (!kept) return kept.error();
+  kept_ = std::move(*kept);
+  if (!kept_.last) return done;
+  const Status restored = core_.restore(kept_.last->records);
+  if (!restored || core_.height() != kept_.last->number + 1 || core_.hash() != kept_.last->hash)
+    return Error{fmt::format("{}: {}; without it the chain is read from its first block", path,
+                             restored ? "its state is of another block" : restored.error().what)};
+  counts_.restored = core_.height();
+  kept_.last->records.clear();
   return done;
 }
 
 Status Service::read_first_state(const FirstStateSettings& settings, const fabric::ClientConfig& ledger) {
   if (settings.folder.empty())
     return settings.hash.empty() ? Status(done) : Error{"first_state_hash without first_state"};
-  if (begun_behind_) {
+  if (kept_.last) {
     spdlog::info("endorser: it goes on behind its checkpoint: first_state is not read");
     return done;
   }
@@ -162,18 +180,18 @@ Status Service::take_first_state(const std::string& config_block) {
       core_.restore({std::move(said.end), config_block, std::move(said.contract), std::move(said.lifecycle)});
   if (!restored) return restored;
   counts_.blocks = counts_.restored = core_.height();
-  begun_behind_ = fabric::Checkpoint{place_, core_.height() - 1, core_.hash(), {}};
+  kept_.last = fabric::Checkpoint{kept_.channel, core_.height() - 1, core_.hash(), {}};
   return done;
 }
 
 /// What failed is not what another start is to begin with. With the lock held, or alone.
 void Service::keep() {
-  if (!keeper_ || readiness_.failed() || core_.height() == 0) return;
-  write(keeping_.offer({place_, core_.height() - 1, core_.hash(), core_.snapshot()}));
+  if (!blocks_ || !blocks_->keeps() || readiness_.failed() || core_.height() == 0) return;
+  write(keeping_.offer({{}, core_.height() - 1, core_.hash(), core_.snapshot()}));
 }
 
 void Service::write(std::optional<fabric::Checkpoint> due) {
-  if (keeper_ && due) keeper_->keep(std::move(*due));
+  if (blocks_ && due) blocks_->keep(due->number, std::move(due->hash), std::move(due->records));
 }
 
 void Service::confirm_shared(std::uint64_t number, const std::string& hash) {
@@ -208,7 +226,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     if (readiness_.failed() || first_state_) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
-    if (taken && keeper_ && block.confirmed)
+    if (taken && blocks_->keeps() && block.confirmed)
       write(keeping_.reported(block.number,
                               fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();
@@ -266,7 +284,7 @@ node::Reply Service::process_locked(const std::string& signed_proposal, Caller c
     return reply;
   }
   // Until it has agreed, one check at a time: a slow peer holds up the caller once a check, not at each proposal.
-  const bool may_choose = agreed() || chosen_ == checked_;
+  const bool may_choose = agreed() || checks_.added() == checks_.over();
   const bool chosen = reply.code == node::Code::ok && may_choose && choose_for_check(signed_proposal, reply.bytes);
   // The client would ask the peer the same at the same time, which refuses one of two that have one id.
   if (chosen && !agreed()) await_check(lock);
@@ -287,19 +305,18 @@ Status Service::take_renewed() {
 }
 
 bool Service::choose_for_check(const std::string& signed_proposal, const std::string& answer) {
-  if (agreed() && random_() % static_cast<std::uint64_t>(check_one_in_) != 0) return false;
-  if (checks_.size() >= max_checks) {
+  if (agreed() && !checks_.draw()) return false;
+  if (!checks_.add({signed_proposal, answer, core_.defined_at()})) {
     ++counts_.not_checked;
     return false;
   }
-  checks_.push_back({signed_proposal, answer, core_.defined_at()});
-  ++chosen_;
   checks_wake_.notify_all();
   return true;
 }
 
 void Service::await_check(std::unique_lock<std::mutex>& lock) {
-  checked_wakes_.wait_for(lock, max_wait_for_check, [&, mine = chosen_] { return checked_ >= mine || stopping_; });
+  checked_wakes_.wait_for(lock, max_wait_for_check,
+                          [&, mine = checks_.added()] { return checks_.over() >= mine || stopping_; });
 }
 
 void Service::run_checks() {
@@ -328,19 +345,16 @@ void Service::run_checks() {
       } else {
         checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
       }
-    } else if (feed_.joined() && stream_) {
-      auto over = std::move(stream_);
+    } else if (feed_.joined() && blocks_->is_open()) {
       lock.unlock();
-      over.reset();
+      blocks_->close();
       client_.reset();
       lock.lock();
-    } else if (!checks_.empty()) {
-      Check one = std::move(checks_.front());
-      checks_.pop_front();
+    } else if (auto one = checks_.next()) {
       lock.unlock();
-      check(std::move(one));
+      check(std::move(*one));
       lock.lock();
-      ++checked_;
+      checks_.ended();
       checked_wakes_.notify_all();
     } else {
       checks_wake_.wait_until(lock, keep_at);
@@ -351,7 +365,7 @@ void Service::run_checks() {
   }
 }
 
-void Service::check(Check one) {
+void Service::check(SampledChecks::Check one) {
   Comparison found = Comparison::other_state;
   for (int tried = 0; found == Comparison::other_state && tried < max_tries; ++tried) {
     if (tried > 0) {
@@ -401,6 +415,22 @@ bool Service::wait_until_ready(double seconds) {
 Service::Counts Service::counts() const {
   const auto lock = lanes_.first();
   return counts_;
+}
+
+Status write_summary(const std::string& path, const Service::Counts& counts) {
+  const nlohmann::json summary{{"blocks", counts.blocks},
+                               {"answered", counts.answered},
+                               {"sent_to_the_peer", counts.sent_to_the_peer},
+                               {"checked", counts.checked},
+                               {"same", counts.same},
+                               {"other_state", counts.other_state},
+                               {"peer_refused", counts.peer_refused},
+                               {"apart", counts.apart},
+                               {"not_checked", counts.not_checked},
+                               {"differ", counts.differ},
+                               {"restored", counts.restored},
+                               {"joined", counts.joined}};
+  return write_file(path, summary.dump(2) + "\n");
 }
 
 }  // namespace ledgerline::endorser

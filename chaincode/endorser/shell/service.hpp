@@ -6,6 +6,7 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <random>
 #include <string>
 #include <thread>
@@ -19,10 +20,39 @@
 #include "chaincode/endorser/shell/two_lanes.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
-#include "common/fabric/checkpoint/keeper.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/stream/block_subscription.hpp"
 
 namespace ledgerline::endorser {
+
+/// The answers that the peer is asked for as well, oldest first. One thread at a time.
+class SampledChecks {
+ public:
+  struct Check {
+    std::string signed_proposal, answer;
+    Readiness::DefinedAt defined_at{};
+  };
+  /// The peer is slow when so many wait: further ones are left out.
+  static constexpr std::size_t max_waiting = 16;
+
+  /// `one_in`: of so many answers one, at random.
+  explicit SampledChecks(int one_in);
+
+  bool draw() { return random_() % static_cast<std::uint64_t>(one_in_) == 0; }
+  /// False: too many wait.
+  bool add(Check one);
+  /// The oldest, which is over when ended() is called; none waits: nothing.
+  std::optional<Check> next();
+  void ended() { ++over_; }
+  std::uint64_t added() const { return added_; }
+  std::uint64_t over() const { return over_; }
+
+ private:
+  const int one_in_;
+  std::mt19937_64 random_;
+  std::deque<Check> waiting_;
+  std::uint64_t added_ = 0, over_ = 0;  ///< so far; they end in their order
+};
 
 /// The core with its peer: it follows the peer's blocks, answers proposals while it knows that it has them all, and
 /// asks the peer now and then whether it answers the same: always before it signs anything under a definition of the
@@ -65,10 +95,6 @@ class Service {
 
  private:
   Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure);
-  struct Check {
-    std::string signed_proposal, answer;
-    Readiness::DefinedAt defined_at{};
-  };
   /// process_proposal() under the lock. `renewed`: what take_renewed() said.
   node::Reply process_locked(const std::string& signed_proposal, Caller caller, Status& renewed);
   /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused.
@@ -84,7 +110,7 @@ class Service {
   /// Of the newest that was chosen: until the peer has answered it, or a while. With the lock held, as `lock`.
   void await_check(std::unique_lock<std::mutex>& lock);
   void run_checks();
-  Status restore(const std::string& path);
+  Status restore(const std::string& path, const fabric::ChannelAndContract& where);
   /// A peer's snapshot, until the peer's chain says that it is of it.
   struct FirstState {
     PeerSnapshot said;
@@ -99,23 +125,18 @@ class Service {
   void begin_stream();
   void keep();
   void write(std::optional<fabric::Checkpoint> due);
-  void check(Check one);
+  void check(SampledChecks::Check one);
   bool peer_is_behind();
   /// With the lock held; then tell_failure() without it.
   void stop_signing();
   void tell_failure(const std::string& why);
 
-  static constexpr std::size_t max_checks = 16;  // the peer is slow: further ones are left out, and counted
-
   static constexpr std::chrono::minutes keep_every{10};  // copying all takes some ten milliseconds
 
-  const int check_one_in_;
   const std::shared_ptr<const crypto::IdentityInUse> identity_;
-  const std::string place_;  ///< "CHANNEL/CONTRACT": what its checkpoint is of
   const std::function<void(const std::string&)> on_failure_;
   std::unique_ptr<fabric::PeerQuestions> peer_;
-  std::unique_ptr<fabric::CheckpointKeeper> keeper_;
-  std::optional<fabric::Checkpoint> begun_behind_;  ///< without its records
+  fabric::KeptCheckpoint kept_;            ///< until begin_stream(), without its records
   std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
   mutable TwoLanes lanes_;  // its lock guards what follows; by the second lane come the proposals of others alone
@@ -126,14 +147,15 @@ class Service {
   Keeping keeping_;
   Readiness readiness_;
   bool stopping_ = false;
-  std::deque<Check> checks_;
-  std::uint64_t chosen_ = 0, checked_ = 0;  ///< checks so far; they end in their order
-  std::mt19937_64 random_;
+  SampledChecks checks_;
   Counts counts_;
 
   std::unique_ptr<fabric::Client> client_;
   std::thread checker_;
-  std::unique_ptr<fabric::Client::Stream> stream_;  // last: its callbacks use all of the above
+  std::unique_ptr<fabric::BlockSubscription> blocks_;  // last: its callbacks use all of the above
 };
+
+/// JSON, one key a count.
+Status write_summary(const std::string& path, const Service::Counts& counts);
 
 }  // namespace ledgerline::endorser

@@ -7,7 +7,6 @@
 
 #include "chaincode/endorser/shell/service.hpp"
 #include "chaincode/endorser/shell/serving.hpp"
-#include "chaincode/endorser/shell/summary.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/renewal/certificate_watch.hpp"

@@ -46,6 +46,63 @@ dds::Qos qos_of(const Rule& rule) {
 
 }  // namespace
 
+void DownlinkWriters::on_block(const fabric::Block& block) {
+  const std::lock_guard lock(mutex_);
+  deliveries_.clear();
+  downlink_.on_block(realtime_ns(), block, deliveries_);
+  publish(deliveries_);
+}
+
+Status DownlinkWriters::read_latched(const verification::Evaluate& evaluate) {
+  for (const std::string& id : downlink_.latched()) {
+    const Status read = verification::read_pages(id, evaluate, [this](const Assets& values) {
+      const std::lock_guard lock(mutex_);
+      deliveries_.clear();
+      downlink_.on_values(realtime_ns(), values, deliveries_);
+      publish(deliveries_);
+      return done;
+    });
+    if (!read && !read.error().what.ends_with(": not found"))
+      return Error{fmt::format("latched values of {} cannot be read: {}", id, read.error().what)};
+  }
+  return done;
+}
+
+void DownlinkWriters::publish(const std::vector<Downlink::Delivery>& deliveries) {
+  for (const Downlink::Delivery& delivery : deliveries) {
+    Output* output = output_for(delivery);
+    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.failed(delivery.topic);
+  }
+}
+
+// Null where DDS has no writer for it, which is tried again after a while.
+DownlinkWriters::Output* DownlinkWriters::output_for(const Downlink::Delivery& delivery) {
+  const Downlink::Topic& topic = downlink_.topics()[delivery.topic];
+  Output& output = outputs_[topic.name];
+  if (output.writer && output.type == delivery.type) return &output;
+  const TimeNs now = monotonic_ns();
+  if (now < output.try_again_ns) return nullptr;
+  if (output.writer) spdlog::info("{}: its type is {} now, it was {}", topic.name, delivery.type, output.type);
+  output.writer.reset();
+  output.type = delivery.type;
+  auto writer = dds::RawWriter::create(participant_, topic.name, output.type, qos_of(*topic.rule));
+  if (!writer) {
+    output.try_again_ns = now + try_again_after_ns;
+    spdlog::warn("{} of {}: {}", topic.name, topic.id, writer.error().what);
+    return nullptr;
+  }
+  spdlog::info("{}: {} comes from the ledger ({})", topic.name, output.type, topic.id);
+  output.writer = std::move(writer).value();
+  return &output;
+}
+
+void DownlinkWriters::report_to(nlohmann::json& status, nlohmann::json& topics) {
+  const std::lock_guard lock(mutex_);
+  for (auto& topic : report(downlink_)) topics.push_back(std::move(topic));
+  status["malformed_frames"] = downlink_.malformed_frames();
+  status["unverified_transactions"] = downlink_.unverified_transactions();
+}
+
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                crypto::MspRegistry& trusted, dds::ParticipantPtr participant,
                                                fabric::KeptCheckpoint kept) {
@@ -64,15 +121,15 @@ Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, c
     : rules_(config.rules),
       channel_(ledger.where.channel),
       participant_(std::move(participant)),
-      kept_(std::move(kept)),
       uplink_(uplink_config(config, ledger.identity.name)),
-      downlink_({.rules = config.rules,
-                 .self = ledger.identity.name,
-                 .writer = writer_of(ledger.identity.name, config.name),
-                 .contract = ledger.where.contract},
-                trusted),
+      down_({.rules = config.rules,
+             .self = ledger.identity.name,
+             .writer = writer_of(ledger.identity.name, config.name),
+             .contract = ledger.where.contract},
+            trusted, participant_),
       client_(std::move(client)),
-      bulk_(std::move(bulk)) {}
+      bulk_(std::move(bulk)),
+      blocks_({.label = fmt::format("channel {}: ", channel_), .kept = std::move(kept)}) {}
 
 void Bridge::end() {
   if (!client_) return;
@@ -87,64 +144,29 @@ void Bridge::end() {
     lock.unlock();
     if (call) submit(std::move(*call));
   }
-  blocks_.reset();
+  blocks_.close();
   client_.reset();
   bulk_.reset();
 }
 
 Status Bridge::start(const std::atomic<bool>& quit) {
   fabric::Client::StreamHandlers handlers;
-  handlers.on_block = [this](const fabric::Block& block, std::string_view) { on_block(block); };
-  handlers.on_connection = [this, tell = fabric::tell_connections(channel_ + ": block stream")](
-                               bool connected, const std::string& why) {
-    tell(connected, why);
-    const std::lock_guard lock(up_mutex_);
-    connected_ = connected;
-    connection_problem_ = why;
-  };
-  handlers.on_unverified = [this](const std::string& what) { spdlog::warn("{}: {}", channel_, what); };
-  handlers.on_orderers = fabric::tell_connections(channel_ + ": orderer's block stream");
-  handlers.on_contradiction = [this, last = std::string()](const std::string& what) mutable {
-    if (std::exchange(last, what) != what)
-      spdlog::error("{}: the ledger's blocks contradict what is known: {}", channel_, what);
-  };
-  blocks_ = fabric::kept_blocks(*client_, std::move(kept_), std::move(handlers));
-  if (auto status = wait_for_stream(quit); !status) return status;
-  if (auto status = read_latched(quit); !status) return status;
+  handlers.on_block = [this](const fabric::Block& block, std::string_view) { down_.on_block(block); };
+  blocks_.open(*client_, std::move(handlers));
+  const Status open = keep_trying(
+      fmt::format("the blocks of channel {} can be read", channel_), {}, [&] { return quit.load(); },
+      [this] { return blocks_.connection(); });
+  if (!open) return open;
+  // Behind the start of the block stream, so that no newer value can be missed between the two.
+  const Status latched = down_.read_latched([&](const fabric::Call& call) {
+    return quit ? Result<std::string>(Error{"asked to end"}) : client_->evaluate(call);
+  });
+  if (!latched) return latched;
   if (auto status = open_named_topics(); !status) return status;
   auto discovery = dds::Discovery::create(participant_, [this](const dds::DiscoveredTopic& seen) { on_seen(seen); });
   if (!discovery) return discovery.error();
   discovery_ = std::move(discovery).value();
   carrier_ = std::jthread([this](const std::stop_token& stop) { carry(stop); });
-  return done;
-}
-
-Status Bridge::wait_for_stream(const std::atomic<bool>& quit) {
-  const auto is_open = [this]() -> Status {
-    const std::lock_guard lock(up_mutex_);
-    if (connected_) return done;
-    return Error{connection_problem_.empty() ? "no answer yet" : connection_problem_};
-  };
-  return keep_trying(
-      fmt::format("the blocks of channel {} can be read", channel_), {}, [&] { return quit.load(); }, is_open);
-}
-
-// Behind the start of the block stream, so that no newer value can be missed between the two.
-Status Bridge::read_latched(const std::atomic<bool>& quit) {
-  const verification::Evaluate evaluate = [&](const fabric::Call& call) {
-    return quit ? Result<std::string>(Error{"asked to end"}) : client_->evaluate(call);
-  };
-  for (const std::string& id : downlink_.latched()) {
-    const Status read = verification::read_pages(id, evaluate, [this](const Assets& values) {
-      const std::lock_guard lock(down_mutex_);
-      deliveries_.clear();
-      downlink_.on_values(realtime_ns(), values, deliveries_);
-      publish(deliveries_);
-      return done;
-    });
-    if (!read && !read.error().what.ends_with(": not found"))
-      return Error{fmt::format("latched values of {} cannot be read: {}", id, read.error().what)};
-  }
   return done;
 }
 
@@ -293,55 +315,16 @@ void Bridge::submit(Uplink::Submit call) {
   });
 }
 
-void Bridge::on_block(const fabric::Block& block) {
-  const std::lock_guard lock(down_mutex_);
-  deliveries_.clear();
-  downlink_.on_block(realtime_ns(), block, deliveries_);
-  publish(deliveries_);
-}
-
-void Bridge::publish(const std::vector<Downlink::Delivery>& deliveries) {
-  for (const Downlink::Delivery& delivery : deliveries) {
-    Output* output = output_for(delivery);
-    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.failed(delivery.topic);
-  }
-}
-
-// Null where DDS has no writer for it, which is tried again after a while.
-Bridge::Output* Bridge::output_for(const Downlink::Delivery& delivery) {
-  const Downlink::Topic& topic = downlink_.topics()[delivery.topic];
-  Output& output = outputs_[topic.name];
-  if (output.writer && output.type == delivery.type) return &output;
-  const TimeNs now = monotonic_ns();
-  if (now < output.try_again_ns) return nullptr;
-  if (output.writer) spdlog::info("{}: its type is {} now, it was {}", topic.name, delivery.type, output.type);
-  output.writer.reset();
-  output.type = delivery.type;
-  auto writer = dds::RawWriter::create(participant_, topic.name, output.type, qos_of(*topic.rule));
-  if (!writer) {
-    output.try_again_ns = now + try_again_after_ns;
-    spdlog::warn("{} of {}: {}", topic.name, topic.id, writer.error().what);
-    return nullptr;
-  }
-  spdlog::info("{}: {} comes from the ledger ({})", topic.name, output.type, topic.id);
-  output.writer = std::move(writer).value();
-  return &output;
-}
-
 nlohmann::json Bridge::status() {
-  nlohmann::json out = {{"channel", channel_}};
+  nlohmann::json out = {{"channel", channel_}, {"connected", bool(blocks_.connection())}};
   nlohmann::json topics;
   {
     const std::lock_guard lock(up_mutex_);
     topics = report(uplink_);
-    out["connected"] = connected_;
     out["topics_left_out"] = seen_left_out_;
   }
-  const std::lock_guard lock(down_mutex_);
-  for (auto& topic : report(downlink_)) topics.push_back(std::move(topic));
+  down_.report_to(out, topics);
   out["topics"] = std::move(topics);
-  out["malformed_frames"] = downlink_.malformed_frames();
-  out["unverified_transactions"] = downlink_.unverified_transactions();
   return out;
 }
 

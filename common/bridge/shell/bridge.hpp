@@ -11,10 +11,40 @@
 
 #include "common/bridge/core/report.hpp"
 #include "common/dds/raw.hpp"
-#include "common/fabric/checkpoint/kept_blocks.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/stream/block_subscription.hpp"
+#include "common/verification/control_records.hpp"
 
 namespace ledgerline::bridge {
+
+/// Downlink with its writers of DDS, under one lock, which no thread of DDS's may take. Any other thread.
+class DownlinkWriters {
+ public:
+  /// `trusted` must outlive it.
+  DownlinkWriters(DownlinkConfig config, crypto::MspRegistry& trusted, dds::ParticipantPtr participant)
+      : participant_(std::move(participant)), downlink_(std::move(config), trusted) {}
+
+  void on_block(const fabric::Block& block);
+  /// Publishes the latched values that the ledger has; an error: it does not say.
+  Status read_latched(const verification::Evaluate& evaluate);
+  /// Adds its part of Bridge::status().
+  void report_to(nlohmann::json& status, nlohmann::json& topics);
+
+ private:
+  struct Output {
+    std::string type;
+    std::optional<dds::RawWriter> writer;
+    TimeNs try_again_ns = 0;
+  };
+  void publish(const std::vector<Downlink::Delivery>& deliveries);
+  Output* output_for(const Downlink::Delivery& delivery);
+
+  const dds::ParticipantPtr participant_;
+  std::mutex mutex_;
+  Downlink downlink_;
+  std::vector<Downlink::Delivery> deliveries_;
+  std::map<std::string, Output> outputs_;  ///< by topic
+};
 
 /// The bridge's I/O around Uplink and Downlink, for one channel. DDS's threads put messages into Uplink; a thread of
 /// its own submits; the block stream's thread steps Downlink and publishes. Uplink and Downlink have a lock each, and
@@ -43,17 +73,9 @@ class Bridge {
     std::optional<dds::RawReader> reader;
     std::uint64_t dds_lost = 0, dds_refused = 0;  ///< as Uplink knows them
   };
-  struct Output {
-    std::string type;
-    std::optional<dds::RawWriter> writer;
-    TimeNs try_again_ns = 0;
-  };
-
   Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
          dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
          fabric::KeptCheckpoint kept);
-  Status wait_for_stream(const std::atomic<bool>& quit);
-  Status read_latched(const std::atomic<bool>& quit);
   Status open_named_topics();
   void on_seen(const dds::DiscoveredTopic& seen);
   void take_seen();
@@ -63,14 +85,10 @@ class Bridge {
   Status open_reader(const std::string& topic, const std::string& type, const dds::Qos& qos);
   void carry(const std::stop_token& stop);
   void submit(Uplink::Submit call);
-  void on_block(const fabric::Block& block);
-  void publish(const std::vector<Downlink::Delivery>& deliveries);
-  Output* output_for(const Downlink::Delivery& delivery);
 
   const std::vector<Rule> rules_;
   const std::string channel_;
   const dds::ParticipantPtr participant_;
-  fabric::KeptCheckpoint kept_;  ///< until start()
 
   std::mutex up_mutex_;
   std::condition_variable up_wake_;
@@ -78,13 +96,8 @@ class Bridge {
   std::vector<dds::DiscoveredTopic> seen_;  ///< not yet looked at
   std::uint64_t seen_left_out_ = 0;
   TimeNs next_warning_ns_ = 0;
-  bool connected_ = false;
-  std::string connection_problem_;
 
-  std::mutex down_mutex_;
-  Downlink downlink_;
-  std::vector<Downlink::Delivery> deliveries_;
-  std::map<std::string, Output> outputs_;  ///< by topic
+  DownlinkWriters down_;
 
   // The carrying thread's own.
   std::map<std::string, Input> inputs_;
@@ -93,7 +106,7 @@ class Bridge {
 
   // Ended in the reverse of this order: their threads use all of the above.
   std::unique_ptr<fabric::Client> client_, bulk_;
-  std::unique_ptr<fabric::Client::Stream> blocks_;
+  fabric::BlockSubscription blocks_;
   std::optional<dds::Discovery> discovery_;
   std::jthread carrier_;
 };

@@ -5,7 +5,7 @@
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
-#include "common/fabric/client/streams/streams.hpp"
+#include "common/fabric/client/streams/follower.hpp"
 
 namespace ledgerline::fabric {
 namespace {

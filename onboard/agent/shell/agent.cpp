@@ -48,14 +48,15 @@ Status Agent::start() {
   end_ = std::move(end).value();
   roudi_watch_ = std::jthread([this](const std::stop_token& stop) { watch_roudi(stop); });
   for (const Slot& slot : channels_) {
-    if (auto status = slot.shell->start(*end_, recorder_, channels_.size() > 1); !status) return status;
+    if (auto status = slot.shell->start(*end_, recorder_); !status) return status;
   }
-  return channels_.size() == 1 ? channels_.front().shell->reach() : reach_channels();
+  return channels_.size() == 1 ? channels_.front().shell->reach(quit_) : reach_channels();
 }
 
 // Behind a restart in flight the drones of a channel that is there must not wait for one that is not.
 Status Agent::reach_channels() {
-  for (Slot& slot : channels_) slot.reaching = std::async(std::launch::async, [&slot] { return slot.shell->reach(); });
+  for (Slot& slot : channels_)
+    slot.reaching = std::async(std::launch::async, [this, &slot] { return slot.shell->reach(quit_); });
   std::optional<Error> first;
   std::size_t waiting = channels_.size(), reached = 0;
   while (waiting > 0) {

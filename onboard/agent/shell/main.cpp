@@ -14,7 +14,6 @@
 #include "common/program/stop_signals.hpp"
 #include "common/verification/client.hpp"
 #include "onboard/agent/shell/agent.hpp"
-#include "onboard/agent/shell/channels.hpp"
 
 namespace {
 
@@ -72,22 +71,27 @@ Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
 }
 
 /// One channel's part of the agent.
-Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::Settings settings,
+Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::Settings settings, bool several,
                                                         const fabric::ClientConfig& known,
                                                         const dds::ParticipantPtr& participant) {
   settings.blocks_are_validated = !known.config_block.empty();
   auto registry = fabric::msp_registry(config);
   if (!registry) return registry.error();
-  auto checkpoint = fabric::read_checkpoint(settings.checkpoint, known.where.channel);
-  if (!checkpoint) return checkpoint.error();
+  auto kept = fabric::KeptCheckpoint::read(settings.checkpoint, known.where.channel);
+  if (!kept) return kept.error();
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);
   auto witness = make_witness(known);
   if (!client || !urgent) return fabric::of_channel(known, (client ? urgent : client).error());
   if (!witness) return fabric::of_channel(known, witness.error());
-  return std::make_unique<agent::AgentShell>(
-      std::move(settings), std::move(registry).value(), std::move(client).value(), std::move(urgent).value(),
-      std::move(witness).value(), participant, std::move(*checkpoint), stop_requested);
+  return std::make_unique<agent::AgentShell>(agent::AgentShell::Parts{.settings = std::move(settings),
+                                                                      .several = several,
+                                                                      .registry = std::move(*registry),
+                                                                      .client = std::move(*client),
+                                                                      .urgent = std::move(*urgent),
+                                                                      .witness = std::move(*witness),
+                                                                      .participant = participant,
+                                                                      .kept = std::move(*kept)});
 }
 
 int run(Config& config) {
@@ -126,7 +130,7 @@ int run(Config& config) {
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     if (auto status = wait_longer((*ledgers)[i], of_each[i]); !status) return fail(status.error());
     if (const Status s = endorser::endorse_within(within, (*ledgers)[i]); !s) return fail(s.error(), exit_usage);
-    auto made = make_channel(config, std::move(of_each[i]), (*ledgers)[i], participant);
+    auto made = make_channel(config, std::move(of_each[i]), ledgers->size() > 1, (*ledgers)[i], participant);
     if (!made) return fail(made.error(), exit_usage);
     shells.push_back(std::move(*made));
   }

@@ -1,5 +1,7 @@
 #include "onboard/agent/shell/report.hpp"
 
+#include "common/base/log.hpp"
+#include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
 #include "common/rt/histogram_json.hpp"
 
@@ -7,6 +9,9 @@ namespace ledgerline::agent {
 namespace {
 
 using nlohmann::json;
+
+constexpr TimeNs log_gap_ns = 1 * ns_per_s;       // of one kind of message
+constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 
 json to_json(const Batcher::Counters& c) {
   return {{"sampled", c.sampled}, {"sent", c.sent},   {"on_ledger", c.on_ledger}, {"merged", c.merged},
@@ -44,6 +49,80 @@ json violations(const AgentCore& core) {
 }
 
 }  // namespace
+
+bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
+  if (now < next) return false;
+  next = now + period_ns;
+  return true;
+}
+
+void AgentLog::outputs(const AgentOutputs& out) {
+  refusals(out);
+  evictions(out);
+  for (const auto& stop : out.unconfirmed_stops) {
+    spdlog::error(
+        "{}drone {}: stopped by {} {}, which the block flags {}: it lands all the same; the stop is over when "
+        "apply_stops shows that the ledger has no such stop",
+        label_, stop.drone, stop.stopper.msp_id, printable(stop.stopper.subject), stop.code);
+  }
+  violations(out);
+}
+
+void AgentLog::plan_lost(const Plan& plan) const {
+  spdlog::error("{}drone {}: plan {} was lost, no shared memory is left: is link running?", label_, plan.drone,
+                plan.sequence);
+}
+
+void AgentLog::refusals(const AgentOutputs& out) {
+  for (const TraceRecord& record : out.traces) {
+    if (record.kind != TraceKind::refused || !due(record.t_ns, next_refusal_ns_, log_gap_ns)) continue;
+    spdlog::warn("{}drone {}: command {} refused: {}{}", label_, record.drone, record.id,
+                 refusal_name(static_cast<Refusal>(record.extra)),
+                 record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
+                                                                                   : std::string());
+  }
+}
+
+void AgentLog::violations(const AgentOutputs& out) const {
+  for (const IntegrityMonitor::Word& word : out.violations)
+    spdlog::error("{}the ledger is not trusted, {} ({} of {} since the last word): {}", label_, name(word.kind),
+                  word.since, word.count, word.words);
+}
+
+void AgentLog::evictions(const AgentOutputs& out) const {
+  using Next = fabric::Repeat::Next;
+  const double idle_s = to_seconds(core_.idle().idle_ns());
+  for (const AgentOutputs::Eviction& eviction : out.evictions) {
+    if (!eviction.ended) {
+      spdlog::info("{}{}: on the ground and no command of its holder for {:g} s: its lease is ended", label_,
+                   eviction.drone, idle_s);
+    } else if (*eviction.ended == Next::on_ledger) {
+      spdlog::warn("{}{}: its idle holder has lost the lease; who wants to fly it acquires it", label_, eviction.drone);
+    } else if (*eviction.ended == Next::again) {
+      spdlog::warn("{}{}: its lease is not ended yet, tried again: {}", label_, eviction.drone, eviction.why);
+    } else {
+      spdlog::error("{}{}: its idle holder keeps the lease, tried again in {:g} s: {}{}", label_, eviction.drone,
+                    idle_s, *eviction.ended == Next::refused ? "the contract refuses it: " : "", eviction.why);
+    }
+  }
+}
+
+void AgentLog::outcome(const fabric::Outcome& outcome) {
+  if (!outcome.unheard.empty() && due(monotonic_ns(), next_unheard_ns_, unheard_gap_ns))
+    spdlog::warn("{}a call was endorsed by less than all peers that were asked: {}", label_, outcome.unheard);
+  if (outcome.kind == fabric::Outcome::Kind::committed) return;
+  if (!due(monotonic_ns(), next_outcome_ns_, log_gap_ns)) return;
+  spdlog::warn("{}a call did not get through (block {}, code {}): {}", label_, outcome.block, outcome.code,
+               outcome.message);
+}
+
+void AgentLog::lost_transitions() {
+  std::uint64_t lost = 0;
+  for (const DroneName& drone : core_.drones()) lost += core_.report(drone.number).transitions.lost;
+  if (lost > transitions_lost_)
+    spdlog::error("{}{} transitions of the failsafe are lost: link had to keep more than it can", label_, lost);
+  transitions_lost_ = lost;
+}
 
 std::string status_line(const AgentCore& core, const std::string& channel, TimeNs now,
                         std::optional<std::int64_t> certificate_days) {

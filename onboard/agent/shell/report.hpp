@@ -2,6 +2,8 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "onboard/agent/core/agent_core.hpp"
 
@@ -10,6 +12,34 @@ namespace ledgerline::agent {
 /// One status line, a JSON object without the newline. `certificate_days`: until the first of its certificates ends.
 std::string status_line(const AgentCore& core, const std::string& channel, TimeNs now,
                         std::optional<std::int64_t> certificate_days = {});
+
+/// Whether `now` is at or beyond `next`, which then moves on.
+bool due(TimeNs now, TimeNs& next, TimeNs period_ns);
+
+/// What a channel's core says in the log. Of one kind of message one a second goes out where there may be many.
+class AgentLog {
+ public:
+  /// `label` begins each line. `core` must outlive it.
+  AgentLog(const AgentCore& core, std::string label) : core_(core), label_(std::move(label)) {}
+
+  const std::string& label() const { return label_; }
+  /// Refused commands, evictions, stops that the ledger does not show, integrity violations.
+  void outputs(const AgentOutputs& out);
+  void violations(const AgentOutputs& out) const;
+  void plan_lost(const Plan& plan) const;
+  void outcome(const fabric::Outcome& outcome);
+  /// Transitions that were lost since the last call.
+  void lost_transitions();
+
+ private:
+  void refusals(const AgentOutputs& out);
+  void evictions(const AgentOutputs& out) const;
+
+  const AgentCore& core_;
+  const std::string label_;
+  TimeNs next_refusal_ns_ = 0, next_outcome_ns_ = 0, next_unheard_ns_ = 0;
+  std::uint64_t transitions_lost_ = 0;
+};
 
 /// What the shell counts itself.
 struct ShellCounters {

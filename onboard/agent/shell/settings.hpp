@@ -1,8 +1,10 @@
 #pragma once
 #include <string>
+#include <vector>
 
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 
@@ -27,6 +29,10 @@ struct Settings {
 
 /// Asks for all keys; config.finish() then says what is wrong. `msp_id`: our own organisation.
 Settings read_settings(Config& config, const std::string& msp_id, const fabric::ChannelAndContract& where);
+
+/// The settings of each channel's AgentShell: those of the process with the drones that are on it, its contract, a
+/// checkpoint file and a seed of its own. With one channel they are those of the process.
+std::vector<Settings> settings_of_channels(const Settings& process, const fabric::Channels& channels);
 
 /// Reads what else agent bridges: topics below its drones' names may be written by it, but for those that it writes of
 /// their states and transitions.

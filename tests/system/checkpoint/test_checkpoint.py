@@ -146,7 +146,7 @@ def test_a_restart_after_a_long_absence_reads_neither_all_blocks_nor_takes_long(
         took_s, log = host.run_agent(ledger)
     print(f"ready {took_s:.2f} s after {ABSENCE} blocks of absence")
     assert took_s < 2
-    assert f"blocks {verified + 1} to {verified + ABSENCE} came while this agent was away" in log
+    assert f"blocks {verified + 1} to {verified + ABSENCE} came while this program was away" in log
     assert "counts by its orderers' signatures" in log
     summary = json.loads(host.summary.read_text())
     assert summary["blocks_not_read"] == ABSENCE and summary["blocks"] < 10

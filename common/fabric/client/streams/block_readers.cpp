@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 
 #include "common/base/printable.hpp"
-#include "common/fabric/client/streams/delivering.hpp"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/lifecycle/lifecycle.pb.h"

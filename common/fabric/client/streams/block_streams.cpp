@@ -1,7 +1,7 @@
 #include <utility>
 
 #include "common/fabric/client/streams/block_readers.hpp"
-#include "common/fabric/client/streams/streams.hpp"
+#include "common/fabric/client/streams/follower.hpp"
 
 namespace ledgerline::fabric {
 namespace {

@@ -2,8 +2,7 @@
 
 #include <algorithm>
 
-#include "common/fabric/client/streams/delivering.hpp"
-#include "common/fabric/client/streams/streams.hpp"
+#include "common/fabric/client/streams/follower.hpp"
 #include "gateway/gateway.grpc.pb.h"
 
 namespace ledgerline::fabric {

@@ -2,14 +2,17 @@
 #include <grpcpp/grpcpp.h>
 
 #include <condition_variable>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <utility>
 
 #include "common/base/random.hpp"
+#include "common/common.pb.h"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/connection.hpp"
 #include "common/rt/retry/back_off.hpp"
@@ -73,5 +76,40 @@ std::unique_ptr<Follower> run_follower(std::shared_ptr<Reader> reader, Follower:
   return std::make_unique<Follower>([reader](Follower& follower) { return reader->follow(follower); },
                                     std::move(on_connection));
 }
+
+// What readers of Deliver streams share.
+
+/// Why a stream ended.
+std::string text_of(const grpc::Status& status);
+
+/// Asks for blocks from `start` on; an empty text when the question is on its way. `tls_hash`: of the server that is
+/// asked.
+template <typename DeliverStream>
+std::string seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
+                 std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
+  auto envelope = make_seek(*connection.signing(), connection.config.where.channel, start, realtime_ns(),
+                            crypto::random_bytes(24), stop, tls_hash);
+  if (!envelope) return envelope.error().what;
+  common::Envelope message;
+  message.ParseFromString(*envelope);
+  return stream.Write(message) ? "" : text_of(stream.Finish());
+}
+
+/// One block of the peer that is asked now, while another stream waits; without a number its newest.
+Result<common::Block> fetch_block(const Connection& connection, Follower& follower,
+                                  std::optional<std::uint64_t> number);
+
+/// Where a stream of blocks begins: at a number, behind a checkpoint, or, where both are missing, with the next new
+/// one.
+struct BlocksFrom {
+  std::optional<std::uint64_t> number;
+  std::optional<LastVerified> verified;
+};
+std::unique_ptr<Client::Stream> follow_blocks(const std::shared_ptr<const Connection>& connection, BlocksFrom from,
+                                              Client::StreamHandlers handlers);
+std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,
+                                              std::optional<std::uint64_t> start, std::string after_tx_id,
+                                              std::function<void(const Client::Event&)> on_event,
+                                              Follower::OnConnection on_connection);
 
 }  // namespace ledgerline::fabric

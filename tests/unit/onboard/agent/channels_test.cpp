@@ -1,4 +1,4 @@
-#include "onboard/agent/shell/channels.hpp"
+#include "onboard/agent/shell/settings.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

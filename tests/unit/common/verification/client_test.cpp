@@ -1,4 +1,4 @@
-#include "common/verification/claiming.hpp"
+#include "common/verification/client.hpp"
 
 #include <gmock/gmock.h>
 

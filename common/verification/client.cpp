@@ -1,4 +1,4 @@
-#include "common/verification/claiming.hpp"
+#include "common/verification/client.hpp"
 
 #include "common/base/log.hpp"
 #include "common/msg/contract.hpp"

@@ -1,4 +1,4 @@
-#include "common/fabric/checkpoint/kept_blocks.hpp"
+#include "common/fabric/stream/block_subscription.hpp"
 
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -14,10 +14,10 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class KeptBlocksTest : public ::testing::Test, protected StreamWatch {
+class BlockSubscriptionTest : public ::testing::Test, protected StreamWatch {
  protected:
-  KeptBlocksTest() { std::filesystem::create_directories(dir_); }
-  ~KeptBlocksTest() override {
+  BlockSubscriptionTest() { std::filesystem::create_directories(dir_); }
+  ~BlockSubscriptionTest() override {
     end();  // it writes once more
     std::filesystem::remove_all(dir_);
   }
@@ -32,10 +32,11 @@ class KeptBlocksTest : public ::testing::Test, protected StreamWatch {
     client_ = std::move(Client::create(gateway.client_config())).value();
     auto kept = KeptCheckpoint::read(path_, "teleop");
     ASSERT_TRUE(kept);
-    stream_ = kept_blocks(*client_, std::move(*kept), handlers());
+    blocks_.emplace(BlockSubscription::Config{.kept = std::move(*kept), .program_keeps = program_keeps_});
+    blocks_->open(*client_, handlers());
   }
   void end() {
-    stream_.reset();
+    blocks_.reset();
     client_.reset();
   }
   /// One block more, as who follows sees it.
@@ -50,14 +51,15 @@ class KeptBlocksTest : public ::testing::Test, protected StreamWatch {
     return block_header_hash(block.number, block.previous_hash, block.data_hash);
   }
 
-  const std::string dir_ = ::testing::TempDir() + "/kept_blocks_" + std::to_string(::getpid());
+  const std::string dir_ = ::testing::TempDir() + "/block_subscription_" + std::to_string(::getpid());
   std::string path_ = dir_ + "/ground.checkpoint";
+  bool program_keeps_ = false;
   FakeGateway gateway_;
   std::unique_ptr<Client> client_;
-  std::unique_ptr<Client::Stream> stream_;  ///< ends first
+  std::optional<BlockSubscription> blocks_;  ///< ends first
 };
 
-TEST_F(KeptBlocksTest, TheNewestBlockIsInTheFileAtTheEndAndTheNextStartReadsNoneBefore) {
+TEST_F(BlockSubscriptionTest, TheNewestBlockIsInTheFileAtTheEndAndTheNextStartReadsNoneBefore) {
   grow(gateway_, 3);
   start(gateway_);
   const Numbers first = next(gateway_);
@@ -74,7 +76,7 @@ TEST_F(KeptBlocksTest, TheNewestBlockIsInTheFileAtTheEndAndTheNextStartReadsNone
   EXPECT_EQ(in_file()->number, first.back() + 6);
 }
 
-TEST_F(KeptBlocksTest, WithNothingNewItGoesOnBehindTheCheckpoint) {
+TEST_F(BlockSubscriptionTest, WithNothingNewItGoesOnBehindTheCheckpoint) {
   grow(gateway_, 3);
   start(gateway_);
   const Numbers first = next(gateway_);
@@ -83,7 +85,7 @@ TEST_F(KeptBlocksTest, WithNothingNewItGoesOnBehindTheCheckpoint) {
   EXPECT_EQ(next(gateway_), (Numbers{first.back() + 1}));
 }
 
-TEST_F(KeptBlocksTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
+TEST_F(BlockSubscriptionTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
   grow(gateway_, 3);
   start(gateway_);
   const Numbers first = next(gateway_);
@@ -96,7 +98,7 @@ TEST_F(KeptBlocksTest, AStartThatSeesNoNewBlockRemembersTheNewestAllTheSame) {
   EXPECT_EQ(in_file()->hash, hash_of(gateway_.chain().back()));
 }
 
-TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
+TEST_F(BlockSubscriptionTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
   grow(gateway_, 3);
   start(gateway_);
   const std::uint64_t verified = next(gateway_).back();
@@ -114,7 +116,19 @@ TEST_F(KeptBlocksTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
   }
 }
 
-TEST_F(KeptBlocksTest, WithoutAPathNothingIsKept) {
+TEST_F(BlockSubscriptionTest, AProgramThatKeepsByItselfDecidesWhatIsInTheFile) {
+  grow(gateway_, 3);
+  program_keeps_ = true;
+  start(gateway_);
+  const std::uint64_t first = next(gateway_).back();
+  EXPECT_TRUE(blocks_->connection());
+  blocks_->keep(first - 1, hash_of(gateway_.chain().at(first - 1)), "records");
+  end();
+  EXPECT_EQ(in_file()->number, first - 1);
+  EXPECT_EQ(in_file()->records, "records");
+}
+
+TEST_F(BlockSubscriptionTest, WithoutAPathNothingIsKept) {
   path_.clear();
   start(gateway_);
   (void)next(gateway_);
