@@ -195,7 +195,7 @@ struct StateSample {
   // For people at link's host; not on the ledger.
   float temperature_c = 0;  ///< the hotter one of the two that it reports; 0: none
   bool hot = false;         ///< beyond what it should be where it is
-  bool contested = false;   ///< another client commands it as well (watch/client_watch.hpp) ...
+  bool contested = false;   ///< another client commands it as well (ClientWatch) ...
   bool diverted = false;    ///< ... or it answers, and its state texts stay away
 };
 
