@@ -194,7 +194,7 @@ struct StateSample {
   std::uint32_t plans_applied = 0;
   float temperature_c = 0;  ///< the hotter one of the two that it reports; 0: none
   bool hot = false;         ///< beyond what it should be where it is
-  bool contested = false;   ///< another client commands it as well (watch/client_watch.hpp) ...
+  bool contested = false;   ///< another client commands it as well (ClientWatch) ...
   bool diverted = false;    ///< ... or it answers, and its state texts stay away
 };
 

@@ -2,104 +2,88 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-
-#include "onboard/link/core/body_frame.hpp"
-#include "onboard/link/core/tello/axes.hpp"
 
 namespace ledgerline::link {
 namespace {
 
-// Where motion capture is there too, it says where the drone starts.
-OdometrySettings odometry_settings_of(const DroneSettings& drone) noexcept {
-  OdometrySettings settings = drone.odometry;
-  if (!uses_mocap(drone.source)) return settings;
-  settings.start_sigma_m = 100;    // any room
-  settings.correction_mps = 1000;  // what jumps is held back behind it, by Failover
-  settings.start_sigma_rad = std::numbers::pi;
-  return settings;
-}
+// Two standard deviations cover 19 of 20 positions. With three, two drones that fly by onboard odometry would soon
+// block each other across a room.
+constexpr double blur_sigmas = 2;
+// Of a drone that may be anywhere (first seen in the air, without motion capture) nobody can keep away, and who tried
+// would never move again.
+constexpr double max_sigma_m = 2;
 
 }  // namespace
 
 DroneLink::DroneLink(const DroneSettings& drone, const LinkSettings& settings, std::uint64_t boot_id, bool local_stop)
-    : name_(drone.name),
-      number_(drone.number),
-      boot_id_(boot_id),
+    : number_(drone.number),
       failsafe_settings_(settings.failsafe),
       fence_(settings.fence),
-      rc_settings_(settings.rc),
-      source_(drone.source),
       by_hand_without_pose_(drone.by_hand_without_pose),
-      odometry_(odometry_settings_of(drone)),
-      velocity_known_(drone.velocity_known),
-      failover_(drone.odometry_after_ns, drone.odometry.correction_mps),
-      pads_(drone.source == PoseSource::pads ? settings.pads : std::vector<PadSettings>{}),
-      session_(settings.session, drone.serial, drone.source == PoseSource::pads),
-      admission_(settings.playout),
-      playout_(settings.playout, admission_),
-      limiter_(settings.playout),
       in_common_frame_(drone.in_common_frame),
-      landing_(from_seconds(settings.separation.landing_wait_s)),
-      drawn_fence_(settings.fence),
-      local_stop_(local_stop) {}
+      session_(settings.session, drone.serial, drone.source == PoseSource::pads),
+      position_(drone, settings.pads, settings.failsafe.pose_lost_ns),
+      orders_(session_, from_seconds(settings.separation.landing_wait_s), local_stop),
+      admission_(settings.playout),
+      setpoints_(drone.number, settings, admission_),
+      reporting_(drone.name, drone.number, boot_id) {}
 
-void DroneLink::take_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
+void DroneLink::on_bytes(TimeNs now, Port port, std::string_view bytes) noexcept {
   if (port == Port::answer) {
     session_.on_answer(now, bytes);
-    client_watch_.on_answer(now);
+    watches_.client.on_answer(now);
   } else if (session_.on_state(now, bytes)) {
-    take_state(now, session_.state());
+    watches_.on_state(now, session_.state(), session_.phase());
+    position_.on_state(now, session_.state(), session_.phase(), session_.seen_standing(now), setpoints_.sent());
   }
 }
 
-void DroneLink::take_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
+void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
   facts_.heartbeat_ns = heartbeat.stamp_ns;
   facts_.ledger_alive = heartbeat.ledger_alive;
   facts_.ledger_untrusted = heartbeat.ledger_untrusted;
-  const bool of_this_boot = heartbeat.boot_id == boot_id_;  // a restarted agent knows of no boot
-  const std::size_t i = std::min(number_, max_drones);
-  transitions_.heard(of_this_boot ? heartbeat.transitions_taken[i] : 0,
-                     of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
+  reporting_.on_heartbeat(heartbeat);
 }
 
-void DroneLink::take_plan(const LinkMoment& at, const Plan& plan) noexcept {
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::plan_received,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(playout_.margin_ns() / ns_per_us),
-                     .id = plan.sequence,
-                     .stamp_ns = plan.state_stamp_ns,
-                     .v = {}});
+void DroneLink::on_pose(TimeNs now, const Pose& pose) noexcept {
+  position_.on_pose(now, pose, in_flight(session_.phase()));
+}
+
+void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
+  setpoints_.drop_plans(DropReason::too_old);
+  position_.grow_older(slept_ns);
+  session_.grow_older(slept_ns);
+  orders_.refuse_older_takeoffs(now);
+}
+
+void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
+  reporting_.record_received(at, plan, setpoints_.margin_ns());
   if (admission_.admit(at.now, plan) != DropReason::none) return;
   if (is_empty_plan(plan)) {
-    playout_.clear(DropReason::superseded);
+    setpoints_.drop_plans(DropReason::superseded);
     admission_.applied();
     return;
   }
-  if (!is_contract_word(plan.action)) {
-    arrived_sequence_ = plan.sequence;
-    arrived_ns_ = at.now;
-  }
+  if (!is_contract_word(plan.action)) reporting_.record_arrival(at.now, plan);
   const bool flies = plan.action == PlanAction::fly;
   // One that a brake drops counts all the same: by hand it may end.
-  if (flies && session_.phase() == FlightPhase::flying) by_hand_ = plan.body_frame;
+  if (flies && session_.phase() == FlightPhase::flying) setpoints_.set_by_hand(plan.body_frame);
   const DropReason reason = flies ? may_follow(at, plan) : obey(at, plan);
   if (reason != DropReason::none) {
     admission_.dropped(plan, reason);
   } else if (flies) {
-    playout_.add(at.now, plan);
+    setpoints_.add(at.now, plan);
   } else {
     admission_.applied();
     // A stop that is cleared is nothing that is flown.
-    if (plan.action < PlanAction::stop_cleared) record_applied(at, plan.sequence, plan.state_stamp_ns, 0);
+    if (plan.action < PlanAction::stop_cleared) reporting_.record_applied(at, plan, setpoints_.sent());
   }
 }
 
 DropReason DroneLink::may_follow(const LinkMoment& at, const Plan& plan) const noexcept {
   if (plan.state_stamp_ns < at.not_before_ns) return DropReason::too_old;
   const bool follows = failsafe_.mode == FailsafeMode::none || failsafe_.mode == FailsafeMode::hold;
-  const bool flying = session_.phase() == FlightPhase::flying && !landing_.asked();
+  const bool flying = session_.phase() == FlightPhase::flying && !orders_.waits_to_land();
   return flying && follows && at.healthy ? DropReason::none : DropReason::not_flying;
 }
 
@@ -107,15 +91,19 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
   switch (plan.action) {
     case PlanAction::takeoff:
       return take_off(at, plan);
-    case PlanAction::land:
-      return land(at.now);
+    case PlanAction::land: {
+      const DropReason reason = orders_.land(at.now);
+      if (reason == DropReason::none) setpoints_.drop_plans(DropReason::superseded);
+      return reason;
+    }
     case PlanAction::stop:
     case PlanAction::cut:
-      stop(at.now, plan);
+      orders_.stop(at.now, plan);
+      setpoints_.drop_plans(DropReason::superseded);
       return DropReason::none;
     case PlanAction::stop_cleared:
     case PlanAction::stop_cleared_by_owner:
-      return clear_stop(plan);
+      return orders_.clear_stop(plan);
     default:
       return DropReason::bad_value;
   }
@@ -123,92 +111,94 @@ DropReason DroneLink::obey(const LinkMoment& at, const Plan& plan) noexcept {
 
 DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept {
   const FlightPhase phase = session_.phase();
-  if (landing_.asked()) return DropReason::not_flying;
-  if (phase == FlightPhase::taking_off || phase == FlightPhase::flying) return DropReason::none;
-  if (!on_ground(phase)) return DropReason::not_flying;
-  if (plan.state_stamp_ns <= takeoff_after_ns_) return DropReason::too_old;
+  const bool is_up = phase == FlightPhase::taking_off || phase == FlightPhase::flying;
+  if (is_up && !orders_.waits_to_land()) return DropReason::none;
+  if (const DropReason reason = orders_.takeoff_refusal(plan); reason != DropReason::none) return reason;
   update_facts(at, {});
   facts_.needs_position = !(plan.body_frame && by_hand_without_pose_);
   const bool refused = takeoff_refusal(failsafe_settings_, fence_, at.now, facts_) != FailsafeCause::none;
   if (refused || !session_.request_takeoff(at.now)) return DropReason::not_flying;
-  by_hand_ = plan.body_frame;
-  return DropReason::none;
-}
-
-DropReason DroneLink::land(TimeNs now) noexcept {
-  if (session_.phase() == FlightPhase::disconnected && !session_.may_be_airborne()) return DropReason::not_flying;
-  session_.land_again(now, LostLinkProtocol::Requester::holder);
-  if (session_.phase() != FlightPhase::flying) {
-    session_.request_land(now);
-  } else {
-    landing_.ask(now);  // step() sends it, in this step where nobody is below
-  }
-  playout_.clear(DropReason::superseded);
+  setpoints_.set_by_hand(plan.body_frame);
   return DropReason::none;
 }
 
 void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
+  const Pose& pose = position_.pose();
   facts_.phase = session_.phase();
   facts_.may_be_airborne = session_.may_be_airborne();
   facts_.flying_since_ns = session_.phase_since_ns();
   facts_.plan_valid = setpoint.valid;
-  facts_.covered_until_ns = playout_.covered_until_ns();
+  facts_.covered_until_ns = setpoints_.covered_until_ns();
   facts_.state_ns = session_.state_at_ns();
-  facts_.pose_ns = pose_.stamp_ns;
-  for (std::size_t i = 0; i < 3; ++i) facts_.position_m[i] = pose_.position_m[i] + moved_m_[i];
-  facts_.velocity_mps = pose_.velocity_mps;
-  facts_.height_m = session_.state().height_m;
   facts_.battery = session_.state().battery;
-  for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose_.variance[i]));
-  facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose_.variance[3]));
-  const bool by_hand = setpoint.valid ? setpoint.body_frame : by_hand_;
+
+  facts_.pose_ns = pose.stamp_ns;
+  facts_.position_m = position_.position_m();
+  facts_.velocity_mps = pose.velocity_mps;
+  facts_.height_m = session_.state().height_m;
+  for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose.variance[i]));
+  facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose.variance[3]));
+  const bool by_hand = setpoint.valid ? setpoint.body_frame : setpoints_.is_by_hand();
   facts_.needs_position = !(by_hand && by_hand_without_pose_);
-  // Without a pose its own height is all that is known of where it is.
   const bool placed =
-      pose_.stamp_ns != 0 && (facts_.needs_position || at.now - pose_.stamp_ns < failsafe_settings_.state_stale_ns);
-  update_sensing(at.now, placed);
-  facts_.tilted = tilt_watch_.tilted();
-  facts_.overturned = tilt_watch_.overturned();
-  facts_.tilt_rad = tilt_watch_.tilt_rad();
-  facts_.landing_battery = battery_watch_.needed(facts_.height_m);
-  facts_.too_near = too_near();
-  facts_.stop = stop_ || local_stop_ || at.stop_all;
-  facts_.cut = cut_;
+      pose.stamp_ns != 0 && (facts_.needs_position || at.now - pose.stamp_ns < failsafe_settings_.state_stale_ns);
+  if (!placed) place_by_height();
+
+  facts_.by_odometry = position_.is_by_odometry();
+  facts_.fix_overdue = position_.is_fix_overdue();
+  facts_.sources_differ = position_.do_sources_differ();
+  facts_.sources_unresolved = position_.are_sources_unresolved();
+  facts_.motion_differs = position_.does_motion_differ();
+  facts_.dark_since_ns = position_.dark_since_ns(at.now);
+  facts_.height_lost = session_.state().tof_m >= tof_sees_m;
+  facts_.other_client = watches_.client.contested(at.now);
+  facts_.tilted = watches_.tilt.tilted();
+  facts_.overturned = watches_.tilt.overturned();
+  facts_.tilt_rad = watches_.tilt.tilt_rad();
+  facts_.landing_battery = watches_.battery.needed(facts_.height_m);
+  facts_.too_near = is_too_near();
+  facts_.stop = orders_.is_stopped() || at.stop_all;
+  facts_.cut = orders_.is_cut();
+}
+
+void DroneLink::place_by_height() noexcept {
+  const TelloState& state = session_.state();
+  // A barometer may sink, and h with it; what tof sees below is at least so far away.
+  const auto attitude = attitude_rad(state);
+  const float below_m = state.tof_m * std::cos(attitude[0]) * std::cos(attitude[1]);
+  if (state.tof_m < tof_sees_m) facts_.height_m = std::max(facts_.height_m, below_m);
+  facts_.position_m[2] = static_cast<double>(facts_.height_m);
 }
 
 void DroneLink::step(const LinkMoment& at) noexcept {
   const TimeNs now = at.now;
   watch_phase(at);
-  forget_cleared_stops();
-  Playout::CurrentSetpoint setpoint = desired_setpoint(now);
+  orders_.forget_cleared_stops();
+  Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
   update_facts(at, setpoint);
   facts_.blind = session_.blind(now);
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
   obey_failsafe(now);
-  if (landing_.asked() && !landing_waits(at)) session_.request_land(now);
-  if (landing_.asked()) setpoint = desired_setpoint(now);
+  if (orders_.waits_to_land() && !landing_waits(at)) session_.request_land(now);
+  if (orders_.waits_to_land()) setpoint = setpoints_.desired(now, true);
   if (session_.phase() == FlightPhase::flying) fly(at, setpoint);
-  talk(at);
+  send_commands(at);
   watch_phase(at);
-  record_transition(at);
-  record_ends(at);
-  report_serial(at);
+  reporting_.record_transition(at, session_.phase(), failsafe_);
+  reporting_.record_ends(at, admission_);
+  reporting_.record_serial(at, session_.serial());
 }
 
 void DroneLink::obey_failsafe(TimeNs now) noexcept {
   switch (failsafe_.mode) {
     case FailsafeMode::land:
-      if (session_.phase() == FlightPhase::flying) {
-        landing_.ask(now);
-      } else {
-        session_.request_land(now);
-      }
+      orders_.request_landing(now);
       break;
     case FailsafeMode::cut:
       session_.request_cut(now);
       break;
     case FailsafeMode::brake:
-      playout_.clear(DropReason::not_flying);
+      setpoints_.drop_plans(DropReason::not_flying);
       break;
     case FailsafeMode::none:
     case FailsafeMode::hold:
@@ -216,207 +206,139 @@ void DroneLink::obey_failsafe(TimeNs now) noexcept {
   }
 }
 
-void DroneLink::talk(const LinkMoment& at) noexcept {
+void DroneLink::send_commands(const LinkMoment& at) noexcept {
   for (CommandText text; session_.next_send(at.now, text);) {
     if (text.view() == rc_text({}).view()) {
-      send_rc(at, {}, {});  // the one that a drone without state gets, for the trace
+      setpoints_.send_zero(at);  // the one that a drone without state gets, for the trace
     } else {
       at.out.to_send.push({number_, text});
-      if (text.view() == "command") client_watch_.on_command(at.now);
+      if (text.view() == "command") watches_.client.on_command(at.now);
     }
   }
 }
 
 void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
-  const TimeNs now = at.now;
   if (!at.healthy) {
-    // One zero, since the drone goes on with the last rc it got; then silence: see LinkSettings::health_rest_ns.
-    playout_.clear(DropReason::not_flying);
-    limiter_.reset(now);
-    if (last_rc_ != Rc{}) send_rc(at, {}, {});
+    setpoints_.fall_silent(at);
     return;
   }
   // A drone that had to land and did not wait is not flying any more.
-  const bool follows = landing_.asked() || follows_plan(failsafe_.mode, setpoint.valid);
-  const double yaw = yaw_rad(now);
-  const Velocity apart = left_by_others(in_map(setpoint, now));
-  drawn_fence_ = fence_for(failsafe_settings_, fence_, failsafe_, now, facts_);
-  const Velocity goal =
-      follows || steps_aside() ? clip_at_fence(drawn_fence_, facts_.position_m, facts_.height_m, apart) : Velocity{};
-  const Velocity limited = limiter_.step(now, goal, failsafe_.mode == FailsafeMode::brake);
-  const BodyCommand command = to_body(rc_settings_, limited, yaw);
-
-  const TimeNs gap = now - last_rc_ns_;
-  const TimeNs wanted_gap = follows && setpoint.fresh ? rc_settings_.min_gap_ns
-                            : command.rc != last_rc_  ? rc_settings_.changing_gap_ns
-                                                      : rc_settings_.max_gap_ns;
-  if (gap < wanted_gap) return;
-  send_rc(at, command.sent, command.rc);
-  if (!follows || landing_.asked()) return;
-  const bool first = playout_.mark_sent();
-  applied_sequence_ = setpoint.sequence;
-  if (first) {
-    age_.add(now - setpoint.state_stamp_ns);
-    record_applied(at, setpoint.sequence, setpoint.state_stamp_ns, setpoint.fresh ? now - setpoint.meant_ns : 0);
-  }
-}
-
-void DroneLink::send_rc(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept {
-  at.out.to_send.push({number_, rc_text(rc)});
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::rc_sent,
-                     .drone = number_,
-                     .extra = 0,
-                     .id = 0,
-                     .stamp_ns = 0,
-                     .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
-  last_rc_ns_ = at.now;
-  last_rc_ = rc;
-  sent_ = sent;
+  const bool lands = orders_.waits_to_land();
+  const Steering steering{.follows = lands || follows_plan(failsafe_.mode, setpoint.valid),
+                          .steps_aside = steps_aside(),
+                          .brakes = failsafe_.mode == FailsafeMode::brake,
+                          .yaw_rad = position_.yaw_rad(at.now),
+                          .fence = fence_for(failsafe_settings_, fence_, failsafe_, at.now, facts_),
+                          .position_m = facts_.position_m,
+                          .height_m = facts_.height_m};
+  if (!setpoints_.fly(at, setpoint, steering) || !steering.follows || lands) return;
+  const bool first = setpoints_.mark_applied();
+  reporting_.record_setpoint(at, setpoint, first, setpoints_.sent());
 }
 
 void DroneLink::watch_phase(const LinkMoment& at) noexcept {
   const FlightPhase phase = session_.phase();
   if (phase != last_phase_) {
-    landing_.reset();
-    motion_watch_.reset();
-    if (phase == FlightPhase::flying) {
-      limiter_.reset(at.now);
-      moved_m_ = {};
-    } else {
-      playout_.clear(DropReason::not_flying);
-      sent_ = {};
-      last_rc_ = {};
-      // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
-      if (last_phase_ == FlightPhase::disconnected && phase == FlightPhase::on_ground) send_rc(at, {}, {});
-    }
-    if (in_flight(last_phase_) && !in_flight(phase)) takeoff_after_ns_ = at.now;
-    if (!in_flight(phase) && !session_.may_be_airborne()) cut_ = false;
-  }
-  if (phase != last_phase_ || failsafe_.mode != last_mode_ || failsafe_.cause != last_cause_) {
+    orders_.on_phase(at.now, last_phase_, phase);
+    position_.on_phase(phase);
+    setpoints_.on_phase(at.now, phase);
+    // It may hover a hand above the ground, and goes on with the last rc of a link that is gone.
+    if (last_phase_ == FlightPhase::disconnected && phase == FlightPhase::on_ground) setpoints_.send_zero(at);
     last_phase_ = phase;
-    last_mode_ = failsafe_.mode;
-    last_cause_ = failsafe_.cause;
-    at.out.trace.push({.t_ns = at.now,
-                       .kind = TraceKind::mode,
-                       .drone = number_,
-                       .extra = static_cast<std::uint32_t>(failsafe_.mode),
-                       .id = static_cast<std::uint64_t>(phase),
-                       .stamp_ns = 0,
-                       .v = {static_cast<double>(failsafe_.cause)}});
   }
+  reporting_.record_mode(at, phase, failsafe_);
 }
 
-void DroneLink::record_transition(const LinkMoment& at) noexcept {
-  Transition& last = last_transition_;
-  const FlightPhase phase = session_.phase();
-  const FailsafeMode mode = failsafe_.mode;
-  const bool says_why = in_flight(phase) || mode >= FailsafeMode::land;
-  const FailsafeCause cause = says_why ? failsafe_.cause : FailsafeCause::none;
-  if (phase != last.phase || mode != last.mode || cause != last.cause) {
-    last = {.drone = number_, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = at.now};
-    transitions_.add(last);
-  }
-  if (Transition next; transitions_.next(next)) at.out.transitions.push(next);
+bool DroneLink::is_placed(TimeNs now) const noexcept {
+  return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, facts_.by_odometry);
 }
 
-void DroneLink::report_serial(const LinkMoment& at) noexcept {
-  const SerialCheck& serial = session_.serial();
-  if (serial.verdict() == logged_serial_) return;
-  logged_serial_ = serial.verdict();
-  at.out.serials.push({number_, serial.verdict(), serial.answered()});
+bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
+  const auto& verdict = setpoints_.verdict();
+  return verdict && verdict->landing_waits && at.healthy && can_wait_to_land(failsafe_, facts_) && is_placed(at.now) &&
+         orders_.may_wait_longer(at.now);
+}
+
+bool DroneLink::makes_room() const noexcept {
+  return session_.phase() == FlightPhase::flying && (orders_.waits_to_land() || steps_aside());
+}
+
+bool DroneLink::is_too_near() const noexcept {
+  const auto& verdict = setpoints_.verdict();
+  if (!verdict) return false;
+  return verdict->kind != Verdict::Kind::unchanged || (orders_.waits_to_land() && verdict->landing_waits) ||
+         (!session_.may_fly() && verdict->takeoff_refused);
+}
+
+Neighbour::Kind DroneLink::kind_as_neighbour(bool is_steered) const noexcept {
+  const bool sinks = session_.phase() == FlightPhase::landing || failsafe_.mode == FailsafeMode::cut ||
+                     (failsafe_.mode == FailsafeMode::land && !orders_.waits_to_land());
+  if (!session_.may_fly()) return Neighbour::Kind::standing;
+  if (sinks) return Neighbour::Kind::sinking;
+  if (session_.phase() == FlightPhase::taking_off) return Neighbour::Kind::rising;
+  return is_steered ? Neighbour::Kind::steered : Neighbour::Kind::held;
+}
+
+std::optional<Neighbour> DroneLink::as_neighbour(TimeNs now) noexcept {
+  const Pose& pose = position_.pose();
+  // Of one in the air an old place is better than none.
+  if (!in_common_frame_ || pose.stamp_ns == 0) return std::nullopt;
+  const double sigma_m = std::sqrt(static_cast<double>(std::max(pose.variance[0], pose.variance[1])));
+  if (sigma_m > max_sigma_m) return std::nullopt;
+  if (!session_.may_fly() && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return std::nullopt;
+  const Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
+  const bool flying = session_.phase() == FlightPhase::flying;
+  const bool steered = flying && (orders_.waits_to_land() || follows_plan(failsafe_.mode, setpoint.valid));
+  Neighbour out{.number = number_,
+                .kind = kind_as_neighbour(steered),
+                .motion = {.position_m = position_.position_m(),
+                           .velocity_mps = pose.velocity_mps,
+                           .late_s = to_seconds(position_.pose_came_ns() - pose.stamp_ns),
+                           .age_s = to_seconds(now - pose.stamp_ns),
+                           .blur_m = blur_sigmas * sigma_m},
+                .can_step_aside = flying && failsafe_.mode == FailsafeMode::hold && is_placed(now),
+                .lands = orders_.waits_to_land(),
+                .floor_m = fence_.min_m[2],
+                .ceiling_m = fence_.max_m[2]};
+  if (flying) {
+    const Velocity& limited = setpoints_.limited();
+    for (std::size_t i = 0; i < 3; ++i) out.motion.sent_mps[i] = static_cast<double>(limited.mps[i]);
+  }
+  if (!steered) return out;
+  const Velocity inside = clip_at_fence(setpoints_.drawn_fence(), out.motion.position_m, session_.state().height_m,
+                                        in_map(setpoint, position_.yaw_rad(now)));
+  for (std::size_t i = 0; i < 3; ++i) out.desired_mps[i] = static_cast<double>(inside.mps[i]);
+  return out;
 }
 
 void DroneLink::sample(const LinkMoment& at) noexcept {
-  const TimeNs now = at.now;
-  const TelloSession& session = session_;
+  const TimeNs state_ns = session_.state_at_ns();
+  const TelloState& state = session_.state();
   const PlanCounters& plans = admission_.counters();
-  const StateSample state{
-      .drone = number_,
-      .phase = session.phase(),
-      .mode = failsafe_.mode,
-      .cause = failsafe_.cause,
-      .boot_id = boot_id_,
-      .sequence = ++states_sampled_,
-      .stamp_ns = now,
-      .pose_stamp_ns = published_pose_.stamp_ns,
-      .position_m = published_pose_.position_m,
-      .velocity_mps = published_pose_.velocity_mps,
-      .yaw_rad = published_pose_.yaw_rad,
-      .battery = session.state().battery,
-      .tof_m = session.state().tof_m,
-      .height_m = session.state().height_m,
-      .sdk_state_fresh = session.state_at_ns() != 0 && now - session.state_at_ns() <= failsafe_settings_.state_stale_ns,
-      .applied_sequence = applied_sequence_,
-      .playout_margin_ns = playout_.margin_ns(),
-      .arrived_sequence = arrived_sequence_,
-      .arrived_ns = arrived_ns_,
-      .sent_velocity_mps = sent_.mps,
-      .sent_yaw_rate_radps = sent_.yaw_radps,
-      .attitude_rad = attitude_rad(session.state()),
-      .acceleration_mps2 = acceleration_mps2(session.state()),
-      .pose_variance = published_pose_.variance,
-      .plans_late = plans.late,
-      .plans_dropped = plans.dropped,
-      .plans_applied = plans.applied,
-      .temperature_c = session.state().temperature_c,
-      .hot = heat_watch_.hot(),
-      .contested = client_watch_.contested(now),
-      .diverted = client_watch_.diverted(now),
-  };
-  at.out.states.push(state);
-  at.out.trace.push({.t_ns = now,
-                     .kind = TraceKind::state_sampled,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(1000 * state.battery),
-                     .id = state.sequence,
-                     .stamp_ns = now,
-                     .v = {state.position_m[0], state.position_m[1], state.position_m[2], state.yaw_rad}});
-  const PoseVariance& sent = state.pose_variance;
-  if (sent == PoseVariance{}) return;  // motion capture reports none
-  at.out.trace.push({.t_ns = now,
-                     .kind = TraceKind::pose_reported,
-                     .drone = number_,
-                     .extra = 0,
-                     .id = state.sequence,
-                     .stamp_ns = state.pose_stamp_ns,
-                     .v = {double(sent[0]), double(sent[1]), double(sent[2]), double(sent[3])}});
-}
-
-void DroneLink::record_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns,
-                               TimeNs late_ns) noexcept {
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::command_applied,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
-                     .id = sequence,
-                     .stamp_ns = state_stamp_ns,
-                     .v = {sent_.mps[0], sent_.mps[1], sent_.mps[2], sent_.yaw_radps}});
-}
-
-void DroneLink::record_ends(const LinkMoment& at) noexcept {
-  for (const PlanEnd& end : admission_.ends()) {
-    at.out.trace.push({.t_ns = at.now,
-                       .kind = TraceKind::refused,
-                       .drone = number_,
-                       .extra = static_cast<std::uint32_t>(end.reason),
-                       .id = end.sequence,
-                       .stamp_ns = end.state_stamp_ns,
-                       .v = {}});
-  }
-  admission_.clear_ends();
-}
-
-DroneReport DroneLink::report() const {
-  return {.name = name_,
-          .number = number_,
-          .states_sampled = states_sampled_,
-          .plans = admission_.counters(),
-          .transitions = transitions_.counters(),
-          .age_ms = age_.quantiles_ms(),
-          .heard = session_.heard(),
-          .landed = session_.has_flown() && on_ground(session_.phase()),
-          .phase = session_.phase()};
+  const Pose& pose = position_.published_pose();
+  reporting_.publish(at, {.phase = session_.phase(),
+                          .mode = failsafe_.mode,
+                          .cause = failsafe_.cause,
+                          .pose_stamp_ns = pose.stamp_ns,
+                          .position_m = pose.position_m,
+                          .velocity_mps = pose.velocity_mps,
+                          .yaw_rad = pose.yaw_rad,
+                          .battery = state.battery,
+                          .tof_m = state.tof_m,
+                          .height_m = state.height_m,
+                          .sdk_state_fresh = state_ns != 0 && at.now - state_ns <= failsafe_settings_.state_stale_ns,
+                          .sent_velocity_mps = setpoints_.sent().mps,
+                          .sent_yaw_rate_radps = setpoints_.sent().yaw_radps,
+                          .plans_late = plans.late,
+                          .plans_dropped = plans.dropped,
+                          .plans_applied = plans.applied,
+                          .attitude_rad = attitude_rad(state),
+                          .acceleration_mps2 = acceleration_mps2(state),
+                          .pose_variance = pose.variance,
+                          .temperature_c = state.temperature_c,
+                          .hot = watches_.heat.hot(),
+                          .contested = watches_.client.contested(at.now),
+                          .diverted = watches_.client.diverted(at.now)});
 }
 
 }  // namespace ledgerline::link

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "onboard/link/core/watch/drone_watches.hpp"
 #include "onboard/link/core/watch/held.hpp"
-#include "onboard/link/core/watch/tilt_watch.hpp"
 
 namespace ledgerline::link {
 namespace {

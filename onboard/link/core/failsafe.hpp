@@ -30,16 +30,16 @@ struct FailsafeFacts {
   bool motion_differs = false;  ///< from what it is sent (watch/motion_watch.hpp)
   /// Since when its flow is suspected to see nothing (watch/flow_watch.hpp) and nothing else says where it is; 0: no.
   TimeNs dark_since_ns = 0;
-  bool other_client = false;  ///< commands it as well (watch/client_watch.hpp)
+  bool other_client = false;  ///< commands it as well (ClientWatch)
   bool height_lost = false;   ///< tof sees nothing, and without a height flow has no scale
   bool fix_overdue = false;   ///< it flies by mission pads, and has seen none for too long
   /// Motion capture and its own velocity contradict each other (pose/source_check.hpp): neither is used ...
   bool sources_differ = false;
   bool sources_unresolved = false;  ///< ... and have for so long that nothing is left to fly by
-  bool tilted = false;              ///< beyond what flying needs (watch/tilt_watch.hpp) ...
+  bool tilted = false;              ///< beyond what flying needs (TiltWatch) ...
   bool overturned = false;          ///< ... and it lies so
   double tilt_rad = 0;
-  double landing_battery = 0;  ///< share of the battery that landing from here takes (watch/battery_watch.hpp)
+  double landing_battery = 0;  ///< share of the battery that landing from here takes (BatteryWatch)
   /// The drone's own, above where it took off; held against the fence's ceiling beside the pose, and alone without one.
   float height_m = 0;
   float battery = 1;
@@ -112,6 +112,15 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
 /// Whether a flying drone is sent the plan's setpoint (clipped at the fence). If not, it is sent zero, or `land`.
 constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
   return plan_valid && mode == FailsafeMode::none;
+}
+
+/// Whether a drone that is to land can still be steered to a place with room below: its position is known, it does as
+/// commanded, and nobody asked for it to be down at once. A brake has no usable position or state text.
+inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts& facts) noexcept {
+  if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
+  const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||
+                    failsafe.cause == FailsafeCause::height_lost || failsafe.cause == FailsafeCause::sources_differ;
+  return !facts.stop && !facts.cut && !facts.tilted && !facts.overturned && !facts.motion_differs && !lost;
 }
 
 /// How old the newest pose may be, by its source, before it counts as lost.

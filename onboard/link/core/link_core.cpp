@@ -32,9 +32,9 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
   const double passed_s = last_step_ns_ == 0 ? 0 : to_seconds(now - last_step_ns_);
   watch_health(now, has_slept(now, inputs.suspended_ns));
   for (DroneLink& drone : drones_) {
-    if (inputs.stop_all && !stop_all_) drone.stop_locally(now);
+    if (inputs.stop_all && !stop_all_) drone.orders().stop_locally(now);
     if (land_first_) drone.land_again(now);
-    if (inputs.clear_local_stops) drone.clear_local_stop();
+    if (inputs.clear_local_stops) drone.orders().clear_local_stop();
   }
   land_first_ = false;
   stop_all_ = stop_all_ || inputs.stop_all;
@@ -44,7 +44,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
                       .not_before_ns = not_before_ns_,
                       .stop_all = stop_all_,
                       .out = out_};
-  take_inputs(at, inputs);
+  dispatch(at, inputs);
   keep_apart(now, passed_s);
   for (DroneLink& drone : drones_) drone.step(at);
   sample(at);
@@ -75,29 +75,33 @@ void LinkCore::keep_apart(TimeNs now, double passed_s) noexcept {
   std::array<DroneLink*, max_drones> whose{};
   std::size_t count = 0;
   for (DroneLink& drone : drones_) {
-    if (count < max_drones && drone.among_others(now, neighbours[count])) whose[count++] = &drone;
+    drone.set_verdict(std::nullopt);
+    const auto neighbour = count < max_drones ? drone.as_neighbour(now) : std::nullopt;
+    if (!neighbour) continue;
+    neighbours[count] = *neighbour;
+    whose[count++] = &drone;
   }
   const auto verdicts = separation_.step(passed_s, std::span(neighbours).first(count));
-  for (std::size_t i = 0; i < count; ++i) whose[i]->take_verdict(verdicts[i]);
+  for (std::size_t i = 0; i < count; ++i) whose[i]->set_verdict(verdicts[i]);
 }
 
-void LinkCore::take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept {
+void LinkCore::dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept {
   for (const Received& received : inputs.received) {
-    if (DroneLink* drone = find(received.drone)) drone->take_bytes(at.now, received.port, received.bytes);
+    if (DroneLink* drone = find(received.drone)) drone->on_bytes(at.now, received.port, received.bytes);
   }
   for (const AgentHeartbeat& heartbeat : inputs.heartbeats) {
     if (heartbeat.stamp_ns < heartbeat_ns_ || heartbeat.stamp_ns > at.now) continue;
     heartbeat_ns_ = heartbeat.stamp_ns;
     for (DroneLink& drone : drones_) {
-      if (heartbeat.is_for(drone.number())) drone.take_heartbeat(heartbeat);
+      if (heartbeat.is_for(drone.number())) drone.on_heartbeat(heartbeat);
     }
   }
   for (const Pose& pose : inputs.poses) {
     if (pose.stamp_ns < not_before_ns_) continue;
-    if (DroneLink* drone = find(pose.drone)) drone->take_pose(at.now, pose);
+    if (DroneLink* drone = find(pose.drone)) drone->on_pose(at.now, pose);
   }
   for (const Plan& plan : inputs.plans) {
-    if (DroneLink* drone = find(plan.drone)) drone->take_plan(at, plan);
+    if (DroneLink* drone = find(plan.drone)) drone->on_plan(at, plan);
   }
 }
 
@@ -110,27 +114,29 @@ void LinkCore::sample(const LinkMoment& at) noexcept {
 }
 
 bool LinkCore::all_on_ground() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) { return d.may_fly(); });
+  return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) { return d.session().may_fly(); });
 }
 
 bool LinkCore::all_on_ground_or_unheard() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(), [](const DroneLink& d) { return d.may_fly() && d.heard(); });
+  return std::none_of(drones_.begin(), drones_.end(),
+                      [](const DroneLink& d) { return d.session().may_fly() && d.session().heard(); });
 }
 
 bool LinkCore::all_landed_or_commanded() const noexcept {
-  return std::none_of(drones_.begin(), drones_.end(),
-                      [&](const DroneLink& d) { return d.may_fly() && !d.commanded_to_land(last_step_ns_); });
+  return std::none_of(drones_.begin(), drones_.end(), [&](const DroneLink& d) {
+    return d.session().may_fly() && !d.session().commanded_to_land(last_step_ns_);
+  });
 }
 
 DroneSet LinkCore::local_stops() const noexcept {
   DroneSet stopped;
-  for (const DroneLink& drone : drones_) stopped[drone.number()] = drone.stopped_locally();
+  for (const DroneLink& drone : drones_) stopped[drone.number()] = drone.orders().is_stopped_locally();
   return stopped;
 }
 
 FlightPhase LinkCore::phase(DroneNumber number) const noexcept {
   const DroneLink* drone = find(number);
-  return drone ? drone->phase() : FlightPhase::disconnected;
+  return drone ? drone->session().phase() : FlightPhase::disconnected;
 }
 
 FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
@@ -140,7 +146,7 @@ FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
 
 Pose LinkCore::pose(DroneNumber number) const noexcept {
   const DroneLink* drone = find(number);
-  return drone ? drone->pose() : Pose{};
+  return drone ? drone->position().pose() : Pose{};
 }
 
 bool LinkCore::makes_room(DroneNumber number) const noexcept {
@@ -155,7 +161,7 @@ TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
 
 double LinkCore::yaw_rad(DroneNumber number, TimeNs now) const noexcept {
   const DroneLink* drone = find(number);
-  return drone ? drone->yaw_rad(now) : 0;
+  return drone ? drone->position().yaw_rad(now) : 0;
 }
 
 void LinkCore::finish() noexcept {

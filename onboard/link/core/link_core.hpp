@@ -54,7 +54,7 @@ class LinkCore {
   /// The host was suspended: the clock stood still meanwhile, so all that is kept is older than its stamps say, and is
   /// aged here.
   bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
-  void take_inputs(const LinkMoment& at, const LinkInputs& inputs) noexcept;
+  void dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept;
   /// Limits the setpoints of the drones so that they do not come too near to each other.
   void keep_apart(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;

@@ -66,4 +66,14 @@ struct LinkOutputs {
   }
 };
 
+/// What all drones share in a step of link.
+struct LinkMoment {
+  TimeNs now;
+  bool healthy;  ///< steps come in time, and have for LinkSettings::health_rest_ns
+  /// The host was suspended before: what is stamped earlier is older than it says. 0: it was not.
+  TimeNs not_before_ns = 0;
+  bool stop_all;  ///< the local stop key was pressed
+  LinkOutputs& out;
+};
+
 }  // namespace ledgerline::link

@@ -13,7 +13,6 @@
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
-#include "onboard/link/shell/pose_config.hpp"
 
 namespace ledgerline::link {
 namespace {

@@ -20,9 +20,7 @@
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 #include "onboard/link/shell/link_loop.hpp"
-#include "onboard/link/shell/link_summary.hpp"
-#include "onboard/link/shell/memory/local_stops.hpp"
-#include "onboard/link/shell/memory/starts.hpp"
+#include "onboard/link/shell/persistent_state.hpp"
 #include "onboard/link/shell/transport/link_ends.hpp"
 
 namespace ledgerline::link {

@@ -1,4 +1,4 @@
-#include "onboard/link/shell/link_summary.hpp"
+#include "onboard/link/shell/link_shell.hpp"
 
 #include <fmt/format.h>
 

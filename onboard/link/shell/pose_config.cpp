@@ -1,4 +1,4 @@
-#include "onboard/link/shell/pose_config.hpp"
+#include "onboard/link/shell/link_config.hpp"
 
 #include <fmt/format.h>
 

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "onboard/link/core/tello/axes.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 namespace {

@@ -7,7 +7,7 @@
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/separation/capsule.hpp"
 #include "onboard/link/core/separation/downwash_watch.hpp"
-#include "onboard/link/core/separation/separation_settings.hpp"
+#include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
 

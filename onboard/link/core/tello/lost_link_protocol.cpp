@@ -75,4 +75,18 @@ LostLinkProtocol::Due LostLinkProtocol::due(TimeNs now, bool may_fly) noexcept {
   return {true, true, true};
 }
 
+// At once: the first datagram after `command` is the zero.
+bool LostLinkProtocol::next_send(TimeNs now, bool may_fly, CommandText& out) noexcept {
+  if (commands_.empty()) {
+    const Due what = due(now, may_fly);
+    if (what.handshake) commands_.push(command_text("command"));
+    if (what.zero) commands_.push(rc_text({}));
+    if (what.landing) commands_.push(command_text(command_ == Command::emergency ? "emergency" : "land"));
+  }
+  if (commands_.empty()) return false;
+  out = commands_[0];
+  commands_.erase_front(1);
+  return true;
+}
+
 }  // namespace ledgerline::link

@@ -1,7 +1,9 @@
 #pragma once
 #include <cstdint>
 
+#include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
@@ -37,12 +39,11 @@ class LostLinkProtocol {
   /// contract once in each round, for the holder once and only in the silence, if he did not ask before it.
   void land_again(TimeNs now, Requester by) noexcept;
 
-  /// What goes out now, in this order: `command`, a zero, the landing's command.
-  struct Due {
-    bool handshake = false, zero = false, landing = false;
-  };
-  /// At every step while the drone is not seen. `may_fly`: it is not known to stand on the ground.
-  Due due(TimeNs now, bool may_fly) noexcept;
+  /// What is to be sent now, one at a time and in its order; called until it returns false, at every step while the
+  /// drone is not seen. `may_fly`: it is not known to stand on the ground.
+  bool next_send(TimeNs now, bool may_fly, CommandText& out) noexcept;
+  /// It is seen: what is still to be sent is not.
+  void drop_commands() noexcept { commands_.clear(); }
 
   Command command() const noexcept { return command_; }
   /// All handshakes have failed. Then it sends nothing more, until land().
@@ -55,7 +56,13 @@ class LostLinkProtocol {
  private:
   enum class Stage : std::uint8_t { seeks, lands, silent };
 
+  /// What goes out now, in this order: `command`, a zero, the landing's command.
+  struct Due {
+    bool handshake = false, zero = false, landing = false;
+  };
+
   void enter(TimeNs now, Stage stage) noexcept;
+  Due due(TimeNs now, bool may_fly) noexcept;
   void begin_round() noexcept { for_holder_ = for_contract_ = true; }
   Due due_seeking(TimeNs now, bool may_fly) noexcept;
 
@@ -65,6 +72,7 @@ class LostLinkProtocol {
   TimeNs stage_since_ns_ = 0;
   int handshakes_ = 0;
   bool for_holder_ = true, for_contract_ = true;  ///< may it be sent again in this round
+  FixedVector<CommandText, 3> commands_;          ///< still to be sent
   TimeNs timeout_ns_ = 0, sent_ns_ = 0, zero_ns_ = 0;
 };
 

@@ -2,9 +2,10 @@
 #include <cstdint>
 #include <string_view>
 
-#include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/lost_link_protocol.hpp"
+#include "onboard/link/core/tello/pending_command.hpp"
+#include "onboard/link/core/tello/reported_state.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
@@ -27,15 +28,19 @@ class TelloSession {
   /// `serial`: the drone that is meant; one that answers with another does not take off. Empty: any drone. `pads`: it
   /// is asked to look for mission pads.
   explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
-      : settings_(settings), lost_link_(settings), serial_(serial), pad_requests_left_(pads ? max_pad_requests : 0) {}
+      : settings_(settings),
+        reported_(settings),
+        lost_link_(settings),
+        pending_(settings),
+        serial_(serial),
+        pads_(pads) {}
 
   void on_answer(TimeNs now, std::string_view bytes) noexcept;
-  /// False where it is no state text, or once connected one of another moment or of another drone: by `time`, which
-  /// grows as time does while the motors run.
+  /// False where it is no state text, or once connected one of another moment or of another drone (ReportedState).
   bool on_state(TimeNs now, std::string_view bytes) noexcept;
 
   /// The host was suspended for so long while its clock stood still.
-  void grow_older(TimeNs slept_ns) noexcept;
+  void grow_older(TimeNs slept_ns) noexcept { reported_.grow_older(slept_ns); }
 
   /// False when the phase, the pause after a refusal or the serial does not allow it.
   bool request_takeoff(TimeNs now) noexcept;
@@ -53,6 +58,8 @@ class TelloSession {
   FlightPhase phase() const noexcept { return phase_; }
   /// Nobody knows: it is not connected, and what was seen last was not that it stands on the ground. From link's start.
   bool may_be_airborne() const noexcept { return phase_ == FlightPhase::disconnected && !stands_; }
+  /// It is in the air, or nobody knows that it is not.
+  bool may_fly() const noexcept { return in_flight(phase_) || may_be_airborne(); }
   /// All handshakes with such a one failed, or it is already commanded to land.
   bool blind(TimeNs now) const noexcept {
     return may_be_airborne() && (lost_link_.handshakes_failed(now) || lost_link_.lands());
@@ -62,68 +69,42 @@ class TelloSession {
   /// Anything that can be read came from it.
   bool heard() const noexcept { return heard_; }
   /// It is not in flight, and the newest text shows it on the ground.
-  bool seen_standing(TimeNs now) const noexcept { return !in_flight(phase_) && seen_grounded(now); }
+  bool seen_standing(TimeNs now) const noexcept { return !in_flight(phase_) && reported_.is_grounded(now); }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
-  /// Its battery is as low as battery_says_so of the newest battery_texts texts say, or the first one alone.
-  const TelloState& state() const noexcept { return state_; }
+  const TelloState& state() const noexcept { return reported_.newest(); }
   const SerialCheck& serial() const noexcept { return serial_; }
   /// When the newest state text came; 0: none yet.
-  TimeNs state_at_ns() const noexcept { return state_at_ns_; }
+  TimeNs state_at_ns() const noexcept { return reported_.at_ns(); }
   bool has_flown() const noexcept { return has_flown_; }
-  std::uint32_t states_refused() const noexcept { return states_refused_; }
+  std::uint32_t states_refused() const noexcept { return reported_.unreadable(); }
   std::uint32_t answers_unasked() const noexcept { return answers_unasked_; }
 
  private:
-  enum class PendingCommand : std::uint8_t { nothing, takeoff, land, emergency };
-
   void enter(TimeNs now, FlightPhase phase) noexcept;
-  void ask(TimeNs now, PendingCommand what) noexcept;
-  /// Of the newest text.
-  void take_battery(float reported) noexcept;
-  bool of_now(TimeNs now, const TelloState& said) noexcept;
+  void begin(TimeNs now, PendingCommand::Kind kind) noexcept { pending_.begin(now, kind, state().height_m); }
+  void end_command(TimeNs now, FlightPhase phase) noexcept;
   void watch_connection(TimeNs now) noexcept;
   void watch_takeoff(TimeNs now) noexcept;
   void watch_sight(TimeNs now) noexcept;
   void watch_landing(TimeNs now) noexcept;
-  bool fresh(TimeNs now) const noexcept;
-  bool seen_airborne(TimeNs now) const noexcept;
-  bool seen_grounded(TimeNs now) const noexcept;
-
   void connect(TimeNs now) noexcept;
-  void talk_without_state(TimeNs now) noexcept;
   bool asks_for_pads(TimeNs now) noexcept;
 
-  /// A firmware that knows no pads goes on saying that it does not look for them.
-  static constexpr int max_pad_requests = 5;
-
   SessionSettings settings_;
+  ReportedState reported_;
   LostLinkProtocol lost_link_;
+  PendingCommand pending_;
   SerialCheck serial_;
-  int pad_requests_left_;
-  TimeNs pad_request_ns_ = 0;                       ///< the newest; 0: none yet
-  FixedVector<CommandText, 3> lost_link_commands_;  ///< what is still to be sent of it
-  bool heard_ = false;
-  bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to accept it
+  PadRequest pads_;
   FlightPhase phase_ = FlightPhase::disconnected;
   TimeNs phase_since_ns_ = 0;
-  TelloState state_;
-  FixedVector<float, SessionSettings::battery_texts> batteries_reported_;  ///< oldest first
-  TimeNs state_at_ns_ = 0;
-  int motor_s_ = 0;                                 ///< `time` of the newest text ...
-  double motor_lead_s_ = -1e18;                     ///< ... and by how much one was ahead of the clock at most
-  int refused_texts_ = 0;                           ///< in a row that are not of now
-  double refused_lead_s_ = 0;                       ///< of the first of them
-  PendingCommand asked_ = PendingCommand::nothing;  ///< the command whose answer is waited for
-  bool send_ = false;                               ///< asked_ has still to be sent
+  bool heard_ = false;
+  bool stands_ = false;  ///< on the ground, by what was seen last, and for long enough to accept it
   bool handshake_ok_ = false;
   bool has_flown_ = false;
-  TimeNs asked_at_ns_ = 0;
-  TimeNs cut_since_ns_ = 0;  ///< `emergency` was asked for first
   TimeNs takeoff_not_before_ns_ = 0;
   TimeNs rising_until_ns_ = 0;  ///< until then a take-off that was sent may still lift it; 0: seen in the air since
   TimeNs grounded_since_ns_ = 0, aloft_since_ns_ = 0, down_since_ns_ = 0;
-  float lowest_m_ = 0;  ///< since the last `land` was sent
-  std::uint32_t states_refused_ = 0;
   std::uint32_t answers_unasked_ = 0;
 };
 

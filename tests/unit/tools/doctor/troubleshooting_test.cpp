@@ -7,7 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/link/shell/link_summary.hpp"
+#include "onboard/link/shell/link_shell.hpp"
 #include "tools/doctor/core/finding.hpp"
 
 namespace ledgerline::doctor {

@@ -19,14 +19,13 @@ class DroneLinkTest : public ::testing::Test {
   void step(bool healthy = true, bool stop_all = false) {
     now += ms;
     out.clear();
-    drone.take_bytes(now, Port::state, height_m > 0.2 ? "h:100;tof:100;bat:90;" : "h:0;tof:10;bat:90;");
-    drone.take_pose(now,
-                    {.drone = 1, .stamp_ns = now, .position_m = {0, 0, height_m}, .velocity_mps = {}, .yaw_rad = 0});
-    for (; oks > 0; --oks) drone.take_bytes(now, Port::answer, "ok");
+    drone.on_bytes(now, Port::state, height_m > 0.2 ? "h:100;tof:100;bat:90;" : "h:0;tof:10;bat:90;");
+    drone.on_pose(now, {.drone = 1, .stamp_ns = now, .position_m = {0, 0, height_m}, .velocity_mps = {}, .yaw_rad = 0});
+    for (; oks > 0; --oks) drone.on_bytes(now, Port::answer, "ok");
     AgentHeartbeat heartbeat;
     heartbeat.stamp_ns = now;
     heartbeat.ledger_alive = true;
-    drone.take_heartbeat(heartbeat);
+    drone.on_heartbeat(heartbeat);
     drone.step(at(healthy, stop_all));
     for (const ToSend& message : out.to_send) hear(message.command.view());
   }
@@ -42,14 +41,14 @@ class DroneLinkTest : public ::testing::Test {
   PlanCounters give(PlanAction action, bool healthy = true) {
     Plan plan = plan_of(++sequence, now, action == PlanAction::fly ? 10 : 0, 0.5F, now);
     plan.action = action;
-    drone.take_plan(at(healthy), plan);
+    drone.on_plan(at(healthy), plan);
     return drone.report().plans;
   }
   void take_off() {
     pass(ns_per_s);
     give(PlanAction::takeoff);
     pass(ns_per_s);
-    ASSERT_EQ(drone.phase(), FlightPhase::flying);
+    ASSERT_EQ(drone.session().phase(), FlightPhase::flying);
   }
 
   LinkSettings settings;
@@ -92,9 +91,9 @@ TEST_F(DroneLinkTest, AStopLandsAndATakeOffFromAnOlderStateIsTooOld) {
   EXPECT_EQ(drone.mode(), FailsafeMode::land);
   EXPECT_EQ(heard.back(), "land");
   pass(2 * ns_per_s);
-  ASSERT_FALSE(drone.may_fly());
+  ASSERT_FALSE(drone.session().may_fly());
   again.sequence = ++sequence;
-  drone.take_plan(at(), again);
+  drone.on_plan(at(), again);
   EXPECT_EQ(dropped(drone.report().plans, DropReason::too_old), 1U);
   EXPECT_EQ(dropped(give(PlanAction::takeoff), DropReason::too_old), 1U) << "from the moment of the stop";
 }
@@ -122,8 +121,8 @@ TEST_F(DroneLinkTest, TheLocalStopKeyLandsIt) {
 TEST_F(DroneLinkTest, APoseOfTheFutureOrThePastIsNotTaken) {
   step();
   const TimeNs stamp = now;
-  drone.take_pose(now, {.drone = 1, .stamp_ns = now + ms, .position_m = {5, 0, 0}, .velocity_mps = {}, .yaw_rad = 0});
-  drone.take_pose(now, {.drone = 1, .stamp_ns = now - ms, .position_m = {5, 0, 0}, .velocity_mps = {}, .yaw_rad = 0});
+  drone.on_pose(now, {.drone = 1, .stamp_ns = now + ms, .position_m = {5, 0, 0}, .velocity_mps = {}, .yaw_rad = 0});
+  drone.on_pose(now, {.drone = 1, .stamp_ns = now - ms, .position_m = {5, 0, 0}, .velocity_mps = {}, .yaw_rad = 0});
   drone.sample(at());
   ASSERT_EQ(out.states.size(), 1U);
   EXPECT_EQ(out.states[0].pose_stamp_ns, stamp);

@@ -1,4 +1,4 @@
-#include "onboard/link/shell/memory/local_stops.hpp"
+#include "onboard/link/shell/persistent_state.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/stat.h>

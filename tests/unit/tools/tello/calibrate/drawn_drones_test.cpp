@@ -10,7 +10,7 @@
 #include "common/base/random.hpp"
 #include "common/config/config.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
-#include "onboard/link/shell/pose_config.hpp"
+#include "onboard/link/shell/link_config.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/tools/tello/calibrate/world.hpp"
 

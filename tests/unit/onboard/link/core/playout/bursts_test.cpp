@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "onboard/link/core/playout/limiter.hpp"
 #include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/playout/setpoint_path.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
 /// Burst smoothing: what flies when commands come a block at a time.

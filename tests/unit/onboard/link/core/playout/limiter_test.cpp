@@ -1,4 +1,4 @@
-#include "onboard/link/core/playout/limiter.hpp"
+#include "onboard/link/core/playout/setpoint_path.hpp"
 
 #include <gtest/gtest.h>
 

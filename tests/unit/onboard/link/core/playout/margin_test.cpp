@@ -1,4 +1,4 @@
-#include "onboard/link/core/playout/margin.hpp"
+#include "onboard/link/core/playout/playout.hpp"
 
 #include <gtest/gtest.h>
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "onboard/link/core/playout/limiter.hpp"
+#include "onboard/link/core/playout/setpoint_path.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 
 namespace ledgerline::link {

@@ -3,12 +3,9 @@
 #include <cmath>
 
 #include "common/base/random.hpp"
-#include "onboard/link/core/watch/battery_watch.hpp"
-#include "onboard/link/core/watch/client_watch.hpp"
+#include "onboard/link/core/watch/drone_watches.hpp"
 #include "onboard/link/core/watch/flow_watch.hpp"
-#include "onboard/link/core/watch/heat_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
-#include "onboard/link/core/watch/tilt_watch.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
 namespace ledgerline::link {

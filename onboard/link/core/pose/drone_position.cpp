@@ -1,14 +1,24 @@
+#include "onboard/link/core/pose/drone_position.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 
-#include "onboard/link/core/body_frame.hpp"
-#include "onboard/link/core/drone_link.hpp"
-#include "onboard/link/core/tello/axes.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
-/// The position of a drone that link uses: from the poses that come, or from onboard odometry.
 namespace ledgerline::link {
 namespace {
+
+// Where motion capture is there too, it says where the drone starts.
+OdometrySettings odometry_settings_of(const DroneSettings& drone) noexcept {
+  OdometrySettings settings = drone.odometry;
+  if (!uses_mocap(drone.source)) return settings;
+  settings.start_sigma_m = 100;    // any room
+  settings.correction_mps = 1000;  // what jumps is held back behind it, by Failover
+  settings.start_sigma_rad = std::numbers::pi;
+  return settings;
+}
 
 bool finite(const Pose& pose) noexcept {
   return std::all_of(pose.position_m.begin(), pose.position_m.end(), [](double v) { return std::isfinite(v); }) &&
@@ -42,71 +52,66 @@ Odometry::Fix at_text(const Pose& pose, TimeNs now) noexcept {
 
 }  // namespace
 
-void DroneLink::take_state(TimeNs now, const TelloState& state) noexcept {
-  const FlightPhase phase = session_.phase();
-  tilt_watch_.take(now, state);
-  heat_watch_.update(state, in_flight(phase));
-  client_watch_.on_text(now);
-  const Eigen::Vector2d lean =
-      Eigen::Rotation2Dd(yaw_rad(now)) * Eigen::Map<const Eigen::Vector2d>(lean_mps2(state).data());
-  motion_watch_.lean({lean.x(), lean.y()});
-  if (phase == FlightPhase::flying) {
-    battery_watch_.take(now, state.battery);
-    if (state.has_velocity) {
-      flow_watch_.update(now, state,
-                         {.expected = motion_watch_.expected(),
-                          .sent_mps = {double(sent_.mps[0]), double(sent_.mps[1])},
-                          .lean_mps2 = {lean.x(), lean.y()}});
-    }
-  } else {
-    battery_watch_.reset();
-    flow_watch_.reset();
-  }
+DronePosition::DronePosition(const DroneSettings& drone, const std::vector<PadSettings>& pads, TimeNs pose_lost_ns)
+    : source_(drone.source),
+      pose_lost_ns_(pose_lost_ns),
+      velocity_known_(drone.velocity_known),
+      odometry_(odometry_settings_of(drone)),
+      failover_(drone.odometry_after_ns, drone.odometry.correction_mps),
+      pads_(drone.source == PoseSource::pads ? pads : std::vector<PadSettings>{}) {}
+
+void DronePosition::on_state(TimeNs now, const TelloState& state, FlightPhase phase, bool stands,
+                             const Velocity& sent) noexcept {
+  watch_flow(now, state, phase == FlightPhase::flying, sent);
   drone_yaw_rad_ = static_cast<double>(attitude_rad(state)[2]);
   TelloState usable = state;
   usable.has_velocity = state.has_velocity && !flow_watch_.blind();
-  odometry_.take(now, usable, session_.seen_standing(now));
+  odometry_.take(now, usable, stands);
   for (const PadSettings& pad : pads_) {
     if (pad.id == state.pad) odometry_.fix(on_map(pad, state));
   }
-  facts_.fix_overdue = source_ == PoseSource::pads && odometry_.overdue();
-  if (uses_mocap(source_)) check_sources(now, state);
-  if (!uses_mocap(source_)) {
-    accept_pose(now, odometry_.pose());
-  } else if (source_ == PoseSource::mocap_then_tello && failover_.missing(now) && in_flight(phase)) {
-    accept_pose(now, odometry_.pose());  // who stands may be carried away unnoticed
+  if (uses_mocap(source_)) check_sources(now, state, phase == FlightPhase::flying);
+  // Who stands while motion capture is missing may be carried away unnoticed.
+  const bool stands_in = source_ == PoseSource::mocap_then_tello && failover_.missing(now) && in_flight(phase);
+  if (!uses_mocap(source_) || stands_in) accept(now, odometry_.pose(), in_flight(phase));
+}
+
+void DronePosition::watch_flow(TimeNs now, const TelloState& state, bool flying, const Velocity& sent) noexcept {
+  const Eigen::Vector2d lean =
+      Eigen::Rotation2Dd(yaw_rad(now)) * Eigen::Map<const Eigen::Vector2d>(lean_mps2(state).data());
+  motion_watch_.lean({lean.x(), lean.y()});
+  if (!flying) {
+    flow_watch_.reset();
+  } else if (state.has_velocity) {
+    flow_watch_.update(now, state,
+                       {.expected = motion_watch_.expected(),
+                        .sent_mps = {double(sent.mps[0]), double(sent.mps[1])},
+                        .lean_mps2 = {lean.x(), lean.y()}});
   }
 }
 
-TimeNs DroneLink::alone_since_ns(TimeNs now) const noexcept {
+void DronePosition::on_phase(FlightPhase phase) noexcept {
+  motion_watch_.reset();
+  if (phase == FlightPhase::flying) moved_m_ = {};
+}
+
+TimeNs DronePosition::alone_since_ns(TimeNs now) const noexcept {
   if (!uses_mocap(source_)) return 1;
   const TimeNs stamp_ns = source_ == PoseSource::mocap ? pose_.stamp_ns : mocap_pose_.stamp_ns;
-  const TimeNs since_ns = stamp_ns + failsafe_settings_.pose_lost_ns;
+  const TimeNs since_ns = stamp_ns + pose_lost_ns_;
   if (source_ == PoseSource::mocap_then_tello && failover_.missing(now)) return std::min(now, since_ns);
   return now > since_ns ? since_ns : 0;
 }
 
-void DroneLink::update_sensing(TimeNs now, bool placed) noexcept {
-  const TelloState& state = session_.state();
-  facts_.by_odometry = is_by_odometry();
-  facts_.motion_differs = motion_watch_.differs();
-  facts_.height_lost = state.tof_m >= tof_sees_m;
-  facts_.other_client = client_watch_.contested(now);
+TimeNs DronePosition::dark_since_ns(TimeNs now) const noexcept {
   // In the dark nothing on board stops it: where motion capture shows that ground cannot either, it is as good as none.
   const TimeNs alone_ns = alone_since_ns(now), outruns_ns = motion_watch_.outruns_since_ns();
   const TimeNs unheld_ns = alone_ns == 0 || outruns_ns == 0 ? alone_ns + outruns_ns : std::min(alone_ns, outruns_ns);
-  facts_.dark_since_ns = flow_watch_.blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
-  if (placed) return;
-  // A barometer may sink, and h with it; what tof sees below is at least so far away.
-  const auto attitude = attitude_rad(state);
-  const float below_m = state.tof_m * std::cos(attitude[0]) * std::cos(attitude[1]);
-  if (state.tof_m < tof_sees_m) facts_.height_m = std::max(facts_.height_m, below_m);
-  facts_.position_m[2] = static_cast<double>(facts_.height_m);
+  return flow_watch_.blind() && unheld_ns != 0 ? std::max(flow_watch_.since_ns(), unheld_ns) : 0;
 }
 
-void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
+void DronePosition::check_sources(TimeNs now, const TelloState& state, bool flying) noexcept {
   using Sources = SourceCheck::Verdict;
-  const FlightPhase phase = session_.phase();
   const Pose& own = odometry_.pose();
   // Less than half of what it should fly by what was sent, or of what is seen: flow that fades (watch/flow_watch.hpp),
   // no contradiction. A frame that creeps is followed, so that its drone flies faster than it is seen to.
@@ -126,40 +131,38 @@ void DroneLink::check_sources(TimeNs now, const TelloState& state) noexcept {
       .sigma_m = std::sqrt(static_cast<double>(own.variance[0] + own.variance[1])),
   };
   const Sources before = source_check_.verdict();
-  source_check_.take(now, motion, mocap_pose_, phase == FlightPhase::flying);
+  source_check_.take(now, motion, mocap_pose_, flying);
   if (before != Sources::unresolved && source_check_.verdict() == Sources::unresolved)
     odometry_.widen(source_check_.off_m());
-  const bool fresh = mocap_pose_.stamp_ns != 0 && now - mocap_pose_.stamp_ns <= failsafe_settings_.pose_lost_ns;
+  const bool fresh = mocap_pose_.stamp_ns != 0 && now - mocap_pose_.stamp_ns <= pose_lost_ns_;
   const bool fixes = source_check_.verdict() == Sources::agree && !failover_.missing(now);
   if (fresh && fixes) odometry_.fix(at_text(mocap_pose_, now));
-  facts_.sources_unresolved = source_ == PoseSource::mocap && source_check_.verdict() == Sources::unresolved;
-  facts_.sources_differ = source_check_.verdict() == Sources::differ || facts_.sources_unresolved;
 }
 
-void DroneLink::take_pose(TimeNs now, const Pose& pose) noexcept {
+void DronePosition::on_pose(TimeNs now, const Pose& pose, bool flies) noexcept {
   if (!uses_mocap(source_) || pose.stamp_ns > now || pose.stamp_ns <= mocap_pose_.stamp_ns || !finite(pose)) return;
   const bool stands_in = uses_odometry(source_);
-  if (stands_in && now - pose.stamp_ns > failsafe_settings_.pose_lost_ns) return;
-  if (!source_check_.accepts(pose, in_flight(session_.phase()))) return;
+  if (stands_in && now - pose.stamp_ns > pose_lost_ns_) return;
+  if (!source_check_.accepts(pose, flies)) return;
   mocap_pose_ = pose;
   if (stands_in && source_check_.verdict() == SourceCheck::Verdict::unresolved) return;  // the odometry alone
   if (stands_in) failover_.heard(now);
   Pose known = pose;
   const auto off = static_cast<float>(source_check_.off_m());
   for (std::size_t i = 0; i < 2; ++i) known.variance[i] += off * off;
-  accept_pose(now, known);
+  accept(now, known, flies);
 }
 
-bool DroneLink::is_by_odometry() const noexcept {
+bool DronePosition::is_by_odometry() const noexcept {
   return !uses_mocap(source_) || failover_.source() == Failover::Source::own;
 }
 
-void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
+void DronePosition::accept(TimeNs now, const Pose& pose, bool flies) noexcept {
   if (pose.stamp_ns <= pose_.stamp_ns || pose.stamp_ns > now || !finite(pose)) return;
   pose_ = published_pose_ = pose;
   if (source_ == PoseSource::mocap_then_tello) {
     const auto by = failover_.missing(now) ? Failover::Source::own : Failover::Source::mocap;
-    published_pose_ = failover_.to_publish(by, pose, in_flight(session_.phase()));
+    published_pose_ = failover_.to_publish(by, pose, flies);
   }
   pose_came_ns_ = now;
   moved_m_ = {};
@@ -168,29 +171,28 @@ void DroneLink::accept_pose(TimeNs now, const Pose& pose) noexcept {
 }
 
 // A pose that is missing for long takes the heading along: the drone's own shows how it has turned since.
-double DroneLink::yaw_rad(TimeNs now) const noexcept {
-  if (now - pose_.stamp_ns <= failsafe_settings_.pose_lost_ns) return pose_.yaw_rad;
+double DronePosition::yaw_rad(TimeNs now) const noexcept {
+  if (now - pose_.stamp_ns <= pose_lost_ns_) return pose_.yaw_rad;
   return pose_.yaw_rad + drone_yaw_rad_ - drone_yaw_at_pose_rad_;
 }
 
-Velocity DroneLink::in_map(const Playout::CurrentSetpoint& setpoint, TimeNs now) const noexcept {
-  return setpoint.body_frame ? to_map(setpoint.velocity, yaw_rad(now)) : setpoint.velocity;
-}
-
-void DroneLink::grow_older(TimeNs now, TimeNs slept_ns) noexcept {
-  playout_.clear(DropReason::too_old);
+void DronePosition::grow_older(TimeNs slept_ns) noexcept {
   const auto age = [&](TimeNs& stamp) { stamp = stamp == 0 ? 0 : std::max<TimeNs>(1, stamp - slept_ns); };
   age(pose_.stamp_ns);
   age(published_pose_.stamp_ns);
   age(mocap_pose_.stamp_ns);
   odometry_.grow_older(slept_ns);
-  session_.grow_older(slept_ns);
-  takeoff_after_ns_ = now;
 }
 
-void DroneLink::dead_reckon(double seconds) noexcept {
-  motion_watch_.tell(seconds, sent_.mps);
-  for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent_.mps[i]) * seconds;
+void DronePosition::dead_reckon(double seconds, const Velocity& sent) noexcept {
+  motion_watch_.tell(seconds, sent.mps);
+  for (std::size_t i = 0; i < 3; ++i) moved_m_[i] += static_cast<double>(sent.mps[i]) * seconds;
+}
+
+std::array<double, 3> DronePosition::position_m() const noexcept {
+  std::array<double, 3> position_m{};
+  for (std::size_t i = 0; i < 3; ++i) position_m[i] = pose_.position_m[i] + moved_m_[i];
+  return position_m;
 }
 
 }  // namespace ledgerline::link

@@ -1,4 +1,4 @@
-#include "onboard/link/core/body_frame.hpp"
+#include "onboard/link/core/velocity.hpp"
 
 #include <algorithm>
 #include <cmath>

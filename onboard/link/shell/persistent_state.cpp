@@ -1,9 +1,14 @@
-#include "onboard/link/shell/memory/local_stops.hpp"
+#include "onboard/link/shell/persistent_state.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
+#include <cerrno>
 #include <cstdint>
+#include <cstring>
 #include <filesystem>
 #include <optional>
 #include <string_view>
@@ -87,6 +92,28 @@ Status LocalStopsFile::keep(const DroneSet& stopped) {
     return Error{fmt::format("output.local_stops: {}", status.error().what)};
   kept_ = std::move(text);
   return done;
+}
+
+Result<int> note_start(const std::string& file, TimeNs now) {
+  // Slots of the newest starts, the oldest of which gives way: one write, so that a kill tears nothing.
+  std::array<TimeNs, 64> starts{};
+  const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);
+  const auto failed = [&] { return Error{fmt::format("output.starts: {}: {}", file, std::strerror(errno))}; };
+  if (fd < 0) return failed();
+  if (::pread(fd, starts.data(), sizeof starts, 0) != static_cast<ssize_t>(sizeof starts)) starts = {};
+  std::size_t oldest = 0;
+  int count = 1;
+  for (std::size_t i = 0; i < starts.size(); ++i) {
+    if (starts[i] <= 0 || starts[i] > now || now - starts[i] > starts_within_ns) starts[i] = 0;
+    if (starts[i] != 0) ++count;
+    if (starts[i] < starts[oldest]) oldest = i;
+  }
+  starts[oldest] = now;
+  const bool written = ::pwrite(fd, starts.data(), sizeof starts, 0) == static_cast<ssize_t>(sizeof starts);
+  const Error error = failed();
+  ::close(fd);
+  if (!written) return error;
+  return std::min(count, static_cast<int>(starts.size()));
 }
 
 }  // namespace ledgerline::link

@@ -3,9 +3,11 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/settings.hpp"
 
+/// What of link outlasts it, in files.
 namespace ledgerline::link {
 
 /// The file of the local stops, so that they outlast link: one drone's name a line, between a first line that says what
@@ -30,5 +32,11 @@ class LocalStopsFile {
   std::vector<std::string> others_;  ///< names in the file that are none of `drones`
   std::string kept_;                 ///< as the file is, or is not there; see read()
 };
+
+/// Writes this start into `file` and says how many starts it holds within starts_within_ns, this one counted: at most
+/// 64. CLOCK_MONOTONIC, so what was written before the computer was switched on last counts nothing. A file that is
+/// missing, torn or somebody else's text counts as none; the error is that it cannot be written, and then nobody
+/// remembers this start. Before the real-time loop: it waits for a disk.
+Result<int> note_start(const std::string& file, TimeNs now);
 
 }  // namespace ledgerline::link

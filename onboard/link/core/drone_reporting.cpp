@@ -1,0 +1,128 @@
+#include "onboard/link/core/drone_reporting.hpp"
+
+#include <algorithm>
+
+namespace ledgerline::link {
+
+void DroneReporting::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
+  const bool of_this_boot = heartbeat.boot_id == boot_id_;  // a restarted agent knows of no boot
+  const std::size_t i = std::min(number_, max_drones);
+  transitions_.heard(of_this_boot ? heartbeat.transitions_taken[i] : 0,
+                     of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
+}
+
+void DroneReporting::record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept {
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::plan_received,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(margin_ns / ns_per_us),
+                     .id = plan.sequence,
+                     .stamp_ns = plan.state_stamp_ns,
+                     .v = {}});
+}
+
+void DroneReporting::record_arrival(TimeNs now, const Plan& plan) noexcept { arrived_ = {plan.sequence, now}; }
+
+void DroneReporting::record_setpoint(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint, bool first,
+                                     const Velocity& sent) noexcept {
+  applied_sequence_ = setpoint.sequence;
+  if (!first) return;
+  age_.add(at.now - setpoint.state_stamp_ns);
+  trace_applied(at, setpoint.sequence, setpoint.state_stamp_ns, setpoint.fresh ? at.now - setpoint.meant_ns : 0, sent);
+}
+
+void DroneReporting::trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
+                                   const Velocity& sent) noexcept {
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::command_applied,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
+                     .id = sequence,
+                     .stamp_ns = state_stamp_ns,
+                     .v = {sent.mps[0], sent.mps[1], sent.mps[2], sent.yaw_radps}});
+}
+
+void DroneReporting::record_ends(const LinkMoment& at, PlanAdmission& admission) noexcept {
+  for (const PlanEnd& end : admission.ends()) {
+    at.out.trace.push({.t_ns = at.now,
+                       .kind = TraceKind::refused,
+                       .drone = number_,
+                       .extra = static_cast<std::uint32_t>(end.reason),
+                       .id = end.sequence,
+                       .stamp_ns = end.state_stamp_ns,
+                       .v = {}});
+  }
+  admission.clear_ends();
+}
+
+void DroneReporting::record_mode(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept {
+  if (phase == traced_.phase && failsafe.mode == traced_.mode && failsafe.cause == traced_.cause) return;
+  traced_ = {phase, failsafe.mode, failsafe.cause};
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::mode,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(failsafe.mode),
+                     .id = static_cast<std::uint64_t>(phase),
+                     .stamp_ns = 0,
+                     .v = {static_cast<double>(failsafe.cause)}});
+}
+
+void DroneReporting::record_transition(const LinkMoment& at, FlightPhase phase,
+                                       const FailsafeState& failsafe) noexcept {
+  Transition& last = last_transition_;
+  const FailsafeMode mode = failsafe.mode;
+  const bool says_why = in_flight(phase) || mode >= FailsafeMode::land;
+  const FailsafeCause cause = says_why ? failsafe.cause : FailsafeCause::none;
+  if (phase != last.phase || mode != last.mode || cause != last.cause) {
+    last = {.drone = number_, .phase = phase, .mode = mode, .cause = cause, .boot_id = boot_id_, .stamp_ns = at.now};
+    transitions_.add(last);
+  }
+  if (Transition next; transitions_.next(next)) at.out.transitions.push(next);
+}
+
+void DroneReporting::record_serial(const LinkMoment& at, const SerialCheck& serial) noexcept {
+  if (serial.verdict() == reported_serial_) return;
+  reported_serial_ = serial.verdict();
+  at.out.serials.push({number_, serial.verdict(), serial.answered()});
+}
+
+void DroneReporting::publish(const LinkMoment& at, StateSample sample) noexcept {
+  sample.drone = number_;
+  sample.boot_id = boot_id_;
+  sample.sequence = ++states_sampled_;
+  sample.stamp_ns = at.now;
+  sample.applied_sequence = applied_sequence_;
+  sample.arrived_sequence = arrived_.sequence;
+  sample.arrived_ns = arrived_.at_ns;
+  at.out.states.push(sample);
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::state_sampled,
+                     .drone = number_,
+                     .extra = static_cast<std::uint32_t>(1000 * sample.battery),
+                     .id = sample.sequence,
+                     .stamp_ns = at.now,
+                     .v = {sample.position_m[0], sample.position_m[1], sample.position_m[2], sample.yaw_rad}});
+  const PoseVariance& variance = sample.pose_variance;
+  if (variance == PoseVariance{}) return;  // motion capture reports none
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::pose_reported,
+                     .drone = number_,
+                     .extra = 0,
+                     .id = sample.sequence,
+                     .stamp_ns = sample.pose_stamp_ns,
+                     .v = {double(variance[0]), double(variance[1]), double(variance[2]), double(variance[3])}});
+}
+
+DroneReport DroneReporting::report(const TelloSession& session, const PlanCounters& plans) const {
+  return {.name = name_,
+          .number = number_,
+          .states_sampled = states_sampled_,
+          .plans = plans,
+          .transitions = transitions_.counters(),
+          .age_ms = age_.quantiles_ms(),
+          .heard = session.heard(),
+          .landed = session.has_flown() && on_ground(session.phase()),
+          .phase = session.phase()};
+}
+
+}  // namespace ledgerline::link

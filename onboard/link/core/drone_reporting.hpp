@@ -1,0 +1,82 @@
+#pragma once
+#include <cstdint>
+#include <string>
+
+#include "common/msg/onboard.hpp"
+#include "common/rt/histogram.hpp"
+#include "onboard/link/core/failsafe.hpp"
+#include "onboard/link/core/link_io.hpp"
+#include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/tello/session.hpp"
+#include "onboard/link/core/transition_log.hpp"
+
+namespace ledgerline::link {
+
+/// Figures of one drone since the start.
+struct DroneReport {
+  std::string name;
+  DroneNumber number = 0;
+  std::uint64_t states_sampled = 0;
+  PlanCounters plans;
+  TransitionLog::Counters transitions;
+  Quantiles age_ms;     ///< at application: sent - the state's stamp
+  bool heard = false;   ///< anything at all came from it
+  bool landed = false;  ///< it flew and is on the ground again
+  FlightPhase phase = FlightPhase::disconnected;
+};
+
+/// What others get to know of one drone: its transitions until they are on the ledger, its samples, what its trace
+/// says, its figures. Decides nothing. Core: no I/O, no clock, no allocation after construction; one thread.
+class DroneReporting {
+ public:
+  DroneReporting(std::string name, DroneNumber number, std::uint64_t boot_id)
+      : name_(std::move(name)), number_(number), boot_id_(boot_id) {}
+
+  /// How far agent has taken the transitions.
+  void on_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
+  void record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept;
+  /// A plan of the drone's holder was admitted.
+  void record_arrival(TimeNs now, const Plan& plan) noexcept;
+  /// A command took effect, `late_ns` behind the moment it was meant for, while this was sent.
+  void record_applied(const LinkMoment& at, const Plan& plan, const Velocity& sent) noexcept {
+    trace_applied(at, plan.sequence, plan.state_stamp_ns, 0, sent);
+  }
+  /// A setpoint was sent. `first`: of its plan.
+  void record_setpoint(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint, bool first,
+                       const Velocity& sent) noexcept;
+  /// Plans that ended unflown since the last call.
+  void record_ends(const LinkMoment& at, PlanAdmission& admission) noexcept;
+  void record_mode(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept;
+  /// Once a step: logs what changed, and sends what agent should take next.
+  void record_transition(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept;
+  void record_serial(const LinkMoment& at, const SerialCheck& serial) noexcept;
+  /// Completes a sample by what is kept here, and publishes it.
+  void publish(const LinkMoment& at, StateSample sample) noexcept;
+
+  DroneReport report(const TelloSession& session, const PlanCounters& plans) const;
+
+ private:
+  void trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
+                     const Velocity& sent) noexcept;
+
+  std::string name_;
+  DroneNumber number_;
+  std::uint64_t boot_id_;
+  TransitionLog transitions_;
+  Transition last_transition_;
+  struct {
+    FlightPhase phase = FlightPhase::disconnected;
+    FailsafeMode mode = FailsafeMode::none;
+    FailsafeCause cause = FailsafeCause::none;
+  } traced_;  ///< newest in the trace
+  SerialCheck::Verdict reported_serial_ = SerialCheck::Verdict::unwanted;
+  std::uint64_t states_sampled_ = 0;
+  std::uint64_t applied_sequence_ = 0;  ///< of the plan whose setpoint was sent last
+  struct {
+    std::uint64_t sequence = 0;
+    TimeNs at_ns = 0;
+  } arrived_;  ///< newest plan
+  Histogram age_;
+};
+
+}  // namespace ledgerline::link

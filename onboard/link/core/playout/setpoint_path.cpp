@@ -1,0 +1,110 @@
+#include "onboard/link/core/playout/setpoint_path.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "onboard/link/core/failsafe.hpp"
+
+namespace ledgerline::link {
+namespace {
+
+// Down onto what is below: as a Tello lands by itself.
+constexpr float landing_mps = 0.5F;
+
+}  // namespace
+
+void Limiter::reset(TimeNs now) noexcept {
+  output_ = {};
+  last_ns_ = now;
+}
+
+const Velocity& Limiter::step(TimeNs now, const Velocity& desired, bool braking) noexcept {
+  // A long gap between two steps must not allow one big jump.
+  const auto dt = static_cast<float>(std::clamp(to_seconds(now - last_ns_), 0.0, 0.05));
+  last_ns_ = now;
+
+  std::array<float, 3> goal = desired.mps;
+  const float speed = std::hypot(goal[0], goal[1]);
+  if (speed > settings_.max_speed_mps) {
+    goal[0] *= settings_.max_speed_mps / speed;
+    goal[1] *= settings_.max_speed_mps / speed;
+  }
+  goal[2] = std::clamp(goal[2], -settings_.max_vertical_mps, settings_.max_vertical_mps);
+
+  std::array<float, 3> change{};
+  for (std::size_t i = 0; i < 3; ++i) change[i] = goal[i] - output_.mps[i];
+  const float wanted = std::hypot(change[0], change[1], change[2]);
+  const float allowed = settings_.max_acceleration_mps2 * (braking ? 2.0F : 1.0F) * dt;
+  if (wanted <= allowed) {
+    output_.mps = goal;  // exactly: zero is reached, not approached
+  } else {
+    for (std::size_t i = 0; i < 3; ++i) output_.mps[i] += change[i] * allowed / wanted;
+  }
+
+  const float yaw = std::clamp(desired.yaw_radps, -settings_.max_yaw_rate_radps, settings_.max_yaw_rate_radps);
+  const float yaw_change = settings_.max_yaw_acceleration_radps2 * dt;
+  output_.yaw_radps += std::clamp(yaw - output_.yaw_radps, -yaw_change, yaw_change);
+  return output_;
+}
+
+Playout::CurrentSetpoint SetpointPath::desired(TimeNs now, bool waits_to_land) noexcept {
+  if (!waits_to_land) return playout_.setpoint(now);
+  return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
+}
+
+Velocity SetpointPath::apply_verdict(Velocity desired) const noexcept {
+  if (!verdict_ || verdict_->kind == Verdict::Kind::unchanged) return desired;
+  for (std::size_t i = 0; i < 3; ++i) desired.mps[i] = static_cast<float>(verdict_->velocity_mps[i]);
+  return desired;
+}
+
+void SetpointPath::on_phase(TimeNs now, FlightPhase phase) noexcept {
+  if (phase == FlightPhase::flying) {
+    limiter_.reset(now);
+    return;
+  }
+  playout_.clear(DropReason::not_flying);
+  sent_ = {};
+  last_rc_ = {};
+}
+
+bool SetpointPath::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint,
+                       const Steering& steering) noexcept {
+  drawn_fence_ = steering.fence;
+  Velocity goal;
+  if (steering.follows || steering.steps_aside) {
+    const Velocity apart = apply_verdict(in_map(setpoint, steering.yaw_rad));
+    goal = clip_at_fence(drawn_fence_, steering.position_m, steering.height_m, apart);
+  }
+  const Velocity limited = limiter_.step(at.now, goal, steering.brakes);
+  const BodyCommand command = to_body(rc_settings_, limited, steering.yaw_rad);
+
+  const TimeNs gap = steering.follows && setpoint.fresh ? rc_settings_.min_gap_ns
+                     : command.rc != last_rc_           ? rc_settings_.changing_gap_ns
+                                                        : rc_settings_.max_gap_ns;
+  if (at.now - last_rc_ns_ < gap) return false;
+  send(at, command.sent, command.rc);
+  return true;
+}
+
+void SetpointPath::fall_silent(const LinkMoment& at) noexcept {
+  playout_.clear(DropReason::not_flying);
+  limiter_.reset(at.now);
+  if (last_rc_ != Rc{}) send_zero(at);
+}
+
+void SetpointPath::send(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept {
+  at.out.to_send.push({drone_, rc_text(rc)});
+  at.out.trace.push({.t_ns = at.now,
+                     .kind = TraceKind::rc_sent,
+                     .drone = drone_,
+                     .extra = 0,
+                     .id = 0,
+                     .stamp_ns = 0,
+                     .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
+  last_rc_ns_ = at.now;
+  last_rc_ = rc;
+  sent_ = sent;
+}
+
+}  // namespace ledgerline::link

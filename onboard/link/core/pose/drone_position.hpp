@@ -1,0 +1,87 @@
+#pragma once
+#include <array>
+#include <vector>
+
+#include "common/msg/onboard.hpp"
+#include "onboard/link/core/pose/failover.hpp"
+#include "onboard/link/core/pose/odometry.hpp"
+#include "onboard/link/core/pose/source_check.hpp"
+#include "onboard/link/core/settings.hpp"
+#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/watch/flow_watch.hpp"
+#include "onboard/link/core/watch/motion_watch.hpp"
+
+namespace ledgerline::link {
+
+/// Where a drone is and how it moves, by the source that its config names: motion capture, onboard odometry, or one in
+/// place of the other. Holds the sources against each other and the drone's motion against what it was sent, and
+/// carries the newest pose on by that. Core: no I/O, no clock, no allocation after construction; one thread.
+class DronePosition {
+ public:
+  /// `pose_lost_ns`: FailsafeSettings::pose_lost_ns.
+  DronePosition(const DroneSettings& drone, const std::vector<PadSettings>& pads, TimeNs pose_lost_ns);
+
+  /// A state text that came at `now`. `stands`: it is seen on the ground; `sent`: its newest command.
+  void on_state(TimeNs now, const TelloState& state, FlightPhase phase, bool stands, const Velocity& sent) noexcept;
+  /// Of motion capture; ignored where that is not the source.
+  void on_pose(TimeNs now, const Pose& pose, bool flies) noexcept;
+  void on_phase(FlightPhase phase) noexcept;
+  /// Time passed while it was sent this: without a pose (agent died, its plan is flown to the end) the fence still
+  /// needs to know about where the drone is.
+  void dead_reckon(double seconds, const Velocity& sent) noexcept;
+  /// The clock stood still for so long while time passed.
+  void grow_older(TimeNs slept_ns) noexcept;
+
+  /// The newest, by which fence and separation go; its stamp is 0 where there was none.
+  const Pose& pose() const noexcept { return pose_; }
+  /// The same for the drone's pilot: it never jumps.
+  const Pose& published_pose() const noexcept { return published_pose_; }
+  /// When the newest came.
+  TimeNs pose_came_ns() const noexcept { return pose_came_ns_; }
+  /// Of that pose, moved on by what was sent since.
+  std::array<double, 3> position_m() const noexcept;
+  /// The heading by which velocities of the map become rc.
+  double yaw_rad(TimeNs now) const noexcept;
+
+  /// It comes from onboard odometry.
+  bool is_by_odometry() const noexcept;
+  /// It flies by mission pads, and has seen none for too long.
+  bool is_fix_overdue() const noexcept { return source_ == PoseSource::pads && odometry_.overdue(); }
+  /// Motion capture and its own velocity contradict each other: neither is used ...
+  bool do_sources_differ() const noexcept {
+    return source_check_.verdict() == SourceCheck::Verdict::differ || are_sources_unresolved();
+  }
+  /// ... and have for so long that nothing is left to fly by.
+  bool are_sources_unresolved() const noexcept {
+    return source_ == PoseSource::mocap && source_check_.verdict() == SourceCheck::Verdict::unresolved;
+  }
+  /// It moves otherwise than it is sent.
+  bool does_motion_differ() const noexcept { return motion_watch_.differs(); }
+  /// Since when its flow is suspected to see nothing and nothing else holds it; 0: it is not.
+  TimeNs dark_since_ns(TimeNs now) const noexcept;
+
+ private:
+  void watch_flow(TimeNs now, const TelloState& state, bool flying, const Velocity& sent) noexcept;
+  /// Holds motion capture against the odometry, which took this text.
+  void check_sources(TimeNs now, const TelloState& state, bool flying) noexcept;
+  void accept(TimeNs now, const Pose& pose, bool flies) noexcept;
+  /// Since when its position comes from onboard odometry alone; 0: it does not.
+  TimeNs alone_since_ns(TimeNs now) const noexcept;
+
+  PoseSource source_;
+  TimeNs pose_lost_ns_;
+  bool velocity_known_;
+  Odometry odometry_;  ///< the source of its pose, or what motion capture is checked against
+  SourceCheck source_check_;
+  Failover failover_;              ///< where odometry stands in for motion capture
+  Pose mocap_pose_;                ///< the newest of motion capture
+  std::vector<PadSettings> pads_;  ///< none where they are not the source
+  MotionWatch motion_watch_;
+  FlowWatch flow_watch_;
+  Pose pose_, published_pose_;
+  TimeNs pose_came_ns_ = 0;
+  std::array<double, 3> moved_m_{};                       ///< since that pose, as far as what was sent tells
+  double drone_yaw_rad_ = 0, drone_yaw_at_pose_rad_ = 0;  ///< the drone's own, newest and at that pose
+};
+
+}  // namespace ledgerline::link
