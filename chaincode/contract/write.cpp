@@ -127,7 +127,8 @@ Response set_assets(Stub& stub, const Arguments& call) {
   }
   Status written = set->stream() ? write_frame(stub, *set, hosts) : write_own_keys(stub, *set, hosts);
   if (!written) return refuse(written.error().what);
-  stub.set_event(contract::set, write_form(call, *set));
+  // A stream's event names it alone: the transaction has its call and what was written, and this would be a third copy.
+  stub.set_event(contract::set, set->stream() ? std::string() : write_form(call, *set));
   return {};
 }
 

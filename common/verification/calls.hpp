@@ -29,7 +29,8 @@ enum class Match {
 
 /// Compares a call of `command` or `set` with the event of that name: byte for byte, or, where JSON or another order of
 /// fields makes bytes differ, as the messages that they are. `asked` is the call as it was signed: what is flown or
-/// shown comes from there. It is empty unless the call was of that function.
+/// shown comes from there. It is empty unless the call was of that function. An event of `set` that is empty, as a
+/// stream's is, leaves it to the call.
 Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked);
 Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked);
 /// Whether the event says what a call of `set` asked for, message or not: who reads its bytes finds that out.

@@ -164,7 +164,7 @@ class Side {
     for (const fabric::Transaction& tx : block.transactions) {
       if (tx.code != 0 || tx.config || tx.event_name != contract::set) continue;
       SetCall call;
-      if (!parse_message(tx.event_payload, call)) continue;
+      if (tx.args.size() != 1 || !parse_message(tx.args[0], call)) continue;
       for (const Asset& asset : call.assets()) {
         const auto stream = streams_.find(asset.id());
         Message message;

@@ -47,9 +47,10 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
       ++unverified_transactions_;
       continue;
     }
-    if (is_json(tx.event_payload)) {
+    const std::string& payload = tx.event_payload.empty() ? tx.args[0] : tx.event_payload;
+    if (is_json(payload)) {
       auto call = std::make_unique<SetCall>();
-      if (!parse_message(tx.event_payload, *call)) {
+      if (!parse_message(payload, *call)) {
         ++malformed_frames_;
         continue;
       }
@@ -57,7 +58,7 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
       set_.stream = call->stream();
       for (const Asset& asset : call->assets()) set_.assets.push_back(view_of(asset));
       held_.push_back(std::move(call));
-    } else if (!read_set(tx.event_payload, set_)) {
+    } else if (!read_set(payload, set_)) {
       ++malformed_frames_;
       continue;
     }

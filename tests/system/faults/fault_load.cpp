@@ -163,9 +163,9 @@ Chain read_chain(fabric::Client& client, std::uint64_t last_block) {
     const std::lock_guard lock(mutex);
     chain.hashes.push_back(fabric::block_header_hash(block.number, block.previous_hash, block.data_hash));
     for (const fabric::Transaction& tx : block.transactions) {
-      if (tx.code != 0 || tx.event_name != "set" || tx.config) continue;
-      const json event = json::parse(tx.event_payload, nullptr, false);
-      const json one = event.is_object() && event.contains("assets") ? event["assets"].at(0) : event;
+      if (tx.code != 0 || tx.event_name != "set" || tx.config || tx.args.size() != 1) continue;
+      const json call = json::parse(tx.args[0], nullptr, false);
+      const json one = call.is_object() && call.contains("assets") ? call["assets"].at(0) : call;
       if (!one.is_object() || one.value("id", "") != asset) continue;
       const std::uint64_t number = std::stoull(one.value("msgType", ""));
       chain.applied.emplace(number, Chain::Place{block.number, tx.tx_id});

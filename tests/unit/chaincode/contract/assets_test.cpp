@@ -29,6 +29,13 @@ TEST_F(AssetsTest, TheEventHoldsWhatWasWrittenWithItsTopic) {
   EXPECT_EQ(value_of("tello1/a"), "2") << "of two samples the last one counts";
 }
 
+TEST_F(AssetsTest, AStreamsEventNamesItAlone) {
+  EXPECT_EQ(set(host, {asset("tello1/odom", "1")}, true).status, 200);
+  EXPECT_EQ(stub.event_name, "set");
+  EXPECT_EQ(stub.event_payload, "") << "the call has it";
+  EXPECT_EQ(value_of("tello1/odom"), "1");
+}
+
 TEST_F(AssetsTest, OnlyTheIdentityThatADroneIsEnrolledToWritesUnderItsName) {
   EXPECT_THAT(set(pilot, {asset("tello1/note")}).message, StartsWith("tello1: enrolled to Org1MSP CN=host"));
   EXPECT_THAT(set(guard, {asset("tello1/note")}).message, StartsWith("tello1: "));

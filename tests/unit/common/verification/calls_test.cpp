@@ -44,6 +44,8 @@ TEST(CheckEvent, TheTopicThatTheContractWritesDownIsNoDifference) {
 TEST(TellsSet, EqualBytesAreTheCallWhateverTheyAre) {
   const Args asked{"no message at all"};
   EXPECT_TRUE(tells_set({"set", asked}, asked[0]));
+  EXPECT_TRUE(tells_set({"set", asked}, "")) << "it is left to the call, as a stream's event does";
+  EXPECT_FALSE(tells_set({"command", asked}, ""));
   EXPECT_FALSE(tells_set({"set", asked}, "another"));
   EXPECT_FALSE(tells_set({"command", asked}, asked[0])) << "of another function";
   const Args two{asked[0], asked[0]};

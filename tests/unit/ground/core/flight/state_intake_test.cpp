@@ -68,7 +68,9 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
     state.position_m = {1, 2, 3};
     state.battery = 0.125F;  // link's own number is not sent
     add_state(call, "tello1", state);
-    const auto states = intake.take(event("set", call.SerializeAsString()), 0, news);
+    fabric::Transaction tx = event("set", call.SerializeAsString());
+    tx.event_payload.clear();  // as a stream's is
+    const auto states = intake.take(tx, 0, news);
     EXPECT_EQ(states.size(), 1u);
     intake.accept(0, states.at(0).state, std::nullopt);
     return states.at(0).state;
