@@ -4,11 +4,21 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/dds/dds.hpp"
-#include "common/dds/settings/interfaces.hpp"
 #include "common/dds/settings/ros_release.hpp"
 
 namespace ledgerline::dds {
+
+/// A network interface of this host, as DDS sees it.
+struct Interface {
+  std::string name;
+  bool up = false, loopback = false, multicast = false;
+  bool has_address = false;  ///< of IPv4
+};
+
+/// In the kernel's order.
+Result<std::vector<Interface>> host_interfaces();
 
 /// Cyclone's own limit.
 constexpr std::size_t max_interfaces = 4;
