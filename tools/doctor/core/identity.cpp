@@ -7,7 +7,7 @@
 #include <string_view>
 
 #include "common/crypto/identities/request.hpp"
-#include "common/crypto/identities/validity.hpp"
+#include "common/crypto/identities/renewal.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::doctor {
