@@ -1,6 +1,5 @@
 #include "common/program/service/service_manager.hpp"
 
-
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 #include <unistd.h>
