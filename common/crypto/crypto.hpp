@@ -43,17 +43,6 @@ Result<std::unique_ptr<Verifier>> make_verifier(Library library, const std::stri
 /// Real nonces and ids; from the operating system.
 std::string random_bytes(std::size_t count);
 
-/// Random that a simulated campaign can replace by a seeded one.
-class Entropy {
- public:
-  virtual ~Entropy() = default;
-  virtual std::string bytes(std::size_t count) = 0;
-};
-class SystemEntropy final : public Entropy {
- public:
-  std::string bytes(std::size_t count) override { return random_bytes(count); }
-};
-
 /// What a certificate says (parsed by libcrypto in any case).
 struct Certificate {
   std::string subject;  ///< RFC 2253: "CN=User1@org1.ledgerline,OU=client,L=...": the identity with the MSP id

@@ -1,7 +1,7 @@
+#include "chaincode/node/server/calls.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
 #include "chaincode/node/shell/block_view.hpp"
-#include "chaincode/node/server/calls.hpp"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/peer.grpc.pb.h"

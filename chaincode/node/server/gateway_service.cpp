@@ -1,8 +1,8 @@
 #include <map>
 
-#include "chaincode/node/server/streams.hpp"
-#include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/calls.hpp"
+#include "chaincode/node/server/services.hpp"
+#include "chaincode/node/server/streams.hpp"
 #include "common/base/printable.hpp"
 #include "gateway/gateway.grpc.pb.h"
 

@@ -1,14 +1,19 @@
 #include "common/program/service/service_manager.hpp"
 
+#include <pthread.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <cerrno>
 #include <charconv>
+#include <chrono>
+#include <csignal>
 #include <cstddef>
 #include <cstdlib>
 #include <cstring>
 #include <utility>
+
+#include "common/rt/real_time.hpp"
 
 namespace ledgerline {
 namespace {
@@ -27,6 +32,10 @@ Result<std::int64_t> whole_number(const char* name, std::int64_t otherwise) {
     return Error{std::string(name) + " is \"" + text + "\", not a number above 0"};
   return number;
 }
+
+// A datagram goes out each half of the manager's timeout. Halved this wakes the thread oftener for nothing, doubled a
+// datagram may be late by a tenth of the timeout.
+constexpr int looks_per_timeout = 20;
 
 }  // namespace
 
@@ -75,6 +84,38 @@ Status ServiceManager::send(const char* message) const {
   const auto* to = reinterpret_cast<const sockaddr*>(&address_);
   if (::sendto(fd_, message, std::strlen(message), MSG_NOSIGNAL, to, address_size_) >= 0) return done;
   return Error{std::string("the service manager was not sent ") + message + ": " + std::strerror(errno)};
+}
+
+WatchdogThread::WatchdogThread(ServiceManager& manager, std::function<std::uint64_t()> progress, int priority)
+    : manager_(manager), progress_(std::move(progress)) {
+  if (manager.timeout_ns() == 0) return;
+  // The program's signals are for its own threads.
+  sigset_t all, before;
+  sigfillset(&all);
+  ::pthread_sigmask(SIG_SETMASK, &all, &before);
+  thread_ = std::thread([this, priority] {
+    ::pthread_setname_np(::pthread_self(), "watchdog");
+    if (priority > 0) (void)schedule_fifo(priority);
+    run(manager_.timeout_ns() / looks_per_timeout);
+  });
+  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
+}
+
+WatchdogThread::~WatchdogThread() {
+  if (!thread_.joinable()) return;
+  {
+    const std::lock_guard lock(mutex_);
+    is_ending_ = true;
+  }
+  ending_.notify_all();
+  thread_.join();
+}
+
+void WatchdogThread::run(TimeNs look_ns) {
+  std::unique_lock lock(mutex_);
+  while (!ending_.wait_for(lock, std::chrono::nanoseconds(look_ns), [this] { return is_ending_; })) {
+    if (!manager_.alive(monotonic_ns(), progress_())) failed_.fetch_add(1, std::memory_order_relaxed);
+  }
 }
 
 }  // namespace ledgerline

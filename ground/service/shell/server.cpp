@@ -10,7 +10,7 @@
 #include <thread>
 
 #include "common/base/log.hpp"
-#include "common/crypto/identities/validity.hpp"
+#include "common/crypto/identities/renewal.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/answers.hpp"

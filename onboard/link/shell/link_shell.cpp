@@ -16,7 +16,6 @@
 #include "common/msg/names.hpp"
 #include "common/program/program.hpp"
 #include "common/program/service/service_manager.hpp"
-#include "common/program/service/watchdog_thread.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 #include "onboard/link/shell/link_loop.hpp"

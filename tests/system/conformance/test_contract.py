@@ -307,7 +307,6 @@ def small(number: int) -> list[dict]:
 
 
 WHO = {"mspId": "Org1MSP", "subject": subject(1, "User1")}
-ODOM = {"id": "free/odom", "msgType": "t"}
 REFUSALS = [
     ("host", "fly", ["x"], "unknown function fly; known are set, get, history, delete, enroll, revoke, grant, "
                            "acquire, release, request, hand_over, deny, evict, command, stop, clear_stop, apply_stops, claim, unclaim, "

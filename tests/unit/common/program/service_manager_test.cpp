@@ -1,7 +1,5 @@
 #include "common/program/service/service_manager.hpp"
 
-#include "common/program/service/watchdog_thread.hpp"
-
 #include <gmock/gmock.h>
 #include <sys/socket.h>
 #include <unistd.h>
