@@ -15,6 +15,9 @@
 
 namespace ledgerline {
 
+namespace {
+
+/// A file that others may not read (is_private()), of at most `max_bytes`. An error names it and says the cure.
 Result<std::string> read_secret_file(const std::string& file, std::size_t max_bytes) {
   const int fd = ::open(file.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK);
   if (fd < 0) return Error{fmt::format("cannot open {}: {}", file, std::strerror(errno))};
@@ -37,6 +40,8 @@ Result<std::string> read_secret_file(const std::string& file, std::size_t max_by
   text.resize(static_cast<std::size_t>(count));
   return text;
 }
+
+}  // namespace
 
 Result<std::string> read_secret(const std::string& file) {
   constexpr std::size_t max_bytes = 4096;

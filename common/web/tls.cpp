@@ -9,7 +9,7 @@
 
 #include "common/base/file.hpp"
 #include "common/crypto/tls_policy.hpp"
-#include "common/program/secrets.hpp"
+#include "common/rt/clock.hpp"
 #include "common/web/host_port.hpp"
 
 namespace ledgerline::web {
@@ -18,7 +18,6 @@ namespace {
 namespace ssl = boost::asio::ssl;
 
 constexpr int max_chain = 4;  // certificates between the other side's and its authority
-constexpr std::size_t max_file_bytes = 1 << 20;
 
 /// The newest error of this thread's queue, which is then empty: any other TLS code of this thread reads that queue,
 /// too.
@@ -35,22 +34,29 @@ TlsContext context_of(ssl::context::method method) {
   return context;
 }
 
-Status use_own(ssl::context& context, const TlsFiles& files) {
-  const auto chain = read_file(files.certificate);
-  if (!chain) return chain.error();
-  auto key = read_secret_file(files.key, max_file_bytes);
-  if (!key) return key.error();
+/// `pair` as it was read from `files`.
+Status use_own(ssl::context& context, const TlsFiles& files, const crypto::Renewal::Pair& pair) {
   boost::system::error_code error;
-  context.use_certificate_chain(boost::asio::buffer(*chain), error);
+  context.use_certificate_chain(boost::asio::buffer(pair.certificate_pem), error);
   if (error) return Error{fmt::format("{} has no certificate in PEM: {}", files.certificate, openssl_error())};
-  context.use_private_key(boost::asio::buffer(*key), ssl::context::pem, error);
-  OPENSSL_cleanse(key->data(), key->size());
+  context.use_private_key(boost::asio::buffer(pair.key_pem), ssl::context::pem, error);
   if (error)
     return Error{fmt::format("{} is no private key in PEM without a pass phrase, or not that of {}: {}", files.key,
                              files.certificate, openssl_error())};
   if (SSL_CTX_check_private_key(context.native_handle()) != 1)
     return Error{fmt::format("{} is not the key of {}: {}", files.key, files.certificate, openssl_error())};
   return done;
+}
+
+/// As the files are now. The certificate of the pair; its key is wiped.
+Result<crypto::Renewal::Pair> load_own(ssl::context& context, const TlsFiles& files) {
+  auto pair = crypto::read_pair({files.certificate, files.key});
+  if (!pair) return pair;
+  const Status used = use_own(context, files, *pair);
+  OPENSSL_cleanse(pair->key_pem.data(), pair->key_pem.size());
+  pair->key_pem.clear();
+  if (!used) return used.error();
+  return pair;
 }
 
 Status trust(ssl::context& context, const std::string& file) {
@@ -62,19 +68,29 @@ Status trust(ssl::context& context, const std::string& file) {
   return done;
 }
 
-}  // namespace
-
-Result<TlsContext> server_tls(const TlsFiles& files) {
-  TlsContext context = context_of(ssl::context::tls_server);
-  if (auto status = use_own(*context, files); !status) return status.error();
-  if (files.authority.empty()) return context;
-  if (auto status = trust(*context, files.authority); !status) return status.error();
+/// Of a server, as the files are now; the rest of it is `made`.
+Result<crypto::Renewal::Pair> load_server(const TlsFiles& files, TlsContext& made) {
+  made = context_of(ssl::context::tls_server);
+  auto own = load_own(*made, files);
+  if (!own || files.authority.empty()) return own;
+  if (auto status = trust(*made, files.authority); !status) return status.error();
   // Sent to clients, so that a browser offers the right one.
   auto* const reported = SSL_load_client_CA_file(files.authority.c_str());
   if (!reported) return Error{fmt::format("{} has no certificate in PEM: {}", files.authority, openssl_error())};
-  SSL_CTX_set_client_CA_list(context->native_handle(), reported);
-  context->set_verify_mode(ssl::verify_peer | ssl::verify_fail_if_no_peer_cert);
-  return context;
+  SSL_CTX_set_client_CA_list(made->native_handle(), reported);
+  made->set_verify_mode(ssl::verify_peer | ssl::verify_fail_if_no_peer_cert);
+  return own;
+}
+
+std::vector<std::string> names_of(const TlsFiles& files) { return {files.certificate, files.key, files.authority}; }
+
+}  // namespace
+
+Result<TlsContext> server_tls(const TlsFiles& files) {
+  TlsContext made;
+  const auto own = load_server(files, made);
+  if (!own) return own.error();
+  return made;
 }
 
 Result<TlsContext> client_tls(const TlsFiles& files) {
@@ -87,7 +103,7 @@ Result<TlsContext> client_tls(const TlsFiles& files) {
     X509_VERIFY_PARAM_set_flags(SSL_CTX_get0_param(context->native_handle()), X509_V_FLAG_PARTIAL_CHAIN);
   }
   if (files.certificate.empty()) return context;
-  if (auto status = use_own(*context, files); !status) return status.error();
+  if (const auto own = load_own(*context, files); !own) return own.error();
   return context;
 }
 
@@ -112,27 +128,25 @@ bool is_plain_http(const boost::system::error_code& error) {
 }
 
 Result<RenewedTls> RenewedTls::open(TlsFiles files) {
-  RenewedTls tls(std::move(files));
-  tls.changes_.taken(tls.names());  // before they are read: what changes meanwhile is seen at the next look
-  auto context = server_tls(tls.files_);
-  if (!context) return context.error();
-  tls.context_ = std::move(*context);
-  return tls;
+  crypto::Renewal renewal("the page", "", 0);
+  renewal.taken(names_of(files));  // before they are read: what changes meanwhile is seen at the next look
+  TlsContext context;
+  const auto own = load_server(files, context);
+  if (!own) return own.error();
+  renewal.begin(own->certificate);
+  return RenewedTls(std::move(files), std::move(context), std::move(renewal));
 }
 
 std::optional<Status> RenewedTls::look() {
-  if (!changes_.look(names())) return std::nullopt;
-  auto context = server_tls(files_);
-  if (!context) return context.error();
-  context_ = std::move(*context);
+  TlsContext next;
+  const auto found =
+      renewal_.look_at(names_of(files_), realtime_ns() / ns_per_s, [&] { return load_server(files_, next); });
+  if (!found) return std::nullopt;
+  if (!*found) return found->error();
+  context_ = std::move(next);
   return done;
 }
 
-int RenewedTls::days_left() const {
-  const X509* own = SSL_CTX_get0_certificate(context_->native_handle());
-  int days = 0, seconds = 0;
-  ASN1_TIME_diff(&days, &seconds, nullptr, X509_get0_notAfter(own));
-  return seconds < 0 ? days - 1 : days;
-}
+std::int64_t RenewedTls::days_left() const { return renewal_.days_left(realtime_ns() / ns_per_s); }
 
 }  // namespace ledgerline::web

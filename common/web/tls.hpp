@@ -3,10 +3,9 @@
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
 
-#include "common/base/files/changed_files.hpp"
 #include "common/base/result.hpp"
+#include "common/crypto/identities/renewal.hpp"
 #include "common/web/tls_files.hpp"
 
 /// TLS from files, by OpenSSL, as crypto/tls_policy.hpp says.
@@ -34,20 +33,19 @@ class RenewedTls {
   static Result<RenewedTls> open(TlsFiles files);
 
   boost::asio::ssl::context& context() { return *context_; }
-  /// Looks whether the files have changed: three calls of stat where not. New ones are read when they stay the same
-  /// from one look to the next, since certificate and key are two files. nullopt: no news; done: taken; an error: why
-  /// not, said once, and the old ones stay.
+  /// Looks whether the files have changed (crypto::Renewal). nullopt: no news; done: taken; an error: why not, said
+  /// once, and the old ones stay.
   std::optional<Status> look();
   /// Whole days that its certificate is valid for; below 0: it has run out.
-  int days_left() const;
+  std::int64_t days_left() const;
 
  private:
-  explicit RenewedTls(TlsFiles files) : files_(std::move(files)) {}
-  std::vector<std::string> names() const { return {files_.certificate, files_.key, files_.authority}; }
+  RenewedTls(TlsFiles files, TlsContext context, crypto::Renewal renewal)
+      : files_(std::move(files)), context_(std::move(context)), renewal_(std::move(renewal)) {}
 
   TlsFiles files_;
   TlsContext context_;
-  ChangedFiles changes_;
+  crypto::Renewal renewal_;
 };
 
 }  // namespace ledgerline::web

@@ -1,6 +1,7 @@
 #include "common/crypto/identities/renewal.hpp"
 
 #include <fmt/format.h>
+#include <sys/stat.h>
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
@@ -24,6 +25,40 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
   const std::int64_t left = days_left(not_after_s, now_s);
   if (left < 0) return fmt::format("the certificate of {} has ended", printable(whose));
   return fmt::format("the certificate of {} ends in {} {}", printable(whose), left, left == 1 ? "day" : "days");
+}
+
+std::optional<Result<Renewal::Pair>> Renewal::look_at(const std::vector<std::string>& files, std::int64_t now_s,
+                                                      const Load& load) {
+  const bool is_due = due(now_s);
+  if (!changed(files) && !is_due) return std::nullopt;
+  auto found = load();
+  if (Status fits = check(found, now_s); !fits) return fits.error();
+  return found;
+}
+
+bool Renewal::changed(const std::vector<std::string>& files) {
+  auto now = stamps(files);
+  const bool still = now == seen_;
+  seen_ = std::move(now);
+  if (!still || seen_ == taken_) return false;
+  taken_ = seen_;
+  return true;
+}
+
+std::vector<Renewal::Stamp> Renewal::stamps(const std::vector<std::string>& files) {
+  std::vector<Stamp> all;
+  for (const std::string& file : files) {
+    struct stat info {};
+    Stamp one{.file = file};
+    if (!file.empty() && ::stat(file.c_str(), &info) == 0) {
+      one.device = info.st_dev;
+      one.inode = info.st_ino;
+      one.size = static_cast<std::uint64_t>(info.st_size);
+      one.changed_ns = info.st_ctim.tv_sec * std::int64_t{1'000'000'000} + info.st_ctim.tv_nsec;
+    }
+    all.push_back(std::move(one));
+  }
+  return all;
 }
 
 Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {

@@ -1,7 +1,9 @@
 #pragma once
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "common/crypto/crypto.hpp"
 
@@ -23,16 +25,15 @@ Ends ends(std::int64_t not_after_s, std::int64_t now_s);
 /// "the certificate of X ends in 12 days"; `whose` is made printable.
 std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std::int64_t now_s);
 
-/// What becomes of the files of a program's certificate when they change: whether what lies there now is taken in place
-/// of what is in use, and when its end is to be reported. The ledger knows grants, leases and commands by MSP and
-/// subject, so a renewed certificate goes on with them; one of another subject is another person, and is refused. Pure;
-/// one thread.
+/// The files of a certificate in use, watched: whether what lies there now is taken in place of it, and when its end is
+/// to be reported. The ledger knows grants, leases and commands by MSP and subject, so a renewed certificate goes on
+/// with them; one of another subject is another person, and is refused. One thread.
 ///
 ///                 a pair that fits, of the same subject, in date, of the MSP's authority
 ///     in use ─────────────────────────────────────────────────────────────────────────▶ the new one is in use
 ///        └─── anything else: refused with words, once; the old one stays in use
 ///
-/// One that is refused since it is not valid yet is to be looked at once more when it becomes so (due).
+/// One that is refused since it is not valid yet is looked at once more when it becomes so.
 class Renewal {
  public:
   /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it);
@@ -45,6 +46,16 @@ class Renewal {
     Certificate certificate;
     std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
   };
+  using Load = std::function<Result<Pair>()>;
+  /// One look of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
+  /// the same from one look to the next, since certificate and key are two; the first look counts, too, unless
+  /// taken(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
+  std::optional<Result<Pair>> look_at(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
+  /// In use now, whatever its dates are.
+  void begin(const Certificate& in_use) { not_after_s_ = in_use.not_after_s; }
+  /// What lies in these files now is about to be read, and is no news.
+  void taken(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
+
   /// done: to be taken, and what is reported from here on is of the new one. An error: why not.
   Status check(const Result<Pair>& found, std::int64_t now_s);
 
@@ -64,10 +75,20 @@ class Renewal {
   const std::string& whose() const { return whose_; }
 
  private:
+  struct Stamp {
+    std::string file;
+    std::uint64_t device = 0, inode = 0, size = 0;  ///< all 0: it is not there
+    std::int64_t changed_ns = 0;
+    bool operator==(const Stamp&) const = default;
+  };
+  static std::vector<Stamp> stamps(const std::vector<std::string>& files);
+  bool changed(const std::vector<std::string>& files);
+
   std::string whose_, subject_;
   std::int64_t not_after_s_;
   std::optional<std::int64_t> reported_days_;
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
+  std::vector<Stamp> taken_, seen_;
 };
 
 /// What lies in the files, the key as read_key_file() takes it. Whether the two fit is for Renewal::check().

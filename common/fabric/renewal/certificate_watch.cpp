@@ -118,47 +118,50 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
   }
   auto read = crypto::read_serialized(found->serialized);
   if (!read) return read.error();
-  return Renewal::Pair{std::move(read->certificate), {}, {}};
+  return Renewal::Pair{std::move(read->certificate), {}, found->serialized};
 }
 
-/// True: what was found is to be used from now on.
-bool CertificateWatch::check(Renewal& renewal, const Result<Renewal::Pair>& found, bool same, std::int64_t now_s) {
-  const Status fits = renewal.check(found, now_s);
-  if (!fits) {
+/// What is to be used from now on in place of `in_use`.
+std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const std::vector<std::string>& files,
+                                                       const std::string& in_use, std::int64_t now_s,
+                                                       const Renewal::Load& load) {
+  auto found = renewal.look_at(files, now_s, load);
+  if (!found) return std::nullopt;
+  if (!*found) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
-                                     fits.error().what));
-    return false;
+                                     found->error().what));
+    return std::nullopt;
   }
-  if (same) return false;
+  if ((*found)->certificate_pem == in_use) return std::nullopt;
   keep_first_end();
   tell_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(),
                                   renewal.days_left(now_s)));
-  return true;
+  return std::move(**found);
 }
 
 void CertificateWatch::look_at_identity(std::int64_t now_s) {
   const auto files = place_.files_now();
   const std::vector<std::string> names =
       files ? std::vector{files->certificate, files->private_key} : std::vector<std::string>();
-  const bool due = identity_renewal_.due(now_s);
-  if (identity_changes_.look(names) || due) {
+  std::optional<crypto::SigningIdentity> next;
+  const auto load = [&]() -> Result<Renewal::Pair> {
     auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
                        : Result<crypto::SigningIdentity>(files.error());
-    const bool same = found && found->serialized == identity_->now()->serialized;
-    if (check(identity_renewal_, take(found, now_s), same, now_s)) identity_->replace(std::move(*found));
-  }
+    auto pair = take(found, now_s);
+    if (found) next = std::move(*found);
+    return pair;
+  };
+  if (renewed(identity_renewal_, names, identity_->now()->serialized, now_s, load))
+    identity_->replace(std::move(*next));
   tell_end(identity_renewal_, now_s);
 }
 
 void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
-  const bool due = pair.renewal.due(now_s);
-  if (pair.changes.look({pair.files.certificate_file, pair.files.key_file}) || due) {
-    auto found = crypto::read_pair({pair.files.certificate_file, pair.files.key_file});
-    const bool same = found && found->certificate_pem == pair.in_use_pem;
-    if (check(pair.renewal, found, same, now_s)) {
-      pair.in_use_pem = found->certificate_pem;
-      in_use_->renew(pair.files.certificate_file, {std::move(found->certificate_pem), std::move(found->key_pem)});
-    }
+  const crypto::IdentityFiles files{pair.files.certificate_file, pair.files.key_file};
+  if (auto next = renewed(pair.renewal, {files.certificate, files.private_key}, pair.in_use_pem, now_s,
+                          [&] { return crypto::read_pair(files); })) {
+    pair.in_use_pem = next->certificate_pem;
+    in_use_->renew(files.certificate, {std::move(next->certificate_pem), std::move(next->key_pem)});
   }
   tell_end(pair.renewal, now_s);
 }

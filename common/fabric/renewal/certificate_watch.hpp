@@ -9,7 +9,6 @@
 #include <thread>
 #include <vector>
 
-#include "common/base/files/changed_files.hpp"
 #include "common/config/config.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/crypto/identities/renewal.hpp"
@@ -57,7 +56,6 @@ class CertificateWatch {
   struct Pair {
     ClientConfig::TlsPair files;
     std::string in_use_pem{};
-    ChangedFiles changes{};
     crypto::Renewal renewal;
   };
 
@@ -66,7 +64,9 @@ class CertificateWatch {
   void look_at_identity(std::int64_t now_s);
   void keep_first_end();
   void look_at(Pair& pair, std::int64_t now_s);
-  bool check(crypto::Renewal& renewal, const Result<crypto::Renewal::Pair>& found, bool same, std::int64_t now_s);
+  std::optional<crypto::Renewal::Pair> renewed(crypto::Renewal& renewal, const std::vector<std::string>& files,
+                                               const std::string& in_use, std::int64_t now_s,
+                                               const crypto::Renewal::Load& load);
   void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
   Result<crypto::Renewal::Pair> take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
 
@@ -74,7 +74,6 @@ class CertificateWatch {
   const std::shared_ptr<crypto::IdentityInUse> identity_;
   std::unique_ptr<crypto::MspRegistry> trusted_;
   const std::shared_ptr<TlsPairsInUse> in_use_;
-  ChangedFiles identity_changes_;
   std::vector<Pair> pairs_;
   Tell tell_;
 
