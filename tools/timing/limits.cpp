@@ -1,4 +1,4 @@
-#include "tools/timing/limits.hpp"
+#include "tools/timing/figures.hpp"
 
 #include <fmt/format.h>
 

@@ -14,9 +14,7 @@
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/self_test.hpp"
 #include "tools/timing/show.hpp"
-#include "tools/timing/trace/perfetto.hpp"
 #include "tools/timing/trace/recording.hpp"
-#include "tools/timing/transports.hpp"
 
 namespace {
 

@@ -12,7 +12,6 @@
 #include "tools/launcher/live.hpp"
 #include "tools/report/results.hpp"
 #include "tools/timing/show.hpp"
-#include "tools/timing/trace/perfetto.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {

@@ -1,4 +1,4 @@
-#include "tools/timing/trace/perfetto.hpp"
+#include "tools/timing/show.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
