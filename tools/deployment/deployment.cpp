@@ -13,7 +13,7 @@
 namespace ledgerline::deployment {
 namespace {
 
-constexpr std::array roles{"onboard", "ground", "ledger"};
+constexpr std::array roles{"drone-host", "ground", "ledger"};
 static_assert(roles.size() == role_count && role_count == static_cast<std::size_t>(Role::ledger) + 1);
 
 std::string unique_name(Config& config, const Key& key, std::set<std::string>& names) {
@@ -33,7 +33,7 @@ std::string address(Config& config, const Key& key) {
 std::vector<Role> read_roles(Config& config, const std::string& key) {
   std::vector<Role> out;
   for (const std::string& name :
-       config.texts({key, "what runs there, at least one of onboard, ground, ledger"}, role_count)) {
+       config.texts({key, "what runs there, at least one of drone-host, ground, ledger"}, role_count)) {
     const auto known = std::find(roles.begin(), roles.end(), name);
     if (known == roles.end()) {
       config.wrong(key, fmt::format("has \"{}\", must be of {}", name, fmt::join(roles, ", ")));
@@ -134,7 +134,7 @@ void read_drones(Config& config, Deployment& out) {
     const std::string key = fmt::format("drone.{}.", i);
     Drone drone;
     drone.name = unique_name(config, {key + "name", "as it is enrolled on the ledger"}, names);
-    drone.host = host_with(config, {key + "host", "of role onboard: who flies it"}, Role::onboard, out);
+    drone.host = host_with(config, {key + "host", "of role drone-host: who flies it"}, Role::drone_host, out);
     drone.address = address(config, {key + "address", "IPv4, as its host reaches it"});
     if (!drone.address.empty() && !addresses.insert(drone.host + " " + drone.address).second)
       config.wrong(key + "address", "must be an address that no other drone of its host has");

@@ -1,4 +1,4 @@
-#include "tools/deployment/one_host.hpp"
+#include "tools/deployment/deployment.hpp"
 
 #include <fmt/format.h>
 

@@ -8,18 +8,15 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/doctor/shell/configs.hpp"
-#include "tools/doctor/shell/drone_probe.hpp"
-#include "tools/doctor/shell/host_probe.hpp"
-#include "tools/doctor/shell/identity_probe.hpp"
-#include "tools/doctor/shell/ledger/channels.hpp"
-#include "tools/doctor/shell/ledger/ledger_probe.hpp"
-#include "tools/doctor/shell/server_probe.hpp"
+#include "tools/checks/shell/configs.hpp"
+#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 namespace {
 
 using namespace ledgerline;
-using namespace ledgerline::doctor;
+using namespace ledgerline::checks;
 
 constexpr const char* about =
     "Looks at each link of the chain from this host, and says what is wrong and its cure. Changes nothing.";
@@ -38,10 +35,6 @@ struct Options {
   bool json = false, drones = false, table = false;
   double timeout_s = 3;
 };
-
-void add(Findings& all, Findings more) {
-  all.insert(all.end(), std::make_move_iterator(more.begin()), std::make_move_iterator(more.end()));
-}
 
 /// Without those that are there in the same words.
 void add_new(Findings& all, Findings more) {
@@ -75,7 +68,7 @@ void look_at_host(const Configs& configs, Findings& all) {
   add(all, assess(look_at_shared_memory()));
   if (!link) return;
   add(all, assess(look_at_real_time(link->real_time)));
-  if (!link_runs()) all.push_back(assess(look_at_state_port(link->state_listen)));
+  if (!link_runs()) all.push_back(assess(look_at_port(link->state_listen)));
   if (const ProgramConfig* const agent = configs.of("agent"))
     all.push_back(assess_names(names_of(link->drones), names_of(agent->drones)));
   for (const DroneKeys& drone : link->drones)

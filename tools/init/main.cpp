@@ -6,9 +6,8 @@
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/init/core/files.hpp"
-#include "tools/init/shell/identity.hpp"
-#include "tools/init/shell/new_files.hpp"
+#include "tools/init/core/host.hpp"
+#include "tools/init/shell/host_files.hpp"
 
 namespace {
 

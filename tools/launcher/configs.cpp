@@ -10,11 +10,15 @@
 #include "common/fabric/validation/channel_config.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/parameters.hpp"
-#include "tools/deployment/timeouts.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::fly {
 namespace {
+
+using configuration::ConfigFile;
+using configuration::LedgerAccess;
+using configuration::Server;
 
 std::string organisation_dir(const RunFiles& files, int organisation) {
   return files.in(fmt::format("ledger/crypto/peerOrganizations/org{}.ledgerline", organisation));
@@ -33,107 +37,97 @@ std::string tls_ca(const RunFiles& files, int organisation) {
   return fmt::format("{}/tlsca/tlsca.org{}.ledgerline-cert.pem", organisation_dir(files, organisation), organisation);
 }
 
-std::string ledger_table(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user,
-                         const std::string& more = {}) {
-  return fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"Org{}MSP\"\nmsp_dir = \"{}/msp\"\n{}\n",
-                     endpoint, tls_ca(files, 1), organisation, user_dir(files, organisation, user), more);
+std::string msp_id_of(int organisation) { return fmt::format("Org{}MSP", organisation); }
+
+LedgerAccess access_of(const RunFiles& files, const std::string& endpoint, int organisation, const std::string& user) {
+  return {.peer = {"", endpoint, "", tls_ca(files, 1)},
+          .msp_id = msp_id_of(organisation),
+          .msp_dir = user_dir(files, organisation, user) + "/msp",
+          .config_block = files.in("ledger/teleop.block")};
 }
 
-std::string anchor_line(const RunFiles& files) {
-  return fmt::format("config_block = \"{}\"\n", files.in("ledger/teleop.block"));
+std::string control_config(const RunFiles& files, const std::string& endpoint, int organisation,
+                           const std::string& user) {
+  ConfigFile out;
+  add_ledger(out, access_of(files, endpoint, organisation, user));
+  return out.plain();
 }
 
-std::string msp_tables(const RunFiles& files) {
-  std::string tables;
-  for (int k = 1; k <= 3; ++k) {
-    tables += fmt::format("[[msp]]\nid = \"Org{0}MSP\"\nca = \"{1}/ca/ca.org{0}.ledgerline-cert.pem\"\n\n", k,
-                          organisation_dir(files, k));
-  }
-  return tables;
+void add_output(ConfigFile& out, const RunFiles& files, const std::string& program) {
+  out.text("[output]", "trace", files.trace(program));
+  out.text("[output]", "summary", files.summary(program));
 }
 
-std::string output_table(const RunFiles& files, const std::string& program) {
-  return fmt::format("[output]\ntrace = \"{}\"\nsummary = \"{}\"\n", files.trace(program), files.summary(program));
-}
-
-std::string service_table(const RunFiles& files, const Options& options) {
-  if (!options.watch) return "";
-  const std::string operators =
-      options.operators.empty() ? "" : fmt::format("operators = \"{}\"\n", files.in("operators"));
-  const std::string faults = options.fault_switches ? fmt::format("faults = \"{}\"\n", files.fault_switches()) : "";
-  const link::FenceSettings fence = options.own ? options.own->link.fence : link::FenceSettings{};  // as link has it
-  const auto corner = [](const auto& at_m) { return fmt::format("[{:g}, {:g}, {:g}]", at_m[0], at_m[1], at_m[2]); };
-  return fmt::format(
-      "\n[service]\nlisten = \"127.0.0.1:{}\"\ntoken_file = \"{}\"\n{}{}\n"
-      "[mission]\nfolder = \"{}\"\napprovals = {}\nafter_restart = \"go_on\"\nfence_min_m = {}\nfence_max_m = {}\n\n",
-      free_port(), files.page_token(), operators, faults, files.in("missions"), options.approvals, corner(fence.min_m),
-      corner(fence.max_m));
-}
-
-// So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down: more of [output].
-std::string memory_lines(const RunFiles& files) {
-  return fmt::format("starts = \"{}\"\nlocal_stops = \"{}\"\n", files.in("link.starts"), files.in("link.stops"));
-}
-
-// So that a peer cannot show a program that is started again an older chain: more of [output]. It goes with its ledger.
-std::string checkpoint_line(const RunFiles& files, const Options& options, const std::string& program) {
+// So that a peer cannot show a program that is started again an older chain. It goes with its ledger.
+void add_checkpoint(ConfigFile& out, const RunFiles& files, const Options& options, const std::string& program) {
   const std::string directory = is_of_others(options) ? "" : "ledger/";
-  return fmt::format("checkpoint = \"{}\"\n", files.in(fmt::format("{}{}.checkpoint", directory, program)));
+  out.text("[output]", "checkpoint", files.in(fmt::format("{}{}.checkpoint", directory, program)));
+}
+
+void add_status(ConfigFile& out) { out.number("[output]", "status_period_ms", 250); }
+
+std::string vector_of(const std::array<double, 3>& v, const char* form) {
+  return fmt::format("[{}, {}, {}]", fmt::format(fmt::runtime(form), v[0]), fmt::format(fmt::runtime(form), v[1]),
+                     fmt::format(fmt::runtime(form), v[2]));
+}
+
+void add_service(ConfigFile& out, const RunFiles& files, const Options& options) {
+  if (!options.watch) return;
+  out.text("[service]", "listen", fmt::format("127.0.0.1:{}", free_port()));
+  out.text("[service]", "token_file", files.page_token());
+  if (!options.operators.empty()) out.text("[service]", "operators", files.in("operators"));
+  if (options.fault_switches) out.text("[service]", "faults", files.fault_switches());
+  const link::FenceSettings fence = options.own ? options.own->link.fence : link::FenceSettings{};  // as link has it
+  out.text("[mission]", "folder", files.in("missions"));
+  out.number("[mission]", "approvals", options.approvals);
+  out.text("[mission]", "after_restart", "go_on");
+  out.add("[mission]", "fence_min_m", vector_of(fence.min_m, "{:g}"));
+  out.add("[mission]", "fence_max_m", vector_of(fence.max_m, "{:g}"));
 }
 
 // Where the proxy stands for a drone.
 std::string proxied_address_of(int drone) { return fmt::format("127.0.1.{}", drone + 1); }
 const char* const proxy_address = "127.0.2.1";  // toward the drones; link has the ports for state at the others
 
-std::string drone_tables(const Options& options) {
-  std::string tables;
-  for (int k = 1; k <= options.drones; ++k)
-    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
-  return tables;
+void add_drones(ConfigFile& out, const Options& options) {
+  for (int k = 1; k <= options.drones; ++k) {
+    const auto place = static_cast<std::size_t>(k) - 1;
+    out.text("[[drone]]", "name", drone_name(options, k), place);
+    out.number("[[drone]]", "number", k, place);
+  }
 }
 
 // Ground's, of which each may fly its own course.
-std::string flown_drone_tables(const Options& options) {
-  std::string tables;
-  for (int k = 1; k <= options.drones; ++k) {
-    tables += fmt::format("\n[[drone]]\nname = \"{}\"\nnumber = {}\n", drone_name(options, k), k);
-    if (!options.tasks.contains(k)) continue;
-    const auto& [course, file] = options.tasks.at(k);
-    tables += file.empty() ? fmt::format("shape = \"{}\"\n", ground::name_of(course.shape))
-                           : fmt::format("shape = \"waypoints\"\nwaypoints = \"{}\"\n", file);
-    tables +=
-        fmt::format("side_m = {:.3f}\nspeed_mps = {:.3f}\nlaps = {}\n", course.side_m, course.speed_mps, course.laps);
+void add_flown_drones(ConfigFile& out, const Options& options) {
+  add_drones(out, options);
+  for (const auto& [k, task] : options.tasks) {
+    if (k > options.drones) continue;
+    const auto place = static_cast<std::size_t>(k) - 1;
+    out.text("[[drone]]", "shape", task.file.empty() ? ground::name_of(task.course.shape) : "waypoints", place);
+    if (!task.file.empty()) out.text("[[drone]]", "waypoints", task.file, place);
+    out.number("[[drone]]", "side_m", task.course.side_m, 3, place);
+    out.number("[[drone]]", "speed_mps", task.course.speed_mps, 3, place);
+    out.number("[[drone]]", "laps", task.course.laps, place);
   }
-  return tables;
-}
-
-std::string pad_tables(const std::vector<sim::Pad>& pads) {
-  std::string tables;
-  for (const sim::Pad& pad : pads) {
-    tables += fmt::format("\n[[pad]]\nid = {}\nposition_m = [{:.3f}, {:.3f}, 0]\nyaw_rad = {:.4f}\n", pad.id, pad.x_m,
-                          pad.y_m, pad.yaw_rad);
-  }
-  return tables;
 }
 
 // A simulated one stands where the simulator puts it, so that those which fly by onboard odometry have one frame.
-std::string link_drone_tables(const Options& options) {
+void add_links_drones(ConfigFile& out, const Options& options) {
   const sim::Parameters places;
-  std::string tables;
+  add_drones(out, options);
   for (int k = 1; k <= options.drones; ++k) {
+    const auto place = static_cast<std::size_t>(k) - 1;
     const deployment::OwnDrone own =
-        options.own ? options.own->drones[static_cast<std::size_t>(k) - 1]
+        options.own ? options.own->drones[place]
                     : deployment::OwnDrone{.address = options.proxy ? proxied_address_of(k) : address_of(k),
                                            .start_m = sim::start_of(places, k)};
-    tables += fmt::format(
-        "\n[[drone]]\nname = \"{}\"\nnumber = {}\naddress = \"{}\"\nstart_m = [{:.3f}, {:.3f}, {:.3f}]\n"
-        "start_yaw_rad = {:.4f}\n",
-        drone_name(options, k), k, own.address, own.start_m[0], own.start_m[1], own.start_m[2], own.start_yaw_rad);
-    if (!own.interface.empty()) tables += fmt::format("interface = \"{}\"\n", own.interface);
-    if (!own.serial.empty()) tables += fmt::format("serial = \"{}\"\n", own.serial);
-    if (pose_of(options) == "none") tables += "by_hand_without_pose = true\n";
+    out.text("[[drone]]", "address", own.address, place);
+    out.add("[[drone]]", "start_m", vector_of(own.start_m, "{:.3f}"), place);
+    out.number("[[drone]]", "start_yaw_rad", own.start_yaw_rad, 4, place);
+    if (!own.interface.empty()) out.text("[[drone]]", "interface", own.interface, place);
+    if (!own.serial.empty()) out.text("[[drone]]", "serial", own.serial, place);
+    if (pose_of(options) == "none") out.add("[[drone]]", "by_hand_without_pose", "true", place);
   }
-  return tables;
 }
 
 // One host's way to the ledger, through the proxy where there is one.
@@ -154,87 +148,75 @@ std::string endorser_name(const std::string& program, std::size_t organisation) 
 enum class Side { drones, ground };
 
 // Said aloud, so that a CYCLONEDDS_URI in the shell does not open the drones' topics to a network.
-std::string dds_table(const Options& options, Side side) {
-  std::string table = "\n[dds]\n";
-  if (!options.domains.empty()) table += fmt::format("domain = {}\n", options.domains[side == Side::drones ? 0 : 1]);
-  if (!options.ros_release.empty()) table += fmt::format("ros_release = \"{}\"\n", options.ros_release);
-  return table + (options.cyclonedds.empty() ? "local_only = true\n"
-                                             : fmt::format("cyclonedds = \"{}\"\n", options.cyclonedds));
-}
-
-// On a slow ledger a command may be older, and a quiet ledger is not yet a silent one. Link's own limit of 2 s for any
-// command stays, unless a longer one was asked for.
-std::string timeouts(const Options& options) {
-  const TimeNs longer_ns = both_ways(options);
-  if (longer_ns == 0 && options.max_age_ns == 0) return "";
-  const deployment::Timeouts timeouts = deployment::timeout_with(longer_ns, options.max_age_ns);
-  return fmt::format("\n[check]\nmax_age_ms = {:.0f}\n\n[agent]\nledger_silent_after_ms = {:.0f}\n",
-                     to_ms(timeouts.max_age_ns), to_ms(timeouts.silent_after_ns));
-}
-
-// Ground counts on plans that take over as they come; a pilot's are all for now, and smoothed.
-std::string playout_table(const Options& options) {
-  const TimeNs link_max_age_ns = link::PlayoutSettings{}.max_age_ns;
-  std::string table = "\n[playout]\n";
-  if (options.max_age_ns > link_max_age_ns) table += fmt::format("max_age_ms = {:.0f}\n", to_ms(options.max_age_ns));
-  if (!options.manual) table += "max_margin_ms = 0\n";
-  return table;
-}
-
-// More of agent.toml.
-std::string endorser_within(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
-  if (!options.endorser_within) return "";
-  const std::string own = endorser_dir(files);
-  return fmt::format(
-      "\n[own_endorser]\nmsp_dir = \"{0}/msp\"\nlisten = \"{1}\"\ntls_certificate = \"{0}/tls/server.crt\"\ntls_key = "
-      "\"{0}/tls/server.key\"\nsummary = \"{2}\"\n",
-      own, places.own_endorser, files.summary("endorser"));
-}
-
-// Of agent's and ground's transactions.
-std::string deadline(const Options& options) {
-  if (both_ways(options) == 0) return "";
-  return fmt::format("deadline_ms = {:.0f}\n", to_ms(deployment::timeout_with(both_ways(options)).deadline_ns));
+void add_dds(ConfigFile& out, const Options& options, Side side) {
+  if (!options.domains.empty()) out.number("[dds]", "domain", options.domains[side == Side::drones ? 0 : 1]);
+  if (!options.ros_release.empty()) out.text("[dds]", "ros_release", options.ros_release);
+  if (options.cyclonedds.empty())
+    out.add("[dds]", "local_only", "true");
+  else
+    out.text("[dds]", "cyclonedds", options.cyclonedds);
 }
 
 // Without any pose, link waits for motion capture without result, and its drones may be flown by hand.
 std::string source_for_link(const std::string& pose) { return pose == "none" ? "mocap" : pose; }
 
-// Link shares the port of state texts with nobody: at one address it leaves the others to a proxy.
-const char* const simulated_listen = "listen = \"127.0.0.1:8890\"\n";
-
 // What a deployment says of its own drones comes as it stands there.
 std::string link_config(const RunFiles& files, const Options& options) {
-  return output_table(files, "link") + memory_lines(files) + (options.own ? "status_period_ms = 250\n" : "") +
-         fmt::format("\n[state]\nrate_hz = {:.3f}\n{}", options.rate_hz, options.own ? "" : simulated_listen) +
-         playout_table(options) +
-         (options.shim ? fmt::format("\n[tello]\ntransport = \"shim\"\n\n[shim]\nmemory = \"{}\"\n", shim_memory(files))
-                       : "") +
-         (options.own
-              ? "\n" + options.own->link_tables
-              : fmt::format("\n[pose]\nsource = \"{}\"\nvelocity_signs = [1, 1, 1]\n", source_for_link(options.pose)) +
-                    pad_tables(options.pads)) +
-         link_drone_tables(options);
+  ConfigFile out;
+  add_output(out, files, "link");
+  // So that a link that dies and dies lands what it flies, and one that was asked to end keeps it down.
+  out.text("[output]", "starts", files.in("link.starts"));
+  out.text("[output]", "local_stops", files.in("link.stops"));
+  if (options.own) add_status(out);
+  out.number("[state]", "rate_hz", options.rate_hz, 3);
+  // Link shares the port of state texts with nobody: at one address it leaves the others to a proxy.
+  if (!options.own) out.text("[state]", "listen", "127.0.0.1:8890");
+  // Link's own limit of 2 s for any command stays, unless a longer one was asked for. Ground counts on plans that take
+  // over as they come; a pilot's are all for now, and smoothed.
+  if (options.max_age_ns > link::PlayoutSettings{}.max_age_ns)
+    out.number("[playout]", "max_age_ms", to_ms(options.max_age_ns), 0);
+  if (!options.manual) out.number("[playout]", "max_margin_ms", 0);
+  if (options.shim) {
+    out.text("[tello]", "transport", "shim");
+    out.text("[shim]", "memory", shim_memory(files));
+  }
+  if (options.own) {
+    out.append(options.own->link_tables);
+  } else {
+    out.text("[pose]", "source", source_for_link(options.pose));
+    out.add("[pose]", "velocity_signs", "[1, 1, 1]");
+    for (std::size_t i = 0; i < options.pads.size(); ++i) {
+      const sim::Pad& pad = options.pads[i];
+      out.number("[[pad]]", "id", pad.id, i);
+      out.add("[[pad]]", "position_m", fmt::format("[{:.3f}, {:.3f}, 0]", pad.x_m, pad.y_m), i);
+      out.number("[[pad]]", "yaw_rad", pad.yaw_rad, 4, i);
+    }
+  }
+  add_links_drones(out, options);
+  return out.plain();
 }
 
-std::string flight_table(const Options& options) {
-  std::string table = fmt::format(
-      "\n[flight]\nshape = \"{}\"\nspeed_mps = {:.3f}\nlaps = {}\nseconds = {:.3f}\nheight_m = {:.3f}\nside_m = "
-      "{:.3f}\npredict = {}\n",
-      shape_name(options), options.speed_mps, options.laps, options.seconds, height_m, options.side_m, options.predict);
+void add_flight(ConfigFile& out, const Options& options) {
+  constexpr const char* table = "[flight]";
+  out.text(table, "shape", shape_name(options));
+  out.number(table, "speed_mps", options.speed_mps, 3);
+  out.number(table, "laps", options.laps);
+  out.number(table, "seconds", options.seconds, 3);
+  out.number(table, "height_m", height_m, 3);
+  out.number(table, "side_m", options.side_m, 3);
+  out.add(table, "predict", fmt::format("{}", options.predict));
   // What link keeps to, as its own config leaves it.
   const link::LinkSettings link = options.own ? options.own->link : link::LinkSettings{};
   const bool mocap = source_for_link(pose_of(options)) == name(link::PoseSource::mocap);
-  table += fmt::format("full_scale_mps = {:.3f}\nmax_acceleration_mps2 = {:.3f}\npose_lost_ms = {:.0f}\n",
-                       std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), link.playout.max_acceleration_mps2,
-                       to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns));
-  if (!options.controller.empty()) table += fmt::format("controller = \"{}\"\n", options.controller);
-  if (!options.course_file.empty()) table += fmt::format("waypoints = \"{}\"\n", options.course_file);
+  out.number(table, "full_scale_mps", std::min(link.rc.full_scale_mps, link.playout.max_speed_mps), 3);
+  out.number(table, "max_acceleration_mps2", link.playout.max_acceleration_mps2, 3);
+  out.number(table, "pose_lost_ms", to_ms(mocap ? link.failsafe.pose_lost_ns : link.failsafe.velocity_lost_ns), 0);
+  if (!options.controller.empty()) out.text(table, "controller", options.controller);
+  if (!options.course_file.empty()) out.text(table, "waypoints", options.course_file);
   if (options.ramp.start_mps > 0) {
-    table +=
-        fmt::format("ramp_start_mps = {:.3f}\nramp_step_mps = {:.3f}\n", options.ramp.start_mps, options.ramp.step_mps);
+    out.number(table, "ramp_start_mps", options.ramp.start_mps, 3);
+    out.number(table, "ramp_step_mps", options.ramp.step_mps, 3);
   }
-  return table;
 }
 
 }  // namespace
@@ -248,36 +230,51 @@ std::string shim_memory(const RunFiles& files) {
 }
 
 Status write_sim_config(const RunFiles& files, const Options& options) {
-  return write_file(files.config("sim"), dds_table(options, Side::drones));
+  ConfigFile out;
+  add_dds(out, options, Side::drones);
+  return write_file(files.config("sim"), out.plain());
 }
 
 Status write_local_configs(const RunFiles& files, const Options& options) {
-  const std::string link = link_config(files, options);
-  const std::string local = output_table(files, "local") + "status_period_ms = 250\n" + flight_table(options) +
-                            dds_table(options, Side::drones) + flown_drone_tables(options);
-  if (auto status = write_file(files.config("link"), link); !status) return status;
-  return write_file(files.config("local"), local);
+  ConfigFile local;
+  add_output(local, files, "local");
+  add_status(local);
+  add_flight(local, options);
+  add_dds(local, options, Side::drones);
+  add_flown_drones(local, options);
+  if (auto status = write_file(files.config("link"), link_config(files, options)); !status) return status;
+  return write_file(files.config("local"), local.plain());
 }
 
 Status write_endorser_config(const RunFiles& files, const LedgerPlaces& places) {
   const std::string own = endorser_dir(files);
-  return write_file(
-      files.config("endorser"),
-      fmt::format("[ledger]\nendpoint = \"{}\"\ntls_ca = \"{}\"\nmsp_id = \"Org1MSP\"\nmsp_dir = "
-                  "\"{}/msp\"\n{}\n[serve]\ntls_certificate = \"{}/tls/server.crt\"\ntls_key = "
-                  "\"{}/tls/server.key\"\n\n[output]\nsummary = \"{}\"\n",
-                  places.endpoint, tls_ca(files, 1), own, anchor_line(files), own, own, files.summary("endorser")));
+  LedgerAccess access = access_of(files, places.endpoint, 1, "");
+  access.msp_dir = own + "/msp";
+  ConfigFile out;
+  add_ledger(out, access);
+  out.text("[serve]", "tls_certificate", own + "/tls/server.crt");
+  out.text("[serve]", "tls_key", own + "/tls/server.key");
+  out.text("[output]", "summary", files.summary("endorser"));
+  return write_file(files.config("endorser"), out.plain());
 }
 
 Status write_proxy_config(const RunFiles& files, const Options& options, const LedgerPlaces& places) {
-  std::string text = fmt::format("[proxy]\nseed = {}\nfaults = \"{}\"\nsummary = \"{}\"\nsource = \"{}\"\n",
-                                 options.seed, files.proxy_faults(), files.summary(proxy_name), proxy_address);
+  ConfigFile out;
+  out.add("[proxy]", "seed", std::to_string(options.seed));
+  out.text("[proxy]", "faults", files.proxy_faults());
+  out.text("[proxy]", "summary", files.summary(proxy_name));
+  out.text("[proxy]", "source", proxy_address);
   for (int k = 1; k <= options.drones && !options.shim; ++k) {
-    text += fmt::format("\n[[drone]]\nname = \"tello{}\"\nlisten = \"{}\"\naddress = \"{}\"\n", k,
-                        proxied_address_of(k), address_of(k));
+    const auto at = static_cast<std::size_t>(k) - 1;
+    out.text("[[drone]]", "name", fmt::format("tello{}", k), at);
+    out.text("[[drone]]", "listen", proxied_address_of(k), at);
+    out.text("[[drone]]", "address", address_of(k), at);
   }
+  std::size_t servers = 0;
   const auto server = [&](const std::string& name, const std::string& address) {
-    text += fmt::format("\n[[server]]\nname = \"{}\"\nlisten = \"127.0.0.1:0\"\naddress = \"{}\"\n", name, address);
+    out.text("[[server]]", "name", name, servers);
+    out.text("[[server]]", "listen", "127.0.0.1:0", servers);
+    out.text("[[server]]", "address", address, servers++);
   };
   for (const std::string program : {"agent", "ground"}) {
     server(program, places.endpoint);
@@ -285,56 +282,80 @@ Status write_proxy_config(const RunFiles& files, const Options& options, const L
     for (std::size_t k = 2; k <= places.peers.size(); ++k) server(endorser_name(program, k), places.peers[k - 1]);
     if (!places.own_endorser.empty()) server(own_endorser_name(program), places.own_endorser);
   }
-  return write_file(files.config(proxy_name), text);
+  return write_file(files.config(proxy_name), out.plain());
 }
+
+namespace {
+
+/// Agent's and ground's way to a ledger that the flight has started.
+LedgerAccess follower_access(const RunFiles& files, const Options& options, const LedgerPlaces& places,
+                             const Proxied& proxied, const std::string& program) {
+  const auto endorser = [&](std::size_t organisation, const std::string& at) {
+    const int number = static_cast<int>(organisation);
+    return Server{msp_id_of(number), at, "", tls_ca(files, number)};
+  };
+  LedgerAccess access = access_of(files, place(proxied, program, places.endpoint), program == "agent" ? 1 : 2, "User1");
+  access.timeouts = deployment::timeout_with(both_ways(options));
+  for (std::size_t i = 0; !options.gateway && i < places.orderers.size(); ++i)
+    access.orderers.push_back(
+        {"", place(proxied, orderer_name(program, i), places.orderers[i]), "",
+         files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem")});
+  if (!places.own_endorser.empty() && !(options.endorser_within && program == "agent"))
+    access.endorsers.push_back(endorser(1, place(proxied, own_endorser_name(program), places.own_endorser)));
+  for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k)
+    access.endorsers.push_back(endorser(k, k == 1 ? place(proxied, program, places.endpoint)
+                                                  : place(proxied, endorser_name(program, k), places.peers[k - 1])));
+  for (int k = 1; k <= 3; ++k)
+    access.msps.emplace_back(msp_id_of(k),
+                             fmt::format("{}/ca/ca.org{}.ledgerline-cert.pem", organisation_dir(files, k), k));
+  return access;
+}
+
+}  // namespace
 
 Status write_configs(const RunFiles& files, const Options& options, const LedgerPlaces& places,
                      const Proxied& proxied) {
-  const std::string& endpoint = places.endpoint;
-  const std::vector<std::string>& orderers = places.orderers;
-  const auto endorser = [&](int organisation, const std::string& at) {
-    return fmt::format("[[endorser]]\nmsp_id = \"Org{}MSP\"\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n", organisation, at,
-                       tls_ca(files, organisation));
-  };
-  const auto direct = [&](const std::string& program) {
-    std::string tables;
-    for (std::size_t i = 0; !options.gateway && i < orderers.size(); ++i) {
-      tables += fmt::format("[[orderer]]\nendpoint = \"{}\"\ntls_ca = \"{}\"\n\n",
-                            place(proxied, orderer_name(program, i), orderers[i]),
-                            files.in("ledger/crypto/ordererOrganizations/ledgerline/tlsca/tlsca.ledgerline-cert.pem"));
-    }
-    if (!places.own_endorser.empty() && !(options.endorser_within && program == "agent"))
-      tables += endorser(1, place(proxied, own_endorser_name(program), places.own_endorser));
-    for (std::size_t k = 1; !options.gateway && k <= places.peers.size(); ++k) {
-      const std::string at = k == 1 ? place(proxied, program, places.endpoint)
-                                    : place(proxied, endorser_name(program, k), places.peers[k - 1]);
-      tables += endorser(static_cast<int>(k), at);
-    }
-    return tables;
-  };
   const deployment::OwnLedger* network = is_of_others(options) ? &*options.own->network : nullptr;
-  const auto ledger = [&](const std::string& program, int organisation) {
-    if (network) return (program == "agent" ? network->agent : network->ground) + "\n";
-    return ledger_table(files, place(proxied, program, endpoint), organisation, "User1",
-                        anchor_line(files) + fmt::format("blocks = \"{}\"\n", options.blocks) + deadline(options)) +
-           direct(program) + msp_tables(files);
+  // What both sides of the ledger have.
+  const auto follower = [&](const std::string& program) {
+    ConfigFile out;
+    if (network) {
+      out.append(program == "agent" ? network->agent : network->ground);
+    } else {
+      add_ledger(out, follower_access(files, options, places, proxied, program));
+      out.text("[ledger]", "blocks", options.blocks);
+    }
+    add_output(out, files, program);
+    add_checkpoint(out, files, options, program);
+    add_status(out);
+    return out;
   };
-  const std::string with_status = "status_period_ms = 250\n";
-  const std::string link = link_config(files, options);
-  const std::string agent = ledger("agent", 1) + output_table(files, "agent") +
-                            checkpoint_line(files, options, "agent") + with_status + timeouts(options) +
-                            endorser_within(files, options, places) + (options.own ? options.own->mocap_table : "") +
-                            dds_table(options, Side::drones) + drone_tables(options);
-  const std::string ground = ledger("ground", 2) + output_table(files, "ground") +
-                             checkpoint_line(files, options, "ground") + with_status + service_table(files, options) +
-                             flight_table(options) + dds_table(options, Side::ground) + flown_drone_tables(options);
+  ConfigFile agent = follower("agent"), ground = follower("ground");
+  // On a slow ledger a command may be older, and a quiet ledger is not yet a silent one.
+  add_timeouts(agent, deployment::timeout_with(both_ways(options), options.max_age_ns));
+  if (options.endorser_within) {
+    const std::string own = endorser_dir(files);
+    agent.text("[own_endorser]", "msp_dir", own + "/msp");
+    agent.text("[own_endorser]", "listen", places.own_endorser);
+    agent.text("[own_endorser]", "tls_certificate", own + "/tls/server.crt");
+    agent.text("[own_endorser]", "tls_key", own + "/tls/server.key");
+    agent.text("[own_endorser]", "summary", files.summary("endorser"));
+  }
+  if (options.own) agent.append(options.own->mocap_table);
+  add_dds(agent, options, Side::drones);
+  add_drones(agent, options);
+  add_service(ground, files, options);
+  add_flight(ground, options);
+  add_dds(ground, options, Side::ground);
+  add_flown_drones(ground, options);
+  const std::string& endpoint = places.endpoint;
   const std::pair<std::string, std::string> all[] = {
-      {"link", link},
-      {"agent", agent},
-      {"ground", ground},
-      {"admin", network ? network->admin : ledger_table(files, endpoint, 1, "Admin", anchor_line(files))},
-      {"operators-admin", network ? "" : ledger_table(files, endpoint, 2, "Admin", anchor_line(files))},
-      {"operator", network ? network->pilot : ledger_table(files, endpoint, 2, "User1", anchor_line(files))},
+      {"link", link_config(files, options)},
+      {"agent", agent.plain()},
+      {"ground", ground.plain()},
+      {"admin", network ? network->admin : control_config(files, endpoint, 1, "Admin")},
+      {"operators-admin", network ? "" : control_config(files, endpoint, 2, "Admin")},
+      {"operator", network ? network->pilot : control_config(files, endpoint, 2, "User1")},
   };
   for (const auto& [program, text] : all) {
     if (program == "operators-admin" && options.operators.empty()) continue;

@@ -11,8 +11,8 @@
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "sim/core/pads.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/launcher/machine.hpp"
-#include "tools/launcher/page/open_page.hpp"
 #include "tools/timing/usage.hpp"
 
 namespace ledgerline::fly {
@@ -48,6 +48,46 @@ std::vector<std::string> programs_of(const Options& options) {
   if (options.proxy) names.push_back(proxy_name);
   return names;
 }
+
+/// What the programs of a flight use while it lasts, for its record and for ledgerline-timing.
+class UsageMeter {
+ public:
+  UsageMeter(const Children& children, const std::vector<std::string>& programs, RunRecord& record)
+      : children_(children), record_(record) {
+    for (const auto& name : programs) {
+      usage_.programs[name] = children_.pid(name);
+      cpu_[name] = cpu_at_begin_[name] = children_.cpu_seconds(name);
+    }
+    usage_.begin = usage_.end = timing::read_snapshot(usage_.programs);
+  }
+  const timing::UsageRecord& usage() const { return usage_; }
+
+  /// Before the children are polled: of a process that is gone what was read here counts, one turn old at most.
+  void read() {
+    if (monotonic_ns() - usage_.end.t_ns >= usage_period_ns) {
+      for (auto& [name, process] : usage_.programs) process = children_.pid(name);
+      usage_.end = timing::read_snapshot(usage_.programs);
+    }
+    for (auto& [name, used_s] : cpu_) used_s = children_.cpu_seconds(name);
+  }
+  void take(TimeNs now_ns) {
+    record_.end_ns = now_ns;
+    const double flown_s = std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
+    for (const auto& [name, used_s] : cpu_)
+      if (used_s >= cpu_at_begin_[name]) record_.cpu_percent[name] = 100 * (used_s - cpu_at_begin_[name]) / flown_s;
+    if (now_ns < next_memory_ns_) return;
+    next_memory_ns_ = now_ns + memory_period_ns;
+    for (const auto& [name, process] : usage_.programs)
+      if (const double mb = children_.memory_mb(name); mb > 0) record_.memory_mb[name] = mb;
+  }
+
+ private:
+  const Children& children_;
+  RunRecord& record_;
+  timing::UsageRecord usage_;
+  std::map<std::string, double> cpu_at_begin_, cpu_;
+  TimeNs next_memory_ns_ = 0;
+};
 
 }  // namespace
 
@@ -189,14 +229,15 @@ Status Launcher::start_all() {
 // Nothing takes off before ground is there.
 Status Launcher::wait_for_drones() {
   if (auto s = wait_ready({"link", "agent"}); !s) return s;
-  preflight_.take_clock(read_kernel_clock());
+  preflight_.take_clock(checks::look_at_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
-  for (const TimeNs until_ns = monotonic_ns() + limit_ns; !preflight_.ready();) {
+  const TimeNs until_ns = monotonic_ns() + limit_ns;
+  for (Status ready = preflight_.ready(); !ready; ready = preflight_.ready()) {
     if (auto s = goes_well_so_far(); !s) return s;
     if (monotonic_ns() > until_ns) {
       live_.say(preflight_.list());
       return Error{
-          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), preflight_.missing())};
+          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().what)};
     }
     children_.poll(watch_ns);
   }
@@ -244,36 +285,15 @@ void Launcher::write_usage(const timing::UsageRecord& usage) {
 Status Launcher::fly() {
   const std::uint64_t ledger_before = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
-  for (const auto& name : all_programs_) cpu_at_begin_[name] = children_.cpu_seconds(name);
-  timing::UsageRecord usage;
-  for (const auto& name : all_programs_) usage.programs[name] = children_.pid(name);
-  usage.begin = usage.end = timing::read_snapshot(usage.programs);
-  write_usage(usage);
+  UsageMeter meter(children_, all_programs_, record_);
+  write_usage(meter.usage());
   int interrupts_seen = 0;
-  TimeNs next_memory_ns = 0;
   Status result = done;
   for (bool flying = true; flying;) {
-    if (monotonic_ns() - usage.end.t_ns >= usage_period_ns) {
-      for (auto& [name, process] : usage.programs) process = children_.pid(name);
-      usage.end = timing::read_snapshot(usage.programs);
-    }
-    std::map<std::string, double> cpu;
-    for (const auto& name : all_programs_) cpu[name] = children_.cpu_seconds(name);
+    meter.read();
     children_.poll(watch_ns);
     const TimeNs now_ns = monotonic_ns();
-    record_.end_ns = now_ns;
-    // Of a process that is gone the figures before count: it is at most one watch later.
-    for (const auto& name : all_programs_) {
-      if (cpu[name] < cpu_at_begin_[name]) continue;
-      const double used_s = cpu[name] - cpu_at_begin_[name];
-      record_.cpu_percent[name] = 100 * used_s / std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
-    }
-    if (now_ns >= next_memory_ns) {
-      next_memory_ns = now_ns + memory_period_ns;
-      for (const auto& name : all_programs_) {
-        if (const double mb = children_.memory_mb(name); mb > 0) record_.memory_mb[name] = mb;
-      }
-    }
+    meter.take(now_ns);
     live_.show(now_ns);
     if (!children_.running(controller_) && !controller_comes_back()) {
       if (!children_.ended_well(controller_)) result = Error{ground_why()};
@@ -308,7 +328,7 @@ Status Launcher::fly() {
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
-  write_usage(usage);
+  write_usage(meter.usage());
   const std::uint64_t ledger_after = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;

@@ -102,7 +102,6 @@ class Launcher {
   std::string records_;                       ///< as control-show printed them
   std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
   RunRecord record_;
-  std::map<std::string, double> cpu_at_begin_;
   std::vector<Onboard> onboard_;  ///< in the order of their start: RouDi before those that need it
   bool chunks_leaked_ = false;    ///< as RouDi says
   bool endorser_gone_ = false;

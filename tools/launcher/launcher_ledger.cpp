@@ -2,9 +2,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "tools/launcher/configs.hpp"
 #include "tools/launcher/launcher.hpp"
 #include "tools/launcher/machine.hpp"
-#include "tools/launcher/operators.hpp"
 
 // What the launcher does until a ledger is there, and who may fly what stands on it.
 

@@ -9,9 +9,6 @@
 #include <sys/file.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/statvfs.h>
-#include <sys/timex.h>
-#include <sys/un.h>
 #include <sys/utsname.h>
 #include <unistd.h>
 
@@ -22,32 +19,14 @@
 #include <fstream>
 #include <thread>
 
+#include "tools/checks/shell/host_probe.hpp"
+
 namespace ledgerline::fly {
 namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::uint64_t shared_memory_needed = 96ULL << 20;  // iceoryx's own 66 MB, our pools, and some room
-constexpr std::uint16_t command_port = 8889;
-constexpr std::uint16_t state_port = 8890;
 const char* const roudi_socket = "/tmp/roudi";  // iceoryx 2.0: a datagram socket that answers while a RouDi lives
-
-// Where systemd runs it (packaging/systemd): a /tmp of its own, but the machine's shared memory.
-const char* const service_roudi_socket = "/run/ledgerline/roudi";
-
-bool answers(const char* path) {
-  const int fd = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  sockaddr_un name{};
-  name.sun_family = AF_UNIX;
-  std::strncpy(name.sun_path, path, sizeof name.sun_path - 1);
-  const bool lives = fd >= 0 && ::connect(fd, reinterpret_cast<sockaddr*>(&name), sizeof name) == 0;
-  if (fd >= 0) ::close(fd);
-  return lives;
-}
-
-bool roudi_lives() {
-  return answers(roudi_socket) || (::access("/dev/shm/iceoryx_mgmt", F_OK) == 0 && answers(service_roudi_socket));
-}
 
 // RouDi's segments: its own, and one named after the group that may use it.
 std::vector<fs::path> roudi_leftovers() {
@@ -58,31 +37,25 @@ std::vector<fs::path> roudi_leftovers() {
   return files;
 }
 
-void check_shared_memory(std::vector<Problem>& problems, std::vector<std::string>& notes) {
-  if (roudi_lives()) {
-    problems.push_back(
-        {"another RouDi (the broker of shared memory) runs on this machine", "end it: `pgrep -af roudi` shows it"});
+void check_shared_memory(checks::Findings& findings, std::vector<std::string>& notes) {
+  constexpr const char* check = "roudi";
+  using Roudi = checks::SharedMemoryFacts::Roudi;
+  const Roudi roudi = checks::look_at_shared_memory().roudi;
+  if (roudi == Roudi::alive || roudi == Roudi::forbidden) {
+    findings.push_back(roudi == Roudi::alive ? found(checks::Problem::roudi_runs, check, "on this machine")
+                                             : found(checks::Problem::roudi_foreign, check, "of another user"));
     return;
   }
   for (const fs::path& file : roudi_leftovers()) {
     std::error_code error;
-    if (fs::remove(file, error)) {
+    if (fs::remove(file, error))
       notes.push_back(fmt::format("removed {}, left by a RouDi that is gone", file.string()));
-    } else {
-      problems.push_back({fmt::format("{} was left by another user's RouDi", file.string()),
-                          fmt::format("sudo rm {}", file.string())});
-    }
+    else
+      findings.push_back(found(checks::Problem::roudi_left, check, file.string() + ", another user's",
+                               fmt::format("sudo rm {}", file.string())));
   }
-  struct statvfs info {};
-  if (::statvfs("/dev/shm", &info) != 0) {
-    problems.push_back({"there is no /dev/shm", "mount -t tmpfs -o size=256m tmpfs /dev/shm"});
-    return;
-  }
-  const std::uint64_t free = static_cast<std::uint64_t>(info.f_bavail) * info.f_frsize;
-  if (free < shared_memory_needed) {
-    problems.push_back({fmt::format("/dev/shm has {} MB free, 96 MB are needed", free >> 20),
-                        "mount -o remount,size=256m /dev/shm (in a container: start it with --shm-size=256m)"});
-  }
+  const std::string no_room = checks::look_at_shared_memory().no_room;
+  if (!no_room.empty()) findings.push_back(found(checks::Problem::shm_small, check, no_room));
 }
 
 void check_multicast(std::vector<std::string>& notes) {
@@ -99,52 +72,6 @@ void check_multicast(std::vector<std::string>& notes) {
         "machine: ip link "
         "set lo multicast on");
   }
-}
-
-// "ledgerline-sim (process 123)", as far as /proc shows it to us.
-std::string holder_of(const std::string& address, std::uint16_t port) {
-  in_addr ip{};
-  ::inet_pton(AF_INET, address.c_str(), &ip);
-  std::ifstream table("/proc/net/udp");
-  std::string line, inode;
-  while (std::getline(table, line)) {
-    unsigned number = 0, local = 0, local_port = 0, uid = 0;
-    unsigned long node = 0;
-    if (std::sscanf(line.c_str(), " %u: %X:%X %*X:%*X %*X %*X:%*X %*X:%*X %*X %u %*u %lu", &number, &local, &local_port,
-                    &uid, &node) == 5 &&
-        local_port == port && (local == ip.s_addr || local == 0)) {
-      inode = fmt::format("socket:[{}]", node);
-    }
-  }
-  std::error_code error;
-  for (const auto& process : fs::directory_iterator("/proc", error)) {
-    const std::string pid = process.path().filename();
-    if (inode.empty() || pid.find_first_not_of("0123456789") != std::string::npos) continue;
-    for (const auto& fd : fs::directory_iterator(process.path() / "fd", error)) {
-      if (fs::read_symlink(fd.path(), error).string() != inode) continue;
-      std::ifstream comm(process.path() / "comm");
-      std::string name;
-      std::getline(comm, name);
-      return fmt::format("{} (process {})", name, pid);
-    }
-  }
-  return "another process";
-}
-
-void check_port(const std::string& address, std::uint16_t port, std::vector<Problem>& problems) {
-  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  sockaddr_in name{};
-  name.sin_family = AF_INET;
-  name.sin_port = htons(port);
-  ::inet_pton(AF_INET, address.c_str(), &name.sin_addr);
-  if (fd < 0 || ::bind(fd, reinterpret_cast<sockaddr*>(&name), sizeof name) != 0) {
-    const int why = errno;
-    problems.push_back(
-        {fmt::format("UDP {}:{} cannot be used: {}", address, port,
-                     why == EADDRINUSE ? "it is taken by " + holder_of(address, port) : std::strerror(why)),
-         why == EADDRINUSE ? "end that process" : "ip link set lo up"});
-  }
-  if (fd >= 0) ::close(fd);
 }
 
 }  // namespace
@@ -202,27 +129,24 @@ int free_port() {
 
 std::string address_of(int drone) { return fmt::format("127.0.0.{}", drone + 1); }
 
-std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes) {
-  std::vector<Problem> problems;
-  check_shared_memory(problems, notes);
+checks::Findings check_machine(int drones, std::vector<std::string>& notes) {
+  checks::Findings findings;
+  check_shared_memory(findings, notes);
   check_multicast(notes);
-  for (int k = 1; k <= drones; ++k) check_port(address_of(k), command_port, problems);
-  check_port("127.0.0.1", state_port, problems);
-  return problems;
+  for (int k = 0; k <= drones; ++k) {
+    checks::PortFacts port = checks::look_at_port(k == 0 ? "127.0.0.1:8890" : address_of(k) + ":8889");
+    port.is_links = k == 0;
+    if (checks::Finding one = assess(port); one.problem) findings.push_back(std::move(one));
+  }
+  return findings;
 }
 
 void remove_roudi_leftovers() {
-  if (roudi_lives()) return;
+  using Roudi = checks::SharedMemoryFacts::Roudi;
+  const Roudi roudi = checks::look_at_shared_memory().roudi;
+  if (roudi == Roudi::alive || roudi == Roudi::forbidden) return;
   std::error_code error;  // another user's stay: the next flight's check names them
   for (const fs::path& file : roudi_leftovers()) fs::remove(file, error);
-}
-
-ClockFacts read_kernel_clock() {
-  timex clock{};
-  const int state = ::adjtimex(&clock);
-  if (state < 0) return {};
-  const bool synchronised = state != TIME_ERROR && (clock.status & STA_UNSYNC) == 0;
-  return {.known = true, .synchronised = synchronised, .max_error_ms = static_cast<double>(clock.maxerror) * 1e-3};
 }
 
 Machine describe_machine() {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "tools/launcher/preflight/check.hpp"
+#include "tools/checks/core/problem.hpp"
 
 namespace ledgerline::fly {
 
@@ -22,15 +22,10 @@ class RunLock {
   int fd_;
 };
 
-/// What stands in the way of a flight, and its cure.
-struct Problem {
-  std::string what;
-  std::string cure;
-};
-
-/// Looks at shared memory (room, leftovers of a RouDi that died, another RouDi that lives) and at the UDP ports of
-/// `drones` drones and of link. Leftovers of our own are removed: `notes` says so, and what else is good to know.
-std::vector<Problem> check_machine(int drones, std::vector<std::string>& notes);
+/// What stands in the way of a flight. Looks at shared memory (room, leftovers of a RouDi that died, another RouDi that
+/// lives) and at the UDP ports of `drones` drones and of link. Leftovers of our own are removed: `notes` says so, and
+/// what else is good to know.
+checks::Findings check_machine(int drones, std::vector<std::string>& notes);
 
 /// Removes what a RouDi that is gone left in /dev/shm and /tmp, unless another one lives.
 void remove_roudi_leftovers();
@@ -43,14 +38,15 @@ struct Machine {
 };
 Machine describe_machine();
 
-/// Asks the kernel (adjtimex(2)); changes nothing, and takes no rights.
-ClockFacts read_kernel_clock();
-
 /// A TCP port of 127.0.0.1 that nobody has now, so that a ground that is started again serves where its page looks for
 /// it; 0: there is none.
 int free_port();
 
 /// "127.0.0.2" for drone 1.
 std::string address_of(int drone);
+
+/// Opens `url` in the local user's browser (xdg-open), which is a process of its own. The url holds a token, so the
+/// browser is given `file`, made for this owner alone, which leads there: a command line can be read by everybody.
+Status open_in_browser(const std::string& url, const std::string& file);
 
 }  // namespace ledgerline::fly

@@ -123,7 +123,7 @@ int main(int argc, char** argv) {
   if (uri && *uri && asked.options.cyclonedds.empty())
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
   for (const auto& note : notes) fmt::print(stderr, "note: {}\n", note);
-  for (const auto& problem : problems) fmt::print(stderr, "problem: {}\n   cure: {}\n", problem.what, problem.cure);
+  if (!problems.empty()) fmt::print(stderr, "{}", words(problems));
   if (!problems.empty()) return fail("this machine is not ready to fly");
 
   std::error_code error;

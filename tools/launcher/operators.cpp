@@ -1,4 +1,4 @@
-#include "tools/launcher/operators.hpp"
+#include "tools/launcher/configs.hpp"
 
 #include <fmt/format.h>
 

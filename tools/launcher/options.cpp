@@ -14,9 +14,9 @@
 #include "ground/shell/course_file.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/pads.hpp"
-#include "tools/deployment/one_host.hpp"
-#include "tools/launcher/operators.hpp"
-#include "tools/launcher/preflight/fence.hpp"
+#include "tools/deployment/deployment.hpp"
+#include "tools/launcher/configs.hpp"
+#include "tools/launcher/preflight/preflight.hpp"
 
 namespace ledgerline::fly {
 namespace {
@@ -190,8 +190,8 @@ std::size_t different(const std::vector<std::string>& names) {
   return std::set<std::string>(names.begin(), names.end()).size();
 }
 
-/// Options that do not go together, in words; empty: they do.
-std::string contradiction(const CommandLine& line, const Options& o) {
+/// An error: options that do not go together.
+Status check_together(const CommandLine& line, const Options& o) {
   constexpr const char* of_a_ledger = "goes with a ledger: with --ledger none there is none";
   constexpr const char* of_a_path = "goes with a path: with --shape manual there is none";
   constexpr const char* of_others = "stands in the [ledger] of the deployment's files, or is the network's own affair";
@@ -248,24 +248,24 @@ std::string contradiction(const CommandLine& line, const Options& o) {
       {"--ramp", !o.manual && o.seconds == 0, "goes with a path and its laps"},
   };
   for (const auto& [option, fits, why] : rules) {
-    if (!fits && line.given(option)) return fmt::format("{} {}", option, why);
+    if (!fits && line.given(option)) return Error{fmt::format("{} {}", option, why)};
   }
   if (pose_of(o) == "none" && !o.manual)
-    return "a path needs poses: without (--pose none, or a deployment's pose.source) the shape is manual";
-  return "";
+    return Error{"a path needs poses: without (--pose none, or a deployment's pose.source) the shape is manual"};
+  return done;
 }
 
-/// One word of --task. What is wrong with it; empty: nothing.
-std::string take_task_word(const std::string& word, DroneTask& task) {
+/// One word of --task.
+Status take_task_word(const std::string& word, DroneTask& task) {
   const auto equals = word.find('=');
   const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
   if (key == "shape") {
     auto course = ground::course_from(value);
-    if (!course) return course.error().what;
+    if (!course) return course.error();
     task.course.shape = course->shape;
     task.course.waypoints = std::move(course->waypoints);
     task.file = task.course.waypoints.empty() ? "" : std::filesystem::absolute(value).string();
-    return "";
+    return done;
   }
   double number = 0;
   const auto [end, error] = std::from_chars(value.data(), value.data() + value.size(), number);
@@ -278,66 +278,66 @@ std::string take_task_word(const std::string& word, DroneTask& task) {
   } else if (key == "laps" && within(1, 1000) && number == static_cast<int>(number)) {
     task.course.laps = static_cast<int>(number);
   } else {
-    return fmt::format("\"{}\" is none of shape=SHAPE_OR_FILE, side=0.5 to 15, speed=0.05 to 5, laps=1 to 1000", word);
+    return Error{
+        fmt::format("\"{}\" is none of shape=SHAPE_OR_FILE, side=0.5 to 15, speed=0.05 to 5, laps=1 to 1000", word)};
   }
-  return "";
+  return done;
 }
 
-/// Behind the flight's own path. What is wrong; empty: nothing.
-std::string take_tasks(const Words& words, Options& o) {
+/// Behind the flight's own path.
+Status take_tasks(const Words& words, Options& o) {
   for (const std::string& text : words.tasks) {
     std::istringstream in(text);
     std::string name, word;
     in >> name;
     int drone = 1;
     while (drone <= o.drones && drone_name(o, drone) != name) ++drone;
-    if (drone > o.drones) return fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones);
+    if (drone > o.drones) return Error{fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones)};
     DroneTask task = task_of(o, drone);
     while (in >> word) {
-      if (const std::string wrong = take_task_word(word, task); !wrong.empty()) return "--task: " + wrong;
+      if (auto taken = take_task_word(word, task); !taken) return Error{"--task: " + taken.error().what};
     }
     o.tasks[drone] = std::move(task);
   }
-  return "";
+  return done;
 }
 
-/// Reads what the path is, its file too. What is wrong with it; empty: nothing.
-std::string take_path(const Words& words, Options& o) {
-  if (o.manual) return "";
+/// Reads what the path is, its file too.
+Status take_path(const Words& words, Options& o) {
+  if (o.manual) return done;
   auto course = ground::course_from(words.shape);
-  if (!course) return "--shape: " + course.error().what;
+  if (!course) return Error{"--shape: " + course.error().what};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
   if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
-  if (const std::string wrong = take_tasks(words, o); !wrong.empty()) return wrong;
+  if (auto taken = take_tasks(words, o); !taken) return taken;
   // Own drones stand where their poses say, before take-off.
   if (!o.own) {
-    const std::string beyond = beyond_fence(o, link::FenceSettings{}, simulated_starts(o));
-    if (!beyond.empty()) return "--shape: " + beyond;
+    const Status fits = check_path(o, link::FenceSettings{}, simulated_starts(o));
+    if (!fits) return Error{"--shape: " + fits.error().what};
   }
-  if (words.ramp.empty()) return "";
+  if (words.ramp.empty()) return done;
   const auto ramp = ground::ramp_from(words.ramp);
-  if (!ramp) return "--ramp: " + ramp.error().what;
+  if (!ramp) return Error{"--ramp: " + ramp.error().what};
   o.ramp = *ramp;
-  return "";
+  return done;
 }
 
-/// What is wrong with the deployment's file; empty: nothing, or there is none. An option that is given counts more than
-/// the file's [flight].
-std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
-  if (words.deployment.empty()) return "";
+/// An option that is given counts more than the deployment's [flight].
+Status take_deployment(const CommandLine& line, Words& words, Options& o) {
+  if (words.deployment.empty()) return done;
   auto config = Config::load(words.deployment);
-  if (!config) return "--deployment: " + config.error().what;
+  if (!config) return Error{"--deployment: " + config.error().what};
   if (!deployment::is_of_own_drones(*config)) {
     const auto host = deployment::read_one_host(*config);
-    if (!host) return "--deployment: " + host.error().what;
+    if (!host) return Error{"--deployment: " + host.error().what};
     o.drones = host->drones;
     words.ledger = deployment::name_of(host->ledger);
     o.orderers = host->orderers;
-    return "";
+    return done;
   }
   auto own = deployment::read_own_drones(*config);
-  if (!own) return "--deployment: " + own.error().what;
+  if (!own) return Error{"--deployment: " + own.error().what};
   o.drones = static_cast<int>(own->drones.size());
   words.ledger = deployment::name_of(own->ledger);
   const deployment::OwnFlight& flight = own->flight;
@@ -346,7 +346,7 @@ std::string take_deployment(const CommandLine& line, Words& words, Options& o) {
   if (!line.given("--speed")) o.speed_mps = flight.speed_mps;
   if (!line.given("--laps")) o.laps = flight.laps;
   o.own = std::move(*own);
-  return "";
+  return done;
 }
 
 void take(const Words& words, Options& o) {
@@ -394,14 +394,14 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
     asked.text = end->text;
     return asked;
   }
-  std::string wrong = take_deployment(line, words, o);
+  Status taken = take_deployment(line, words, o);
   take(words, o);
-  if (wrong.empty()) wrong = contradiction(line, o);
-  if (wrong.empty()) wrong = take_path(words, o);
-  asked.fly = wrong.empty();
+  if (taken) taken = check_together(line, o);
+  if (taken) taken = take_path(words, o);
+  asked.fly = taken.ok();
   if (!asked.fly) {
     asked.exit_code = exit_usage;
-    asked.text = wrong + "\n";
+    asked.text = taken.error().what + "\n";
   }
   return asked;
 }

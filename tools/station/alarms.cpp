@@ -5,7 +5,6 @@
 #include "common/program/stop_signals.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
-#include "tools/station/shell/watch.hpp"
 
 namespace {
 

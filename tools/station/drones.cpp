@@ -13,8 +13,6 @@
 #include "ground/mission/mission.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
-#include "tools/station/shell/signing.hpp"
-#include "tools/station/shell/watch.hpp"
 
 namespace {
 

@@ -9,7 +9,6 @@
 #include "ground/mission/mission.hpp"
 #include "tools/station/core/show.hpp"
 #include "tools/station/shell/options.hpp"
-#include "tools/station/shell/signing.hpp"
 
 namespace {
 

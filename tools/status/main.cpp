@@ -5,10 +5,8 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/doctor/shell/configs.hpp"
-#include "tools/doctor/shell/ledger/channels.hpp"
-#include "tools/status/shell/ledgers.hpp"
-#include "tools/status/shell/programs.hpp"
+#include "tools/checks/shell/configs.hpp"
+#include "tools/status/shell/status_probe.hpp"
 
 namespace {
 
@@ -43,19 +41,19 @@ int main(int argc, char** argv) {
   const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * timeout_s));
 
   status::Status status{.programs = status::running_programs(), .ledgers = {}};
-  std::vector<doctor::ProgramConfig> configs;
+  std::vector<checks::ProgramConfig> configs;
   for (const status::Program& program : status.programs) {
     if (program.config.empty()) continue;
-    if (auto read = doctor::read_config(program.name.substr(std::strlen("ledgerline-")), program.config))
+    if (auto read = checks::read_config(program.name.substr(std::strlen("ledgerline-")), program.config))
       configs.push_back(std::move(*read));
     else
       status.ledgers.push_back({.config = program.config, .channel = {}, .why = read.error().what});
   }
-  for (doctor::ProgramConfig& config : doctor::read_configs(dir, "").programs) configs.push_back(std::move(config));
+  for (checks::ProgramConfig& config : checks::read_configs(dir, "").programs) configs.push_back(std::move(config));
   std::set<std::string> asked;
-  for (const doctor::ProgramConfig& config : configs) {
+  for (const checks::ProgramConfig& config : configs) {
     if (!asked.insert(config.path).second) continue;
-    for (const doctor::ProgramConfig& each : doctor::of_each_channel(config)) {
+    for (const checks::ProgramConfig& each : checks::of_each_channel(config)) {
       if (each.ledger && !each.ledger->peer.endpoint.empty())
         status.ledgers.push_back(status::ask_ledger(each, timeout));
     }

@@ -11,11 +11,10 @@
 #include "common/dds/settings/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
+#include "tools/checks/core/drone.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/preflight/check.hpp"
+#include "tools/tello/core/asking.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
-#include "tools/tello/core/places.hpp"
-#include "tools/tello/core/show.hpp"
 #include "tools/tello/shell/calibrate.hpp"
 #include "tools/tello/shell/preflight.hpp"
 #include "tools/tello/shell/talk.hpp"
@@ -72,8 +71,7 @@ int show(const Options& options, std::vector<std::string> addresses) {
 int join_wifi(const Options& options) {
   const auto password = tello::read_password(options.password_file);
   if (!password) return fail(password.error());
-  if (const std::string why = tello::wifi_refusal(options.ssid, *password); !why.empty())
-    return fail(Error{why}, exit_usage);
+  if (const Status fits = tello::check_wifi(options.ssid, *password); !fits) return fail(fits.error(), exit_usage);
   const auto address = parse_ipv4(options.address);
   if (!address) return fail(address.error(), exit_usage);
   const std::string word = fmt::format("ap {} {}", options.ssid, *password);
@@ -146,9 +144,12 @@ int preflight(const Options& options) {
   const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
   const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", options.listen_s});
   if (!facts) return fail(facts.error());
-  const auto lines = fly::assess(*facts);
-  print_line(options.json ? fly::to_json(lines) : fly::words(lines));
-  return fly::anything_bad(lines) ? exit_failed : 0;
+  const checks::Findings findings = assess(*facts);
+  if (options.json)
+    print_line(to_json(findings));
+  else
+    std::fputs(("Before take-off:\n" + words(findings)).c_str(), stdout);
+  return anything_broken(findings) ? exit_failed : 0;
 }
 
 constexpr const char* about =

@@ -302,7 +302,7 @@ def test_doctor_looks_at_each_channel(tmp_path):
     words = [one["what"] for one in seen if one["check"] == "contract"]
     assert [word.split(":")[0] for word in words] == ["channel teleop", "channel yard"], words
     assert any("peer of agent.toml, channel yard" in one["what"] and one["verdict"] == "ok" for one in seen), seen
-    unknown = [one["what"] for one in seen if one["verdict"] == "broken" and "moon" in one["what"]]
+    unknown = [one["what"] for one in seen if one["verdict"] == "broken" and one["drone"] == "moon"]
     assert unknown and unknown[0].startswith("channel yard: "), seen
     anchors = [one for one in wrong if one["problem"] == "anchor_wrong"]
     assert len(anchors) == 1 and "agent.toml, channel yard: it is of channel teleop" in anchors[0]["what"], anchors

@@ -100,7 +100,7 @@ def test_preflight_names_what_is_wrong_and_its_cure_and_fly_refuses_it(tmp_path)
             control(tmp_path / "admin2.toml", "enroll", "--msp", "Org2MSP", "--cert", certificate, "--role", "operator")
             control(tmp_path / "other.toml", "acquire", "tello1")
             code, checks = preflight(file)
-            wrong = {check for check, line in checks.items() if line["verdict"] == "bad"}
+            wrong = {check for check, line in checks.items() if line["verdict"] == "broken"}
             assert code == 1 and wrong == {("tello1", "battery"), ("tello1", "lease")}, checks
             assert "12 %" in checks["tello1", "battery"]["what"] and "charge" in checks["tello1", "battery"]["cure"]
             assert "held by Org2MSP" in checks["tello1", "lease"]["what"] and "User2" in checks["tello1", "lease"]["what"]
@@ -109,7 +109,7 @@ def test_preflight_names_what_is_wrong_and_its_cure_and_fly_refuses_it(tmp_path)
             refused = refusal(tmp_path, file, 1)
             assert "tello1's lease: held by Org2MSP" in refused and "ledgerline control request tello1" in refused
         code, checks = preflight(file)
-        assert code == 1 and checks[None, "ledger"]["verdict"] == "bad" and checks[None, "ledger"]["cure"]
+        assert code == 1 and checks[None, "ledger"]["verdict"] == "broken" and checks[None, "ledger"]["cure"]
         assert ("tello1", "lease") not in checks
     assert_nothing_left()
 
@@ -136,7 +136,7 @@ def test_a_missing_drone_is_named(tmp_path):
     file = deployment(tmp_path, POSES + SAFE + "[flight]\nwait_s = 4\n", drones=2)
     with somebody_elses_drones(tmp_path, drones=1):
         text = refusal(tmp_path, file, 1)
-    assert re.search(r"BAD +tello2 +drone +127\.0\.0\.3 does not answer", text), text
+    assert re.search(r"broken +drone +drone_silent: tello2: 127\.0\.0\.3", text), text
     error = text.split("not every drone is there after 4 s")[1]
-    assert "tello2's drone: 127.0.0.3 does not answer" in error and "tello1" not in error
+    assert "tello2's drone: 127.0.0.3: the drone does not answer" in error and "tello1" not in error
     assert_nothing_left()

@@ -1,14 +1,17 @@
-#include "tools/init/core/files.hpp"
+#include "tools/init/core/host.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 
+#include "tools/configuration/config_file.hpp"
 #include "tools/configuration/reference.hpp"
-#include "tools/init/core/commented.hpp"
 
 namespace ledgerline::init {
 namespace {
+
+using configuration::ConfigFile;
+using configuration::LedgerAccess;
 
 constexpr const char* topics = "Topics";
 
@@ -27,31 +30,6 @@ std::vector<KeyDescription> keys_of(const std::string& program) {
   }
   keys.insert(keys.end(), own.keys.begin(), own.keys.end());
   return keys;
-}
-
-class Values {
- public:
-  void add(const char* table, const char* key, std::string value, std::size_t place = 0) {
-    values_.push_back({table, place, key, std::move(value)});
-  }
-  void text(const char* table, const char* key, const std::string& value, std::size_t place = 0) {
-    add(table, key, toml(value), place);
-  }
-  const std::vector<Value>& all() const { return values_; }
-
- private:
-  std::vector<Value> values_;
-};
-
-// `reads` the reference: the keys that this version has.
-void add_server(Values& values, const std::vector<KeyDescription>& reads, const char* table, std::size_t place,
-                const Server& server) {
-  values.text(table, "endpoint", server.endpoint, place);
-  values.text(table, "tls_ca", server.tls_ca, place);
-  const bool has_name = std::any_of(reads.begin(), reads.end(), [&](const KeyDescription& key) {
-    return key.table == table && key.key == "server_name";
-  });
-  if (has_name && !server.server_name.empty()) values.text(table, "server_name", server.server_name, place);
 }
 
 /// Those that the drones are on, in the plan's order. The first is that of [ledger], which must have a drone.
@@ -73,41 +51,37 @@ std::string block_of(const HostPlan& plan, const std::string& channel) {
                                                                   : fmt::format("{}/{}.block", folders.config, channel);
 }
 
-void add_ledger(Values& values, const std::vector<KeyDescription>& reads, const HostPlan& plan,
-                const std::vector<std::string>& channels, bool follows) {
-  const Server& own = plan.own_of(channels[0]);
-  add_server(values, reads, "[ledger]", 0, own);
-  if (!plan.folders.tls_certificate.empty()) {
-    values.text("[ledger]", "tls_certificate", plan.folders.tls_certificate);
-    values.text("[ledger]", "tls_key", plan.folders.tls_key);
-  }
-  values.text("[ledger]", "channel", channels[0]);
-  values.text("[ledger]", "contract", plan.contract);
-  values.text("[ledger]", "msp_id", plan.msp_id);
-  values.text("[ledger]", "msp_dir", plan.folders.msp());
-  values.text("[ledger]", "config_block", block_of(plan, channels[0]));
+/// `follows`: the program reads blocks, so that it must know whom to trust.
+LedgerAccess access_of(const HostPlan& plan, const std::string& channel, bool follows) {
+  LedgerAccess access{.peer = plan.own_of(channel),
+                      .tls_certificate = plan.folders.tls_certificate,
+                      .tls_key = plan.folders.tls_key,
+                      .channel = channel,
+                      .contract = plan.contract,
+                      .msp_id = plan.msp_id,
+                      .msp_dir = plan.folders.msp(),
+                      .config_block = block_of(plan, channel)};
+  if (!follows) return access;
+  access.timeouts = plan.timeouts;
+  access.orderers = plan.orderers;
+  if (!plan.orderers.empty()) access.endorsers = plan.peers;
+  for (const std::string& id : plan.msp_ids) access.msps.emplace_back(id, plan.folders.authority_of(id));
+  return access;
+}
+
+/// The first channel is that of [ledger], each other one has a table of its own.
+void add_access(ConfigFile& values, const HostPlan& plan, const std::vector<std::string>& channels) {
+  add_ledger(values, access_of(plan, channels[0], true));
   for (std::size_t i = 1; i < channels.size(); ++i) {
     values.text("[[channel]]", "name", channels[i], i - 1);
     values.text("[[channel]]", "config_block", block_of(plan, channels[i]), i - 1);
-    if (const Server& other = plan.own_of(channels[i]); other.endpoint != own.endpoint)
-      add_server(values, reads, "[[channel]]", i - 1, other);
-  }
-  if (!follows) return;
-  if (plan.timeouts.deadline_ns != deployment::Timeouts{}.deadline_ns)
-    values.add("[ledger]", "deadline_ms", fmt::format("{:.0f}", to_ms(plan.timeouts.deadline_ns)));
-  for (std::size_t i = 0; i < plan.orderers.size(); ++i) add_server(values, reads, "[[orderer]]", i, plan.orderers[i]);
-  for (std::size_t i = 0; !plan.orderers.empty() && i < plan.peers.size(); ++i) {
-    values.text("[[endorser]]", "msp_id", plan.peers[i].msp_id, i);
-    add_server(values, reads, "[[endorser]]", i, plan.peers[i]);
-  }
-  for (std::size_t i = 0; i < plan.msp_ids.size(); ++i) {
-    values.text("[[msp]]", "id", plan.msp_ids[i], i);
-    values.text("[[msp]]", "ca", plan.folders.authority_of(plan.msp_ids[i]), i);
+    if (const Server& other = plan.own_of(channels[i]); other.endpoint != plan.own_of(channels[0]).endpoint)
+      add_server(values, "[[channel]]", other, i - 1);
   }
 }
 
 /// `ledger_channel`: of the file's [ledger]; null: the program knows none.
-void add_drones(Values& values, const HostPlan& plan, const std::vector<HostDrone>& drones, bool with_address,
+void add_drones(ConfigFile& values, const HostPlan& plan, const std::vector<HostDrone>& drones, bool with_address,
                 const std::string* ledger_channel) {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     values.text("[[drone]]", "name", drones[i].name, i);
@@ -129,7 +103,7 @@ class Files {
   explicit Files(const HostPlan& plan) : plan_(plan) {}
 
   void link() {
-    Values values;
+    ConfigFile values;
     add_drones(values, plan_, plan_.drones, true, nullptr);
     // Real drones are not flown without a fence. Nobody said the room yet: a small one, in which no flight gets far.
     const bool real = std::any_of(plan_.drones.begin(), plan_.drones.end(),
@@ -141,52 +115,45 @@ class Files {
     values.text("[output]", "starts", plan_.folders.state_of("ledgerline") + "/link.starts");
     values.text("[output]", "local_stops", plan_.folders.state_of("ledgerline") + "/link.stops");
     values.add("[playout]", "max_margin_ms", "0");
-    write("link", "link.toml", keys_of("link"), values);
+    write("link", "link.toml", values);
   }
   void agent() {
-    const auto keys = keys_of("agent");
-    Values values;
+    ConfigFile values;
     const auto channels = channels_of(plan_, plan_.drones);
-    add_ledger(values, keys, plan_, channels, true);
+    add_access(values, plan_, channels);
     add_drones(values, plan_, plan_.drones, false, &channels[0]);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline") + "/agent.checkpoint");
-    if (plan_.timeouts.max_age_ns != deployment::Timeouts{}.max_age_ns) {
-      values.add("[check]", "max_age_ms", fmt::format("{:.0f}", to_ms(plan_.timeouts.max_age_ns)));
-      values.add("[agent]", "ledger_silent_after_ms", fmt::format("{:.0f}", to_ms(plan_.timeouts.silent_after_ns)));
-    }
+    add_timeouts(values, plan_.timeouts);
     values.add("[dds]", "local_only", "true");
-    write("agent", "agent.toml", keys, values);
+    write("agent", "agent.toml", values);
   }
   void ground() {
-    const auto keys = keys_of("ground");
-    Values values;
+    ConfigFile values;
     const auto channels = channels_of(plan_, plan_.all_drones);
-    add_ledger(values, keys, plan_, channels, true);
+    add_access(values, plan_, channels);
     add_drones(values, plan_, plan_.all_drones, false, &channels[0]);
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-ground") + "/ground.checkpoint");
     values.text("[flight]", "shape", "square");
     values.add("[dds]", "local_only", "true");
-    write("ground", "ground.toml", keys, values);
+    write("ground", "ground.toml", values);
   }
   /// One for each channel: that of a further one is NAME-CHANNEL.toml.
   void control(const std::string& name) {
-    const auto keys = keys_of("control");
     for (const std::string& channel : channels_of(plan_, plan_.all_drones)) {
-      Values values;
-      add_ledger(values, keys, plan_, {channel}, false);
-      write("control", name + (channel == plan_.channel ? "" : "-" + channel) + ".toml", keys, values);
+      ConfigFile values;
+      add_ledger(values, access_of(plan_, channel, false));
+      write("control", name + (channel == plan_.channel ? "" : "-" + channel) + ".toml", values);
     }
   }
   void bridge() {
-    const auto keys = keys_of("bridge");
-    Values values;
-    add_ledger(values, keys, plan_, {plan_.channel}, true);
+    ConfigFile values;
+    add_ledger(values, access_of(plan_, plan_.channel, true));
     values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-bridge") + "/bridge.checkpoint");
     values.add("[dds]", "local_only", "true");
-    write("bridge", "bridge.toml", keys, values);
+    write("bridge", "bridge.toml", values);
   }
   void network() {
-    Values values;
+    ConfigFile values;
     values.text("[[channel]]", "name", plan_.channel);
     for (std::size_t i = 0; i < plan_.more_channels.size(); ++i)
       values.text("[[channel]]", "name", plan_.more_channels[i], i + 1);
@@ -198,7 +165,7 @@ class Files {
     };
     places("[[organisation]]", plan_.network_peers);
     places("[[orderer]]", plan_.network_orderers);
-    write("fabric", "net.toml", keys_of("fabric"), values);
+    write("fabric", "net.toml", values);
   }
   // For systemd's EnvironmentFile: these two have no config file.
   void node() {
@@ -219,33 +186,32 @@ class Files {
                      plan_.folders.config, plan_.folders.tls_of(plan_.msp_id))});
   }
   Result<std::vector<File>> take() {
-    if (!failed_.empty()) return Error{failed_};
+    if (!failed_) return failed_.error();
     return std::move(files_);
   }
 
  private:
-  void write(const std::string& program, const std::string& file, const std::vector<KeyDescription>& keys,
-             const Values& values) {
-    auto text = commented(heading(file, plan_), keys, values.all());
+  void write(const std::string& program, const std::string& file, const ConfigFile& values) {
+    auto text = values.commented(heading(file, plan_), keys_of(program));
     if (text)
       files_.push_back({file, std::move(*text)});
     else
-      failed_ = fmt::format("{}: {}", program, text.error().what);
+      failed_ = Error{fmt::format("{}: {}", program, text.error().what)};
   }
 
   const HostPlan& plan_;
   std::vector<File> files_;
-  std::string failed_;
+  Status failed_ = done;
 };
 
-std::string fault_of_client_authorities(const HostPlan& plan) {
-  if (plan.client_authorities.empty()) return "";
+Status check_client_authorities(const HostPlan& plan) {
+  if (plan.client_authorities.empty()) return done;
   if (plan.ledger == deployment::LedgerKind::fabric)
-    return "--tls-client-ca is of the embedded ledger; Fabric's peers have peer.tls.clientAuthRequired";
+    return Error{"--tls-client-ca is of the embedded ledger; Fabric's peers have peer.tls.clientAuthRequired"};
   for (const std::string& file : plan.client_authorities)
     if (file.find_first_of(" \t$\"'\\") != std::string::npos)
-      return fmt::format("--tls-client-ca {}: the service takes no blanks, quotes and $ in a path", file);
-  return "";
+      return Error{fmt::format("--tls-client-ca {}: the service takes no blanks, quotes and $ in a path", file)};
+  return done;
 }
 
 }  // namespace
@@ -269,7 +235,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
       files.control("operator");
       break;
     case Role::ledger:
-      if (auto fault = fault_of_client_authorities(plan); !fault.empty()) return Error{fault};
+      if (auto status = check_client_authorities(plan); !status) return status.error();
       if (plan.ledger == deployment::LedgerKind::fabric) {
         if (plan.network_orderers.empty()) return Error{"this network runs already: the ledger's role is its own"};
         files.network();
@@ -292,12 +258,12 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
 }
 
 Result<std::string> example_deployment() {
-  Values values;
+  ConfigFile values;
   values.text("[ledger]", "kind", "embedded");
   struct Place {
     const char *name, *address, *roles, *organisation;
   };
-  constexpr std::array<Place, 3> hosts{{{"raven", "10.0.0.4", "[\"onboard\"]", "Org1MSP"},
+  constexpr std::array<Place, 3> hosts{{{"raven", "10.0.0.4", "[\"drone-host\"]", "Org1MSP"},
                                         {"tower", "10.0.0.2", "[\"ledger\"]", ""},
                                         {"ground", "10.0.0.1", "[\"ground\"]", "Org2MSP"}}};
   for (std::size_t i = 0; i < hosts.size(); ++i) {
@@ -317,10 +283,10 @@ Result<std::string> example_deployment() {
   values.text("[[drone]]", "address", "192.168.10.1");
   Config config = Config::describing();
   (void)deployment::read(config);
-  return commented(
+  return values.commented(
       "deployment.toml: which hosts there are and what runs on each, which drones, which ledger "
       "(docs/deployment.md). The same file for all hosts.",
-      config.described(), values.all());
+      config.described());
 }
 
 }  // namespace ledgerline::init

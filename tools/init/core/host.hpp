@@ -1,15 +1,19 @@
 #pragma once
+#include <array>
+#include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/result.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
-#include "tools/deployment/timeouts.hpp"
 
-/// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric. Pure.
+/// What one host's configs must say, out of a deployment.toml or a connection profile of Fabric; and these configs by
+/// its role. Pure.
 namespace ledgerline::init {
 
 /// Where a host has the files that its configs name.
@@ -30,13 +34,7 @@ struct Directories {
   }
 };
 
-/// A peer or an orderer.
-struct Server {
-  std::string msp_id;         ///< of a peer
-  std::string endpoint;       ///< HOST:PORT
-  std::string server_name{};  ///< in its certificate; empty: the endpoint's host
-  std::string tls_ca{};       ///< file
-};
+using configuration::Server;
 
 /// A drone; `number` counts all drones of the deployment, so that it is the same at its host and at ground.
 struct HostDrone {
@@ -89,5 +87,22 @@ struct ProfilePlan {
 /// does.
 Result<ProfilePlan> plan_of_profile(std::string_view json, const std::string& msp_id, const std::string& host,
                                     const Directories& folders, const std::vector<std::string>& channels = {});
+
+/// admin: the identity that enrols drones and gives grants, from any host.
+enum class Role : std::uint8_t { drone_host, ground, ledger, chaincode, bridge, admin };
+inline constexpr std::array roles{"drone-host", "ground", "ledger", "chaincode", "bridge", "admin"};
+static_assert(roles.size() == enum_count<Role>);
+Role role_of(std::string_view name);  ///< a name of the array
+
+struct File {
+  std::string name;  ///< within the config folder
+  std::string text;
+};
+
+/// An error: the role has nothing to do on that host, such as flying none of the drones.
+Result<std::vector<File>> files_of(Role role, const HostPlan& plan);
+
+/// A deployment.toml to begin with: three hosts, two drones, and every key in the reference's words.
+Result<std::string> example_deployment();
 
 }  // namespace ledgerline::init

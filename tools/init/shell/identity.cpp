@@ -1,4 +1,3 @@
-#include "tools/init/shell/identity.hpp"
 
 #include <fmt/format.h>
 #include <sys/stat.h>
@@ -9,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/init/shell/new_files.hpp"
+#include "tools/init/shell/host_files.hpp"
 
 namespace ledgerline::init {
 namespace {

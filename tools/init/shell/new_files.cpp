@@ -1,4 +1,4 @@
-#include "tools/init/shell/new_files.hpp"
+#include "tools/init/shell/host_files.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

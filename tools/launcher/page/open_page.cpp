@@ -1,4 +1,4 @@
-#include "tools/launcher/page/open_page.hpp"
+#include "tools/launcher/machine.hpp"
 
 #include <fcntl.h>
 #include <fmt/format.h>

@@ -1,17 +1,20 @@
 #include "tools/launcher/preflight/preflight.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "tools/launcher/preflight/fence.hpp"
-#include "tools/launcher/preflight/records.hpp"
+#include "common/base/printable.hpp"
+#include "common/msg/proto_json.hpp"
+#include "sim/core/parameters.hpp"
+#include "tools/launcher/configs.hpp"
 
 namespace ledgerline::fly {
 namespace {
 
+using checks::DroneFacts;
+using checks::FlightFacts;
 using nlohmann::json;
 
 std::string text_in(const json& object, const char* key, const std::string& otherwise) {
@@ -34,28 +37,44 @@ void take_drone(const json& one, DroneFacts& drone) {
   const auto position = one.find("position");
   drone.pose.reset();
   if (age_ms == one.end() || !age_ms->is_number() || position == one.end() || !position->is_array()) return;
-  drone.pose = PoseFacts{.age_ms = age_ms->get<double>()};
+  drone.pose = checks::PoseFacts{.age_ms = age_ms->get<double>()};
   for (std::size_t k = 0; k < std::min<std::size_t>(3, position->size()); ++k)
     if ((*position)[k].is_number()) drone.pose->position_m[k] = (*position)[k].get<double>();
 }
 
-// For an error, in one line.
-std::string said(const Line& line) {
-  const std::string of = line.drone.empty() ? "" : line.drone + "'s ";
-  return fmt::format("{}{}: {} (cure: {})", of, line.check, line.what, line.cure);
-}
-
-std::string bad_of(const std::vector<Line>& lines, const std::string& check = "") {
-  std::vector<std::string> all;
-  for (const Line& line : lines)
-    if (line.verdict == Verdict::bad && (check.empty() || line.check == check)) all.push_back(said(line));
-  return fmt::format("{}", fmt::join(all, "; "));
-}
-
 }  // namespace
 
-Facts facts_of(const Options& options) {
-  Facts facts;
+// Rows of four.
+std::vector<Eigen::Vector2d> simulated_starts(const Options& options) {
+  const sim::Parameters simulated;
+  std::vector<Eigen::Vector2d> starts;
+  for (int k = 1; k <= options.drones; ++k)
+    starts.push_back(Eigen::Vector3d::Map(sim::start_of(simulated, k).data()).head<2>());
+  return starts;
+}
+
+Status check_path(const Options& o, const link::FenceSettings& fence, const std::vector<Eigen::Vector2d>& starts) {
+  const auto low = Eigen::Vector3d::Map(fence.min_m.data()), high = Eigen::Vector3d::Map(fence.max_m.data());
+  for (int k = 1; k <= o.drones; ++k) {
+    const DroneTask task = task_of(o, k);
+    for (const ground::Waypoint& point : ground::waypoints_of(task.course)) {
+      const Eigen::Vector2d at = starts[static_cast<std::size_t>(k) - 1] + point.at_m;
+      const Eigen::Vector3d place(at.x(), at.y(), point.height_m.value_or(height_m));
+      if ((place.array() >= low.array()).all() && (place.array() <= high.array()).all()) continue;
+      return Error{fmt::format(
+          "{}: {} would be at {:g}, {:g}, {:g} m, beyond link's fence: x {:g} to {:g}, y {:g} to {:g}, z {:g} "
+          "to {:g} m",
+          task.course.waypoints.empty()
+              ? fmt::format("{} with --side {:g}", ground::name_of(task.course.shape), task.course.side_m)
+              : fmt::format("{}:{}", task.file, point.line),
+          drone_name(o, k), place.x(), place.y(), place.z(), low.x(), high.x(), low.y(), high.y(), low.z(), high.z())};
+    }
+  }
+  return done;
+}
+
+FlightFacts facts_of(const Options& options) {
+  FlightFacts facts;
   if (!options.own) return facts;
   const deployment::OwnDrones& own = *options.own;
   for (const deployment::OwnDrone& one : own.drones) {
@@ -72,14 +91,14 @@ Facts facts_of(const Options& options) {
   return facts;
 }
 
-std::string path_beyond(const Options& options, const Facts& facts) {
-  if (options.manual || !options.own) return "";
+Status check_path(const Options& options, const FlightFacts& facts) {
+  if (options.manual || !options.own) return done;
   std::vector<Eigen::Vector2d> starts;
   for (const DroneFacts& drone : facts.drones) {
-    if (!drone.pose) return "";
+    if (!drone.pose) return done;
     starts.emplace_back(drone.pose->position_m[0], drone.pose->position_m[1]);
   }
-  return beyond_fence(options, facts.link.fence, starts);
+  return check_path(options, facts.link.fence, starts);
 }
 
 Preflight::Preflight(const Options& options) : options_(options), facts_(facts_of(options)) {}
@@ -95,46 +114,53 @@ void Preflight::take(const std::string& line) {
   }
 }
 
+Status take_records(const std::string& line, const crypto::IdentityName& self, FlightFacts& facts) {
+  Controls records;
+  if (!is_json(line)) return Error{"no control records: " + printable(line)};
+  if (auto status = parse_message(line, records); !status) return status;
+  for (DroneFacts& drone : facts.drones) {
+    drone.lease = checks::LeaseFacts{.drone = drone.name, .self = self, .control = {}, .enrols = facts.enrols};
+    for (const Control& record : records.controls())
+      if (record.drone() == drone.name) drone.lease->control = record;
+  }
+  return done;
+}
+
 Status Preflight::take_records(const std::string& line, const crypto::IdentityName& self) {
   return fly::take_records(line, self, facts_);
 }
 
 void Preflight::acquired() {
-  facts_.ledger.state = LedgerFacts::State::reached;
+  facts_.ledger.state = checks::LedgerFacts::State::reached;
   for (DroneFacts& drone : facts_.drones) {
-    if (drone.lease.holder != LeaseFacts::Holder::for_us) drone.lease = {.holder = LeaseFacts::Holder::ours};
+    if (!acquires(drone.name)) continue;
+    drone.lease = checks::LeaseFacts{.drone = drone.name, .control = Control{}};
+    drone.lease->control->mutable_holder();  // we, whoever that is
   }
 }
 
 bool Preflight::acquires(const std::string& name) const {
   return std::none_of(facts_.drones.begin(), facts_.drones.end(), [&](const DroneFacts& drone) {
-    return drone.name == name && drone.lease.holder == LeaseFacts::Holder::for_us;
+    return drone.name == name && drone.lease && is_delegated(*drone.lease);
   });
 }
 
-bool Preflight::ready() const { return !anything_bad(assess(facts_)); }
+Status Preflight::ready() const { return check(assess(facts_)); }
 
 std::string Preflight::list() const {
-  Facts facts = facts_;
-  facts.path_beyond = path_beyond(options_, facts_);
-  return words(assess(facts));
+  FlightFacts facts = facts_;
+  facts.path = check_path(options_, facts_);
+  return "Before take-off:\n" + words(assess(facts));
 }
 
-std::string Preflight::missing() const { return bad_of(assess(facts_)); }
-
-Status Preflight::path_fits() const {
-  const std::string why = path_beyond(options_, facts_);
-  if (!why.empty()) return Error{why};
-  return done;
-}
+Status Preflight::path_fits() const { return check_path(options_, facts_); }
 
 Status Preflight::leases_fit() const {
-  Facts facts = facts_;
+  checks::Findings findings = assess(facts_);
   // Who is stopped can be acquired, and link waits for the end of the stop.
-  for (DroneFacts& drone : facts.drones) drone.lease.stoppers.clear();
-  const std::string why = bad_of(assess(facts), "lease");
-  if (!why.empty()) return Error{why};
-  return done;
+  std::erase_if(findings,
+                [](const auto& one) { return one.check != "lease" || one.problem == checks::Problem::stopped; });
+  return check(findings);
 }
 
 }  // namespace ledgerline::fly

@@ -1,20 +1,32 @@
 #pragma once
+#include <Eigen/Core>
 #include <string>
+#include <vector>
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
+#include "tools/checks/core/drone.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/preflight/check.hpp"
 
 namespace ledgerline::fly {
 
+/// Where the simulator puts its drones, m in `map`.
+std::vector<Eigen::Vector2d> simulated_starts(const Options& options);
+
+/// An error names the path's first point beyond the fence, from where each drone starts.
+Status check_path(const Options& options, const link::FenceSettings& fence, const std::vector<Eigen::Vector2d>& starts);
+
 /// What a deployment says beforehand of its own drones, none of which has been heard yet. Without drones of one's own
 /// there are none.
-Facts facts_of(const Options& options);
+checks::FlightFacts facts_of(const Options& options);
 
-/// Why the path would leave the fence from where the drones stand; empty: it does not, there is none, or a drone's
-/// place is not known yet.
-std::string path_beyond(const Options& options, const Facts& facts);
+/// An error: the path would leave the fence from where the drones stand. While a drone's place is not known none is
+/// seen.
+Status check_path(const Options& options, const checks::FlightFacts& facts);
+
+/// Fills in each drone's lease from a line that `ledgerline-control show --json` printed of all records; a drone that
+/// is in none of them is not enrolled. `self`: who will fly. Another line is an error, and changes nothing.
+Status take_records(const std::string& line, const crypto::IdentityName& self, checks::FlightFacts& facts);
 
 /// What a person checks before a deployment's own drones take off, by link's status lines and the ledger's records. One
 /// thread.
@@ -32,14 +44,12 @@ class Preflight {
   bool acquires(const std::string& drone) const;
   /// The ledger gave us the leases of those.
   void acquired();
-  void take_clock(const ClockFacts& clock) { facts_.clock = clock; }
+  void take_clock(const checks::ClockFacts& clock) { facts_.clock = clock; }
 
-  /// Link would let every drone take off.
-  bool ready() const;
+  /// Whether link would let every drone take off; else what is broken, and its cure.
+  Status ready() const;
   /// Drones, addresses, batteries, poses, leases, the fence, the clocks and the ledger, one a line, with cures.
   std::string list() const;
-  /// What is bad, and its cure, for an error; empty: ready.
-  std::string missing() const;
   /// Whether the path stays within the fence from where the drones stand.
   Status path_fits() const;
   /// Whether every drone can be acquired; else who holds it, and the cure.
@@ -47,7 +57,7 @@ class Preflight {
 
  private:
   Options options_;
-  Facts facts_;  ///< drones in the order of the file
+  checks::FlightFacts facts_;  ///< drones in the order of the file
 };
 
 }  // namespace ledgerline::fly

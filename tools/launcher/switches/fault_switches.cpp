@@ -1,4 +1,4 @@
-#include "tools/launcher/switches/fault_switches.hpp"
+#include "tools/launcher/switches/switch_service.hpp"
 
 #include <fmt/format.h>
 

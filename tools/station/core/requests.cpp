@@ -99,12 +99,12 @@ Request mission_request(const std::string& id, const std::string& verb) {
   return request;
 }
 
-std::string refusal_of(const Answer& answer) {
-  if (answer.status >= 200 && answer.status < 300) return "";
+Status check_answer(const Answer& answer) {
+  if (answer.status >= 200 && answer.status < 300) return done;
   const json body = json::parse(answer.body, nullptr, false);
   const json words = body.is_object() ? body.value("error", json()) : json();
-  return fmt::format("the station answers {}: {}", answer.status,
-                     words.is_string() ? printable(words.get_ref<const std::string&>()) : "without a word");
+  return Error{fmt::format("the station answers {}: {}", answer.status,
+                           words.is_string() ? printable(words.get_ref<const std::string&>()) : "without a word")};
 }
 
 Result<Session> session_from(const std::string& body) {

@@ -38,8 +38,8 @@ Result<Request> mission_to_add(const std::string& file, std::string text, const 
 /// `verb`: "approve", "withdraw", "start", "pause", "resume", "land".
 Request mission_request(const std::string& id, const std::string& verb);
 
-/// What the station said against a request; empty: it took it.
-std::string refusal_of(const Answer& answer);
+/// An error: what the station said against a request.
+Status check_answer(const Answer& answer);
 
 /// Of a sign-in's answer.
 struct Session {

@@ -3,8 +3,11 @@
 #include <memory>
 #include <string>
 
+#include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
+#include "common/rt/clock.hpp"
 #include "tools/station/core/place.hpp"
+#include "tools/station/core/requests.hpp"
 #include "tools/station/shell/station.hpp"
 
 namespace ledgerline::station {
@@ -37,5 +40,25 @@ Result<std::unique_ptr<Station>> open(const Target& target);
 
 /// The rest of a program: acts at the station that the options name; the exit code.
 int run(const Options& options, const std::function<Status(Station& station, const Target& target)>& act);
+
+/// Prints a table, on a terminal in the place of what was there.
+void print_refreshed(const std::string& text);
+/// Sleeps; less when a signal asks to end.
+void rest(TimeNs duration_ns);
+/// "14:05:09" of the ground's clock, by this computer's.
+std::string time_of_day(double t_ms, double now_ms);
+
+/// Opens an operator's session and keeps its token in target.session_file (0600), for the calls that follow.
+Result<Session> open_session(Station& station, const Target& target, const std::string& name,
+                             const std::string& pass_phrase);
+/// Ends it: what its operator holds is landed and given back.
+Status close_session(Station& station, const Target& target);
+
+/// "acquire", "release", "request", "clear_stop", "hand_over", "deny".
+bool is_signed_call(const std::string& verb);
+/// Has the operator sign that for a drone, and waits until the ledger has taken it, or refused it with words.
+Status call_and_wait(Station& station, const std::string& drone, const std::string& verb, const std::string& body);
+/// Approves a mission, and waits until the station counts it, so that a start may follow; or until it is refused.
+Status approve_and_wait(Station& station, const std::string& id);
 
 }  // namespace ledgerline::station

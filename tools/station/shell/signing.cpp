@@ -1,4 +1,3 @@
-#include "tools/station/shell/signing.hpp"
 
 #include <fmt/format.h>
 
@@ -13,7 +12,7 @@
 #include "common/rt/clock.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "tools/station/core/show.hpp"
-#include "tools/station/shell/watch.hpp"
+#include "tools/station/shell/options.hpp"
 
 namespace ledgerline::station {
 namespace {

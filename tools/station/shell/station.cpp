@@ -133,8 +133,9 @@ Result<std::string> Station::ask(const Request& request) {
     answer = send(request, credentials_.token);
   }
   if (!answer) return answer.error();
-  std::string refusal = refusal_of(*answer);
-  if (refusal.empty()) return std::move(answer->body);
+  const Status taken = check_answer(*answer);
+  if (taken) return std::move(answer->body);
+  std::string refusal = taken.error().what;
   if (over && !request.anybodys)
     refusal += fmt::format("; the session in {} is over: ledgerline drones login", credentials_.session_file);
   return Error{std::move(refusal)};

@@ -1,4 +1,4 @@
-#include "tools/status/core/process.hpp"
+#include "tools/status/core/status.hpp"
 
 #include <sstream>
 

@@ -1,4 +1,4 @@
-#include "tools/status/shell/ledgers.hpp"
+#include "tools/status/shell/status_probe.hpp"
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"
@@ -8,8 +8,8 @@
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
-#include "tools/doctor/core/ledger.hpp"
-#include "tools/doctor/shell/ledger/channels.hpp"
+#include "tools/checks/core/ledger.hpp"
+#include "tools/checks/shell/ledger_probe.hpp"
 
 namespace ledgerline::status {
 namespace {
@@ -58,10 +58,10 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
 
 }  // namespace
 
-Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds timeout) {
+Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout) {
   Ledger ledger{.config = one.path, .channel = one.ledger->channel};
   auto config = Config::load(one.path);
-  auto client = config ? doctor::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
+  auto client = config ? checks::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
   if (client) client->deadline = timeout;
   auto questions =
       client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
@@ -70,18 +70,18 @@ Ledger ask_ledger(const doctor::ProgramConfig& one, std::chrono::milliseconds ti
     return ledger;
   }
   ledger.peers.push_back(height_of(*client, client->identity.name.msp_id));
-  for (const doctor::ServerKeys& other : one.ledger->endorsers) {
+  for (const checks::ServerKeys& other : one.ledger->endorsers) {
     if (other.endpoint == client->endpoint) continue;
-    ledger.peers.push_back(height_of(doctor::client_at(other, *client), other.msp_id));
+    ledger.peers.push_back(height_of(checks::client_at(other, *client), other.msp_id));
   }
   const auto height = ledger.peers.front().height;
   if (!height) return ledger;
   const auto block = (*questions)->block(*height - 1);
-  if (block) ledger.newest_block_age_ns = doctor::age_of_block(*block, realtime_ns());
+  if (block) ledger.newest_block_age_ns = checks::age_of_block(*block, realtime_ns());
   const verification::Evaluate evaluate = [&](const fabric::Call& call) {
     return (*questions)->ask(client->where, call);
   };
-  for (const doctor::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
+  for (const checks::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
   return ledger;
 }
 

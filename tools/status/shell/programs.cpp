@@ -1,4 +1,4 @@
-#include "tools/status/shell/programs.hpp"
+#include "tools/status/shell/status_probe.hpp"
 
 #include <fmt/format.h>
 #include <pwd.h>

@@ -1,8 +1,10 @@
 #pragma once
+#include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::tello {
@@ -51,5 +53,26 @@ class Asking {
 
 /// Whether `text`, without its line's end, can be the answer to `question`.
 bool fits(std::string_view question, std::string_view text);
+
+/// What is asked of a Tello that is found: neighbours in this order have answers of different shapes (Asking).
+const std::vector<std::string>& questions_of_info();
+
+struct Found {
+  std::uint32_t address = 0;
+  Asking asking;
+};
+
+/// A table, a line each; what a drone does not say is said so.
+std::string words(const std::vector<Found>& drones);
+/// {"drones":[{"address":"192.168.10.1","serial":"...","battery":87,"sdk":"20","hardware":"TELLO","wifi_version":"..."}]};
+/// null: it does not say.
+std::string json(const std::vector<Found>& drones);
+
+/// IPv4 in host order: all hosts of "192.168.1.0/24" or a smaller subnet, without its own and its broadcast address
+/// (but of /31 and /32). At most 254: a search for a drone sends nothing to networks beyond the user's room.
+Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr);
+
+/// Whether the word `ap`, which takes blanks for its ends, can have this network's name and password.
+Status check_wifi(const std::string& ssid, const std::string& password);
 
 }  // namespace ledgerline::tello

@@ -1,4 +1,4 @@
-#include "tools/tello/core/places.hpp"
+#include "tools/tello/core/asking.hpp"
 
 #include <fmt/format.h>
 
@@ -40,15 +40,15 @@ Result<std::vector<std::uint32_t>> hosts_of(const std::string& cidr) {
   return hosts;
 }
 
-std::string wifi_refusal(const std::string& ssid, const std::string& password) {
+Status check_wifi(const std::string& ssid, const std::string& password) {
   if (ssid.empty() || ssid.size() > max_ssid || !one_word(ssid))
-    return fmt::format(
+    return Error{fmt::format(
         "the network's name must be 1 to {} characters without blanks, since the drone takes a blank for its "
         "end",
-        max_ssid);
+        max_ssid)};
   if (password.size() < min_password || password.size() > max_password || !one_word(password))
-    return fmt::format("the password must be {} to {} characters without blanks", min_password, max_password);
-  return "";
+    return Error{fmt::format("the password must be {} to {} characters without blanks", min_password, max_password)};
+  return done;
 }
 
 }  // namespace ledgerline::tello

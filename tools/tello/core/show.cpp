@@ -1,4 +1,4 @@
-#include "tools/tello/core/show.hpp"
+#include "tools/tello/core/asking.hpp"
 
 #include <fmt/format.h>
 

@@ -15,7 +15,7 @@
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/calibrate/flight.hpp"
-#include "tools/tello/shell/datagrams.hpp"
+#include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::tello {
 namespace {

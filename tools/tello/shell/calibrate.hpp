@@ -4,7 +4,7 @@
 
 #include "common/base/result.hpp"
 #include "common/dds/dds.hpp"
-#include "tools/tello/core/calibrate/record.hpp"
+#include "tools/tello/core/calibrate/estimate.hpp"
 
 namespace ledgerline::tello {
 

@@ -1,4 +1,4 @@
-#include "tools/tello/shell/datagrams.hpp"
+#include "tools/tello/shell/talk.hpp"
 
 #include <poll.h>
 #include <sys/socket.h>

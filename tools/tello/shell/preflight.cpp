@@ -22,11 +22,9 @@
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/launcher/machine.hpp"
+#include "tools/checks/shell/host_probe.hpp"
 #include "tools/launcher/preflight/preflight.hpp"
-#include "tools/launcher/preflight/records.hpp"
 #include "tools/tello/core/preflight/listening.hpp"
-#include "tools/tello/shell/datagrams.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::tello {
@@ -78,11 +76,11 @@ struct Side {
   link::Descriptor states;
 };
 
-Status ask_all(std::map<std::string, Side>& sides, fly::Facts& facts) {
+Status ask_all(std::map<std::string, Side>& sides, checks::FlightFacts& facts) {
   for (auto& [interface, side] : sides) {
     if (auto status = ask(side.asked, interface); !status) return status;
     for (std::size_t i = 0; i < side.places.size(); ++i) {
-      fly::DroneFacts& drone = facts.drones[side.places[i]];
+      checks::DroneFacts& drone = facts.drones[side.places[i]];
       const Asking& asking = side.asked[i].asking;
       drone.there = asking.present();
       drone.serial = asking.answer("sn?");
@@ -103,7 +101,7 @@ void forget_what_waits(const link::Descriptor& states) {
 }
 
 Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, const PreflightOptions& options,
-              fly::Facts& facts) {
+              checks::FlightFacts& facts) {
   std::vector<Listening> listening(facts.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
   for (Poses& of_one : poses)
@@ -124,7 +122,7 @@ Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, con
     // By onboard odometry a drone is where the file says that it stands.
     const auto source = from_name<link::PoseSource>(facts.pose_source);
     if (source && !link::uses_mocap(*source))
-      facts.drones[i].pose = fly::PoseFacts{.position_m = options.flight.own->drones[i].start_m};
+      facts.drones[i].pose = checks::PoseFacts{.position_m = options.flight.own->drones[i].start_m};
   }
   if (stop_requested) return Error{"it was asked to end"};
   return done;
@@ -151,7 +149,7 @@ class OwnFolder {
 };
 
 // By a program of its own, so that this one is without gRPC's threads.
-Status read_records(const PreflightOptions& options, fly::Facts& facts) {
+Status read_records(const PreflightOptions& options, checks::FlightFacts& facts) {
   const deployment::OwnLedger& network = *options.flight.own->network;
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
@@ -175,18 +173,18 @@ Status read_records(const PreflightOptions& options, fly::Facts& facts) {
   return fly::take_records(records, self->name, facts);
 }
 
-void look_at_ledger(const PreflightOptions& options, fly::Facts& facts) {
+void look_at_ledger(const PreflightOptions& options, checks::FlightFacts& facts) {
   if (!options.flight.own->network) return;
   const Status status = read_records(options, facts);
-  facts.ledger.state = status ? fly::LedgerFacts::State::reached : fly::LedgerFacts::State::failed;
+  facts.ledger.state = status ? checks::LedgerFacts::State::reached : checks::LedgerFacts::State::failed;
   if (!status) facts.ledger.what = status.error().what;
 }
 
 }  // namespace
 
-Result<fly::Facts> look_around(const PreflightOptions& options) {
+Result<checks::FlightFacts> look_around(const PreflightOptions& options) {
   catch_stop_signals();
-  fly::Facts facts = fly::facts_of(options.flight);
+  checks::FlightFacts facts = fly::facts_of(options.flight);
   look_at_ledger(options, facts);  // first: it starts a process, and DDS starts threads
   std::map<std::string, Side> sides;
   for (std::size_t i = 0; i < facts.drones.size(); ++i) {
@@ -208,8 +206,8 @@ Result<fly::Facts> look_around(const PreflightOptions& options) {
   if (!poses) return poses.error();
   if (auto status = ask_all(sides, facts); !status) return status.error();
   if (auto status = listen(sides, *poses, options, facts); !status) return status.error();
-  facts.clock = fly::read_kernel_clock();
-  facts.path_beyond = fly::path_beyond(options.flight, facts);
+  facts.clock = checks::look_at_clock();
+  facts.path = fly::check_path(options.flight, facts);
   return facts;
 }
 

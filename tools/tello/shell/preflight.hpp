@@ -2,8 +2,8 @@
 #include <string>
 
 #include "common/base/result.hpp"
+#include "tools/checks/core/drone.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/preflight/check.hpp"
 
 namespace ledgerline::tello {
 
@@ -16,6 +16,6 @@ struct PreflightOptions {
 /// Asks the drones, listens to them and to motion capture, reads the ledger's records, this computer's clock: nothing
 /// is flown, started for longer, or written on the ledger. What is wrong with one of them is a fact; an error: nobody
 /// can look, as where another program has the port. Catches SIGINT and SIGTERM, which end it early.
-Result<fly::Facts> look_around(const PreflightOptions& options);
+Result<checks::FlightFacts> look_around(const PreflightOptions& options);
 
 }  // namespace ledgerline::tello

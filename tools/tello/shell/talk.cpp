@@ -13,7 +13,6 @@
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 #include "tools/tello/core/landing.hpp"
-#include "tools/tello/shell/datagrams.hpp"
 
 namespace ledgerline::tello {
 Status ask(std::vector<Found>& drones, const std::string& interface) {

@@ -22,7 +22,7 @@ std::string error_of(const std::string& toml) {
 }
 
 const std::string host =
-    "[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
+    "[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"drone-host\", \"ground\", \"ledger\"]\n";
 const std::string organisation = "[[organisation]]\nid = \"Org1MSP\"\nhost = \"ground\"\n";
 const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n";
 
@@ -34,7 +34,7 @@ TEST(Deployment, ThePagesExampleIsRead) {
   ASSERT_EQ(deployment->hosts.size(), 3U);
   EXPECT_EQ(deployment->hosts[0].address, "10.0.0.4");
   EXPECT_TRUE(deployment->hosts[1].has(Role::ground));
-  EXPECT_FALSE(deployment->hosts[1].has(Role::onboard));
+  EXPECT_FALSE(deployment->hosts[1].has(Role::drone_host));
   ASSERT_EQ(deployment->organisations.size(), 3U);
   EXPECT_EQ(deployment->organisations[2].peer.host, "tower");
   EXPECT_EQ(deployment->organisations[2].peer.port, 7061);
@@ -59,11 +59,11 @@ TEST(Deployment, WhatIsWrongIsReportedWithFileLineAndKey) {
        "lab.toml:10: drone.0.host: is \"dove\", must be the name of a [[host]]"},
       {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"ground\", \"ledger\"]\n" + organisation +
            drone,
-       "drone.0.host: is \"ground\", whose roles have no \"onboard\""},
+       "drone.0.host: is \"ground\", whose roles have no \"drone-host\""},
       {"[[host]]\nname = \"ground\"\naddress = \"ground.lab\"\nroles = [\"ground\"]\n" + drone,
        "lab.toml:3: host.0.address: is \"ground.lab\", must be an IPv4 address"},
       {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"cook\"]\n" + drone,
-       "lab.toml:4: host.0.roles: has \"cook\", must be of onboard, ground, ledger"},
+       "lab.toml:4: host.0.roles: has \"cook\", must be of drone-host, ground, ledger"},
       {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\n" + drone, "host.0.roles: must name at least one"},
       {host + host + organisation + drone, "lab.toml:6: host.1.name: must be a name that no other has"},
       {host + "organisation = \"Org7MSP\"\n" + organisation + drone,
@@ -78,7 +78,7 @@ TEST(Deployment, WhatIsWrongIsReportedWithFileLineAndKey) {
       {host + organisation, "drone: must be 1 to 16 tables"},
       {host + organisation + drone + "[[drone]]\nname = \"tello2\"\nhost = \"ground\"\naddress = \"127.0.0.2\"\n",
        "drone.1.address: must be an address that no other drone of its host has"},
-      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"onboard\", \"ledger\"]\n" + organisation +
+      {"[[host]]\nname = \"ground\"\naddress = \"127.0.0.1\"\nroles = [\"drone-host\", \"ledger\"]\n" + organisation +
            drone,
        "host: must have one with the role \"ground\""},
   };

@@ -1,4 +1,4 @@
-#include "tools/deployment/one_host.hpp"
+#include "tools/deployment/deployment.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "tools/init/core/files.hpp"
+#include "tools/init/core/host.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,8 +8,8 @@
 
 #include "common/base/file.hpp"
 #include "common/fabric/validation/channel_config.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/configuration/reference.hpp"
-#include "tools/init/core/commented.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -24,7 +24,7 @@ channel = "air"
 [[host]]
 name = "raven"
 address = "10.0.0.4"
-roles = ["onboard"]
+roles = ["drone-host"]
 organisation = "Org1MSP"
 [[host]]
 name = "tower"
@@ -196,7 +196,7 @@ TEST(InitFiles, GiveTheEmbeddedLedgersServiceItsClientsAuthorities) {
 TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
   std::string text = fabric_deployment;
   text +=
-      "[[host]]\nname = \"owl\"\naddress = \"10.0.0.5\"\nroles = [\"onboard\"]\norganisation = \"Org1MSP\"\n"
+      "[[host]]\nname = \"owl\"\naddress = \"10.0.0.5\"\nroles = [\"drone-host\"]\norganisation = \"Org1MSP\"\n"
       "[[drone]]\nname = \"third\"\nhost = \"owl\"\naddress = \"192.168.10.1\"\n";
   EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("name = \"third\""));
   EXPECT_THAT(text_of(files(Role::drone_host, text, "owl"), "link.toml"), HasSubstr("\nnumber = 3\n"));
@@ -421,14 +421,16 @@ TEST(InitCommented, RefusesAValueOfAKeyThatNobodyReads) {
   KeyDescription key;
   key.table = "[a]";
   key.key = "b";
-  const auto text = commented("x", {key}, {{"[a]", 0, "c", "1"}});
+  configuration::ConfigFile file;
+  file.add("[a]", "c", "1");
+  const auto text = file.commented("x", {key});
   ASSERT_FALSE(text);
   EXPECT_THAT(text.error().what, HasSubstr("no key c in [a]"));
 }
 
 TEST(InitCommented, WritesTextsThatTomlReadsBack) {
   for (const std::string text : {"raven", "a \"b\" \\ c", ""}) {
-    auto config = Config::parse("key = " + toml(text), "");
+    auto config = Config::parse("key = " + configuration::toml(text), "");
     EXPECT_EQ(config->text("key"), text);
   }
 }

@@ -1,4 +1,3 @@
-#include "tools/init/shell/identity.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +9,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
-#include "tools/init/shell/new_files.hpp"
+#include "tools/init/shell/host_files.hpp"
 
 namespace ledgerline::init {
 namespace {

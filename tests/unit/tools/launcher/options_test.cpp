@@ -54,7 +54,7 @@ TEST(FlyOptions, EveryOptionIsTaken) {
 
 std::string deployment_file(const std::string& address) {
   std::string toml = "[ledger]\nkind = \"fabric\"\n[[host]]\nname = \"ground\"\naddress = \"" + address +
-                     "\"\nroles = [\"onboard\", \"ground\", \"ledger\"]\n";
+                     "\"\nroles = [\"drone-host\", \"ground\", \"ledger\"]\n";
   for (const char* id : {"Org1MSP", "Org2MSP", "Org3MSP"})
     toml += "[[organisation]]\nid = \"" + std::string(id) + "\"\nhost = \"ground\"\n";
   for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"ground\"\n";

@@ -37,11 +37,11 @@ TEST(Preflight, EveryDroneMustBeReady) {
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "none"));
   EXPECT_FALSE(preflight.ready());
-  EXPECT_THAT(preflight.missing(), AllOf(StartsWith("d2's drone: 10.0.0.2 behind wlan1 does not answer (cure: switch"),
-                                         Not(HasSubstr("d1"))));
+  EXPECT_THAT(preflight.ready().error().what,
+              AllOf(StartsWith("d2's drone: 10.0.0.2 behind wlan1: the drone does not answer (cure: switch"),
+                    Not(HasSubstr("d1"))));
   preflight.take(line_of("d2", "landed", "none"));
   EXPECT_TRUE(preflight.ready());
-  EXPECT_EQ(preflight.missing(), "");
   preflight.take(line_of("d1", "on_ground", "battery_low"));
   EXPECT_FALSE(preflight.ready());
 }
@@ -50,24 +50,24 @@ TEST(Preflight, TheListHasWhatAPersonChecks) {
   Preflight preflight(options_of(2));
   preflight.take(line_of("d2", "on_ground", "none"));
   const std::string list = preflight.list();
-  EXPECT_THAT(list, HasSubstr("BAD   d1         drone    10.0.0.1 does not answer"));
-  EXPECT_THAT(list, HasSubstr("ok    d2         drone    10.0.0.2 behind wlan1"));
-  EXPECT_THAT(list, HasSubstr("ok    d2         battery  87 %"));
-  EXPECT_THAT(list, HasSubstr("ok    d2         pose     mocap, 12 ms old: 0.00, 0.50, 0.10 m"));
-  EXPECT_THAT(list, HasSubstr("ok               fence    x -2 to 2, y -2 to 2, z 0 to 2 m"));
+  EXPECT_THAT(list, HasSubstr("broken   drone       drone_silent: d1: 10.0.0.1 (the drone does not answer)"));
+  EXPECT_THAT(list, HasSubstr("ok       drone       d2: 10.0.0.2 behind wlan1"));
+  EXPECT_THAT(list, HasSubstr("ok       battery     d2: 87 %"));
+  EXPECT_THAT(list, HasSubstr("ok       pose        d2: mocap, 12 ms old: 0.00, 0.50, 0.10 m"));
+  EXPECT_THAT(list, HasSubstr("ok       fence       x -2 to 2, y -2 to 2, z 0 to 2 m"));
 }
 
 TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
   Preflight preflight(options_of(1));
   const auto why = [&](const std::string& line) {
     preflight.take(line);
-    return preflight.missing();
+    return preflight.ready().error().what;
   };
-  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("no pose of it has come from mocap"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("none has come from mocap"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "900")), HasSubstr("d1's pose: mocap, 900 ms old"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "battery_low")), HasSubstr("d1's battery: 87 %"));
-  EXPECT_THAT(why(line_of("d1", "on_ground", "stopped")), HasSubstr("d1's link: it refuses a take-off: stopped"));
-  EXPECT_THAT(why(line_of("d1", "flying", "none")), HasSubstr("d1's link: it is not on the ground: flying"));
+  EXPECT_THAT(why(line_of("d1", "on_ground", "stopped")), HasSubstr("d1's link: stopped: link refuses a take-off"));
+  EXPECT_THAT(why(line_of("d1", "flying", "none")), HasSubstr("d1's link: flying: the drone is not on the ground"));
 }
 
 TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
@@ -78,7 +78,7 @@ TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
   preflight.take(line_of("d1", "on_ground", "battery_low", "null"));
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "pose_lost", "null"));
-  EXPECT_TRUE(preflight.ready()) << preflight.missing();
+  EXPECT_TRUE(preflight.ready()) << preflight.ready().error().what;
   EXPECT_THAT(preflight.list(), HasSubstr("none: it is flown by hand"));
   EXPECT_THAT(preflight.list(), HasSubstr("z 0 to 2 m: of these the ceiling alone holds"));
 }
@@ -88,7 +88,7 @@ TEST(Preflight, WhatIsNoStatusLineChangesNothing) {
   for (const char* line : {"", "[1]", "{}", R"({"link":3})", R"({"link":{"drones":[1,{"name":7}]}})",
                            R"({"agent":{"drones":[{"name":"d1","phase":"on_ground","cause":"none"}]}})"})
     preflight.take(line);
-  EXPECT_THAT(preflight.missing(), HasSubstr("does not answer"));
+  EXPECT_THAT(preflight.ready().error().what, HasSubstr("does not answer"));
 }
 
 TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
@@ -116,12 +116,28 @@ TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
   EXPECT_TRUE(fits(R"(,"stoppers":[{"stopper":{"mspId":"Org1MSP","subject":"CN=host"}}])"));  // link waits for its end
   const Status other = fits(R"(,"holder":{"mspId":"Org3MSP","subject":"CN=pilot"})");
   ASSERT_FALSE(other);
-  EXPECT_THAT(other.error().what, HasSubstr("d1's lease: held by Org3MSP CN=pilot (cure: ask for it"));
+  EXPECT_THAT(other.error().what, HasSubstr("d1's lease: held by Org3MSP CN=pilot, priority 0: somebody else holds"));
   EXPECT_FALSE(preflight.ready());
   EXPECT_TRUE(preflight.acquires("d1"));
   preflight.acquired();
   EXPECT_TRUE(preflight.ready());
-  EXPECT_THAT(preflight.list(), HasSubstr("lease    ours"));
+  EXPECT_THAT(preflight.list(), HasSubstr("lease       d1: ours"));
+}
+
+TEST(Preflight, TakesWhoHoldsADroneFromItsRecord) {
+  checks::FlightFacts facts;
+  for (const char* name : {"d1", "d2"}) facts.drones.push_back({.name = name, .address = "10.0.0.1"});
+  const auto take = [&](const std::string& line) { return take_records(line, {"Org2MSP", "CN=pilot"}, facts).ok(); };
+  ASSERT_TRUE(take(R"({"controls":[{"drone":"d1","holder":{"mspId":"Org3MSP","subject":"CN=h\u001b"}},)"
+                   R"({"drone":"d2","holder":{"mspId":"Org2MSP","subject":"CN=pilot"}}]})"));
+  EXPECT_THAT(words(assess(facts)), AllOf(HasSubstr("d1: held by Org3MSP CN=h?"), HasSubstr("d2: ours\n")));
+  ASSERT_TRUE(take(R"({"controls":[{"drone":"d2"}]})"));
+  EXPECT_FALSE(facts.drones[0].lease->control);
+  EXPECT_FALSE(facts.drones[1].lease->control->has_holder());
+  for (const char* other : {"", "[]", "no", R"({"controls":7})"}) EXPECT_FALSE(take(other)) << other;
+  EXPECT_TRUE(facts.drones[1].lease->control);
+  ASSERT_TRUE(take("{}"));  // a ledger without any record
+  EXPECT_FALSE(facts.drones[1].lease->control);
 }
 
 TEST(Preflight, AHolderWhoLetsUsCommandIsNotAskedForTheLease) {
@@ -134,7 +150,7 @@ TEST(Preflight, AHolderWhoLetsUsCommandIsNotAskedForTheLease) {
   EXPECT_TRUE(preflight.leases_fit());
   EXPECT_FALSE(preflight.acquires("d1"));
   preflight.acquired();
-  EXPECT_THAT(preflight.list(), HasSubstr("lease    ours to command: held by Org2MSP CN=pilot"));
+  EXPECT_THAT(preflight.list(), HasSubstr("lease       d1: ours to command: held by Org2MSP CN=pilot"));
   EXPECT_TRUE(preflight.take_records(record, pilot));
   EXPECT_FALSE(preflight.leases_fit()) << "who lets another command flies it no more than anybody";
 }
@@ -145,8 +161,7 @@ TEST(Preflight, TheListHasThePathWhereItLeavesTheFence) {
   Preflight preflight(options);
   preflight.take(line_of("d1", "on_ground", "none", "12.0", 0));
   EXPECT_TRUE(preflight.ready());  // to stand there
-  EXPECT_THAT(preflight.list(),
-              HasSubstr("BAD              fence    square with --side 3: d1 would be at 3, 0.5, 1 m"));
+  EXPECT_THAT(preflight.list(), HasSubstr("path_beyond_fence: square with --side 3: d1 would be at 3, 0.5, 1 m"));
 }
 
 }  // namespace

@@ -101,10 +101,10 @@ TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
 }
 
 TEST(AnAnswer, IsARefusalInTheStationsWords) {
-  EXPECT_EQ(refusal_of({202, R"({"accepted":true})"}), "");
-  EXPECT_EQ(refusal_of({409, R"({"error":"it is flown"})"}), "the station answers 409: it is flown");
-  EXPECT_THAT(refusal_of({500, "<html>"}), HasSubstr("500"));
-  EXPECT_THAT(refusal_of({301, ""}), HasSubstr("301"));
+  EXPECT_TRUE(check_answer({202, R"({"accepted":true})"}));
+  EXPECT_EQ(check_answer({409, R"({"error":"it is flown"})"}).error().what, "the station answers 409: it is flown");
+  EXPECT_THAT(check_answer({500, "<html>"}).error().what, HasSubstr("500"));
+  EXPECT_THAT(check_answer({301, ""}).error().what, HasSubstr("301"));
 }
 
 TEST(ASession, IsTakenFromTheAnswerAlone) {

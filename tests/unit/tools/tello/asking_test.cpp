@@ -4,8 +4,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tools/tello/core/show.hpp"
-
 namespace ledgerline::tello {
 namespace {
 

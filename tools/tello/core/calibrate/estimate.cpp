@@ -5,8 +5,6 @@
 #include <cmath>
 #include <numbers>
 
-#include "tools/tello/core/calibrate/fit.hpp"
-
 namespace ledgerline::tello {
 namespace {
 

@@ -1,4 +1,4 @@
-#include "tools/tello/core/calibrate/fit.hpp"
+#include "tools/tello/core/calibrate/estimate.hpp"
 
 #include <Eigen/Dense>
 #include <algorithm>

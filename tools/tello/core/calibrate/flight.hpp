@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "tools/tello/core/calibrate/record.hpp"
+#include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/core/landing.hpp"
 
 namespace ledgerline::tello {

@@ -1,4 +1,4 @@
-#include "tools/tello/core/calibrate/velocity.hpp"
+#include "tools/tello/core/calibrate/estimate.hpp"
 
 #include <fmt/format.h>
 

@@ -36,7 +36,7 @@ void Listening::on_pose(const ReceivedPose& pose) {
   pose_ = pose;
 }
 
-void Listening::tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::DroneFacts& drone) const {
+void Listening::tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, checks::DroneFacts& drone) const {
   drone.state_hz = states_.rate_hz(now);
   if (states_.times > 0) {
     drone.battery = static_cast<double>(state_.battery);
@@ -45,11 +45,11 @@ void Listening::tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::Dro
   }
   if (poses_.times == 0) return;
   const TimeNs since_ns = now_real_ns - (stamps_count ? pose_.stamp_ns : poses_.last_ns);
-  drone.pose = fly::PoseFacts{.age_ms = to_ms(since_ns),
-                              .rate_hz = poses_.rate_hz(now_real_ns),
-                              .delay_ms = to_ms(least_delay_ns_),
-                              .frame = printable(pose_.frame.data()),
-                              .position_m = pose_.position_m};
+  drone.pose = checks::PoseFacts{.age_ms = to_ms(since_ns),
+                                 .rate_hz = poses_.rate_hz(now_real_ns),
+                                 .delay_ms = to_ms(least_delay_ns_),
+                                 .frame = printable(pose_.frame.data()),
+                                 .position_m = pose_.position_m};
 }
 
 }  // namespace ledgerline::tello

@@ -4,7 +4,7 @@
 
 #include "common/msg/ros.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
-#include "tools/launcher/preflight/check.hpp"
+#include "tools/checks/core/drone.hpp"
 
 namespace ledgerline::tello {
 
@@ -26,7 +26,7 @@ class Listening {
   void on_state(TimeNs now, std::string_view bytes);
   void on_pose(const ReceivedPose& pose);
   /// Battery, rates and pose, as of this moment. `stamps_count`: a pose is as old as its stamp says, not its arrival.
-  void tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, fly::DroneFacts& drone) const;
+  void tell(TimeNs now, TimeNs now_real_ns, bool stamps_count, checks::DroneFacts& drone) const;
 
  private:
   struct Count {

@@ -7,7 +7,6 @@
 #include "common/config/config.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/tools/tello/calibrate/world.hpp"
-#include "tools/tello/core/calibrate/fit.hpp"
 
 namespace ledgerline::tello {
 namespace {

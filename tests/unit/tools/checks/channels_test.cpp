@@ -1,0 +1,29 @@
+#include "tools/checks/shell/ledger_probe.hpp"
+
+#include <gtest/gtest.h>
+
+namespace ledgerline::checks {
+namespace {
+
+TEST(DoctorChannels, AskAnotherPeerAloneAndWithItsOwnTlsPair) {
+  fabric::ClientConfig client;
+  client.tls_pair = {"own.pem", "own.key"};
+  client.orderers = {{"orderer:7050", "missing.pem"}};
+  client.endorsers = {{"Org2MSP", "peer:9051", "missing.pem"}};
+  client.blocks = fabric::BlockSource::ordered;
+  const ServerKeys plain{"Org2MSP", "peer:9051", "ca.pem", "", "", ""};
+  EXPECT_EQ(client_at(plain, client).tls_pair.certificate_file, "own.pem");
+  ServerKeys wanting = plain;
+  wanting.tls_certificate = "its.pem";
+  wanting.tls_key = "its.key";
+  const fabric::ClientConfig there = client_at(wanting, client);
+  EXPECT_EQ(there.tls_pair.certificate_file, "its.pem");
+  EXPECT_EQ(there.tls_pair.key_file, "its.key");
+  EXPECT_EQ(there.endpoint, "peer:9051");
+  // Else what is wrong with another server's files would be reported as this one's.
+  EXPECT_TRUE(there.orderers.empty() && there.endorsers.empty());
+  EXPECT_EQ(there.blocks, fabric::BlockSource::peer);
+}
+
+}  // namespace
+}  // namespace ledgerline::checks

@@ -1,0 +1,84 @@
+#pragma once
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "common/base/result.hpp"
+#include "common/crypto/crypto.hpp"
+#include "common/fabric/tx/policy.hpp"
+#include "common/fabric/validation/channel_config.hpp"
+#include "common/rt/clock.hpp"
+#include "ledgerline.pb.h"
+#include "tools/checks/core/problem.hpp"
+
+/// What is checked of a channel, its contract and the drones' records. Pure.
+namespace ledgerline::checks {
+
+/// What agent.toml and ground.toml say of time.
+struct TimeoutInputs {
+  std::string program;
+  std::optional<TimeNs> max_age_ns{}, silent_after_ns{};  ///< of agent alone
+  TimeNs deadline_ns = 0;
+  bool of_channel = false;  ///< [ledger] timeouts = "auto": they grow by themselves
+};
+Finding assess(const fabric::Batching& batching, const TimeoutInputs& facts);
+
+/// The definition that is committed.
+struct ContractFacts {
+  std::string name;
+  std::string refused{};  ///< the peer's words where there is none
+  std::string version{}, own_version{};
+  bool weak = false;  ///< one organisation alone satisfies its policy
+};
+Findings assess(const ContractFacts& facts);
+
+/// Who asks: a program of that host, or a flight that is to take off.
+enum class Side : std::uint8_t { agent, ground, flight };
+struct LeaseFacts {
+  std::string drone;
+  crypto::IdentityName self{};  ///< who asks
+  Side side = Side::flight;
+  std::optional<Control> control{};  ///< none: it is not enrolled
+  bool is_operator = false;          ///< of ground: `self`, by the ledger's roles
+  bool enrols = false;               ///< of a flight: drones that are not enrolled yet
+};
+/// A flight cannot take off with what is otherwise a warning: somebody else's lease, a stop.
+Findings assess(const LeaseFacts& facts);
+/// Whether another one holds it and lets `self` command it.
+bool is_delegated(const LeaseFacts& facts);
+
+/// Of the newest block, and of one a moment later.
+struct HeightFacts {
+  std::string place;
+  std::uint64_t height = 0, later = 0;
+  std::optional<std::uint64_t> elsewhere{};  ///< of another organisation's peer
+  std::optional<TimeNs> newest_age_ns{};     ///< by this host's clock, since its newest transaction was signed
+};
+Findings assess(const HeightFacts& facts);
+
+/// Between `real_ns` and when the newest transaction of a serialized common.Block was signed, as its signer claims;
+/// none: it cannot be read, or no transaction claims a time of our age.
+std::optional<TimeNs> age_of_block(const std::string& block, TimeNs real_ns);
+
+/// A peer that was asked to sign a call.
+struct EndorsingPeer {
+  std::string msp_id;              ///< who it is, by its signature; where it has not signed: who it is said to be
+  std::string place;               ///< "[[endorser]] 10.0.0.2:7061", "the gateway"
+  std::string why{};               ///< it has not signed; empty: it has
+  std::string said_to_be{msp_id};  ///< by the config
+  std::string identity{place};     ///< of two with the same one counts
+};
+
+struct EndorsementFacts {
+  std::string program;  ///< "ground.toml"
+  std::string what;     ///< that must be endorsed: "new records of contract ledgerline"
+  fabric::Policy policy;
+  std::vector<std::string> organisations;  ///< of the channel
+  std::vector<EndorsingPeer> peers{};
+  bool by_gateway = false;  ///< it finds the peers; else the config names them
+};
+/// Whether the peers that sign for a program are those whose signatures its calls need.
+Finding assess(const EndorsementFacts& facts);
+
+}  // namespace ledgerline::checks

@@ -1,0 +1,257 @@
+#include "tools/checks/shell/host_probe.hpp"
+
+#include <arpa/inet.h>
+#include <fmt/format.h>
+#include <ifaddrs.h>
+#include <net/if.h>
+#include <sched.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/timex.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "common/base/disk_space.hpp"
+#include "onboard/ipc/roudi_probe.hpp"
+#include "onboard/roudi/shared_memory.hpp"
+
+namespace ledgerline::checks {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* link_units[] = {"/etc/systemd/system/ledgerline-link.service",
+                                      "/lib/systemd/system/ledgerline-link.service",
+                                      "/usr/local/lib/systemd/system/ledgerline-link.service"};
+
+std::string first_line(const fs::path& file) {
+  std::ifstream in(file);
+  std::string line;
+  std::getline(in, line);
+  return line;
+}
+
+struct Owner {
+  std::string program{};  ///< empty: /proc does not show it to this user
+  int pid = 0;
+};
+
+/// The process that has a socket, "socket:[INODE]".
+Owner owner_of(const std::string& wanted) {
+  std::error_code error;
+  for (const auto& process : fs::directory_iterator("/proc", error)) {
+    const std::string pid = process.path().filename();
+    if (pid.find_first_not_of("0123456789") != std::string::npos) continue;
+    for (fs::directory_iterator fd(process.path() / "fd", error), end; !error && fd != end; fd.increment(error)) {
+      std::error_code unreadable;
+      if (fs::read_symlink(fd->path(), unreadable) == wanted)
+        return {first_line(process.path() / "comm"), std::atoi(pid.c_str())};
+    }
+  }
+  return {};
+}
+
+/// The program that has a Unix socket of this path, as far as /proc shows it to this user.
+std::string program_of(const std::string& socket_path) {
+  std::ifstream table("/proc/net/unix");
+  std::string line, wanted;
+  while (std::getline(table, line)) {
+    std::istringstream words(line);
+    std::string word, inode, path;
+    for (int i = 0; i < 7 && words >> word; ++i) inode = word;
+    if (words >> path && path == socket_path) wanted = "socket:[" + inode + "]";
+  }
+  return wanted.empty() ? "" : owner_of(wanted).program;
+}
+
+/// Who has the UDP port, by the table of this network.
+Owner owner_of_udp(unsigned port) {
+  std::ifstream table("/proc/net/udp");
+  std::string line;
+  while (std::getline(table, line)) {
+    std::istringstream words(line);
+    std::string word, local;
+    words >> word >> local;
+    for (int i = 2; i < 10 && words >> word; ++i) {
+    }
+    const std::size_t colon = local.find(':');
+    if (colon == std::string::npos || local.substr(colon + 1) != fmt::format("{:04X}", port)) continue;
+    return owner_of("socket:[" + word + "]");
+  }
+  return {};
+}
+
+/// In a child, so that doctor stays as it is.
+bool permitted(int (*ask)()) {
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(ask() == 0 ? 0 : 1);
+  int status = 1;
+  return child > 0 && ::waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+}
+
+int ask_fifo() {
+  sched_param param{};
+  param.sched_priority = 80;  // link's
+  return ::sched_setscheduler(0, SCHED_FIFO, &param);
+}
+int ask_lock() { return ::mlockall(MCL_CURRENT | MCL_FUTURE); }
+
+std::string interface_with(const in_addr& address) {
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return "";
+  std::string name;
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {
+    if (!one->ifa_addr || one->ifa_addr->sa_family != AF_INET) continue;
+    if (reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr.s_addr == address.s_addr) name = one->ifa_name;
+    // All of 127.0.0.0/8 is on it, though it has one address.
+    if (name.empty() && (one->ifa_flags & IFF_LOOPBACK) != 0 && (ntohl(address.s_addr) >> 24) == IN_LOOPBACKNET)
+      name = one->ifa_name;
+  }
+  ::freeifaddrs(all);
+  return name;
+}
+
+/// Whether an address is of the interface's own network.
+bool is_beside(const std::string& interface, const in_addr& address) {
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return false;
+  bool beside = false;
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {
+    if (interface != one->ifa_name || !one->ifa_addr || one->ifa_addr->sa_family != AF_INET || !one->ifa_netmask)
+      continue;
+    const in_addr_t own = reinterpret_cast<const sockaddr_in*>(one->ifa_addr)->sin_addr.s_addr;
+    const in_addr_t mask = reinterpret_cast<const sockaddr_in*>(one->ifa_netmask)->sin_addr.s_addr;
+    beside = beside || ((own ^ address.s_addr) & mask) == 0;
+  }
+  ::freeifaddrs(all);
+  return beside;
+}
+
+}  // namespace
+
+DirectoryFacts look_at_folder_of(const std::string& file) {
+  fs::path folder = fs::absolute(file).parent_path();
+  DirectoryFacts facts{.path = folder};
+  facts.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
+  facts.read_only = !facts.writable && errno == EROFS;
+  if (auto free = free_bytes(folder)) facts.free_bytes = *free;
+  return facts;
+}
+
+ClockFacts look_at_clock() {
+  timex clock{};
+  const int state = ::adjtimex(&clock);
+  if (state < 0) return {};
+  const bool synchronised = state != TIME_ERROR && (clock.status & STA_UNSYNC) == 0;
+  return {.known = true, .synchronised = synchronised, .max_error_ms = static_cast<double>(clock.maxerror) * 1e-3};
+}
+
+RealTimeFacts look_at_real_time(bool wanted) {
+  RealTimeFacts facts{.wanted = wanted};
+  for (const char* unit : link_units)
+    if (facts.unit.empty() && ::access(unit, R_OK) == 0) facts.unit = unit;
+  facts.fifo = permitted(ask_fifo);
+  facts.locked = permitted(ask_lock);
+  return facts;
+}
+
+SharedMemoryFacts look_at_shared_memory() {
+  constexpr const char* name = "roudi";
+  const std::string path = std::string("/tmp/") + name;
+  SharedMemoryFacts facts;
+  using Roudi = SharedMemoryFacts::Roudi;
+  ipc::Peer peer = ipc::probe(name);
+  if (peer == ipc::Peer::gone) peer = ipc::probe_service(name);
+  switch (peer) {
+    case ipc::Peer::alive:
+      facts.roudi = Roudi::alive;
+      break;
+    case ipc::Peer::forbidden:
+      facts.roudi = Roudi::forbidden;
+      break;
+    case ipc::Peer::gone:
+      facts.roudi = ipc::socket_inode(name) != 0 ? Roudi::left : Roudi::none;
+      break;
+  }
+  if (facts.roudi == Roudi::alive) facts.program = program_of(path);
+  if (auto room = roudi::check_shared_memory(); !room) facts.no_room = room.error().what;
+  return facts;
+}
+
+PortFacts look_at_port(const std::string& listen) {
+  PortFacts facts{.listen = listen};
+  const std::size_t colon = listen.rfind(':');
+  sockaddr_in at{};
+  at.sin_family = AF_INET;
+  const unsigned port = colon == std::string::npos ? 0 : static_cast<unsigned>(std::atoi(listen.c_str() + colon + 1));
+  at.sin_port = htons(static_cast<std::uint16_t>(port));
+  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) return facts;
+  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  if (fd < 0) return facts;
+  const int error = ::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0 ? 0 : errno;
+  ::close(fd);
+  facts.taken = error == EADDRINUSE;
+  if (error != 0 && !facts.taken) facts.why = std::strerror(error);
+  if (!facts.taken) return facts;
+  const Owner owner = owner_of_udp(port);
+  facts.program = owner.program;
+  facts.pid = owner.pid;
+  return facts;
+}
+
+InterfaceFacts look_at_interface(const std::string& name, const std::string& whose) {
+  InterfaceFacts facts{.name = name, .whose = whose};
+  facts.there = ::if_nametoindex(name.c_str()) != 0;
+  ifaddrs* all = nullptr;
+  if (::getifaddrs(&all) != 0) return facts;
+  for (const ifaddrs* one = all; one; one = one->ifa_next) {
+    if (name != one->ifa_name) continue;
+    facts.up = facts.up || ((one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_RUNNING) != 0);
+    facts.has_address = facts.has_address || (one->ifa_addr && one->ifa_addr->sa_family == AF_INET);
+  }
+  ::freeifaddrs(all);
+  return facts;
+}
+
+RouteFacts look_at_route(const std::string& drone, const std::string& address, const std::string& wanted) {
+  RouteFacts facts{drone, address, wanted};
+  sockaddr_in to{};
+  to.sin_family = AF_INET;
+  to.sin_port = htons(8889);
+  if (::inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) {
+    facts.why = "it is no IPv4 address";
+    return facts;
+  }
+  // link binds to the interface, so its own network counts before the routing table, which names one of two that have
+  // the same.
+  if (!wanted.empty() && is_beside(wanted, to.sin_addr)) {
+    facts.over = wanted;
+    return facts;
+  }
+  const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in from{};
+  socklen_t size = sizeof from;
+  if (fd < 0 || ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0 ||
+      ::getsockname(fd, reinterpret_cast<sockaddr*>(&from), &size) != 0) {
+    facts.why = std::strerror(errno);
+  } else {
+    facts.over = interface_with(from.sin_addr);
+    if (facts.over.empty()) facts.why = "no interface has the address that it would be sent from";
+  }
+  if (fd >= 0) ::close(fd);
+  return facts;
+}
+
+bool link_runs() {
+  constexpr const char* name = "ledgerline-link";
+  return ipc::probe(name) == ipc::Peer::alive || ipc::probe_service(name) == ipc::Peer::alive;
+}
+
+}  // namespace ledgerline::checks

@@ -1,0 +1,173 @@
+#include "tools/checks/shell/ledger_probe.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <set>
+#include <thread>
+
+#include "common/base/file.hpp"
+#include "common/common.pb.h"
+#include "common/config/config.hpp"
+#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/config.hpp"
+#include "common/fabric/validation/channel_config.hpp"
+#include "common/msg/contract.hpp"
+#include "common/msg/grants.hpp"
+#include "common/verification/control_records.hpp"
+#include "common/verification/roles.hpp"
+#include "peer/lifecycle/lifecycle.pb.h"
+#include "peer/policy.pb.h"
+
+namespace ledgerline::checks {
+namespace {
+
+constexpr const char* ledger_check = "ledger";
+constexpr auto between_heights = std::chrono::milliseconds(300);
+
+/// What the peer of a config is asked.
+class Peer {
+ public:
+  static Result<Peer> create(const fabric::ClientConfig& config) {
+    auto questions = fabric::PeerQuestions::create(config);
+    if (!questions) return questions.error();
+    return Peer(std::move(*questions), config.where);
+  }
+
+  verification::Evaluate contract() {
+    return [this](const fabric::Call& call) { return questions_->ask(where_, call); };
+  }
+  Result<std::uint64_t> height() { return questions_->height(); }
+  Result<std::string> config_block() { return questions_->config_block(); }
+  Result<std::string> block(std::uint64_t number) { return questions_->block(number); }
+  Result<lifecycle::QueryChaincodeDefinitionResult> definition() {
+    lifecycle::QueryChaincodeDefinitionArgs question;
+    question.set_name(where_.contract);
+    auto answer =
+        questions_->ask({where_.channel, "_lifecycle"}, {"QueryChaincodeDefinition", {question.SerializeAsString()}});
+    if (!answer) return answer.error();
+    lifecycle::QueryChaincodeDefinitionResult definition;
+    if (!definition.ParseFromString(*answer)) return Error{"its answer cannot be read"};
+    return definition;
+  }
+
+ private:
+  Peer(std::unique_ptr<fabric::PeerQuestions> questions, fabric::ChannelAndContract where)
+      : questions_(std::move(questions)), where_(std::move(where)) {}
+  std::unique_ptr<fabric::PeerQuestions> questions_;
+  fabric::ChannelAndContract where_;
+};
+
+/// One peer alone would do.
+bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel) {
+  protos::ApplicationPolicy policy;
+  if (!policy.ParseFromString(definition)) return false;
+  if (!policy.has_signature_policy() && channel.organisations.size() == 1) return false;
+  const fabric::Policy endorsement = fabric::application_policy(channel, definition);
+  return std::any_of(channel.organisations.begin(), channel.organisations.end(), [&](const crypto::MspRoot& one) {
+    return fabric::satisfies(endorsement, {{.msp_id = one.msp_id, .peer = true, .identity = one.msp_id}});
+  });
+}
+
+/// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out`
+/// says.
+std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
+                                                  bool embedded, Findings& out) {
+  // The newest, where the peer reports it; a change of the times since the anchor counts.
+  auto newest = peer.config_block();
+  const std::string& block = newest ? *newest : anchor;
+  common::Block parsed;
+  const auto channel = parsed.ParseFromString(block) ? fabric::read_channel_config(parsed)
+                                                     : Result<fabric::ChannelConfig>(Error{"it is no block"});
+  if (!channel || !channel->batching) {
+    out.push_back(found(Problem::ledger_refuses, ledger_check,
+                        "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().what)));
+  } else if (one.program == "agent" || one.program == "ground") {
+    TimeoutInputs facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
+    if (one.program == "agent") {
+      facts.max_age_ns = one.max_age_ns;
+      facts.silent_after_ns = one.silent_after_ns;
+    }
+    out.push_back(assess(*channel->batching, facts));
+  }
+  ContractFacts contract{.name = one.ledger->contract, .own_version = contract::version};
+  std::string policy;
+  if (embedded) {
+    out.push_back(fine("contract", contract.name + " of the embedded ledger"));
+  } else {
+    const auto definition = peer.definition();
+    if (definition) {
+      policy = definition->validation_parameter();
+      contract.version = definition->version();
+      contract.weak = channel && is_weak(policy, *channel);
+    } else {
+      contract.refused = definition.error().what;
+    }
+    add(out, assess(contract));
+  }
+  if (!channel || !contract.refused.empty()) return std::nullopt;
+  NeededSignatures needed{.policy = fabric::application_policy(*channel, policy)};
+  for (const crypto::MspRoot& organisation : channel->organisations)
+    needed.organisations.push_back(organisation.msp_id);
+  return needed;
+}
+
+/// Returns the organisations whose drones they are.
+std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
+                                  const std::vector<std::string>& drones, Findings& out) {
+  const Side side = one.program == "agent" ? Side::agent : Side::ground;
+  const auto roles = verification::read_roles(peer.contract(), {self.msp_id});
+  std::set<std::string> owners;
+  for (const std::string& drone : drones) {
+    LeaseFacts facts{.drone = drone, .self = self, .side = side, .control = {}};
+    if (roles) facts.is_operator = is_operator(roles->of(self));
+    if (auto control = verification::read_control(drone, peer.contract())) {
+      owners.insert(control->owner().msp_id());
+      facts.control = std::move(*control);
+    } else if (!roles) {
+      out.push_back(found(Problem::ledger_refuses, ledger_check, control.error().what));
+      return owners;
+    }
+    add(out, assess(facts));
+  }
+  return owners;
+}
+
+}  // namespace
+
+Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                    const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
+  Findings out;
+  auto config = Config::load(one.path);
+  if (!config) return {found(Problem::config_wrong, ledger_check, config.error().what)};
+  auto ledger = client_of_channel(*config, one);
+  if (!ledger) return {found(Problem::ledger_refuses, ledger_check, ledger.error().what)};
+  ledger->deadline = timeout;
+  auto peer = Peer::create(*ledger);
+  if (!peer) return {found(Problem::ledger_refuses, ledger_check, peer.error().what)};
+  const auto height = peer->height();
+  if (!height)
+    return {found(Problem::ledger_refuses, ledger_check,
+                  fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().what))};
+  auto needed = ask_configuration(*peer, one, anchor, embedded, out);
+  const std::set<std::string> owners = ask_records(*peer, one, ledger->identity.name, drones, out);
+  if (needed) {
+    needed->owners = owners;
+    add(out, ask_endorsers(one, *ledger, *needed));
+  }
+  std::this_thread::sleep_for(between_heights);
+  HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
+  if (auto later = peer->height()) facts.later = *later;
+  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block, realtime_ns());
+  for (const ServerKeys& other : one.ledger->endorsers) {
+    if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
+    auto second = Peer::create(client_at(other, *ledger));
+    if (!second) continue;
+    if (auto its = second->height()) facts.elsewhere = *its;
+  }
+  add(out, assess(facts));
+  return out;
+}
+
+}  // namespace ledgerline::checks
