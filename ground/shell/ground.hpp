@@ -13,11 +13,11 @@
 #include "ground/core/flight_view.hpp"
 #include "ground/shell/certificates.hpp"
 #include "ground/shell/inbox.hpp"
+#include "ground/shell/interfaces/ros_topics.hpp"
+#include "ground/shell/interfaces/station.hpp"
 #include "ground/shell/mission_service.hpp"
 #include "ground/shell/operators/sessions.hpp"
-#include "ground/shell/ros_topics.hpp"
 #include "ground/shell/settings.hpp"
-#include "ground/shell/station.hpp"
 
 namespace ledgerline::ground {
 

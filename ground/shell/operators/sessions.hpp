@@ -12,7 +12,7 @@
 #include "ground/service/missions/approvals.hpp"
 #include "ground/service/operators/leaving.hpp"
 #include "ground/service/operators/sign_ins.hpp"
-#include "ground/shell/operator_service.hpp"
+#include "ground/shell/operators/operator_service.hpp"
 
 namespace ledgerline::ground {
 

@@ -1,4 +1,4 @@
-#include "ground/shell/ros_topics.hpp"
+#include "ground/shell/interfaces/ros_topics.hpp"
 
 #include "common/base/log.hpp"
 #include "common/rt/clock.hpp"

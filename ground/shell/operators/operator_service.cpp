@@ -1,4 +1,4 @@
-#include "ground/shell/operator_service.hpp"
+#include "ground/shell/operators/operator_service.hpp"
 
 #include <fmt/format.h>
 

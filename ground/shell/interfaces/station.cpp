@@ -1,4 +1,4 @@
-#include "ground/shell/station.hpp"
+#include "ground/shell/interfaces/station.hpp"
 
 #include <functional>
 #include <utility>
