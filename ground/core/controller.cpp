@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <string_view>
+#include <utility>
 
 namespace ledgerline::ground {
 namespace {
@@ -84,22 +85,16 @@ double PredictionError::share() const {
   return std::max(least, std::sqrt(mean));
 }
 
+DroneModel::DroneModel(const ControllerConfig& config) : predictor(predictor_of(config)) {}
+
 PathController::PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin,
-                               ControllerConfig config, double yaw_rad)
+                               ControllerConfig config, double yaw_rad, std::shared_ptr<DroneModel> model)
     : config_(config),
       path_(waypoints, origin),
       track_(waypoints, origin, config.height_m, track_limits(config)),
       yaw_rad_(yaw_rad),
-      predictor_(predictor_of(config)),
+      model_(model ? std::move(model) : std::make_shared<DroneModel>(config)),
       position_gain_(config.position_gain) {}
-
-void PathController::go_on_from(const PathController& before) {
-  predictor_ = before.predictor_;
-  error_ = before.error_;
-  raw_ = before.raw_;
-  raw_stamp_ns_ = before.raw_stamp_ns_;
-  waits_ = before.waits_;
-}
 
 void PathController::start(TimeNs from_ns, double end_m) {
   started_ = true;
@@ -111,13 +106,13 @@ void PathController::observe(const StateSample& state) {
   if (state.stamp_ns <= raw_stamp_ns_) return;
   raw_stamp_ns_ = state.stamp_ns;
   waits_ = state.mode == FailsafeMode::brake || state.stamp_ns - state.pose_stamp_ns > config_.pose_lost_ns;
-  predictor_.observe(state);
+  model_->predictor.observe(state);
   if (state.pose_stamp_ns <= raw_.stamp_ns) return;
   raw_.stamp_ns = state.pose_stamp_ns;
   raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());
   raw_.velocity_mps = Eigen::Vector3d::Map(state.velocity_mps.data());
   raw_.yaw_rad = state.yaw_rad;
-  error_.seen(predictor_.newest());
+  model_->error.seen(model_->predictor.newest());
 }
 
 double PathController::asked_mps(double s_m) const {
@@ -131,7 +126,8 @@ double PathController::expected_s(int laps) const {
 }
 
 double PathController::speed_at(double s_m) const {
-  const double max_mps = std::min({asked_mps(s_m), limit_mps_, config_.full_scale_mps * predictor_.response().gain});
+  const double max_mps =
+      std::min({asked_mps(s_m), limit_mps_, config_.full_scale_mps * model_->predictor.response().gain});
   return std::min({track_.speed_at(s_m), max_mps, motion::from_rest_to_rest_mps(s_m, end_m_)});
 }
 
@@ -163,7 +159,7 @@ Setpoint PathController::level(const Motion& from, double height_m, double climb
 }
 
 Setpoint PathController::steer(const Motion& from, double s_m) const {
-  const motion::Response& model = predictor_.response();
+  const motion::Response& model = model_->predictor.response();
   const motion::Track::Point place = track_.at(s_m);
   const Eigen::Vector2d direction = place.direction.head<2>();
   Eigen::Vector2d reference = Eigen::Vector2d::Zero(), lead = Eigen::Vector2d::Zero();
@@ -182,7 +178,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
   Eigen::Vector2d wanted = reference + lead +
                            position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
                            config_.velocity_gain * (reference - from.velocity_mps.head<2>());
-  wanted = (wanted - predictor_.drift_mps().head<2>()) / model.gain;
+  wanted = (wanted - model_->predictor.drift_mps().head<2>()) / model.gain;
   const double max_mps = std::min(config_.full_scale_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
   if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   Setpoint setpoint = level(from, place.position_m.z(), climb);
@@ -193,7 +189,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
 
 void PathController::limit(double age_s) {
   position_gain_ = std::min(config_.position_gain, gain_by_age / std::max(0.05, age_s));
-  const double limit = config_.allowed_error_m / (peaks * error_.share() * std::max(0.05, age_s));
+  const double limit = config_.allowed_error_m / (peaks * model_->error.share() * std::max(0.05, age_s));
   limit_mps_ = std::max(config_.min_limit_mps, limit);
   if (started_ && !at_end() && limit_mps_ < asked_mps(progress_m_))
     slowed_to_mps_ = std::min(limit_mps_, slowed_to_mps_.value_or(limit_mps_));
@@ -201,9 +197,9 @@ void PathController::limit(double age_s) {
 
 std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, std::size_t count) {
   if (!config_.predict) return plan_plain(first_ns);
-  motion::Predictor::Rollout rollout = predictor_.until(first_ns);
-  limit(to_seconds(rollout.effect().stamp_ns - predictor_.newest().stamp_ns));
-  if (!waits_) error_.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
+  motion::Predictor::Rollout rollout = model_->predictor.until(first_ns);
+  limit(to_seconds(rollout.effect().stamp_ns - model_->predictor.newest().stamp_ns));
+  if (!waits_) model_->error.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - max_ns) : first_ns;
   while (reference_ns_ < first_ns) {
@@ -228,7 +224,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
     rollout.tell(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns);
     s_m = next_m;
   }
-  predictor_.sent(id, plan);
+  model_->predictor.sent(id, plan);
   return plan;
 }
 

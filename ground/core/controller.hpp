@@ -1,6 +1,7 @@
 #pragma once
 #include <deque>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <vector>
 
@@ -65,6 +66,14 @@ class PredictionError {
   double errors_m2_ = 0, ways_m2_ = 0;
 };
 
+/// What is learned of a drone, whatever path it flies, and the plans that it has on their way; until its host restarts,
+/// since its clock may restart with it. One thread.
+struct DroneModel {
+  explicit DroneModel(const ControllerConfig& config);
+  motion::Predictor predictor;
+  PredictionError error{};
+};
+
 /// Follows a path: a reference moves along the Track (slower in bends, waiting when the drone falls behind), and the
 /// drone is steered to it by velocity setpoints: the reference's velocity, led by what the drone's lag takes, plus
 /// corrections of position and velocity, less the wind's drift, over the drone's gain. Each plan starts from the state
@@ -92,21 +101,18 @@ class PathController final : public Follower {
   static constexpr std::size_t steps = 12;  ///< of a plan at least: 0.6 s
   static constexpr TimeNs max_ns = 3 * ns_per_s;
 
+  /// `model`: of the drone; null: nothing is known of it yet.
   PathController(const std::vector<Waypoint>& waypoints, const Eigen::Vector2d& origin, ControllerConfig config,
-                 double yaw_rad);
+                 double yaw_rad, std::shared_ptr<DroneModel> model = nullptr);
 
-  /// Takes over what `before` has learned of the same drone in the same boot, and the plans that it has on their way.
-  void go_on_from(const PathController& before);
   /// Lets the reference move from `from_ns` on, as far as `end_m` along the track (laps count on); until then it waits
   /// at the origin.
   void start(TimeNs from_ns, double end_m = std::numeric_limits<double>::infinity()) override;
   void observe(const StateSample& state) override;
-  bool ready() const override { return predictor_.ready(); }
+  bool ready() const override { return model_->predictor.ready(); }
   /// Setpoints for first_ns, first_ns + 50 ms, ... as many as asked for (12 to 40); first_ns must not go back from plan
-  /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for withdraw().
+  /// to plan. Without prediction: one velocity, held for 2 s from first_ns on. `id` is for Predictor::withdraw().
   std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count = steps) override;
-  /// The plan will not be flown.
-  void withdraw(std::uint64_t id) override { predictor_.withdraw(id); }
 
   /// Of the reference, over all laps.
   double progress_m() const override { return progress_m_; }
@@ -128,7 +134,7 @@ class PathController final : public Follower {
   double limit_mps() const { return limit_mps_; }
   /// The least limit that slowed the reference down; nothing: it never did.
   std::optional<double> slowed_to_mps() const { return slowed_to_mps_; }
-  const motion::Predictor& predictor() const { return predictor_; }
+  const motion::Predictor& predictor() const { return model_->predictor; }
 
  private:
   double pace(double s_m, const Eigen::Vector2d& drone) const;
@@ -144,9 +150,8 @@ class PathController final : public Follower {
   Path path_;
   motion::Track track_;
   double yaw_rad_;
-  motion::Predictor predictor_;
-  PredictionError error_;
-  Motion raw_;  ///< the newest state as it came
+  std::shared_ptr<DroneModel> model_;  ///< never null
+  Motion raw_;                         ///< the newest state as it came
   TimeNs raw_stamp_ns_ = 0;
   bool waits_ = false;  ///< link brakes, or is about to: plans are not flown
   bool started_ = false;

@@ -61,14 +61,11 @@ FlightCore::FlightCore(FlightConfig config)
   std::vector<CommandOutbox::Slot> slots;
   for (std::size_t i = 0; i < config_.drones.size(); ++i) {
     drones_.push_back(std::make_unique<Drone>(config_, i, leases_.of(i), intake_.of(i), timing_));
-    slots.push_back({config_.drones[i], &drones_[i]->status});
+    Drone& drone = *drones_[i];
+    slots.push_back({config_.drones[i], &drone.status, [&drone](std::uint64_t plan) { drone.planner.withdraw(plan); }});
   }
   if (!config_.ledger) return;
-  outbox_.emplace(
-      std::move(slots), timing_, transactions_,
-      CommandOutbox::Calls{
-          .withdraw = [this](std::size_t drone, std::uint64_t plan) { drones_[drone]->planner.withdraw(plan); },
-          .measure = [this](TimeNs one_way_ns) { timing_.measure(one_way_ns); }});
+  outbox_.emplace(std::move(slots), timing_, transactions_);
 }
 
 Status FlightCore::set_control(const std::string& control) {
@@ -121,10 +118,10 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
     }
   }
   drone.fresh = drone.commanded = false;
-  if (const std::string why = drone.phases.refused_takeoff(now_ns); !why.empty())
-    refuse(now_ns, index, "no take-off: " + why, out);
-  if (const std::string note = drone.phases.check_time(now_ns); !note.empty())
-    out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, note));
+  if (const Status flown = drone.phases.check_takeoff(now_ns); !flown)
+    refuse(now_ns, index, "no take-off: " + flown.error().what, out);
+  if (const auto note = drone.phases.check_time(now_ns))
+    out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, *note));
   if (drone.status.slowed_to_mps && !std::exchange(drone.slowed_said, true)) {
     out.notes.push_back(
         fmt::format("{}: slowed to {:.2f} m/s: at the age that its commands are flown with, more might leave the path",
@@ -223,29 +220,30 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
   const bool stop = command.stop || command.cut;
   if (stop) stops_.want(now_ns, command.drone, command.cut, command.by);
   if (stop || command.land) {
-    const std::string why = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
-                                                               : config_.manual ? ""
-                                                                                : "landed by its pilot");
+    const Status landed = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
+                                                             : config_.manual ? ""
+                                                                              : "landed by its pilot");
     // A stop comes from the ledger, no matter who flies.
-    if (!why.empty() && !stop) refuse(now_ns, command.drone, "no landing: " + why, out);
-  } else if (const std::string whose = held_by_another(command); !whose.empty()) {
+    if (!landed && !stop) refuse(now_ns, command.drone, "no landing: " + landed.error().what, out);
+  } else if (const Status ours = check_holder(command); !ours) {
     if (command.takeoff || command.order || command.pause || command.velocity)
-      refuse(now_ns, command.drone, whose, out);
+      refuse(now_ns, command.drone, ours.error().what, out);
     return;
   } else if ((command.takeoff || command.order) && stops_.pending(command.drone)) {
     refuse(now_ns, command.drone, "a stop of it is on its way to the ledger", out);
     return;
   } else if (command.takeoff) {
-    if (const std::string why = drone.phases.take_off(now_ns, ending_); !why.empty())
-      refuse(now_ns, command.drone, "no take-off: " + why, out);
+    if (const Status taken = drone.phases.take_off(now_ns, ending_); !taken)
+      refuse(now_ns, command.drone, "no take-off: " + taken.error().what, out);
   }
   if (command.order && !stop && !command.land) {
     const TimeNs delay_ns = timing_.of(command.drone).delay_ns;
-    if (const std::string why = drone.phases.take_order(now_ns, *command.order, delay_ns); !why.empty())
-      refuse(now_ns, command.drone, why, out);
+    if (const Status taken = drone.phases.take_order(now_ns, *command.order, delay_ns); !taken)
+      refuse(now_ns, command.drone, taken.error().what, out);
   }
   if (command.pause && !stop && !command.land) {
-    if (const std::string why = drone.phases.take_pause(now_ns); !why.empty()) refuse(now_ns, command.drone, why, out);
+    if (const Status taken = drone.phases.take_pause(now_ns); !taken)
+      refuse(now_ns, command.drone, taken.error().what, out);
   }
   PilotCounters& counters = drone.status.pilot;
   counters.replaced += command.replaced;
@@ -256,7 +254,7 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
     say(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
   if (!command.velocity) return;
   if (drone.status.phase == DronePhase::path && config_.manual && !command.order &&
-      is_deliberate(*command.velocity, config_.controller) && drone.phases.take_pause(now_ns).empty())
+      is_deliberate(*command.velocity, config_.controller) && drone.phases.take_pause(now_ns))
     say(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
   if (drone.status.phase != DronePhase::manual) {
     ++counters.not_flying;
@@ -265,12 +263,12 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
   }
 }
 
-std::string FlightCore::held_by_another(const PilotCommand& command) const {
+Status FlightCore::check_holder(const PilotCommand& command) const {
   const Lease& lease = leases_.of(command.drone);
   // We do not fly a drone that we do not command, no matter who asks for it.
-  if (!lease.holder || lease.commander != config_.self) return "";
-  if (lease.holder == (command.by ? *command.by : config_.self)) return "";
-  return "its lease is held by " + holder_words(lease) + ": the holder's word counts";
+  if (!lease.holder || lease.commander != config_.self) return ledgerline::done;
+  if (lease.holder == (command.by ? *command.by : config_.self)) return ledgerline::done;
+  return Error{"its lease is held by " + holder_words(lease) + ": the holder's word counts"};
 }
 
 // Counted always, said once a second: a pilot's messages may come as fast as they like.
@@ -290,7 +288,7 @@ void FlightCore::say(TimeNs now_ns, std::size_t index, const std::string& why, F
 void FlightCore::hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out) {
   command.plan.set_sequence(drones_[index]->next_sequence++);
   command.plan.set_epoch(1);
-  ++drones_[index]->status.commands_sent;
+  ++drones_[index]->status.commands.sent;
   out.traces.push_back(trace_of(config_.drones[index], command, now_ns));
   out.plans.push_back(verification::plan_of(config_.drones[index].number, command.plan));
 }

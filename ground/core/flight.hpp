@@ -90,8 +90,8 @@ class FlightCore {
   void take_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
-  /// Who holds the lease, where it is not who commands; empty: it is, or nobody does. Landings and stops are anybody's.
-  std::string held_by_another(const PilotCommand& command) const;
+  /// The error says who holds the lease, where it is not who commands. Landings and stops are anybody's.
+  Status check_holder(const PilotCommand& command) const;
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
   void say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
 

@@ -31,6 +31,16 @@ enum class Level { info, warning, alarm };
 /// What is done with a request for a drone that we hold when our operator has not answered it in time.
 enum class RequestRule { none, hand_over, deny };
 
+/// Time-outs of a drone's phases; each ends in landing, or in failure where there is nothing to land.
+struct PhaseLimits {
+  TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
+  TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
+  TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
+  TimeNs silence_ns = 5 * ns_per_s;   ///< no state at all while flying; a ledger may be choosing a new leader
+  TimeNs landing_ns = 20 * ns_per_s;
+  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
+};
+
 struct FlightConfig {
   std::vector<FlightDrone> drones;
   bool manual = false;                      ///< flown by a pilot's messages instead of around a path
@@ -51,13 +61,7 @@ struct FlightConfig {
   RequestRule request_rule = RequestRule::none;
   TimeNs request_after_ns = 0;  ///< so long our operator may answer a request before the rule does
 
-  // Time-outs of the phases; each ends in landing, or in failure where there is nothing to land.
-  TimeNs wait_ns = 30 * ns_per_s;     ///< for the first state with a pose, on the ground, under our lease
-  TimeNs takeoff_ns = 25 * ns_per_s;  ///< until it hovers at the origin
-  TimeNs settle_ns = 8 * ns_per_s;    ///< the part of it that is spent on settling at the origin
-  TimeNs silence_ns = 5 * ns_per_s;   ///< no state at all while flying; a ledger may be choosing a new leader
-  TimeNs landing_ns = 20 * ns_per_s;
-  double path_factor = 3.0;  ///< path: this many times the time that it should take, and half a minute
+  PhaseLimits limits{};
 };
 
 /// Per drone: waiting -> takeoff -> path -> landing -> landed, or failed: never took off, or not seen to land.
@@ -150,6 +154,13 @@ struct PilotCounters {
   std::uint64_t refused = 0;     ///< take-offs, landings, orders and stops
 };
 
+/// What became of the plans made for a drone.
+struct CommandCounters {
+  std::uint64_t made = 0, sent = 0;
+  std::uint64_t merged = 0;  ///< a newer one took its place before it went out
+  std::uint64_t refused = 0;
+};
+
 struct FlightStatus {
   DronePhase phase = DronePhase::waiting;
   bool finished = false;    ///< flew its whole path
@@ -172,7 +183,8 @@ struct FlightStatus {
   motion::Response response;            ///< as learned so far
   std::uint64_t alarms = 0;             ///< of its agent, which does not trust the ledger
   bool ledger_untrusted = false;        ///< as the newest of them says
-  std::uint64_t states_received = 0, commands_made = 0, commands_sent = 0, commands_merged = 0, commands_refused = 0;
+  std::uint64_t states_received = 0;
+  CommandCounters commands;
 };
 
 struct FlightTransactions {

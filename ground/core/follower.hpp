@@ -23,10 +23,8 @@ class Follower {
   /// It knows enough to plan.
   virtual bool ready() const = 0;
   /// Setpoints from `first_ns` on, which does not go back from plan to plan; none of them `count` steps of 50 ms later
-  /// or more. Empty: there is nothing that could be flown, and problem() may say why.
+  /// or more. Empty: there is nothing that could be flown, and check() may say why.
   virtual std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count) = 0;
-  /// The plan will not be flown.
-  virtual void withdraw(std::uint64_t id) = 0;
 
   /// Along the path, over all laps.
   virtual double progress_m() const = 0;
@@ -40,8 +38,8 @@ class Follower {
   virtual double start_height_m() const = 0;
   /// The time that these laps should take.
   virtual double expected_s(int laps) const = 0;
-  /// Why it cannot go on, in words: the drone is landed. Empty: it can.
-  virtual std::string problem() const { return {}; }
+  /// The error says why it cannot go on: the drone is landed.
+  virtual Status check() const { return done; }
 };
 
 struct ControllerConfig;

@@ -8,18 +8,17 @@
 namespace ledgerline::ground::mission {
 namespace {
 
-// What is wrong with the settings; empty: nothing.
-std::string wrong_in(const CheckConfig& config) {
+Status check_settings(const CheckConfig& config) {
   const auto within = [](double value, double min, double max) { return value >= min && value <= max; };
-  if (!within(config.battery_endurance_s, 60, 1'800)) return "battery_endurance_s must be from 60 to 1800";
-  if (!within(config.battery_reserve, 0, 1)) return "battery_reserve must be from 0 to 1";
+  if (!within(config.battery_endurance_s, 60, 1'800)) return Error{"battery_endurance_s must be from 60 to 1800"};
+  if (!within(config.battery_reserve, 0, 1)) return Error{"battery_reserve must be from 0 to 1"};
   if (!within(config.apart.level_m, 0, 100) || !within(config.apart.height_m, 0, 100))
-    return "drones must be apart by 0 to 100 m";
-  if (!within(config.apart.late_s, 0, 60)) return "late_s must be from 0 to 60";
-  if (!within(config.landing_mps, 0.05, 10)) return "landing_mps must be from 0.05 to 10";
+    return Error{"drones must be apart by 0 to 100 m"};
+  if (!within(config.apart.late_s, 0, 60)) return Error{"late_s must be from 0 to 60"};
+  if (!within(config.landing_mps, 0.05, 10)) return Error{"landing_mps must be from 0.05 to 10"};
   if (!within(config.flight.speed_mps, motion::min_speed_mps, motion::max_speed_mps))
-    return "the flight's speed must be from 0.05 to 8 m/s";
-  return "";
+    return Error{"the flight's speed must be from 0.05 to 8 m/s"};
+  return done;
 }
 
 constexpr std::size_t max_other_corners = 100;
@@ -231,8 +230,8 @@ void Check::add_other(const DroneNow& now) {
 }
 
 std::vector<Finding> Check::of(const Mission& mission) {
-  if (const std::string wrong = wrong_in(config_); !wrong.empty()) {
-    add("", {}, "not checked: " + wrong);
+  if (const Status settings = check_settings(config_); !settings) {
+    add("", {}, "not checked: " + settings.error().what);
     return findings_;
   }
   if (const Status bounds = check_bounds(mission); !bounds) {

@@ -34,8 +34,8 @@ Status check_drone(const MissionDrone& drone) {
     if (!is_on_map(waypoint.at_m))
       return wrong(
           fmt::format(", waypoint {}: x and y must be from {} to {} m", i + 1, -max_coordinate_m, max_coordinate_m));
-    if (const std::string why = motion::wrong_in(waypoint); !why.empty())
-      return wrong(fmt::format(", waypoint {}: {}", i + 1, why));
+    if (const Status checked = motion::check_limits(waypoint); !checked)
+      return wrong(fmt::format(", waypoint {}: {}", i + 1, checked.error().what));
     if (i > 0 && (waypoint.at_m - drone.waypoints[i - 1].at_m).norm() < motion::min_apart_m)
       return wrong(fmt::format(", waypoint {}: is closer than 1 cm to the one before", i + 1));
   }
@@ -96,6 +96,11 @@ Status check_bounds(const Mission& mission) {
     if (const Status checked = check_drone(drone); !checked) return checked;
   }
   return done;
+}
+
+void sort_by_name(Mission& mission) {
+  std::sort(mission.drones.begin(), mission.drones.end(),
+            [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
 }
 
 std::string canonical(const Mission& mission) {

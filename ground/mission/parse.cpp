@@ -1,4 +1,4 @@
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 
 #include <fmt/format.h>
 

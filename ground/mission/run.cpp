@@ -38,14 +38,40 @@ MissionRun::MissionRun(Mission mission, const RunConfig& config)
       canonical_(mission::canonical(mission_)),
       digest_(crypto::sha256(canonical_)),
       parts_(mission_.drones.size()) {
-  std::sort(mission_.drones.begin(), mission_.drones.end(),
-            [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
+  sort_by_name(mission_);
 }
 
 Result<MissionRun> MissionRun::make(Mission mission, const RunConfig& config) {
   if (config.required_approvals < 1 || config.required_approvals > 2) return Error{"1 or 2 approvals may be required"};
   if (const Status bounds = check_bounds(mission); !bounds) return bounds.error();
   return MissionRun(std::move(mission), config);
+}
+
+RunProgress MissionRun::progress() const { return {phase_, paused_, why_, {parts_.begin(), parts_.end()}}; }
+
+Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& config) {
+  auto saved = saved_run_from(text);
+  if (!saved) return saved.error();
+  auto run = make(std::move(saved->mission), config);
+  if (!run) return run.error();
+  const RunProgress& progress = saved->progress;
+  // Approvals are the ledger's to say.
+  run->phase_ = progress.phase == RunPhase::approved ? RunPhase::checked : progress.phase;
+  run->paused_ = run->active() && progress.paused;
+  run->why_ = progress.why;
+  run->recovering_ = run->active();
+  for (std::size_t i = 0; i < run->parts_.size(); ++i) {
+    Part& part = run->parts_[i];
+    static_cast<DroneProgress&>(part) = progress.drones[i];
+    // What was in progress starts again from where it is.
+    if (part.leg == Leg::rising) part.leg = Leg::ready;
+    if (part.leg == Leg::ordered || part.leg == Leg::flying) part.leg = Leg::halted;
+    part.found = part.leg == Leg::standing || part.leg == Leg::landed || part.leg == Leg::lost;
+    // Of an aborted one those land that were not seen to; of another one that is for its rules.
+    part.landing_due = part.landing_due && run->phase_ == RunPhase::aborted;
+    part.to_land = part.landing_due;
+  }
+  return run;
 }
 
 bool MissionRun::landing_due() const {
@@ -384,7 +410,7 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
   RunOutputs out{std::move(commands_), std::move(events_), false};
   commands_.clear();
   events_.clear();
-  std::string state = saved_state();
+  std::string state = text_of(progress(), mission_);
   out.changed = state != last_saved_state_;
   last_saved_state_ = std::move(state);
   return out;

@@ -1,5 +1,4 @@
 #pragma once
-#include <nlohmann/json_fwd.hpp>
 #include <set>
 #include <span>
 #include <string>
@@ -46,6 +45,31 @@ struct RunOutputs {
   bool changed = false;  ///< saved() is another than after the step before
 };
 
+/// How far a drone of a mission is.
+struct DroneProgress {
+  enum class Leg { standing, rising, ready, ordered, flying, halted, ended, landing, landed, lost };
+  Leg leg = Leg::standing;
+  std::size_t reached = 0;   ///< waypoints
+  bool landing_due = false;  ///< was not seen down yet
+};
+/// How far a mission is: with it, what is kept for a ground that is started again.
+struct RunProgress {
+  RunPhase phase = RunPhase::checked;
+  bool paused = false;
+  std::string why;                    ///< of an aborted one
+  std::vector<DroneProgress> drones;  ///< as the mission has them
+};
+struct SavedRun {
+  Mission mission;  ///< drones in the order of their names
+  RunProgress progress;
+};
+/// JSON of progress alone; to be kept with the mission's canonical text, and read again. The error says what is wrong
+/// with what was kept. Pure; any thread.
+std::string text_of(const RunProgress& progress, const Mission& mission);
+std::string text_of(const RunProgress& progress, const Mission& mission, const std::string& canonical);
+Result<SavedRun> saved_run_from(std::string_view text);
+inline constexpr std::size_t max_saved_bytes = max_mission_bytes + 65'536;
+
 /// Conducts one mission: all drones take off, and when every one hovers all begin their paths in the same step.
 ///
 ///     checked --approvals--> approved --start()--> taking_off --all hover--> to_start --all at their first waypoint-->
@@ -69,10 +93,9 @@ class MissionRun {
   static Result<MissionRun> make(Mission mission, const RunConfig& config);
 
   /// What saved() gave, max_saved_bytes at most; else an error.
-  static constexpr std::size_t max_saved_bytes = max_mission_bytes + 65'536;
   static Result<MissionRun> restore(std::string_view text, const RunConfig& config);
   /// JSON: mission, phase, and how far each drone is. To be kept whenever RunOutputs::changed says so.
-  std::string saved() const;
+  std::string saved() const { return text_of(progress(), mission_, canonical_); }
 
   const Mission& mission() const { return mission_; }  ///< drones in the order of their names
   const crypto::Digest& digest() const { return digest_; }
@@ -109,23 +132,18 @@ class MissionRun {
   RunOutputs step(TimeNs now, std::span<const DroneNow> drones);
 
  private:
-  enum class Leg { standing, rising, ready, ordered, flying, halted, ended, landing, landed, lost };
-  struct Part {
-    Leg leg = Leg::standing;
-    std::size_t reached = 0;
+  using Leg = DroneProgress::Leg;
+  struct Part : DroneProgress {
     std::size_t begun_at = 0;  ///< reached, when the newest path was ordered
     TimeNs asked_ns = 0;       ///< for what the leg waits for
     TimeNs ordered_ns = 0;     ///< its path, the last time
     std::uint64_t paths = 0;   ///< DroneNow::paths before the newest order
     bool found = true;         ///< after a restart: FlightCore has it
     bool to_land = false;      ///< and was not commanded to yet
-    bool landing_due = false;  ///< and was not seen down yet
   };
-  static const std::vector<std::string_view>& leg_names();
 
   MissionRun(Mission mission, const RunConfig& config);
-  std::string saved_state() const;
-  Status restore_part(const nlohmann::json& given, std::size_t drone);
+  RunProgress progress() const;
   Status missing_approvals() const;
   void tell(Level level, const std::string& drone, const std::string& text) { events_.push_back({level, drone, text}); }
   void lose(std::size_t drone, const std::string& why);

@@ -7,10 +7,9 @@
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
 #include "ground/json/strict.hpp"
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 #include "ground/mission/run.hpp"
 
-/// MissionRun, continued: kept as text, and made of it again.
 namespace ledgerline::ground::mission {
 namespace {
 
@@ -19,8 +18,7 @@ namespace strict = ground::json;
 
 constexpr int version = 1;
 // A mission, one deeper, and five values of each drone.
-constexpr strict::Bounds saved_bounds{MissionRun::max_saved_bytes, 6,
-                                      (5 * motion::max_waypoints + 20) * max_drones + 20};
+constexpr strict::Bounds saved_bounds{max_saved_bytes, 6, (5 * motion::max_waypoints + 20) * max_drones + 20};
 
 template <typename Names>
 std::optional<std::size_t> index_in(const Names& names, const json& name) {
@@ -37,67 +35,56 @@ Result<RunPhase> phase_from(const json& name) {
   return Error{"phase must be one of a mission's"};
 }
 
-}  // namespace
+constexpr std::array<std::string_view, 10> leg_names{"standing", "rising", "ready",   "ordered", "flying",
+                                                     "halted",   "ended",  "landing", "landed",  "lost"};
+static_assert(leg_names.size() == enum_count<DroneProgress::Leg>);
 
-const std::vector<std::string_view>& MissionRun::leg_names() {
-  constexpr std::array words{"standing", "rising", "ready",   "ordered", "flying",
-                             "halted",   "ended",  "landing", "landed",  "lost"};
-  static_assert(words.size() == enum_count<Leg>);
-  static const std::vector<std::string_view> names(words.begin(), words.end());
-  return names;
-}
-
-// All but the mission.
-std::string MissionRun::saved_state() const {
-  json drones = json::array();
-  for (std::size_t i = 0; i < parts_.size(); ++i)
-    drones.push_back({{"drone", name(i)},
-                      {"leg", leg_names()[static_cast<std::size_t>(parts_[i].leg)]},
-                      {"reached", parts_[i].reached},
-                      {"to_land", parts_[i].landing_due}});
-  const json state{{"version", version},
-                   {"phase", name_of(phase_)},
-                   {"paused", paused_},
-                   {"why", why_},
-                   {"drones", std::move(drones)}};
-  return state.dump();
-}
-
-std::string MissionRun::saved() const {
-  std::string text = saved_state();
-  text.back() = ',';
-  return text + R"("mission":)" + canonical_ + "}";
-}
-
-Status MissionRun::restore_part(const nlohmann::json& given, std::size_t drone) {
+Result<DroneProgress> drone_from(const json& given, const MissionDrone& drone) {
+  using Leg = DroneProgress::Leg;
   if (!given.is_object()) return Error{"must be an object"};
-  if (const Status keys = strict::only(given, {"drone", "leg", "reached", "to_land"}); !keys) return keys;
-  if (given.value("drone", json()) != name(drone)) return Error{fmt::format("must be {}", name(drone))};
-  const auto leg = index_in(leg_names(), given.value("leg", json()));
+  if (const Status keys = strict::only(given, {"drone", "leg", "reached", "to_land"}); !keys) return keys.error();
+  if (given.value("drone", json()) != drone.drone) return Error{fmt::format("must be {}", drone.drone)};
+  const auto leg = index_in(leg_names, given.value("leg", json()));
   if (!leg) return Error{"leg must be one of a mission's"};
   const json reached = given.value("reached", json());
-  const std::size_t count = mission_.drones[drone].waypoints.size();
+  const std::size_t count = drone.waypoints.size();
   if (!reached.is_number_unsigned() || reached.get<std::uint64_t>() > count)
     return Error{fmt::format("reached must be 0 to {}", count)};
   const json to_land = given.value("to_land", json());
   if (!to_land.is_boolean()) return Error{"to_land must be true or false"};
-  Part& part = parts_[drone];
-  part.to_land = part.landing_due = to_land.get<bool>();
-  part.leg = static_cast<Leg>(*leg);
-  part.reached = reached.get<std::size_t>();
-  const bool at_end = part.leg == Leg::ended || part.leg == Leg::landing || part.leg == Leg::landed;
-  if (part.leg != Leg::lost && at_end != (part.reached == count))
-    return Error{fmt::format("leg {} does not go with {} of {} waypoints", leg_names()[*leg], part.reached, count)};
-  if (part.leg == Leg::landing && !mission_.drones[drone].land_behind)
+  const DroneProgress read{static_cast<Leg>(*leg), reached.get<std::size_t>(), to_land.get<bool>()};
+  const bool at_end = read.leg == Leg::ended || read.leg == Leg::landing || read.leg == Leg::landed;
+  if (read.leg != Leg::lost && at_end != (read.reached == count))
+    return Error{fmt::format("leg {} does not go with {} of {} waypoints", leg_names[*leg], read.reached, count)};
+  if (read.leg == Leg::landing && !drone.land_behind)
     return Error{"leg landing does not go with a path that ends in hovering"};
-  // What was in progress starts again from where it is.
-  if (part.leg == Leg::rising) part.leg = Leg::ready;
-  if (part.leg == Leg::ordered || part.leg == Leg::flying) part.leg = Leg::halted;
-  part.found = part.leg == Leg::standing || part.leg == Leg::landed || part.leg == Leg::lost;
-  return ledgerline::done;
+  return read;
 }
 
-Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& config) {
+}  // namespace
+
+std::string text_of(const RunProgress& progress, const Mission& mission) {
+  json drones = json::array();
+  for (std::size_t i = 0; i < progress.drones.size(); ++i)
+    drones.push_back({{"drone", mission.drones[i].drone},
+                      {"leg", leg_names[static_cast<std::size_t>(progress.drones[i].leg)]},
+                      {"reached", progress.drones[i].reached},
+                      {"to_land", progress.drones[i].landing_due}});
+  const json state{{"version", version},
+                   {"phase", name_of(progress.phase)},
+                   {"paused", progress.paused},
+                   {"why", progress.why},
+                   {"drones", std::move(drones)}};
+  return state.dump();
+}
+
+std::string text_of(const RunProgress& progress, const Mission& mission, const std::string& canonical) {
+  std::string text = text_of(progress, mission);
+  text.back() = ',';
+  return text + R"("mission":)" + canonical + "}";
+}
+
+Result<SavedRun> saved_run_from(std::string_view text) {
   const auto wrong = [](const std::string& what) { return Error{"the kept mission: " + what}; };
   if (text.size() > max_saved_bytes) return wrong(fmt::format("has {} bytes; {} may be", text.size(), max_saved_bytes));
   const auto parsed = strict::object_from(text, "the kept mission", saved_bounds);
@@ -107,29 +94,24 @@ Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& c
   if (parsed->value("version", json()) != version) return wrong(fmt::format("version must be {}", version));
   auto mission = mission_from_json(parsed->value("mission", json()));
   if (!mission) return wrong(mission.error().what);
-  auto run = make(std::move(*mission), config);
-  if (!run) return run.error();
+  SavedRun saved{std::move(*mission), {}};
+  sort_by_name(saved.mission);
   const auto phase = phase_from(parsed->value("phase", json()));
   if (!phase) return wrong(phase.error().what);
   const json paused = parsed->value("paused", json()), why = parsed->value("why", json());
   if (!paused.is_boolean() || !why.is_string()) return wrong("paused must be true or false, why a text");
   const json drones = parsed->value("drones", json());
-  if (!drones.is_array() || drones.size() != run->parts_.size())
-    return wrong(fmt::format("drones must be a list of {}", run->parts_.size()));
+  if (!drones.is_array() || drones.size() != saved.mission.drones.size())
+    return wrong(fmt::format("drones must be a list of {}", saved.mission.drones.size()));
   for (std::size_t i = 0; i < drones.size(); ++i) {
-    if (const Status part = run->restore_part(drones[i], i); !part)
-      return wrong(fmt::format("drone number {}: {}", i + 1, part.error().what));
+    const auto drone = drone_from(drones[i], saved.mission.drones[i]);
+    if (!drone) return wrong(fmt::format("drone number {}: {}", i + 1, drone.error().what));
+    saved.progress.drones.push_back(*drone);
   }
-  // Approvals are the ledger's to say.
-  run->phase_ = *phase == RunPhase::approved ? RunPhase::checked : *phase;
-  run->paused_ = run->active() && paused.get<bool>();
-  run->why_ = printable(why.get<std::string>());
-  run->recovering_ = run->active();
-  // Of an aborted one those land that were not seen to; of another one that is for its rules.
-  if (run->phase_ != RunPhase::aborted) {
-    for (Part& part : run->parts_) part.to_land = part.landing_due = false;
-  }
-  return run;
+  saved.progress.phase = *phase;
+  saved.progress.paused = paused.get<bool>();
+  saved.progress.why = printable(why.get<std::string>());
+  return saved;
 }
 
 }  // namespace ledgerline::ground::mission

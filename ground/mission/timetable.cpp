@@ -1,9 +1,7 @@
-#include "ground/mission/timetable.hpp"
+#include "ground/mission/corridor.hpp"
 
 #include <algorithm>
 #include <cmath>
-
-#include "ground/motion/open_course.hpp"
 
 namespace ledgerline::ground::mission {
 namespace {

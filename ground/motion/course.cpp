@@ -13,11 +13,12 @@ namespace ledgerline::motion {
 namespace {
 
 constexpr std::size_t min_points = 3;
+constexpr double closing_m = 0.3;  // beyond the bend of any corner, which misses its corner by 7 cm at most
 
-std::string wrong_from(const Waypoint& point, const Eigen::Vector2d& from_m) {
+Status check_from(const Waypoint& point, const Eigen::Vector2d& from_m) {
   if (const double far_m = (point.at_m - from_m).norm(); !(far_m <= max_distance_m))
-    return fmt::format("is {:.1f} m away; {} m may be", far_m, max_distance_m);
-  return wrong_in(point);
+    return Error{fmt::format("is {:.1f} m away; {} m may be", far_m, max_distance_m)};
+  return check_limits(point);
 }
 
 bool is_heading(const std::vector<std::string_view>& cells) {
@@ -97,27 +98,55 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
   return points;
 }
 
-std::string wrong_in(const Waypoint& point) {
+Status check_limits(const Waypoint& point) {
   const auto within = [](const std::optional<double>& value, double min, double max) {
     return !value || (*value >= min && *value <= max);
   };
   if (!within(point.height_m, min_height_m, max_height_m))
-    return fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m);
+    return Error{fmt::format("has z {} m; {} to {} may be", *point.height_m, min_height_m, max_height_m)};
   if (!within(point.speed_mps, min_speed_mps, max_speed_mps))
-    return fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, min_speed_mps, max_speed_mps);
-  return {};
+    return Error{fmt::format("has speed {} m/s; {} to {} may be", *point.speed_mps, min_speed_mps, max_speed_mps)};
+  return done;
 }
 
 Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m) {
   if (way.empty() || way.size() > max_waypoints)
     return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_waypoints)};
   for (std::size_t i = 0; i < way.size(); ++i) {
-    if (const std::string wrong = wrong_from(way[i], from_m); !wrong.empty())
-      return Error{fmt::format("waypoint {} {}", i + 1, wrong)};
+    if (const Status checked = check_from(way[i], from_m); !checked)
+      return Error{fmt::format("waypoint {} {}", i + 1, checked.error().what)};
     if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_apart_m)
       return Error{fmt::format("waypoint {} is closer than 1 cm to the one before", i + 1)};
   }
   return done;
+}
+
+OpenCourse open_course(const Waypoint& here, const std::vector<Waypoint>& way) {
+  OpenCourse course;
+  if ((way.front().at_m - here.at_m).norm() >= min_apart_m) {
+    course.waypoints.push_back(here);
+    course.waypoints.back().speed_mps = way.front().speed_mps;
+    course.first = 1;
+  }
+  course.waypoints.insert(course.waypoints.end(), way.begin(), way.end());
+  course.last = course.waypoints.size() - 1;
+  course.origin_m = course.waypoints.front().at_m;
+  for (Waypoint& waypoint : course.waypoints) waypoint.at_m -= course.origin_m;
+
+  // A single place has no direction: any will do.
+  Eigen::Vector2d out(1, 0), in(1, 0);
+  if (course.last > 0) {
+    in = (course.waypoints[1].at_m - course.waypoints[0].at_m).normalized();
+    out = (course.waypoints[course.last].at_m - course.waypoints[course.last - 1].at_m).normalized();
+  }
+  Waypoint behind{course.waypoints[course.last].at_m + closing_m * out, course.waypoints[course.last].height_m};
+  const Waypoint before{-closing_m * in, course.waypoints[0].height_m};
+  // There and back again: the closing pieces must not be of no length.
+  if ((behind.at_m - before.at_m).norm() < 0.5 * closing_m) behind.at_m += closing_m * out;
+  course.waypoints[course.last].speed_mps.reset();
+  course.waypoints.push_back(behind);
+  course.waypoints.push_back(before);
+  return course;
 }
 
 }  // namespace ledgerline::motion

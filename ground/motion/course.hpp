@@ -1,5 +1,6 @@
 #pragma once
 #include <Eigen/Core>
+#include <cstddef>
 #include <optional>
 #include <string>
 #include <vector>
@@ -46,11 +47,29 @@ std::vector<Waypoint> waypoints_of(Shape shape, double side_m);
 /// row closer than 1 cm, 0.3 <= z <= 10, 0.05 <= speed <= 8. An error names file, line and what is allowed.
 Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const std::string& file);
 
-/// What of its height or speed may not be; empty: nothing.
-std::string wrong_in(const Waypoint& point);
+/// The error says what of its height or speed may not be, to be read behind its name.
+Status check_limits(const Waypoint& point);
 
 /// Waypoints in metres of the map, of a way that begins at `from_m`: 1 to 500, within 100 m of it, and otherwise what
 /// waypoints_from_csv() allows. The error says which one is wrong, counted from 1, and what is allowed.
 Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m);
+
+/// A path with an end, as the closed one that Path and Track take. The closing pieces leave its last waypoint straight
+/// on and come to its first corner straight on, so that neither is rounded: the way begins and ends at these places
+/// themselves. Its follower stops at the arc length of corner `last`; the closing pieces are never flown.
+///
+///     before --> here --> way[0] --> ... --> way[n-1] --> behind
+///        ^                                                  |
+///        +--------------------------------------------------+
+struct OpenCourse {
+  std::vector<Waypoint> waypoints;  ///< of the closed path; metres from `origin_m`
+  Eigen::Vector2d origin_m = Eigen::Vector2d::Zero();
+  std::size_t first = 0;  ///< the corner that is the way's first waypoint: 0 where `here` is that place, else 1
+  std::size_t last = 0;   ///< the corner that is the way's last waypoint
+};
+
+/// From `here` through all waypoints of `way` (check_way() allows it), which are in metres of the map. Closer than 1 cm
+/// to the first waypoint, the path begins at that. On the way there the first waypoint's own limit of speed holds.
+OpenCourse open_course(const Waypoint& here, const std::vector<Waypoint>& way);
 
 }  // namespace ledgerline::motion

@@ -70,7 +70,6 @@ class PluginFollower final : public Follower {
   void observe(const StateSample& state) override;
   bool ready() const override { return seen_; }
   std::vector<Setpoint> plan(std::uint64_t id, TimeNs first_ns, std::size_t count) override;
-  void withdraw(std::uint64_t) override {}  // the states say what link was sent
 
   double progress_m() const override { return progress_m_; }
   bool at_end() const override { return started_ && progress_m_ >= end_m_ - 1e-6; }
@@ -79,16 +78,16 @@ class PluginFollower final : public Follower {
   const Path& path() const override { return path_; }
   double start_height_m() const override { return height_m_; }
   double expected_s(int laps) const override { return laps * path_.length_m() / slowest_mps_; }
-  std::string problem() const override { return problem_; }
+  Status check() const override { return check_; }
 
  private:
   const Table& table() const { return library_->table(); }
   template <typename Call>
   void guarded(const char* which, const Call& call);
   void wrong(const std::string& what) {
-    if (problem_.empty()) problem_ = fmt::format("the controller {}: {}", library_->text(), what);
+    if (check_) check_ = Error{fmt::format("the controller {}: {}", library_->text(), what)};
   }
-  std::string wrong_in(const ledgerline_plan& plan, TimeNs first_ns, TimeNs last_ns) const;
+  Status check_plan(const ledgerline_plan& plan, TimeNs first_ns, TimeNs last_ns) const;
 
   std::shared_ptr<const Library> library_;
   void* controller_;
@@ -97,7 +96,7 @@ class PluginFollower final : public Follower {
   double progress_m_ = 0;
   TimeNs newest_ns_ = 0;
   bool started_ = false, seen_ = false;
-  std::string problem_;
+  Status check_ = done;
 };
 
 template <typename Call>
@@ -128,42 +127,41 @@ void PluginFollower::observe(const StateSample& state) {
   guarded("observe", [&] { table().observe(controller_, &shown); });
 }
 
-// What is wrong with it; empty: nothing.
-std::string PluginFollower::wrong_in(const ledgerline_plan& plan, TimeNs first_ns, TimeNs last_ns) const {
+Status PluginFollower::check_plan(const ledgerline_plan& plan, TimeNs first_ns, TimeNs last_ns) const {
   if (plan.count == 0 || plan.count > max_setpoints)
-    return fmt::format("{} setpoints in a plan; 1 to {} may be", plan.count, max_setpoints);
+    return Error{fmt::format("{} setpoints in a plan; 1 to {} may be", plan.count, max_setpoints)};
   TimeNs before_ns = first_ns - 1;
   for (std::uint32_t i = 0; i < plan.count; ++i) {
     const ledgerline_setpoint& setpoint = plan.setpoints[i];
     for (const double value :
          {setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2], setpoint.yaw_rate_radps}) {
       if (!(std::abs(value) <= static_cast<double>(absurd_speed)))
-        return fmt::format("setpoint {} has {}, which no drone can fly", i + 1, value);
+        return Error{fmt::format("setpoint {} has {}, which no drone can fly", i + 1, value)};
     }
     if (setpoint.at_ns <= before_ns && i == 0)
-      return fmt::format("its first setpoint is {:.3f} ms too early", to_ms(first_ns - setpoint.at_ns));
-    if (setpoint.at_ns <= before_ns) return fmt::format("setpoint {} is not later than the one before", i + 1);
+      return Error{fmt::format("its first setpoint is {:.3f} ms too early", to_ms(first_ns - setpoint.at_ns))};
+    if (setpoint.at_ns <= before_ns) return Error{fmt::format("setpoint {} is not later than the one before", i + 1)};
     if (setpoint.at_ns > last_ns)
-      return fmt::format("setpoint {} is {:.3f} ms too late", i + 1, to_ms(setpoint.at_ns - last_ns));
+      return Error{fmt::format("setpoint {} is {:.3f} ms too late", i + 1, to_ms(setpoint.at_ns - last_ns))};
     before_ns = setpoint.at_ns;
   }
   // No farther than it can have got since the plan before: each lap's end is looked for along the way.
   const double max_m = std::min(end_m_, progress_m_ + max_leap_m);
   if (!(plan.progress_m >= 0 && plan.progress_m <= max_m + progress_slack_m))
-    return fmt::format("a progress of {} m; 0 to {} may be", plan.progress_m, max_m);
-  return {};
+    return Error{fmt::format("a progress of {} m; 0 to {} may be", plan.progress_m, max_m)};
+  return done;
 }
 
 std::vector<Setpoint> PluginFollower::plan(std::uint64_t, TimeNs first_ns, std::size_t count) {
-  if (!problem_.empty()) return {};
+  if (!check_) return {};
   const std::size_t steps = std::clamp<std::size_t>(count, PathController::steps, max_setpoints);
   const TimeNs last_ns = first_ns + static_cast<TimeNs>(steps - 1) * PathController::step_ns;
   ledgerline_plan answer{};
   int refused = 0;
   guarded("plan", [&] { refused = table().plan(controller_, first_ns, last_ns, &answer); });
-  if (refused != 0 || !problem_.empty()) return {};
-  if (const std::string what = wrong_in(answer, first_ns, last_ns); !what.empty()) {
-    wrong(what);
+  if (refused != 0 || !check_) return {};
+  if (const Status checked = check_plan(answer, first_ns, last_ns); !checked) {
+    wrong(checked.error().what);
     return {};
   }
   progress_m_ = std::min(answer.progress_m, end_m_);

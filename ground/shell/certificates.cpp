@@ -1,6 +1,6 @@
-// Ground's and agents' certificates: renewals are taken while it flies, and their ends are reported on the station.
+#include "ground/shell/certificates.hpp"
+
 #include "common/base/log.hpp"
-#include "ground/shell/ground.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -25,20 +25,19 @@ Level level_of(fabric::CertificateWatch::Weight weight) {
 
 }  // namespace
 
-void Ground::start_certificates() {
-  if (!certificates_) return;
-  certificates_->start([this](fabric::CertificateWatch::Weight weight, const std::string& words) {
+void Certificates::start(Tell tell) {
+  watch_->start([tell = std::move(tell)](fabric::CertificateWatch::Weight weight, const std::string& words) {
     fabric::CertificateWatch::log(weight, words);
-    if (server_) mailbox_.put(Report{level_of(weight), "", words});
+    tell(level_of(weight), words);
   });
 }
 
-void Ground::tell_certificates(TimeNs now_ns) {
-  if (now_ns < next_certificates_ns_) return;
-  next_certificates_ns_ = now_ns + look_period_ns;
-  for (const crypto::Renewal::Word& word : certificate_ends_.look(realtime_ns() / ns_per_s)) {
+void Certificates::step(TimeNs now_ns, const Tell& tell) {
+  if (now_ns < next_ns_) return;
+  next_ns_ = now_ns + look_period_ns;
+  for (const crypto::Renewal::Word& word : ends_.look(realtime_ns() / ns_per_s)) {
     spdlog::warn("{}", word.words);
-    if (server_) unshown_.push_back(board_.tell(now_ns, level_of(word.weight), "", word.words));
+    tell(level_of(word.weight), word.words);
   }
 }
 

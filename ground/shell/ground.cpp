@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <iterator>
+#include <functional>
+#include <optional>
+#include <utility>
 
 #include "common/base/log.hpp"
+#include "common/fabric/client/repeated.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 #include "ledgerline.pb.h"
@@ -16,9 +18,12 @@ namespace {
 constexpr TimeNs unheard_gap_ns = 10 * ns_per_s;  // a peer may be away for long
 constexpr TimeNs tick_ns = 20 * ns_per_ms;        // for time-outs and signals; blocks and outcomes wake at once
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
-constexpr TimeNs warning_gap_ns = ns_per_s;
-constexpr TimeNs show_gap_ns = ns_per_s / 30;      // while somebody looks at the page
-constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
+// Once one channel is reached its drones must not wait long for the others'. A network that has just started needs a
+// second or two; one that is away is away for longer.
+constexpr TimeNs others_wait_ns = 2 * ns_per_s;
+
+// As an operator's own call (OperatorService): what loses to another one is sent again.
+constexpr fabric::RepeatLimits clear_limits{.attempts = 10, .conflicts_only = true};
 
 std::vector<std::string> names_of(const FlightView& view) {
   std::vector<std::string> names;
@@ -41,100 +46,162 @@ Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size
       channels_(open_channels(std::move(channels))),
       view_(view_of(channels_, channel_of)),
       names_(names_of(view_)),
-      participant_(std::move(participant)),
-      refusals_(names_),
-      lost_(channels_.size()),
-      news_unpublished_(channels_.size()) {}
+      topics_(std::move(participant), names_),
+      lost_(channels_.size()) {}
 
 Ground::~Ground() {
-  mailbox_.close();
-  for (const auto& roles : roles_) roles->close();
+  inbox_.close();
   if (missions_) missions_->close();
-  if (service_) service_->close();
-  if (faults_) faults_->close();
+  if (operators_) operators_->close();
+  if (station_) station_->close();
   for (const auto& channel : channels_) channel->close();
 }
 
-std::optional<Ground::Event> Ground::next_event(TimeNs timeout_ns) {
-  if (events_.empty()) {
-    mailbox_.wait(timeout_ns);
-    events_ = mailbox_.take_all();
+std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel::Parts> parts) {
+  std::vector<std::unique_ptr<Channel>> channels;
+  for (std::size_t i = 0; i < parts.size(); ++i) {
+    std::string label = parts.size() > 1 ? fmt::format("channel {}: ", parts[i].flight.where.channel) : "";
+    channels.push_back(
+        std::make_unique<Channel>(std::move(parts[i]), std::move(label), [this, i](Channel::Update news) {
+          const bool is_block = std::holds_alternative<fabric::Block>(news);
+          Inbox::OfChannel event{i, std::move(news)};
+          is_block ? inbox_.put_in_turn(std::move(event)) : inbox_.put(std::move(event));
+        }));
   }
-  if (events_.empty()) return std::nullopt;
-  Event event = std::move(events_.front());
-  events_.pop_front();
-  return event;
+  return channels;
 }
 
-std::vector<PilotCommand> Ground::take_commands() {
-  const std::lock_guard lock(commands_mutex_);
-  return std::exchange(commands_, {});
-}
-
-void Ground::post_command(std::size_t drone, const std::optional<crypto::IdentityName>& by,
-                          const std::function<void(PilotCommand&)>& change) {
-  {
-    const std::lock_guard lock(commands_mutex_);
-    auto waiting = std::find_if(commands_.begin(), commands_.end(),
-                                [&](const PilotCommand& w) { return w.drone == drone && w.by == by; });
-    if (waiting == commands_.end()) waiting = commands_.insert(waiting, {.drone = drone, .by = by});
-    change(*waiting);
+Status Ground::start(const std::atomic<bool>& quit) {
+  if (auto status = recorder_.open(output_.trace); !status) return status;
+  if (auto status = topics_.open_writers(); !status) return status;
+  if (certificates_) {
+    certificates_->start([this](Level level, const std::string& words) {
+      if (station_) say(level, "", words);
+    });
   }
-  mailbox_.wake();
+  for (const auto& channel : channels_) channel->open_stream();
+  if (auto status = wait_for_block_streams(quit); !status) return status;
+  for (const auto& channel : channels_) {
+    if (const Status open = channel->connection(); !open) {  // behind its first block they are read anyway
+      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channel->label(), open.error().what);
+    } else if (auto status = channel->read_controls(); !status) {
+      if (channels_.size() == 1) return status;
+      spdlog::error("{}: its drones are not flown until its records are read", status.error().what);
+    }
+  }
+  if (missions_) {
+    if (auto status = missions_->restore(); !status) return status;
+  }
+  return topics_.read_pilots(pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
+    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.take(cdr, monotonic_ns(), command); });
+  });
 }
 
-void Ground::post_command(const PilotCommand& one) {
-  post_command(one.drone, one.by, [&](PilotCommand& waiting) { service::merge(one, waiting); });
+Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
+  std::optional<TimeNs> first_ns;
+  const auto are_open = [&]() -> Status {
+    Status all = done;
+    for (const auto& channel : channels_) {
+      const Status open = channel->connection();
+      if (open && !first_ns) first_ns = monotonic_ns();
+      if (!open && all) all = Error{channel->label() + open.error().what};
+    }
+    return first_ns && monotonic_ns() - *first_ns > others_wait_ns ? Status(done) : all;
+  };
+  return keep_trying(
+      "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
+}
+
+Status Ground::open_operators(const service::ServiceSettings& settings,
+                              const std::vector<fabric::ClientConfig>& ledgers) {
+  auto keys = OperatorService::create({.folder = settings.operators,
+                                       .ledgers = ledgers,
+                                       .drones = names_,
+                                       .channel_of = [this](std::size_t drone) { return view_.place(drone).channel; },
+                                       .clear_ground_stop =
+                                           [this](std::size_t channel, const fabric::Call& call) {
+                                             return fabric::submit_repeatedly(channels_[channel]->urgent(), call,
+                                                                              clear_limits, nullptr);
+                                           },
+                                       .tell = std::bind_front(&Ground::say, this),
+                                       .on_session =
+                                           [this](std::size_t who, bool in) {
+                                             inbox_.put(Inbox::SessionChange{who, in});
+                                           }});
+  if (!keys) return Error{"[service] operators: " + keys.error().what};
+  std::vector<verification::Evaluate> evaluate;
+  for (const auto& channel : channels_)
+    evaluate.push_back([&client = channel->urgent()](const fabric::Call& call) { return client.evaluate(call); });
+  operators_ = std::make_unique<OperatorSessions>(
+      OperatorSessions::Parts{.view = view_,
+                              .service = std::move(*keys),
+                              .ledgers = std::move(evaluate),
+                              .wake = [this] { inbox_.wake(); },
+                              .idle_ns = settings.session_idle_ns,
+                              .post_command = [this](const PilotCommand& one) { inbox_.post_command(one); },
+                              .warn = [this](const std::string& words) { say(Level::warning, "", words); },
+                              .dismiss = [this](const std::vector<std::size_t>& who) { station_->dismiss(who); },
+                              .disown = [this](const crypto::IdentityName& who) { missions_->disown(who); }});
+  return done;
+}
+
+void Ground::open_missions(service::MissionSettings settings) {
+  settings.check.flight = view_.config().controller;
+  missions_ = std::make_unique<MissionService>(MissionService::Parts{
+      .settings = std::move(settings),
+      .core = view_,
+      .client = channels_.front()->urgent(),
+      .sign = [this](std::size_t who,
+                     const service::OperatorCall& call) { return operators_->keys().submit(who, call); },
+      .signed_in = [this](std::size_t who) { return !operators_ || !operators_->has_left(who); },
+      .post_command = [this](const PilotCommand& one) { inbox_.post_command(one); },
+      .tell =
+          [this](Level level, const std::string& drone, const std::string& words) {
+            spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}{}{}", drone,
+                        drone.empty() ? "" : ": ", words);
+            station_->add_event(level, drone, words);
+          },
+      .publish = [this](std::string list) { station_->publish_missions(std::move(list)); },
+      .wake = [this] { inbox_.wake(); }});
+}
+
+Status Ground::serve(const service::ServiceSettings& settings, service::MissionSettings missions,
+                     const std::vector<fabric::ClientConfig>& ledgers) {
+  const FlightConfig& flight = view_.config();
+  const service::Greeting greeting{.manual = flight.manual,
+                                   .speed_mps = flight.controller.speed_mps,
+                                   .cmd_timeout_ns = flight.cmd_timeout_ns,
+                                   .fence = missions.check.fence};
+  station_ = std::make_unique<Station>(view_, names_, ledgers.front().identity.in_use);
+  open_missions(std::move(missions));
+  if (!settings.operators.empty()) {
+    if (Status opened = open_operators(settings, ledgers); !opened) return opened;
+  }
+  service::Server::Behind behind{.take = [this](const PilotCommand& one) { return take(one); },
+                                 .keys = operators_ ? &operators_->keys() : nullptr,
+                                 .ask_missions =
+                                     [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+                                       ask(std::move(asked), std::move(answer));
+                                     },
+                                 .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
+  return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::say, this));
 }
 
 void Ground::say(Level level, const std::string& drone, std::string words) {
-  mailbox_.put(Report{level, drone, std::move(words)});
-}
-
-void Ground::end_session(TimeNs now_ns) {
-  for (const std::size_t who : leaving_.all()) {
-    const crypto::IdentityName& identity = service_->operators()[who].identity;
-    const service::Held held = service::held_by(view_, identity);
-    const service::Leaving::Step step = leaving_.step(now_ns, who, held);
-    for (const std::size_t drone : step.land) post_command({.drone = drone, .by = identity, .land = true});
-    if (!step.give_back) continue;
-    const bool is_posted = service_->end_session(who, held.drones);  // false: too much waits to be signed
-    if (!is_posted && step.last) service_->forget(who);
-    if (is_posted || step.last) leaving_.remove(who);
-  }
+  inbox_.put(Inbox::Report{level, drone, std::move(words)});
 }
 
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave
 // before.
 Status Ground::take(const PilotCommand& one) {
   if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
-  post_command(one);
+  inbox_.post_command(one);
   return done;
 }
 
 void Ground::ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
   if (!flying_) return answer(service::refusal(503, "the ledger is not reached yet"));
   missions_->ask(std::move(asked), std::move(answer));
-}
-
-void Ground::show(TimeNs now_ns) {
-  if (!server_ || now_ns < next_show_ns_) return;
-  next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
-  service::Telling telling{.drones = service::Board::drones(now_ns, view_)};
-  telling.paths = board_.changed_paths(view_);
-  telling.state = service::Board::state_message(now_ns, view_, telling.drones);
-  telling.aloft = service::aloft_of(view_);
-  telling.stopped_by_ground = service::stopped_by_ground(view_);
-  telling.events = std::exchange(unshown_, {});
-  server_->publish(std::move(telling));
-}
-
-void Ground::note(const fabric::Block& block) {
-  if (!server_) return;
-  unshown_blocks_.push_back(
-      service::summary_of(block, monotonic_ns(), self_->now()->serialized, view_.config().where.contract));
-  if (server_->watched() || unshown_blocks_.size() >= service::max_reported_blocks)
-    server_->publish_blocks(std::exchange(unshown_blocks_, {}));
 }
 
 Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
@@ -144,10 +211,10 @@ Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs
     if (!now) return now.error();
     if (!*now) return done;
     inputs.block = block;
-    certificate_ends_.note(*block);
-    if (!roles_.empty()) roles_[index]->look(*block);
+    if (certificates_) certificates_->note(*block);
+    if (operators_) operators_->look(index, *block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
-    note(*block);
+    if (station_) station_->add_block(*block);
     if (missions_) missions_->look(*block);
   } else if (const auto* ended = std::get_if<Channel::Ended>(&news)) {
     inputs.outcome = &ended->outcome;
@@ -157,7 +224,7 @@ Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs
       spdlog::warn("{}a call was endorsed by less than all peers that were asked: {}", channel.label(),
                    ended->outcome.unheard);
     }
-    refusals_.take(ended->function, ended->outcome);
+    if (station_) station_->add_outcome(ended->function, ended->outcome);
     if (ended->outcome.kind != fabric::Outcome::Kind::committed) {
       spdlog::warn("{}a command did not get through (block {}, code {}): {}", channel.label(), ended->outcome.block,
                    ended->outcome.code, ended->outcome.message);
@@ -166,25 +233,25 @@ Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs
     auto held = channel.take(*read);
     if (!held) return held.error();
     // The blocks that waited come next, before any that came behind them.
-    std::vector<Event> next;
-    for (fabric::Block& each : *held) next.push_back(OfChannel{index, std::move(each)});
-    events_.insert(events_.begin(), std::make_move_iterator(next.begin()), std::make_move_iterator(next.end()));
+    std::vector<Inbox::Event> next;
+    for (fabric::Block& each : *held) next.push_back(Inbox::OfChannel{index, std::move(each)});
+    inbox_.put_first(std::move(next));
   }
   return done;
 }
 
-Status Ground::open(const Event& event, std::vector<FlightInputs>& inputs) {
-  if (const auto* of = std::get_if<OfChannel>(&event)) {
+Status Ground::open(const Inbox::Event& event, std::vector<FlightInputs>& inputs) {
+  if (const auto* of = std::get_if<Inbox::OfChannel>(&event)) {
     if (lost_[of->channel]) return done;
     const Status opened = open(of->channel, of->news, inputs[of->channel]);
     if (opened || channels_.size() == 1) return opened;
     lose(of->channel, opened.error());
     return done;
   }
-  if (const auto* reported = std::get_if<Report>(&event)) {
-    unshown_.push_back(board_.tell(monotonic_ns(), reported->level, reported->drone, reported->words));
-  } else if (const auto* change = std::get_if<SessionChange>(&event)) {
-    change->in ? leaving_.remove(change->who) : leaving_.add(change->who, monotonic_ns());
+  if (const auto* report = std::get_if<Inbox::Report>(&event)) {
+    if (station_) station_->add_event(report->level, report->drone, report->words);
+  } else if (const auto* change = std::get_if<Inbox::SessionChange>(&event)) {
+    operators_->change(change->who, change->in, monotonic_ns());
   }
   return done;
 }
@@ -207,30 +274,20 @@ std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotComm
   return of_each;
 }
 
-bool Ground::more_waits_for(std::size_t channel) const {
-  return std::any_of(events_.begin(), events_.end(), [&](const Event& event) {
-    const auto* of = std::get_if<OfChannel>(&event);
-    return !of || of->channel == channel;
-  });
-}
-
 Result<bool> Ground::run(const std::atomic<bool>& quit) {
   flying_ = true;
-  // Whose drones an earlier ground left to us may come back for them.
-  for (std::size_t who = 0; service_ && who < service_->operators().size(); ++who)
-    leaving_.add(who, monotonic_ns() + session_idle_ns_);
+  if (operators_) operators_->await_all(monotonic_ns());
   TimeNs leave_ns = 0;
   while (!view_.done()) {
-    const auto event = next_event(tick_ns);
+    const auto event = inbox_.next(tick_ns);
     std::vector<FlightInputs> inputs(channels_.size());
     if (event) {
       if (auto status = open(*event, inputs); !status) return status.error();
     }
-    if (events_.empty()) events_ = mailbox_.take_all();
-    const std::vector<std::vector<PilotCommand>> commands = split(take_commands());
+    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.take_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].commands = commands[i];
-      inputs[i].more = more_waits_for(i);
+      inputs[i].more = inbox_.has_more_for(i);
       if (lost_[i]) inputs[i].land = "its channel is lost";
     }
     const TimeNs now_ns = monotonic_ns();
@@ -245,19 +302,18 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       spdlog::error("not all drones were seen to land within {:.0f} s", to_seconds(landing_limit_ns));
       break;
     }
-    dismiss(now_ns);
-    if (!leaving_.empty()) end_session(now_ns);
-    tell_certificates(now_ns);
-    show(now_ns);
+    if (operators_) operators_->step(now_ns);
+    if (certificates_) {
+      certificates_->step(now_ns, [this](Level level, const std::string& words) {
+        if (station_) station_->add_event(level, "", words);
+      });
+    }
+    if (station_) station_->show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
   if (output_.status_period_ns > 0) write_status(monotonic_ns());
   flying_ = false;  // from here on the page is answered that nothing flies
-  if (server_) {
-    next_show_ns_ = 0;
-    show(monotonic_ns());
-    server_->end();
-  }
+  if (station_) station_->end();
   if (auto status = write_summary(); !status) return status.error();
   return view_.ok();
 }
@@ -271,49 +327,34 @@ void Ground::step(std::vector<FlightInputs> inputs) {
     for (std::string& note : out.notes) notes.push_back(std::move(note));
   }
   for (const std::string& note : notes) spdlog::warn("{}", note);
-  if (!server_) return;
-  for (service::Event& event : board_.look(monotonic_ns(), view_, notes)) unshown_.push_back(std::move(event));
-  for (service::Event& event : board_.refusals(monotonic_ns(), refusals_)) unshown_.push_back(std::move(event));
+  if (station_) station_->look(notes);
 }
 
 void Ground::act(std::size_t index, FlightOutputs& out) {
   Channel& channel = *channels_[index];
   for (Submission& submission : out.submissions) {
     // A stop whose stopper has signed out meanwhile is ground's own.
-    if (submission.by && service_->stop(*submission.by, index, submission.call, channel.on_end(submission))) continue;
+    if (submission.by && operators_->keys().stop(*submission.by, index, submission.call, channel.on_end(submission)))
+      continue;
     channel.submit(std::move(submission));
   }
   recorder_.add(out.traces);
   for (DroneUpdate& news : out.news) {
     news.drone = view_.drone_at({index, news.drone});
-    publish(index, news);
-  }
-}
-
-void Ground::publish(std::size_t channel, const DroneUpdate& news) {
-  const std::string& drone = names_[news.drone];
-  for (std::size_t i = 0; i < drone_topics.size(); ++i) {
-    const DroneTopic& topic = drone_topics[i];
-    const auto message = topic.make(news, drone);
-    Status published = message ? done : Status(message.error());
-    if (message && !message->empty()) published = writers_[i][topic.of_all ? 0 : news.drone].publish(*message);
-    if (published) continue;
-    ++news_unpublished_[channel];
-    if (monotonic_ns() < next_warning_ns_) continue;
-    next_warning_ns_ = monotonic_ns() + warning_gap_ns;
-    spdlog::warn("{}: {}", topic_of(topic, drone), published.error().what);
+    topics_.publish(news);
   }
 }
 
 ShellCounters Ground::losses_of(std::size_t channel) const {
   ShellCounters counters;
   counters.pilots.assign(view_.of_channel(channel).drones().size(), {});
-  for (std::size_t i = 0; pilots_ && i < names_.size(); ++i) {
+  for (std::size_t i = 0; i < names_.size(); ++i) {
     const FlightView::Place place = view_.place(i);
-    if (place.channel == channel) counters.pilots[place.drone] = pilots_->losses(i);
+    if (place.channel != channel) continue;
+    counters.pilots[place.drone] = topics_.losses(i);
+    counters.news_unpublished += topics_.unpublished(i);
   }
   counters.confirmed_after_ms = channels_[channel]->confirmed_after_ms();
-  counters.news_unpublished = news_unpublished_[channel];
   return counters;
 }
 

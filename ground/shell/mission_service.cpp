@@ -10,7 +10,7 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/verification/roles.hpp"
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {

@@ -10,7 +10,6 @@
 #include "common/rt/mailbox.hpp"
 #include "common/rt/workers.hpp"
 #include "ground/service/missions/approvals.hpp"
-#include "ground/service/missions/asked.hpp"
 #include "ground/service/missions/book.hpp"
 
 namespace ledgerline::ground {

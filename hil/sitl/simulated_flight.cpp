@@ -64,7 +64,7 @@ class Observer {
       drone.limit_mps = status.limit_mps;
       drone.slowed_to_mps = status.slowed_to_mps;
       drone.response = status.response;
-      drone.commands_sent = status.commands_sent;
+      drone.commands_sent = status.commands.sent;
       drone.commands_applied = reports[i].plans.applied;
       result.drones.push_back(std::move(drone));
     }

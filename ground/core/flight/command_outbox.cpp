@@ -26,8 +26,8 @@ TraceRecord trace_of(const FlightDrone& drone, const PlannedCommand& command, Ti
   return record;
 }
 
-CommandOutbox::CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, FlightTransactions& counters, Calls calls)
-    : timing_(timing), counters_(counters), calls_(std::move(calls)) {
+CommandOutbox::CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, FlightTransactions& counters)
+    : timing_(timing), counters_(counters) {
   for (Slot& slot : slots) drones_.push_back({.slot = std::move(slot)});
 }
 
@@ -36,12 +36,10 @@ std::size_t CommandOutbox::drone_of(const PlannedCommand& command) const {
   return static_cast<std::size_t>(std::find_if(drones_.begin(), drones_.end(), of) - drones_.begin());
 }
 
-void CommandOutbox::withdraw(const PlannedCommand& command) { calls_.withdraw(drone_of(command), command.id); }
-
 void CommandOutbox::put(std::size_t drone, PlannedCommand command) {
   Waiting& waiting = drones_[drone];
   if (waiting.command) {
-    ++waiting.slot.status->commands_merged;
+    ++waiting.slot.status->commands.merged;
     command.plan.set_sequence(waiting.command->plan.sequence());  // never sent, or refused with others: free again
     withdraw(*waiting.command);
   }
@@ -82,7 +80,7 @@ void CommandOutbox::submit_to(const std::string& organisation, TimeNs now, std::
     waiting.command.reset();
     if (command.plan.sequence() == 0) {
       command.plan.set_sequence(waiting.next_sequence++);
-      ++waiting.slot.status->commands_sent;
+      ++waiting.slot.status->commands.sent;
       out.traces.push_back(trace_of(waiting.slot.drone, command, command.made_ns));
     }
     timing_.submitted(i, command.plan.sequence(), command.made_on_drone_ns);
@@ -114,7 +112,7 @@ void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
     return mine.drone() == first.drone() && mine.sequence() == first.sequence() && mine.epoch() == first.epoch() &&
            mine.state_stamp_ns() == first.state_stamp_ns();
   });
-  if (submitted_ns) calls_.measure(now - *submitted_ns);
+  if (submitted_ns) timing_.measure(now - *submitted_ns);
 }
 
 void CommandOutbox::take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
@@ -134,7 +132,7 @@ void CommandOutbox::take_outcome(TimeNs now, const fabric::Outcome& outcome, std
   switch (outcome.kind) {
     case Kind::committed:
       ++counters_.committed;
-      if (!ended->landed) calls_.measure(now - ended->submitted_ns);
+      if (!ended->landed) timing_.measure(now - ended->submitted_ns);
       return;
     case Kind::invalidated:
       ++counters_.invalidated;
@@ -161,10 +159,10 @@ void CommandOutbox::resend(Commands& refused, const fabric::Outcome& outcome) {
   for (PlannedCommand& command : refused) {
     Waiting& waiting = drones_[drone_of(command)];
     if (!one_drone || names(command)) {
-      ++waiting.slot.status->commands_refused;
+      ++waiting.slot.status->commands.refused;
       withdraw(command);
     } else if (waiting.command || command.plan.sequence() + 1 != waiting.next_sequence) {
-      ++waiting.slot.status->commands_merged;  // a newer one waits, or is on its way
+      ++waiting.slot.status->commands.merged;  // a newer one waits, or is on its way
       withdraw(command);
     } else if (command.plan.epoch() == waiting.epoch) {
       waiting.command = std::move(command);

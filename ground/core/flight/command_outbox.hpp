@@ -25,14 +25,11 @@ class CommandOutbox {
  public:
   struct Slot {
     FlightDrone drone;
-    FlightStatus* status = nullptr;  ///< whose counters of commands it keeps
-  };
-  struct Calls {
-    std::function<void(std::size_t drone, std::uint64_t plan)> withdraw;  ///< the plan will not be flown
-    std::function<void(TimeNs one_way_ns)> measure;  ///< one of our calls was seen on the ledger so long after
+    FlightStatus* status = nullptr;                    ///< whose counters of commands it keeps
+    std::function<void(std::uint64_t plan)> withdraw;  ///< the plan will not be flown
   };
 
-  CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, FlightTransactions& counters, Calls calls);
+  CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, FlightTransactions& counters);
 
   void put(std::size_t drone, PlannedCommand command);
   void submit(TimeNs now, std::uint64_t& next_id, FlightOutputs& out);
@@ -56,12 +53,11 @@ class CommandOutbox {
   std::size_t drone_of(const PlannedCommand& command) const;
   void submit_to(const std::string& organisation, TimeNs now, std::uint64_t& next_id, FlightOutputs& out);
   void resend(Commands& refused, const fabric::Outcome& outcome);
-  void withdraw(const PlannedCommand& command);
+  void withdraw(const PlannedCommand& command) { drones_[drone_of(command)].slot.withdraw(command.id); }
 
   std::vector<Waiting> drones_;
   PlanTiming& timing_;
   FlightTransactions& counters_;
-  Calls calls_;
   std::map<std::string, fabric::InFlight<Commands>> in_flight_;  ///< by organisation
 };
 

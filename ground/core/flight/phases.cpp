@@ -4,12 +4,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "common/access/identity.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
-#include "ground/core/flight/near.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -22,6 +22,10 @@ std::string revoked_words(const Lease& lease) {
   return is_revoked(*lease.record, lease.record->holder())
              ? fmt::format("its operator {} is revoked", lease.holder->subject)
              : fmt::format("{}, who commands it, is revoked", lease.commander->subject);
+}
+
+Status named(const char* what, const Status& checked) {
+  return checked ? checked : Status(Error{what + checked.error().what});
 }
 
 }  // namespace
@@ -55,15 +59,15 @@ void Phases::land(TimeNs now, const std::string& why) {
   enter(now, status_.phase == DronePhase::waiting ? DronePhase::failed : DronePhase::landing);
 }
 
-std::string Phases::land_by_pilot(TimeNs now, const std::string& why) {
+Status Phases::land_by_pilot(TimeNs now, const std::string& why) {
   // A flight along a path that waits would take off as soon as nothing speaks against it.
   const bool waits_to_fly = status_.phase == DronePhase::waiting && !config_.manual;
   if (in_air() || waits_to_fly) land(now, why);
   if (status_.phase == DronePhase::failed && seen_.has_state && in_flight(seen_.state.phase))
     enter(now, DronePhase::landing);
-  if (status_.phase != DronePhase::waiting) return "";
-  const std::string missing = not_ready(now);
-  return missing.empty() ? "it is on the ground" : missing;
+  if (status_.phase != DronePhase::waiting) return done;
+  const Status ready = check_ready(now);
+  return ready ? Status(Error{"it is on the ground"}) : ready;
 }
 
 void Phases::end_path() {
@@ -87,34 +91,34 @@ void Phases::lease_changed(TimeNs now) {
   }
 }
 
-std::string Phases::take_off(TimeNs now, bool ending) {
-  std::string why = not_ready(now);
-  if (status_.phase == DronePhase::landing) why = "it is landing";
-  if (ending) why = "the flight is ending";
-  if (in_air()) why = "it is in the air";
-  if (!config_.manual) why = "it flies a path";
-  if (!why.empty()) return why;
+Status Phases::take_off(TimeNs now, bool ending) {
+  Status ready = check_ready(now);
+  if (status_.phase == DronePhase::landing) ready = Error{"it is landing"};
+  if (ending) ready = Error{"the flight is ending"};
+  if (in_air()) ready = Error{"it is in the air"};
+  if (!config_.manual) ready = Error{"it flies a path"};
+  if (!ready) return ready;
   flew_ = false;
   planner_.manual().release();
   status_.why.clear();
   status_.origin_m = {seen_.state.position_m[0], seen_.state.position_m[1]};
-  origin_known_ = no_pose(now).empty();
+  origin_known_ = check_pose(now).ok();
   asked_ns_ = seen_.state.stamp_ns;
   enter(now, DronePhase::takeoff);
-  return "";
+  return done;
 }
 
 // Whether a pilot may do without a pose only link's config knows: it is asked, and what it makes of that is seen.
-std::string Phases::refused_takeoff(TimeNs now) {
+Status Phases::check_takeoff(TimeNs now) {
   const StateSample& s = seen_.state;
   const bool stands = s.phase == FlightPhase::on_ground || s.phase == FlightPhase::landed;
   if (status_.phase != DronePhase::takeoff || !config_.manual || flew_ || !stands || may_take_off(s, false) ||
       s.arrived_ns - asked_ns_ < refused_for_ns)
-    return "";
+    return done;
   enter(now, DronePhase::waiting);
   const bool of_pose = s.cause == FailsafeCause::pose_lost || s.cause == FailsafeCause::position_uncertain;
-  return fmt::format("link refuses it ({}{})", words_for(s.cause),
-                     of_pose ? "; where its by_hand_without_pose is set a pilot does without" : "");
+  return Error{fmt::format("link refuses it ({}{})", words_for(s.cause),
+                           of_pose ? "; where its by_hand_without_pose is set a pilot does without" : "")};
 }
 
 bool Phases::near_origin() const {
@@ -152,13 +156,13 @@ void Phases::advance_waiting(TimeNs now) {
   const bool flying = s.phase == FlightPhase::flying;
   if (config_.manual) {
     // Found in the air, it is held there: see takeoff.
-    if (!flying || !not_ready(now).empty()) return;
+    if (!flying || !check_ready(now)) return;
     origin_known_ = false;
     enter(now, DronePhase::takeoff);
     return;
   }
   if (!lease_.may_command || s.pose_stamp_ns == 0 || !(grounded || flying)) return;
-  if (grounded && (!may_take_off(s, config_.manual) || !timing_.too_slow().empty())) return;
+  if (grounded && (!may_take_off(s, config_.manual) || !timing_.check_delay())) return;
   status_.origin_m = {s.position_m[0], s.position_m[1]};
   if (const Status begun = planner_.begin_path(status_.origin_m, s.yaw_rad); !begun) {
     status_.why = begun.error().what;
@@ -183,8 +187,9 @@ void Phases::advance_takeoff(TimeNs now, TimeNs delay_ns) {
     path_since_ns_ = status_.path_ns[0] = s.stamp_ns + delay_ns;
     planner_.start_path(path_since_ns_);
     enter(now, DronePhase::path);
-  } else if (s.stamp_ns - settling_since_ns_ > config_.settle_ns) {
-    land(now, fmt::format("did not settle above where it took off within {:.0f} s", to_seconds(config_.settle_ns)));
+  } else if (s.stamp_ns - settling_since_ns_ > config_.limits.settle_ns) {
+    land(now,
+         fmt::format("did not settle above where it took off within {:.0f} s", to_seconds(config_.limits.settle_ns)));
   }
 }
 
@@ -236,76 +241,162 @@ void Phases::advance_pilot_path(TimeNs now) {
 
 TimeNs Phases::path_limit_ns() const {
   constexpr double spare_s = 30;
-  if (config_.manual) return from_seconds(config_.path_factor * planner_.follower()->expected_s(1) + spare_s);
+  if (config_.manual) return from_seconds(config_.limits.path_factor * planner_.follower()->expected_s(1) + spare_s);
   if (config_.seconds > 0) return from_seconds(config_.seconds + spare_s);
-  return from_seconds(config_.path_factor * planner_.follower()->expected_s(planner_.laps()) + spare_s);
+  return from_seconds(config_.limits.path_factor * planner_.follower()->expected_s(planner_.laps()) + spare_s);
 }
 
-// What speaks against a take-off; empty: nothing.
-std::string Phases::not_ready(TimeNs now) const {
-  if (!seen_.has_state) return "no state came through the ledger";
-  if (is_stopped(lease_.stoppers)) return "it is stopped by " + stopper_names(lease_.stoppers);
+Status Phases::check_ready(TimeNs now) const {
+  if (!seen_.has_state) return Error{"no state came through the ledger"};
+  if (is_stopped(lease_.stoppers)) return Error{"it is stopped by " + stopper_names(lease_.stoppers)};
   if (!lease_.may_command)
-    return lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease";
-  if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return no_pose(now);
-  if (seen_.state.phase == FlightPhase::disconnected) return "link does not reach it";
-  if (!in_flight(seen_.state.phase) && !may_take_off(seen_.state, config_.manual))
-    return fmt::format("it may not take off ({})", words_for(seen_.state.cause));
-  return in_flight(seen_.state.phase) ? "" : timing_.too_slow();
+    return Error{lease_.holder ? "its lease is held by " + holder_words(lease_) : "nobody holds its lease"};
+  if (seen_.state.pose_stamp_ns == 0 && !config_.manual) return check_pose(now);
+  if (seen_.state.phase == FlightPhase::disconnected) return Error{"link does not reach it"};
+  if (in_flight(seen_.state.phase)) return done;
+  if (!may_take_off(seen_.state, config_.manual))
+    return Error{fmt::format("it may not take off ({})", words_for(seen_.state.cause))};
+  return timing_.check_delay();
 }
 
-std::string Phases::check_time(TimeNs now) {
+std::optional<std::string> Phases::check_time(TimeNs now) {
   const TimeNs in_phase_ns = now - entered_ns_;
-  if (in_air() && now - seen_.received_ns > config_.silence_ns) {
-    land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.silence_ns)));
-    return "";
+  if (in_air() && now - seen_.received_ns > config_.limits.silence_ns) {
+    land(now, fmt::format("no state came for {:.1f} s", to_seconds(config_.limits.silence_ns)));
+    return std::nullopt;
   }
   if (const Follower* follower = planner_.follower(); in_air() && follower) {
-    const std::string problem = follower->problem();
-    if (!problem.empty() && !config_.manual) {
-      land(now, problem);
-      return "";
+    const Status checked = follower->check();
+    if (!checked && !config_.manual) {
+      land(now, checked.error().what);
+      return std::nullopt;
     }
-    if (!problem.empty() && status_.phase == DronePhase::path) return give_up_path(now, problem);
+    if (!checked && status_.phase == DronePhase::path) return give_up_path(now, checked.error().what);
   }
   switch (status_.phase) {
     case DronePhase::waiting: {
-      if (config_.manual || in_phase_ns <= config_.wait_ns) return "";
-      const std::string missing = not_ready(now);
-      status_.why = fmt::format("{} within {:.0f} s", missing.empty() ? "it never was ready on the ground" : missing,
-                                to_seconds(config_.wait_ns));
+      if (config_.manual || in_phase_ns <= config_.limits.wait_ns) return std::nullopt;
+      const Status ready = check_ready(now);
+      status_.why = fmt::format("{} within {:.0f} s", ready ? "it never was ready on the ground" : ready.error().what,
+                                to_seconds(config_.limits.wait_ns));
       enter(now, DronePhase::failed);
-      return "";
+      return std::nullopt;
     }
     case DronePhase::takeoff:
-      if (in_phase_ns > config_.takeoff_ns)
-        land(now, fmt::format("did not take off within {:.0f} s", to_seconds(config_.takeoff_ns)));
-      return "";
+      if (in_phase_ns > config_.limits.takeoff_ns)
+        land(now, fmt::format("did not take off within {:.0f} s", to_seconds(config_.limits.takeoff_ns)));
+      return std::nullopt;
     case DronePhase::path:
       if (in_phase_ns > path_limit_ns()) {
         const std::string late = fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns()));
         if (config_.manual) return give_up_path(now, late);
         land(now, late);
       }
-      return "";
+      return std::nullopt;
     case DronePhase::landing:
-      if (in_phase_ns > config_.landing_ns) {
-        const std::string silent = fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.landing_ns));
+      if (in_phase_ns > config_.limits.landing_ns) {
+        const std::string silent =
+            fmt::format("was not seen to land within {:.0f} s", to_seconds(config_.limits.landing_ns));
         status_.why += (status_.why.empty() ? "" : "; ") + silent;
         enter(now, DronePhase::failed);
       }
-      return "";
+      return std::nullopt;
     case DronePhase::manual:
     case DronePhase::landed:
     case DronePhase::failed:
-      return "";
+      return std::nullopt;
   }
-  return "";
+  return std::nullopt;
 }
 
 std::string Phases::give_up_path(TimeNs now, const std::string& why) {
   enter(now, DronePhase::manual);
   return fmt::format("{}: it hovers", why);
+}
+
+Status Phases::take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns) {
+  Status taken = check_flying(now);
+  // What makes link brake outlasts a plan; a pose that is lost is said below, in its own words.
+  if (taken && seen_.state.mode == FailsafeMode::brake && check_pose(now))
+    taken = Error{fmt::format("its failsafe brakes it ({})", words_for(seen_.state.cause))};
+  switch (order.kind) {
+    case PilotOrder::Kind::path:
+      if (taken) taken = fly_checked(now, order.waypoints, order.land_behind, delay_ns);
+      return named("no path: ", taken);
+    case PilotOrder::Kind::resume:
+      if (taken && !status_.paused)
+        taken = Error{status_.phase == DronePhase::path ? "it flies its path" : "no path of it is paused"};
+      if (taken)
+        taken = fly_checked(now, planner_.pilot_path()->rest(), planner_.pilot_path()->land_behind(), delay_ns);
+      return named("no resume: ", taken);
+    case PilotOrder::Kind::return_home:
+      if (taken && !origin_known_)
+        taken = Error{"where it took off is not known (it was found in the air, or had no pose then)"};
+      if (taken) {
+        const double height_m = std::clamp(seen_.state.position_m[2], motion::min_height_m, motion::max_height_m);
+        // However far it has got: this place is nobody's mistake in writing.
+        taken = fly(now, {{{status_.origin_m[0], status_.origin_m[1]}, height_m}}, false, delay_ns);
+      }
+      return named("no return: ", taken);
+  }
+  return done;
+}
+
+Status Phases::take_pause(TimeNs now) {
+  Status flying = check_flying(now);
+  if (flying && status_.phase != DronePhase::path)
+    flying = Error{status_.paused ? "it is paused already" : "it flies no path"};
+  if (!flying) return named("no pause: ", flying);
+  auto planned = std::move(status_.planned);
+  enter(now, DronePhase::manual);
+  status_.planned = std::move(planned);
+  status_.paused = true;
+  return done;
+}
+
+Status Phases::check_flying(TimeNs now) const {
+  if (!config_.manual) return Error{"it flies the path of its flight"};
+  switch (status_.phase) {
+    case DronePhase::path:
+    case DronePhase::manual:
+      return done;
+    case DronePhase::takeoff:
+      return Error{"it is still taking off"};
+    case DronePhase::landing:
+      return Error{"it is landing"};
+    case DronePhase::waiting:
+    case DronePhase::landed:
+    case DronePhase::failed:
+      break;
+  }
+  const Status ready = check_ready(now);
+  return ready ? Status(Error{"it is not in the air: let it take off first"}) : ready;
+}
+
+Status Phases::check_pose(TimeNs now) const {
+  const StateSample& s = seen_.state;
+  if (s.pose_stamp_ns == 0) return Error{"it has no pose (no motion capture, and [pose] source asks for it?)"};
+  if (s.stamp_ns - s.pose_stamp_ns + (now - seen_.received_ns) > config_.controller.pose_lost_ns)
+    return Error{"its pose is lost: nobody knows where it is"};
+  return done;
+}
+
+Status Phases::fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns) {
+  if (Status pose = check_pose(now); !pose) return pose;
+  const Eigen::Vector2d here(seen_.state.position_m[0], seen_.state.position_m[1]);
+  if (Status checked = motion::check_way(way, here); !checked) return checked;
+  return fly(now, way, land_behind, delay_ns);
+}
+
+Status Phases::fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns) {
+  if (Status pose = check_pose(now); !pose) return pose;
+  const TimeNs from_ns = seen_.state.stamp_ns + (now - seen_.received_ns) + delay_ns;
+  if (Status begun = planner_.begin_pilot_path(way, land_behind, from_ns); !begun) return begun;
+  status_.progress = 0;
+  status_.reached = 0;
+  ++status_.paths;
+  enter(now, DronePhase::path);
+  return done;
 }
 
 }  // namespace ledgerline::ground

@@ -1,4 +1,5 @@
 #pragma once
+#include <optional>
 #include <string>
 
 #include "ground/core/flight/planner.hpp"
@@ -28,30 +29,31 @@ class Phases {
   bool in_air() const { return is_in_air(status_.phase); }
   /// On a new state. `delay_ns`: until a plan made now is flown.
   void advance(TimeNs now, TimeNs delay_ns);
-  /// What its pilot should know; empty: nothing.
-  std::string check_time(TimeNs now);
+  /// Looks whether a time-out is over. What its pilot should know of that, if anything.
+  std::optional<std::string> check_time(TimeNs now);
   /// The lease changed, or somebody stopped the drone.
   void lease_changed(TimeNs now);
   /// Ends the flight, where it is not landing already.
   void land(TimeNs now, const std::string& why);
-  /// Its pilot wants it down, also where it was given up, and where it still waits to fly its path. What speaks against
-  /// it; empty: it lands, or is down.
-  std::string land_by_pilot(TimeNs now, const std::string& why);
-  /// What speaks against a pilot's take-off; empty: it takes off. `ending`: the whole flight is.
-  std::string take_off(TimeNs now, bool ending);
-  /// What speaks against a pilot's order; empty: it is obeyed. `delay_ns`: until a plan made now is flown.
-  std::string take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
-  /// The same of a pause.
-  std::string take_pause(TimeNs now);
-  /// Why link did not obey a pilot's take-off, which then is over; empty: it did, or may yet.
-  std::string refused_takeoff(TimeNs now);
+  /// Its pilot wants it down, also where it was given up, and where it still waits to fly its path. The error of this
+  /// and of the next three says what speaks against it.
+  Status land_by_pilot(TimeNs now, const std::string& why);
+  /// `ending`: the whole flight is.
+  Status take_off(TimeNs now, bool ending);
+  /// `delay_ns`: until a plan made now is flown.
+  Status take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
+  Status take_pause(TimeNs now);
+  /// The error says why link did not obey a pilot's take-off, which is over with that.
+  Status check_takeoff(TimeNs now);
 
  private:
-  std::string not_ready(TimeNs now) const;
-  std::string not_under_way(TimeNs now) const;
-  std::string no_pose(TimeNs now) const;
-  std::string fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
-  std::string fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
+  /// For a take-off.
+  Status check_ready(TimeNs now) const;
+  /// For an order.
+  Status check_flying(TimeNs now) const;
+  Status check_pose(TimeNs now) const;
+  Status fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
+  Status fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
   std::string give_up_path(TimeNs now, const std::string& why);
   void advance_waiting(TimeNs now);
   void advance_takeoff(TimeNs now, TimeNs delay_ns);

@@ -3,8 +3,6 @@
 #include <cmath>
 #include <utility>
 
-#include "ground/core/flight/near.hpp"
-
 namespace ledgerline::ground {
 namespace {
 

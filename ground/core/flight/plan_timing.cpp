@@ -67,11 +67,12 @@ void PlanTiming::forget_arrivals(Drone& drone) {
   drone.timing.reset();
 }
 
-std::string PlanTiming::too_slow() const {
+Status PlanTiming::check_delay() const {
   const TimeNs ways_ns = two_way_.quantile(in_time);
-  if (ways_ns <= max_plan_delay_ns) return "";
-  return fmt::format("the ledger is too slow: a state and its command take {:.1f} s, and plans reach {:.0f} s ahead",
-                     to_seconds(ways_ns), to_seconds(max_plan_delay_ns));
+  if (ways_ns <= max_plan_delay_ns) return done;
+  return Error{
+      fmt::format("the ledger is too slow: a state and its command take {:.1f} s, and plans reach {:.0f} s ahead",
+                  to_seconds(ways_ns), to_seconds(max_plan_delay_ns))};
 }
 
 void PlanTiming::measure(TimeNs one_way_ns) {

@@ -2,9 +2,9 @@
 #include <array>
 #include <cstdint>
 #include <optional>
-#include <string>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/msg/onboard.hpp"
 #include "ground/core/controller.hpp"
 #include "ground/motion/delays.hpp"
@@ -34,8 +34,8 @@ class PlanTiming {
   void begin_lease(std::size_t drone);
 
   const Timing& of(std::size_t drone) const;
-  /// Why no plan could be flown in time, as far as our own calls show; empty: one could, or nothing was measured yet.
-  std::string too_slow() const;
+  /// The error says why no plan could be flown in time, as far as our own calls show: the ledger is too slow.
+  Status check_delay() const;
   /// The maximum over all drones.
   TimeNs max_delay_ns() const;
 

@@ -32,10 +32,9 @@ Status Planner::make_follower(const std::vector<Waypoint>& waypoints, const Eige
     follower_ = std::move(*made);
     return done;
   }
-  auto own = std::make_unique<PathController>(waypoints, origin_m, config, yaw_rad);
-  // What was learned of a drone holds until its host restarts: then its clock may restart, too.
-  if (controller_ && follower_boot_id_ == seen_.state.boot_id) own->go_on_from(*controller_);
-  follower_boot_id_ = seen_.state.boot_id;
+  if (!model_ || model_boot_id_ != seen_.state.boot_id) model_ = std::make_shared<DroneModel>(config);
+  model_boot_id_ = seen_.state.boot_id;
+  auto own = std::make_unique<PathController>(waypoints, origin_m, config, yaw_rad, model_);
   controller_ = own.get();
   follower_ = std::move(own);
   return done;
@@ -81,10 +80,6 @@ void Planner::observe(bool same_boot) {
   if (seen_.state.phase != FlightPhase::flying) return;
   if (follower_) follower_->observe(seen_.state);
   if (pilot_path_ && status_.phase == DronePhase::path) pilot_path_->observe(*follower_, seen_.state);
-}
-
-void Planner::withdraw(std::uint64_t id) {
-  if (follower_) follower_->withdraw(id);
 }
 
 bool Planner::wants_plan() const {
@@ -133,7 +128,7 @@ std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing
     if (follower_) command.progress_m = follower_->progress_m();
     report();
   }
-  ++status_.commands_made;
+  ++status_.commands.made;
   return command;
 }
 

@@ -39,7 +39,9 @@ class Planner {
   /// A plan that answers the newest state, where there is anything to say.
   std::optional<PlannedCommand> make(TimeNs now, const PlanTiming::Timing& timing);
   /// The plan will not be flown.
-  void withdraw(std::uint64_t id);
+  void withdraw(std::uint64_t id) {
+    if (model_) model_->predictor.withdraw(id);
+  }
 
   /// Of a path that is flown or was; null before.
   const Follower* follower() const { return follower_.get(); }
@@ -69,7 +71,8 @@ class Planner {
   const Task task_;
   std::unique_ptr<Follower> follower_;
   PathController* controller_ = nullptr;  ///< the follower, where it is our own
-  std::uint64_t follower_boot_id_ = 0;    ///< of the states that it was made for
+  std::shared_ptr<DroneModel> model_;     ///< of our own; null before, and where a plug-in steers
+  std::uint64_t model_boot_id_ = 0;       ///< of the states that it was made for
   std::optional<PilotPath> pilot_path_;
   ManualController manual_;
   std::uint64_t next_plan_ = 1;

@@ -12,7 +12,6 @@
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/service/faults/fault_list.hpp"
-#include "ground/service/missions/asked.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 
@@ -46,6 +45,17 @@ inline constexpr const char* session_over = "the session is over: it may still s
 struct SignIn {
   std::size_t who = 0;
   std::shared_ptr<const crypto::WipingString> pass_phrase{};  ///< gone with the last who has it
+};
+/// What a client asks of the station's missions.
+struct MissionAsk {
+  enum class Kind { list, show, add, approve, withdraw, start, pause, resume, land, remove };
+  Kind kind = Kind::list;
+  std::string id;                            ///< of all but list and add
+  std::string text;                          ///< of add
+  bool csv = false;                          ///< of add: CSV, else JSON
+  std::string name;                          ///< of add, CSV: the mission's
+  std::optional<std::size_t> who{};          ///< index of the operator who asks; none: ground's own identity signs
+  std::optional<crypto::IdentityName> by{};  ///< likewise
 };
 /// What is done before the answer goes out: one of these at most.
 struct ApiAnswer {

@@ -1,4 +1,4 @@
-#include "ground/service/missions/approval_terms.hpp"
+#include "ground/service/missions/approvals.hpp"
 
 #include <fmt/chrono.h>
 #include <fmt/format.h>

@@ -19,7 +19,7 @@ using nlohmann::json;
 constexpr std::size_t id_digits = 12;
 constexpr std::size_t max_reported_findings = 20;
 // What MissionRun keeps, one deeper, and whose it is.
-constexpr ground::json::Bounds kept_bounds{mission::MissionRun::max_saved_bytes + 4096, 8,
+constexpr ground::json::Bounds kept_bounds{mission::max_saved_bytes + 4096, 8,
                                            (5 * motion::max_waypoints + 20) * mission::max_drones + 40};
 
 Error unknown(const std::string& id) { return Error{fmt::format("there is no mission \"{}\"", id.substr(0, 64))}; }

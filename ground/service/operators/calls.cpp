@@ -1,5 +1,7 @@
 #include "ground/service/operators/calls.hpp"
 
+#include <fmt/format.h>
+
 #include <array>
 
 #include "common/access/identity.hpp"
@@ -60,6 +62,26 @@ fabric::Call contract_call(const OperatorCall& call, const std::string& drone, c
   lease.set_priority(call.priority);
   if (call.kind != Kind::release) *lease.mutable_delegate() = to_message(commander);
   return as_call(lease);
+}
+
+Status check_key(const KeyState& key, OperatorCall::Kind kind) {
+  if (key.unlocked && (!key.left || kind == OperatorCall::Kind::release)) return done;
+  return Error{"the session is over"};
+}
+
+bool may_clear_ground_stop(const fabric::Outcome& outcome, const std::string& drone) {
+  return outcome.refusal && outcome.refusal->about == drone;
+}
+
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why) {
+  return {Level::warning, fmt::format("{}: {}: not signed: {}", name, words_of(call), why)};
+}
+
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome) {
+  const std::string what = fmt::format("{}: {}", name, words_of(call));
+  if (outcome.kind == fabric::Outcome::Kind::committed) return {Level::info, what};
+  return {Level::warning,
+          fmt::format("{}: refused: {}", what, outcome.refusal ? outcome.refusal->words : outcome.message)};
 }
 
 }  // namespace ledgerline::ground::service

@@ -7,6 +7,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "ground/core/flight_types.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -41,5 +42,29 @@ std::string words_of(const OperatorCall& call);
 /// The contract's call. `drone`: its name. `commander`: whose commands the drone shall obey under the operator's lease,
 /// the ground's own identity. Pure.
 fabric::Call contract_call(const OperatorCall& call, const std::string& drone, const crypto::IdentityName& commander);
+
+/// Whose key an operator's call would be signed with, at that moment.
+struct KeyState {
+  bool unlocked = false;
+  bool left = false;  ///< his session is over, and what he holds is being given back
+};
+
+/// The error says why a call that has waited for its turn is not signed. For one who has left nothing is signed but
+/// that he gives back: what he asked for before would outlive him.
+Status check_key(const KeyState& key, OperatorCall::Kind kind);
+
+/// Whether ground clears its own stop of that drone behind an operator's clear_stop that ended so: the contract had
+/// nothing of his to clear there. One whose role is revoked is refused as a whole, and clears nothing.
+bool may_clear_ground_stop(const fabric::Outcome& outcome, const std::string& drone);
+
+/// What people get to know of a call, as an event.
+struct CallUpdate {
+  ground::Level level = ground::Level::info;
+  std::string words;
+};
+/// `why` it was not signed.
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const std::string& why);
+/// What the ledger made of it.
+CallUpdate news_of(const std::string& name, const OperatorCall& call, const fabric::Outcome& outcome);
 
 }  // namespace ledgerline::ground::service

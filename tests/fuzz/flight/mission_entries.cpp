@@ -1,4 +1,4 @@
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 #include "ground/mission/run.hpp"
 #include "tests/fuzz/entry.hpp"
 

@@ -21,7 +21,7 @@
 #include "ground/service/shell/server.hpp"
 #include "tests/fuzz/directory.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
-#include "tools/doctor/shell/server_probe.hpp"
+#include "tools/checks/shell/server_probe.hpp"
 
 /// Every listener and every client against OpenSSL with one version and cipher alone.
 namespace ledgerline::crypto {

@@ -118,9 +118,9 @@ TEST_F(FlightByHand, OneCallIsInFlightUntilItIsCommittedAndNewerPlansReplaceThos
   EXPECT_THAT(drones_in(next), testing::ElementsAre("tello1", "tello2"));
   EXPECT_EQ(next.plans(0).state_stamp_ns(), newest_ns);
   EXPECT_EQ(next.plans(0).sequence(), 2u) << "a plan that was never sent uses up no number";
-  EXPECT_EQ(core.status(0).commands_made, 3u);
-  EXPECT_EQ(core.status(0).commands_sent, 2u);
-  EXPECT_EQ(core.status(0).commands_merged, 1u);
+  EXPECT_EQ(core.status(0).commands.made, 3u);
+  EXPECT_EQ(core.status(0).commands.sent, 2u);
+  EXPECT_EQ(core.status(0).commands.merged, 1u);
 }
 
 TEST_F(FlightByHand, ItsOwnCommandInABlockFreesTheWayBeforeTheOutcomeComes) {
@@ -143,9 +143,9 @@ TEST_F(FlightByHand, ACallRefusedForOneDroneIsSentAgainAtOnceWithoutIt) {
       outcome(first.submissions[0].id, Kind::refused, "chaincode response 500, tello2: stopped by Org1MSP CN=x"));
   EXPECT_THAT(drones_in(again), testing::ElementsAre("tello1", "tello3"));
   EXPECT_EQ(again.plans(0).SerializeAsString(), sent.plans(0).SerializeAsString());
-  EXPECT_EQ(core.status(1).commands_refused, 1u);
-  EXPECT_EQ(core.status(0).commands_refused, 0u);
-  EXPECT_EQ(core.status(0).commands_sent, 1u) << "sent again is not sent twice";
+  EXPECT_EQ(core.status(1).commands.refused, 1u);
+  EXPECT_EQ(core.status(0).commands.refused, 0u);
+  EXPECT_EQ(core.status(0).commands.sent, 1u) << "sent again is not sent twice";
   EXPECT_EQ(core.transactions().refused, 1u);
 }
 
@@ -154,8 +154,8 @@ TEST_F(FlightByHand, AnOutsidersNameInARefusalIsNoDrones) {
   const auto again = outcome(first.submissions[0].id, Kind::refused,
                              "chaincode response 500, tello1: the lease is held by Org2MSP CN=a tello2: b");
   EXPECT_THAT(drones_in(call_of(again)), testing::ElementsAre("tello2"));
-  EXPECT_EQ(core.status(0).commands_refused, 1u);
-  EXPECT_EQ(core.status(1).commands_refused, 0u);
+  EXPECT_EQ(core.status(0).commands.refused, 1u);
+  EXPECT_EQ(core.status(1).commands.refused, 0u);
 }
 
 TEST_F(FlightByHand, ARefusalOfTello1IsNotOneOfTello11) {
@@ -519,8 +519,8 @@ TEST(FlightWithAFaultyLedger, CountersAddUp) {
   ASSERT_TRUE(world.core.ok()) << world.core.why();
   for (std::size_t i = 0; i < 2; ++i) {
     const FlightStatus s = world.core.status(i);
-    EXPECT_EQ(s.commands_made, s.commands_sent + s.commands_merged);
-    EXPECT_EQ(s.commands_sent, world.drones[i].plans.size());
+    EXPECT_EQ(s.commands.made, s.commands.sent + s.commands.merged);
+    EXPECT_EQ(s.commands.sent, world.drones[i].plans.size());
     for (std::size_t k = 0; k < world.drones[i].plans.size(); ++k)
       EXPECT_EQ(world.drones[i].plans[k].sequence(), k + 1);
   }

@@ -505,7 +505,7 @@ TEST(PilotOrder, WhileItsPoseIsLostThePathWaits) {
 
 TEST(PilotOrder, APathThatTakesTooLongEndsInAHoverAndIsReported) {
   FlightConfig config = order_config();
-  config.path_factor = 0;  // half a minute
+  config.limits.path_factor = 0;  // half a minute
   config.controller.full_scale_mps = 0.1;
   InAir world(config);
   world.say(path({at(50, 1)}, true));

@@ -164,7 +164,7 @@ TEST(Flight, ADroneThatDoesNotLandFails) {
 
 TEST(Flight, AHeldBackDroneIsLandedWhenItsTimeIsUp) {
   FlightConfig config = config_for(1);
-  config.path_factor = 0;
+  config.limits.path_factor = 0;
   config.controller.speed_mps = 0.06;
   FlightWorld world(config);
   world.run(120);

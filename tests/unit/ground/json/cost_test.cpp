@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "ground/json/strict.hpp"
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 #include "ground/mission/run.hpp"
 #include "ground/motion/csv.hpp"
 #include "ground/service/connections/stream_messages.hpp"

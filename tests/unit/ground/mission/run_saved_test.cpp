@@ -292,8 +292,7 @@ TEST(MissionRestored, WhatIsNoKeptMissionIsRefusedWithItsPlace) {
   };
   EXPECT_EQ(refused("{", "{"), "taken");
   EXPECT_THAT(MissionRun::restore("", {}).error().what, HasSubstr("version must be 1"));
-  EXPECT_THAT(MissionRun::restore(std::string(MissionRun::max_saved_bytes + 1, ' '), {}).error().what,
-              HasSubstr("bytes; "));
+  EXPECT_THAT(MissionRun::restore(std::string(max_saved_bytes + 1, ' '), {}).error().what, HasSubstr("bytes; "));
   EXPECT_THAT(MissionRun::restore(good, {.required_approvals = 0}).error().what, HasSubstr("1 or 2 approvals"));
   EXPECT_THAT(refused("\"version\":1", "\"version\":2"), HasSubstr("version must be 1"));
   EXPECT_THAT(refused("\"version\":1", "\"version\":1,\"more\":1"), HasSubstr("unknown key \"more\""));

@@ -1,8 +1,8 @@
-#include "ground/mission/timetable.hpp"
+#include "ground/mission/corridor.hpp"
 
 #include <gtest/gtest.h>
 
-#include "ground/motion/open_course.hpp"
+#include "ground/motion/course.hpp"
 #include "tests/unit/ground/mission/missions.hpp"
 
 namespace ledgerline::ground::mission {

@@ -1,4 +1,4 @@
-#include "ground/motion/open_course.hpp"
+#include "ground/motion/course.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -51,7 +51,7 @@ TEST(Plugin, WhatItPlansIsFlownAsItSays) {
   EXPECT_DOUBLE_EQ(follower->progress_m(), 1.25);
   EXPECT_FALSE(follower->at_end());
   EXPECT_DOUBLE_EQ(follower->lap_m(), 6);
-  EXPECT_EQ(follower->problem(), "");
+  EXPECT_TRUE(follower->check());
 }
 
 TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
@@ -75,8 +75,8 @@ TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
     follower->observe(state_at(1));
     follower->start(first_ns, 12);
     EXPECT_TRUE(follower->plan(1, first_ns, 20).empty()) << which;
-    EXPECT_THAT(follower->problem(), AllOf(HasSubstr("odd_controller"), HasSubstr(what))) << which;
-    EXPECT_EQ(follower->problem().find('\x1b'), std::string::npos) << "its name is somebody else's text";
+    EXPECT_THAT(follower->check().error().what, AllOf(HasSubstr("odd_controller"), HasSubstr(what))) << which;
+    EXPECT_EQ(follower->check().error().what.find('\x1b'), std::string::npos) << "its name is somebody else's text";
     EXPECT_TRUE(follower->plan(2, first_ns, 20).empty()) << which << ": it is not asked again";
   }
 }
@@ -86,14 +86,14 @@ TEST(Plugin, AProgressWithoutEndIsRefusedWhereTheFlightHasNone) {
   follower->observe(state_at(1));
   follower->start(first_ns, std::numeric_limits<double>::infinity());
   EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
-  EXPECT_THAT(follower->problem(), HasSubstr("a progress of inf m; 0 to 50 may be"));
+  EXPECT_THAT(follower->check().error().what, HasSubstr("a progress of inf m; 0 to 50 may be"));
 }
 
 TEST(Plugin, OneThatHasNoPlanIsNoProblem) {
   const auto follower = odd("silent");
   follower->observe(state_at(1));
   EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
-  EXPECT_EQ(follower->problem(), "");
+  EXPECT_TRUE(follower->check());
 }
 
 TEST(Plugin, WhatIsNoControllerIsRefusedByName) {

@@ -1,4 +1,4 @@
-#include "ground/service/core/refusals.hpp"
+#include "ground/service/core/board.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

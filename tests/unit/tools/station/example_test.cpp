@@ -3,7 +3,7 @@
 
 #include "common/base/file.hpp"
 #include "ground/mission/check.hpp"
-#include "ground/mission/parse.hpp"
+#include "ground/mission/mission.hpp"
 #include "sim/core/parameters.hpp"
 
 namespace ledgerline::station {

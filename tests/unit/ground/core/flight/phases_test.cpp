@@ -75,13 +75,17 @@ TEST_F(PhasesTest, AnotherHolderWhoLetsUsCommandLeavesTheFlightAlone) {
 
 TEST_F(PhasesTest, SilenceLandsItAndALandingThatNobodySeesFails) {
   phases.advance(0, 0);
-  phases.check_time(config.silence_ns + 1);
+  phases.check_time(config.limits.silence_ns + 1);
   EXPECT_EQ(status.phase, DronePhase::landing);
-  phases.check_time(config.silence_ns + config.landing_ns + 2);
+  phases.check_time(config.limits.silence_ns + config.limits.landing_ns + 2);
   EXPECT_EQ(status.phase, DronePhase::failed);
 }
 
-TEST_F(PhasesTest, APilotsTakeOffIsRefusedOnAPath) { EXPECT_EQ(phases.take_off(0, false), "it flies a path"); }
+TEST_F(PhasesTest, APilotsTakeOffIsRefusedOnAPath) {
+  const Status taken = phases.take_off(0, false);
+  ASSERT_FALSE(taken);
+  EXPECT_EQ(taken.error().what, "it flies a path");
+}
 
 }  // namespace
 }  // namespace ledgerline::ground

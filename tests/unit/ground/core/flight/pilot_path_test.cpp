@@ -13,7 +13,6 @@ class SaidFollower final : public Follower {
   void observe(const StateSample&) override {}
   bool ready() const override { return true; }
   std::vector<Setpoint> plan(std::uint64_t, TimeNs, std::size_t) override { return {}; }
-  void withdraw(std::uint64_t) override {}
   double progress_m() const override { return reference_m; }
   bool at_end() const override { return reference_m >= end_m_; }
   double lap_m() const override { return path_.length_m(); }

@@ -56,11 +56,13 @@ TEST(PlanTiming, APlanLastsUntilTheNextOne) {
 
 TEST(PlanTiming, ALedgerThatIsTooSlowForAnyPlanIsReported) {
   PlanTiming timing(1);
-  EXPECT_EQ(timing.too_slow(), "") << "nobody knows yet";
+  EXPECT_TRUE(timing.check_delay()) << "nobody knows yet";
   timing.measure(1'900 * ns_per_ms);
-  EXPECT_EQ(timing.too_slow(), "");
+  EXPECT_TRUE(timing.check_delay());
   for (int k = 0; k < 10; ++k) timing.measure(2'300 * ns_per_ms);
-  EXPECT_NE(timing.too_slow().find("take 4.6 s"), std::string::npos) << timing.too_slow();
+  const Status checked = timing.check_delay();
+  ASSERT_FALSE(checked);
+  EXPECT_NE(checked.error().what.find("take 4.6 s"), std::string::npos) << checked.error().what;
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "ground/service/missions/approval_terms.hpp"
+#include "ground/service/missions/approvals.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "ground/service/operators/signing.hpp"
+#include "ground/service/operators/calls.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,10 +12,10 @@ using Kind = OperatorCall::Kind;
 TEST(OperatorSigning, OfOneWhoHasLeftOnlyThatHeGivesBackIsSigned) {
   for (int i = 0; i < static_cast<int>(enum_count<Kind>); ++i) {
     const Kind kind{i};
-    EXPECT_EQ(not_signed({.unlocked = true}, kind), "");
-    EXPECT_EQ(not_signed({.unlocked = true, .left = true}, kind).empty(), kind == Kind::release) << i;
-    EXPECT_NE(not_signed({}, kind), "") << "his key is locked: " << i;
-    EXPECT_NE(not_signed({.left = true}, kind), "") << i;
+    EXPECT_TRUE(check_key({.unlocked = true}, kind)) << i;
+    EXPECT_EQ(check_key({.unlocked = true, .left = true}, kind).ok(), kind == Kind::release) << i;
+    EXPECT_FALSE(check_key({}, kind)) << "his key is locked: " << i;
+    EXPECT_FALSE(check_key({.left = true}, kind)) << i;
   }
 }
 

@@ -1,4 +1,4 @@
-#include "ground/shell/operator_service.hpp"
+#include "ground/shell/operators/operator_service.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 
 #include "common/base/log.hpp"
 #include "common/verification/client.hpp"
-#include "ground/service/operators/signing.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -117,23 +116,23 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
   const Clients clients = clients_of(who);
   const std::string drone = call.drone ? parts_.drones[*call.drone] : "";
   const std::string& name = operators_[who].name;
-  const std::string why =
-      service::not_signed({.unlocked = !clients.of_channel.empty(), .left = clients.left}, call.kind);
-  service::CallUpdate news = service::news_of(name, call, why);
-  if (why.empty()) {
-    const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
-    // A mission is approved on the channel of [ledger], whatever those of its drones.
-    const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
-    fabric::Outcome outcome =
-        verification::submit_claiming(*clients.of_channel[channel].leases, contract, {drone}, limits, nullptr);
-    // Ground signs for those without a session: any operator who is signed in may clear that stop, but no other
-    // operator's.
-    if (call.ground_too && service::may_clear_ground_stop(outcome, drone)) {
-      spdlog::info("operator {} clears ground's own stop of {}", name, drone);
-      outcome = parts_.clear_ground_stop(channel, contract);
-    }
-    news = service::news_of(name, call, outcome);
+  const Status may = service::check_key({.unlocked = !clients.of_channel.empty(), .left = clients.left}, call.kind);
+  if (!may) {
+    service::CallUpdate refused = service::news_of(name, call, may.error().what);
+    return parts_.tell(refused.level, drone, std::move(refused.words));
   }
+  const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);
+  // A mission is approved on the channel of [ledger], whatever those of its drones.
+  const std::size_t channel = call.drone ? parts_.channel_of(*call.drone) : 0;
+  fabric::Outcome outcome =
+      verification::submit_claiming(*clients.of_channel[channel].leases, contract, {drone}, limits, nullptr);
+  // Ground signs for those without a session: any operator who is signed in may clear that stop, but no other
+  // operator's.
+  if (call.ground_too && service::may_clear_ground_stop(outcome, drone)) {
+    spdlog::info("operator {} clears ground's own stop of {}", name, drone);
+    outcome = parts_.clear_ground_stop(channel, contract);
+  }
+  service::CallUpdate news = service::news_of(name, call, outcome);
   parts_.tell(news.level, drone, std::move(news.words));
 }
 
