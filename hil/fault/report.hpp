@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "hil/fault/run/result.hpp"
+#include "hil/fault/run/run.hpp"
 
 // Results of runs, as people and programs read them.
 namespace ledgerline::hil {
@@ -16,7 +16,7 @@ std::string broken_text(const RunResult& result);
 /// "  not checked: WHAT", a line for each.
 std::string not_checked_text(const RunResult& result);
 
-/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/results_file.hpp).
+/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/comparison_io.hpp).
 struct RunSummary {
   std::string script;
   std::uint64_t seed = 0;

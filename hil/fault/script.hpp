@@ -43,4 +43,7 @@ Script read_script(Config& config, const std::string& file, bool real = false);
 /// What parse_script() reads as the same again.
 std::string text_of(const Script& script);
 
+/// A course's waypoints as rows of a CSV file.
+std::string course_rows(const ground::Task& task);
+
 }  // namespace ledgerline::hil

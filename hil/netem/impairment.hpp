@@ -6,7 +6,6 @@
 
 #include "hil/netem/distribution.hpp"
 #include "hil/netem/recording/day.hpp"
-#include "hil/netem/recording/read_day.hpp"
 
 namespace ledgerline::hil {
 
@@ -78,7 +77,7 @@ void overlay(const Impairment& over, Impairment& impairment);
 ///     corrupt 1%                      one bit
 ///     truncate 1%                     at least a byte less
 ///     rate 20kB/s queue 8kB           B/s, kB/s, MB/s; without `queue`: what goes through in a quarter of a second
-///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/netem/recording/read_day.hpp) of the
+///     recorded-day FILE at 90s        loss and delay of a recorded link (hil/netem/recording/day.hpp) of the
 ///     moment
 ///                                     as its day goes on, from so far into it (s, min, h; without `at`: its start)
 ///                                     around and around; in order

@@ -1,11 +1,15 @@
 #pragma once
 #include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
 #include <optional>
+#include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
+/// The words of scripts for the values of an enumeration, in a table of pairs.
 namespace ledgerline::hil {
 
 inline std::string_view trimmed(std::string_view text) {
@@ -31,6 +35,31 @@ inline std::optional<double> parse_number(std::string_view text) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
   if (error != std::errc() || end != text.data() + text.size() || !std::isfinite(value)) return std::nullopt;
   return value;
+}
+
+template <typename Value, std::size_t count>
+using WordTable = std::array<std::pair<std::string_view, Value>, count>;
+
+template <typename Value, std::size_t count>
+std::optional<Value> value_of(const WordTable<Value, count>& words, std::string_view word) {
+  for (const auto& [name, value] : words) {
+    if (name == word) return value;
+  }
+  return std::nullopt;
+}
+
+template <typename Value, std::size_t count>
+std::vector<std::string> names_of(const WordTable<Value, count>& words) {
+  std::vector<std::string> names;
+  for (const auto& pair : words) names.emplace_back(pair.first);
+  return names;
+}
+
+/// For errors.
+inline std::string list_of(const std::vector<std::string>& names) {
+  std::string text;
+  for (const std::string& name : names) text += (text.empty() ? "" : ", ") + name;
+  return text;
 }
 
 }  // namespace ledgerline::hil

@@ -8,7 +8,7 @@
 #include "common/base/enum_count.hpp"
 #include "common/rt/clock.hpp"
 #include "hil/netem/impairment.hpp"
-#include "hil/netem/sdk/sdk_fault.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/netem/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
@@ -40,7 +40,7 @@ struct Target {
 ///     server agent cut                       its connections are reset, once
 ///     sensor tello1 h stuck                  one more fault of hil/netem/sensor_text.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
-///     sdk tello1 answers late 300ms          one more fault of hil/netem/sdk/sdk_fault.hpp; `off` as with sensors
+///     sdk tello1 answers late 300ms          one more fault of hil/netem/sdk/sdk_faults.hpp; `off` as with sensors
 ///     clear                                  no effect and no fault is left
 ///     list                                   changes nothing; what is switched is in list()
 ///

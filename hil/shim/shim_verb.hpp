@@ -1,6 +1,7 @@
 #pragma once
 #include <string>
 
+#include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
 #include "sim/shell/sim_options.hpp"
 

@@ -48,11 +48,6 @@ struct SimulatedFlightResult {
   std::vector<Drone> drones;
 };
 
-/// Top speed of a ramp: the largest speed of a lap that was flown with an error below this, all slower ones too.
-inline constexpr double top_speed_error_m = 0.4;
-/// A lap fails when its error is above this.
-inline constexpr double failing_error_m = 1.0;
-
 /// A whole flight in a SimulatedWorld, observed: errors, laps, latencies. The same config gives the same digest, on
 /// every run.
 Result<SimulatedFlightResult> fly_simulated(const SimulatedFlightConfig& config);

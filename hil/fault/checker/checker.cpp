@@ -1,6 +1,275 @@
 #include "hil/fault/checker/checker.hpp"
 
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+
 namespace ledgerline::hil {
+namespace {
+
+namespace which {
+enum Which : std::uint8_t {
+  too_fast,
+  too_high,
+  too_far,
+  crash,
+  lost_link,
+  silent,
+  hovers,
+  rc_range,
+  ramps,
+  order,
+  old_plans,
+  in_the_air,
+  hangs,
+  missing,
+  lost,
+  unasked,
+  upright,
+  count
+};
+}  // namespace which
+constexpr auto invariant_names = std::to_array<std::string_view>({
+    "always: never faster than the limits",
+    "always: never higher than the limits",
+    "always: never farther than the limits",
+    "always: no crash",
+    "always: who is not seen is stopped and landed",
+    "always: a hold or a landing after silence",
+    "always: a hold ends in a landing",
+    "always: rc in the SDK's range",
+    "always: commanded speed ramps",
+    "always: commands in order, each once",
+    "always: a brake takes its plans with it",
+    "always: on the ground in the end",
+    "always: no hang",
+    "always: every fault began",
+    "always: nothing acknowledged is lost",
+    "always: nothing is flown that nobody signed",
+    "always: no motors cut while upright",
+});
+static_assert(invariant_names.size() == which::count);
+
+// Where link takes it to be, beside the truth.
+std::string estimated(const DroneFacts& facts) {
+  if (!facts.pose) return {};
+  return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
+}
+
+Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
+  return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];
+}
+
+}  // namespace
+
+Invariants::Invariants(const Limits& limits) : limits_(limits) {
+  for (const std::string_view text : invariant_names) {
+    Rule rule;
+    rule.text = text;
+    rule.always = true;
+    verdicts_.push_back({rule, true, 0, {}});
+  }
+}
+
+void Invariants::observe(const Moment& moment) {
+  drones_.resize(moment.drones.size());
+  for (std::size_t i = 0; i < moment.drones.size(); ++i) check_drone(moment, i);
+  for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::unasked)
+      broke(which::unasked, moment.now, fmt::format("{}: {}", moment.drones[event.drone].name, event.text));
+    if (event.kind == WorldEvent::Kind::bad_rc) broke(which::rc_range, moment.now, event.text);
+    if (event.kind == WorldEvent::Kind::sent && event.text == "emergency") check_cut(moment, event.drone);
+  }
+  check_order(moment);
+}
+
+void Invariants::check_cut(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  const bool upright = facts.truth.in_flight && !facts.truth.crashed && facts.truth.tilt_rad < upright_rad;
+  if (upright && !excuse_of(moment, index).cut)
+    broke(which::upright, moment.now,
+          fmt::format("{}: tilted by {:.2f} rad at {:.2f} m", facts.name, facts.truth.tilt_rad,
+                      facts.truth.position_m[2]));
+}
+
+void Invariants::check_order(const Moment& moment) {
+  for (const WorldEvent& event : moment.events) {
+    if (event.kind == WorldEvent::Kind::started) {  // it knows of nothing before
+      for (Drone& drone : drones_) {
+        if (event.text == "agent") drone.handed = 0;
+        if (event.text == "link") drone.applied = 0;
+      }
+    }
+    const bool handed = event.kind == WorldEvent::Kind::handed;
+    const DroneFacts& facts = moment.drones[event.drone];
+    // Else it may be a stop, whose sequence is nobody's.
+    const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
+                         facts.mode < FailsafeMode::land;
+    if ((!handed && !applied) || event.sequence == 0) continue;
+    std::uint64_t& newest = handed ? drones_[event.drone].handed : drones_[event.drone].applied;
+    if (event.sequence <= newest)
+      broke(which::order, moment.now,
+            fmt::format("{}: {} {} after {}", facts.name, handed ? "agent hands on" : "link flies", event.sequence,
+                        newest));
+    newest = event.sequence;
+  }
+}
+
+void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const double changed =
+      std::hypot(facts.sent[0] - drone.sent[0], facts.sent[1] - drone.sent[1], facts.sent[2] - drone.sent[2]);
+  const double limit = limits_.sent_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
+  drone.may_change_mps =
+      std::min(sent_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
+  drone.looked_ns = moment.now;
+  drone.sent = facts.sent;
+  if (!rested) return;
+  drone.may_change_mps -= changed;
+  if (drone.may_change_mps < 0)
+    broke(which::ramps, moment.now, fmt::format("{}: sent {:.2f} m/s more or less at once", facts.name, changed));
+}
+
+void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  if (facts.mode == FailsafeMode::brake || !flies) {
+    drone.braked = flies;
+    drone.plans_at_brake = facts.plans_given;
+  }
+  if (drone.braked && facts.plans_given == drone.plans_at_brake && facts.mode == FailsafeMode::none &&
+      facts.sent_mps > 0)
+    broke(which::old_plans, moment.now,
+          fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", facts.name, facts.sent_mps));
+}
+
+bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone) {
+  const auto& at = facts.truth.position_m;
+  if (!excuse.blind) {
+    drone.blind_from_m.reset();
+    drone.may_run = false;
+    return false;
+  }
+  if (!drone.blind_from_m || excuse.deaf) drone.blind_from_m = {at[0], at[1]};
+  drone.may_run = drone.may_run || excuse.deaf || excuse.misled || excuse.steered;
+  if (facts.pose) {
+    const double off = std::hypot(facts.pose->position_m[0] - at[0], facts.pose->position_m[1] - at[1]);
+    drone.misled_m = std::max(drone.misled_m, std::min(off, blind_way_m));
+  }
+  return std::hypot(at[0] - (*drone.blind_from_m)[0], at[1] - (*drone.blind_from_m)[1]) <= blind_way_m;
+}
+
+// Speed, height, place.
+void Invariants::check_limits(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  const auto& at = facts.truth.position_m;
+  const auto& v = facts.truth.velocity_mps;
+  if (!facts.truth.in_flight || facts.truth.crashed) return;
+  const bool within_way = check_blind(facts, excuse, drone);
+  const double max_mps = drone.may_run ? std::max(blind_mps, limits_.speed_mps) : limits_.speed_mps;
+  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > max_mps && !excuse.physical)
+    broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
+  const double high = std::max(0.0, at[2] - limits_.height_m);
+  double far = 0;
+  for (std::size_t i = 0; i < 2; ++i) far = std::max({far, limits_.min_m[i] - at[i], at[i] - limits_.max_m[i]});
+  if (excuse.deaf || excuse.physical) {
+    drone.high_m = high;
+    drone.far_m = far;
+    return;
+  }
+  if (within_way) drone.far_m = far;
+  const auto beyond = [](double now, double before) { return now > (before > 0 ? before + farther_m : 0); };
+  if (beyond(high, drone.high_m)) broke(which::too_high, moment.now, fmt::format("{}: {:.2f} m", facts.name, at[2]));
+  const double misled_m = excuse.blind && !within_way ? 0 : drone.misled_m;
+  if (beyond(far, drone.far_m) && far > misled_m)
+    broke(which::too_far, moment.now,
+          fmt::format("{}: at {:.2f}, {:.2f} m{}", facts.name, at[0], at[1], estimated(facts)));
+}
+
+void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const Moment::Excuse excuse = excuse_of(moment, index);
+  const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
+  if (!is_lost || excuse.deaf || excuse.physical) {
+    drone.lost_since_ns = 0;
+    return;
+  }
+  if (drone.lost_since_ns == 0) drone.lost_since_ns = moment.now;
+  const TimeNs since = moment.now - drone.lost_since_ns;
+  const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
+  if (since > lost_stops_ns && speed > lost_mps && !excuse.blind)
+    broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", facts.name, speed));
+  if (since > lost_down_ns)
+    broke(which::lost_link, moment.now,
+          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(since)));
+}
+
+void Invariants::check_drone(const Moment& moment, std::size_t index) {
+  const DroneFacts& facts = moment.drones[index];
+  Drone& drone = drones_[index];
+  const TimeNs now = moment.now;
+  if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
+  check_limits(moment, index);
+  check_lost_link(moment, index);
+
+  const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
+  if (!flies) {
+    drone.rested_since_ns = 0;
+  } else if (drone.rested_since_ns == 0) {
+    drone.rested_since_ns = now;
+  }
+  // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
+  const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
+  check_ramp(moment, index, rested && !excuse_of(moment, index).spins);
+  check_brake(moment, index, flies);
+  if (flies) {
+    const TimeNs silent_since = std::max(facts.plan_end_ns, drone.rested_since_ns);
+    const TimeNs silent_for = now - silent_since;
+    if (rested && silent_for > hold_within_ns && facts.mode == FailsafeMode::none) {
+      broke(which::silent, now,
+            fmt::format("{}: {:.0f} ms after its plan's end no hold", facts.name, to_ms(silent_for)));
+    }
+    if (rested && silent_for > hold_within_ns + ramp_ns && facts.sent_mps > 0) {
+      broke(which::silent, now,
+            fmt::format("{}: sent {:.2f} m/s {:.0f} ms after its plan's end", facts.name, facts.sent_mps,
+                        to_ms(silent_for)));
+    }
+  }
+  // A landing of the failsafe waits for room below, but not for ever.
+  if (!flies || facts.mode != FailsafeMode::land) {
+    drone.waits_since_ns = 0;
+  } else if (drone.waits_since_ns == 0) {
+    drone.waits_since_ns = now;
+  } else if (now - drone.waits_since_ns > landing_waits_ns) {
+    broke(which::hovers, now,
+          fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(now - drone.waits_since_ns)));
+  }
+  const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
+  if (!hovering) {
+    drone.hovering_since_ns = 0;
+  } else if (drone.hovering_since_ns == 0) {
+    drone.hovering_since_ns = now;
+  } else if (now - drone.hovering_since_ns > land_after_ns) {
+    broke(which::hovers, now,
+          fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(now - drone.hovering_since_ns)));
+  }
+}
+
+void Invariants::finish(const Ending& ending) {
+  if (!ending.over) broke(which::hangs, ending.now, ending.why.empty() ? "it goes on" : ending.why);
+  if (!ending.missing.empty()) broke(which::missing, ending.now, ending.missing.front());
+  if (!ending.crashed.empty()) broke(which::crash, ending.now, ending.crashed.front());
+  if (!ending.lost.empty())
+    broke(which::lost, ending.now,
+          fmt::format("{}{}", ending.lost.front(),
+                      ending.lost.size() > 1 ? fmt::format(" and {} more", ending.lost.size() - 1) : ""));
+  for (const std::string& name : ending.in_the_air) broke(which::in_the_air, ending.now, name);
+}
 
 Checker::Checker(const std::vector<Rule>& rules, const Limits& limits) : limits_(limits), invariants_(limits) {
   for (const Rule& rule : rules) rules_.push_back({.verdict = {rule, true, 0, {}}});

@@ -1,6 +1,10 @@
 #include "hil/fault/compare/statistics.hpp"
 
 #include <algorithm>
+#include <boost/math/distributions/binomial.hpp>
+#include <boost/math/distributions/hypergeometric.hpp>
+#include <boost/math/distributions/normal.hpp>
+#include <boost/math/special_functions/binomial.hpp>
 #include <cmath>
 #include <numeric>
 
@@ -44,7 +48,8 @@ double two_sided(const std::vector<double>& chances, double middle, std::size_t 
 // `step`: by how much the statistic changes at least, half of which is the correction for continuity.
 double normal_two_sided(double far, double deviation, double step) {
   if (deviation <= 0) return 1;
-  return std::erfc(std::max(0.0, std::abs(far) - step / 2) / deviation / std::sqrt(2.0));
+  const double deviations = std::max(0.0, std::abs(far) - step / 2) / deviation;
+  return 2 * cdf(complement(boost::math::normal(), deviations));
 }
 
 /// Chances of each sum of a subset of the ranks in which each rank is with chance 1/2.
@@ -75,9 +80,11 @@ std::vector<double> sums_of(const std::vector<std::size_t>& ranks, std::size_t c
   return ways[count];
 }
 
-double log_choose(std::size_t n, std::size_t k) {
-  const auto log_factorial = [](std::size_t i) { return std::lgamma(static_cast<double>(i) + 1); };
-  return log_factorial(n) - log_factorial(k) - log_factorial(n - k);
+/// In how many ways: infinitely many where a double cannot say.
+double choose(std::size_t n, std::size_t k) {
+  using boost::math::policies::ignore_error, boost::math::policies::overflow_error;
+  return boost::math::binomial_coefficient<double>(static_cast<unsigned>(n), static_cast<unsigned>(k),
+                                                   boost::math::policies::policy<overflow_error<ignore_error>>());
 }
 
 }  // namespace
@@ -115,7 +122,7 @@ TestResult rank_sum(std::span<const double> first, std::span<const double> secon
                                           ranks.doubled.end(), std::size_t{0});
   const auto a = static_cast<double>(first.size()), b = static_cast<double>(second.size()), n = a + b;
   const double middle = b * (n + 1);  // of doubled ranks
-  TestResult result{.least_p = std::min(1.0, 2 * std::exp(-log_choose(values.size(), first.size()))),
+  TestResult result{.least_p = std::min(1.0, 2 / choose(values.size(), first.size())),
                     .direction = sign(static_cast<double>(sum) - middle)};
   if (values.size() <= max_exact_sum) {
     result.p = two_sided(sums_of(ranks.doubled, second.size()), middle, sum);
@@ -129,10 +136,8 @@ TestResult rank_sum(std::span<const double> first, std::span<const double> secon
 TestResult mcnemar(std::size_t newly, std::size_t repaired) {
   const std::size_t changed = newly + repaired;
   if (changed == 0) return {};
-  std::vector<double> chances(changed + 1);
-  for (std::size_t k = 0; k <= changed; ++k)
-    chances[k] = std::exp(log_choose(changed, k) - static_cast<double>(changed) * std::log(2.0));
-  return {.p = two_sided(chances, static_cast<double>(changed) / 2, newly),
+  const boost::math::binomial coins(static_cast<double>(changed), 0.5);
+  return {.p = std::min(1.0, 2 * cdf(coins, static_cast<double>(std::min(newly, repaired)))),
           .least_p = std::min(1.0, std::pow(2.0, 1 - static_cast<double>(changed))),
           .direction = sign(static_cast<double>(newly) - static_cast<double>(repaired))};
 }
@@ -140,10 +145,9 @@ TestResult mcnemar(std::size_t newly, std::size_t repaired) {
 TestResult fisher(std::size_t first, std::size_t of_first, std::size_t second, std::size_t of_second) {
   if (of_first == 0 || of_second == 0) return {};
   const std::size_t both = first + second, all = of_first + of_second;
-  const auto chance = [&](std::size_t of_the_second) {
-    return std::exp(log_choose(of_second, of_the_second) + log_choose(of_first, both - of_the_second) -
-                    log_choose(all, both));
-  };
+  const boost::math::hypergeometric drawn(static_cast<unsigned>(both), static_cast<unsigned>(of_second),
+                                          static_cast<unsigned>(all));
+  const auto chance = [&](std::size_t of_the_second) { return pdf(drawn, static_cast<unsigned>(of_the_second)); };
   TestResult result{.p = 0, .least_p = 1};
   const double seen = chance(second);
   for (std::size_t k = both > of_first ? both - of_first : 0; k <= std::min(both, of_second); ++k) {

@@ -38,13 +38,13 @@ Result<FaultActs> plan_effects(const ParsedWords& said) {
   return FaultActs{
       .lasts_on = [effects = *effects](Effects::OfDrone& drone,
                                        std::size_t) { overlay(effects, drone.impairment(DroneTraffic::plans)); },
-      .not_real = because("plans go from agent to link in shared memory")};
+      .check_real = because("plans go from agent to link in shared memory")};
 }
 
 Result<FaultActs> reboot(const ParsedWords&) {
   return FaultActs{
       .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().restart(number_of(world, drone)); },
-      .not_real = because(inside_the_simulation),
+      .check_real = because(inside_the_simulation),
       .momentary = true,
       .pushes = true};
 }
@@ -52,7 +52,7 @@ Result<FaultActs> reboot(const ParsedWords&) {
 Result<FaultActs> lose_propeller(const ParsedWords&) {
   return FaultActs{
       .strike = [](SimulatedWorld& world, std::size_t drone) { world.sim().lose_propeller(number_of(world, drone)); },
-      .not_real = because(inside_the_simulation),
+      .check_real = because(inside_the_simulation),
       .momentary = true,
       .pushes = true,
       .breaks = true,
@@ -65,7 +65,7 @@ Result<FaultActs> set_battery(const ParsedWords& said) {
   return FaultActs{
       .strike = [share = *share](SimulatedWorld& world,
                                  std::size_t drone) { world.sim().set_battery(number_of(world, drone), share); },
-      .not_real = because(inside_the_simulation),
+      .check_real = because(inside_the_simulation),
       .momentary = true};
 }
 
@@ -76,7 +76,7 @@ Result<FaultActs> heat(const ParsedWords& said) {
   return FaultActs{.strike = [celsius = *celsius](
                                  SimulatedWorld& world,
                                  std::size_t drone) { world.sim().set_temperature(number_of(world, drone), celsius); },
-                   .not_real = because(inside_the_simulation),
+                   .check_real = because(inside_the_simulation),
                    .momentary = true};
 }
 
@@ -84,7 +84,7 @@ Result<FaultActs> drain(const ParsedWords& said) {
   const auto share = share_of(said.words[0]);
   if (!share) return Error{"drain must be followed by a share a second, 0% to 100%"};
   return FaultActs{.lasts_on = [share = *share](Effects::OfDrone& drone, std::size_t) { drone.drain_per_s += share; },
-                   .not_real = because(inside_the_simulation)};
+                   .check_real = because(inside_the_simulation)};
 }
 
 Result<FaultActs> kick(const ParsedWords& said) {
@@ -93,7 +93,7 @@ Result<FaultActs> kick(const ParsedWords& said) {
   return FaultActs{
       .strike = [velocity = *velocity](SimulatedWorld& world,
                                        std::size_t drone) { world.sim().kick(number_of(world, drone), velocity); },
-      .not_real = because(inside_the_simulation),
+      .check_real = because(inside_the_simulation),
       .momentary = true,
       .pushes = true};
 }
@@ -106,7 +106,7 @@ Result<FaultActs> wind(const ParsedWords& said) {
                        [velocity = *velocity](Effects& effects) {
                          for (std::size_t i = 0; i < 3; ++i) effects.wind_mps[i] += velocity[i];
                        },
-                   .not_real = because(inside_the_simulation),
+                   .check_real = because(inside_the_simulation),
                    .pushes = true};
 }
 
@@ -127,16 +127,16 @@ Result<FaultActs> sensor(const ParsedWords& said) {
 }
 
 // What link does not fly by.
-std::string without_mocap(const WorldConfig& flight) {
+Status with_mocap(const WorldConfig& flight) {
   const bool has = flight.pose == link::PoseSource::mocap || flight.pose == link::PoseSource::mocap_then_tello;
-  return has ? "" : "this flight has no motion capture (flight.pose)";
+  return allow_if(has, "this flight has no motion capture (flight.pose)");
 }
 
 Result<FaultActs> of_mocap(void (*set)(MocapFault&, const std::array<double, 3>&), const std::array<double, 3>& value,
                            double misleads_m = 0) {
   return FaultActs{.lasts_on = [set, value](Effects::OfDrone& drone, std::size_t) { set(drone.mocap, value); },
-                   .not_real = because(inside_the_simulation),
-                   .idle_in = without_mocap,
+                   .check_real = because(inside_the_simulation),
+                   .check_flight = with_mocap,
                    .misleads_m = misleads_m};
 }
 
@@ -188,8 +188,8 @@ Result<FaultActs> mocap_every(const ParsedWords& said) {
   if (*period <= 0) return Error{"every must be followed by more than 0 s"};
   return FaultActs{
       .lasts_on = [period = *period](Effects::OfDrone& drone, std::size_t) { drone.mocap.period_ns = period; },
-      .not_real = because(inside_the_simulation),
-      .idle_in = without_mocap};
+      .check_real = because(inside_the_simulation),
+      .check_flight = with_mocap};
 }
 
 Result<FaultActs> mocap_effects(const ParsedWords& said) {
@@ -198,8 +198,8 @@ Result<FaultActs> mocap_effects(const ParsedWords& said) {
   return FaultActs{
       .lasts_on = [effects = *effects](Effects::OfDrone& drone,
                                        std::size_t) { overlay(effects, drone.impairment(DroneTraffic::mocap)); },
-      .not_real = because("mocap goes past the proxy, by DDS"),
-      .idle_in = without_mocap};
+      .check_real = because("mocap goes past the proxy, by DDS"),
+      .check_flight = with_mocap};
 }
 
 constexpr FaultKind drone_table[] = {

@@ -4,11 +4,126 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
+#include <array>
+#include <cassert>
 #include <cctype>
+#include <utility>
 
+#include "hil/netem/distribution.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
+
+bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
+  switch (kind) {
+    case Kind::time:
+      return now >= after_ns;
+    case Kind::takeoff:
+      return drone.truth.in_flight;
+    case Kind::flying:
+      return drone.phase == FlightPhase::flying;
+    case Kind::path:
+      return drone.ground_phase == ground::DronePhase::path;
+    case Kind::lap:
+      return drone.lap >= static_cast<int>(value);
+    case Kind::height:
+      return drone.truth.position_m[2] >= value;
+    case Kind::landing:
+      return drone.phase == FlightPhase::landing;
+    case Kind::landed:
+      return drone.phase == FlightPhase::landed;
+  }
+  return false;
+}
+
+Result<Trigger> parse_trigger(std::string_view text) {
+  const std::string_view whole = trimmed(text);
+  constexpr std::string_view usage =
+      "must be a time as 5s, or takeoff, flying, path, lap N, height METRES, landing or landed, which may be followed "
+      "by "
+      "+ 2s";
+  Trigger trigger;
+  std::string_view head = whole;
+  if (const auto plus = whole.find('+'); plus != std::string_view::npos) {
+    const auto after = parse_time(trimmed(whole.substr(plus + 1)));
+    if (!after) return Error{fmt::format("\"{}\": {}", text, usage)};
+    trigger.after_ns = *after;
+    head = trimmed(whole.substr(0, plus));
+  }
+  const auto words = words_of(head);
+  using Kind = Trigger::Kind;
+  constexpr std::array<std::pair<std::string_view, Kind>, 5> plain{{{"takeoff", Kind::takeoff},
+                                                                    {"flying", Kind::flying},
+                                                                    {"path", Kind::path},
+                                                                    {"landing", Kind::landing},
+                                                                    {"landed", Kind::landed}}};
+  if (words.size() == 1) {
+    for (const auto& [name, kind] : plain) {
+      if (words[0] != name) continue;
+      trigger.kind = kind;
+      return trigger;
+    }
+    const auto time = parse_time(words[0]);
+    if (time && head == whole) {
+      trigger.after_ns = *time;
+      return trigger;
+    }
+  }
+  if (words.size() == 2 && (words[0] == "lap" || words[0] == "height")) {
+    const auto value = parse_number(words[1]);
+    const bool lap = words[0] == "lap";
+    const bool good = value && (lap ? *value >= 1 && *value <= 1000 && *value == static_cast<int>(*value)
+                                    : *value > 0 && *value <= 100);
+    if (good) {
+      trigger.kind = lap ? Kind::lap : Kind::height;
+      trigger.value = *value;
+      return trigger;
+    }
+  }
+  return Error{fmt::format("\"{}\": {}", text, usage)};
+}
+
+namespace {
+
+void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
+  port.cut(now, effects.cut);
+  port.stale(effects.stale);
+  port.lie(effects.lie);
+  port.serve(effects.serves);
+  port.order(effects.orders);
+  port.slip(effects.slip);
+  port.stall_to(effects.stall_to);
+  port.stall_from(effects.stall_from);
+  port.delay_to(effects.delay_to);
+  port.delay_from(effects.delay_from);
+}
+
+}  // namespace
+
+void Effects::apply_to(SimulatedWorld& world) const {
+  world.relay().lie(relay ? relay->lie : RelayTampering::none);
+  if (relay) world.relay().compared(relay->compared);
+  world.stall_ledger(ledger_stalled);
+  for (const Process process : {Process::agent, Process::link, Process::ground}) {
+    world.stop(process, stopped[static_cast<std::size_t>(process)]);
+    if (process != Process::link) set_port(world.port(process), world.now(), port(process));
+  }
+  world.sim().set_wind(wind_mps);
+  for (const auto host : {WorldClock::Host::mocap, WorldClock::Host::drones})
+    world.clock().drift(host, clock_drift[static_cast<std::size_t>(host)]);
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    for (std::size_t at = 0; at < drone_traffic_count; ++at)
+      world.network(i).impair(static_cast<DroneTraffic>(at), drones[i].impairments[at]);
+    [[maybe_unused]] const Status set = world.sdk().set(i, drones[i].sdk);
+    assert(set.ok());  // a fault that needs another drone was refused where there is none
+    world.network(i).set_sensor_faults(drones[i].sensors);
+    world.network(i).set_mocap_fault(drones[i].mocap);
+    world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
+    world.sim().set_sensing(world.facts()[i].number, drones[i].sensing);
+  }
+}
+
 namespace {
 
 using Words = std::vector<std::string_view>;

@@ -1,15 +1,97 @@
 #pragma once
+#include <array>
+#include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <string_view>
+#include <utility>
+#include <vector>
 
 #include "common/base/result.hpp"
-#include "hil/fault/kinds/effects.hpp"
-#include "hil/fault/kinds/real_acts.hpp"
-#include "hil/fault/kinds/trigger.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
+#include "hil/sitl/facts.hpp"
+#include "hil/sitl/world.hpp"
 
 namespace ledgerline::hil {
+
+/// A moment of a flight, as text: "5s" (of the run), "takeoff" (it leaves the ground), "flying", "path", "lap 2" (it
+/// begins), "height 0.5", "landing", "landed"; each but the first with "+ 2s" behind it, if wanted. Of the fault's
+/// drone; of the first one that gets there where the fault is no drone's.
+struct Trigger {
+  enum class Kind : std::uint8_t { time, takeoff, flying, path, lap, height, landing, landed };
+  Kind kind = Kind::time;
+  double value = 0;                                                           ///< the lap's number; the height [m]
+  TimeNs after_ns = 0;                                                        ///< time: the moment itself
+  bool of_a_path() const { return kind == Kind::path || kind == Kind::lap; }  ///< ground flies one
+  bool reached(TimeNs now, const DroneFacts& drone) const;                    ///< without `after_ns`; not for time
+};
+Result<Trigger> parse_trigger(std::string_view text);
+
+/// What a script is flown on with the real processes.
+struct RealStack {
+  bool fabric = false;  ///< its ledger, with three orderers; else the embedded node
+  bool shim = false;    ///< drones behind the shim (docs/shim.md), which knows the SDK's calls; else UDP and the proxy
+};
+inline constexpr int fabric_orderers = 3;
+inline constexpr const char* leader_part = "orderer leader";
+
+/// Its connections to the ledger, as the proxy knows them: "agent", and with Fabric "agent-orderer1" and so on.
+std::vector<std::string> servers_of(Process process, const RealStack& stack);
+
+/// What is to be done when a fault begins, or ends: in this order.
+struct RealActs {
+  std::vector<std::string> proxy;                     ///< commands of hil/proxy/switches.hpp, also the shim's
+  std::vector<std::pair<std::string, int>> programs;  ///< signals to programs of the flight: "ledgerline-agent"
+  /// Signals to parts of Fabric's network: "peer1"; leader_part: the orderer that leads.
+  std::vector<std::pair<std::string, int>> parts;
+  std::vector<std::string> control;  ///< arguments of ledgerline-control
+  int burn_core = -1;                ///< begin, or no longer, to compute on this core
+  std::uint64_t take_bytes = 0;      ///< memory to take, or to give back
+  bool fill_disk = false;            ///< to fill the ledger's disk, or to make room again
+};
+
+/// What all faults that go on now make of a world together: faults may overlap, so the whole is recomputed whenever one
+/// begins or ends. Plain data.
+struct Effects {
+  struct OfDrone {
+    std::array<Impairment, drone_traffic_count> impairments;
+    std::vector<SensorFault> sensors;
+    std::vector<SdkFault> sdk;
+    MocapFault mocap;
+    double drain_per_s = 0;
+    sim::Sensing sensing;
+    Impairment& impairment(DroneTraffic at) { return impairments[static_cast<std::size_t>(at)]; }
+    const Impairment& impairment(DroneTraffic at) const { return impairments[static_cast<std::size_t>(at)]; }
+  };
+  /// A process' connection to the ledger.
+  struct OfPort {
+    bool cut = false, stale = false, stall_to = false, stall_from = false;
+    std::optional<Distribution> delay_to, delay_from;
+    Tampering lie = Tampering::none;
+    PeerTampering serves = PeerTampering::none, orders = PeerTampering::none;
+    Slip slip = Slip::none;
+  };
+  struct OfRelay {
+    RelayTampering lie = RelayTampering::none;
+    bool compared = false;  ///< clients compare events before they sign
+  };
+
+  explicit Effects(std::size_t drone_count) : drones(drone_count) {}
+
+  std::vector<OfDrone> drones;
+  std::array<OfPort, process_count> ports;  ///< by Process; link has none
+  std::array<bool, process_count> stopped{};
+  std::optional<OfRelay> relay;
+  bool ledger_stalled = false;
+  std::array<double, 2> clock_drift{};  ///< by WorldClock::Host: so much faster than real time
+  std::array<double, 3> wind_mps{};
+
+  OfPort& port(Process process) { return ports[static_cast<std::size_t>(process)]; }
+  const OfPort& port(Process process) const { return ports[static_cast<std::size_t>(process)]; }
+  void apply_to(SimulatedWorld& world) const;
+};
 
 struct Fault;
 
@@ -27,11 +109,13 @@ struct FaultActs {
   // The real processes; what `lasts` and `lasts_on` do to drones' networks and connections is done by the proxy.
   std::function<void(RealActs&, const RealStack&)> really_begin{};
   std::function<void(RealActs&, const RealStack&, bool goes_on)> really_end{};  ///< `goes_on`: the same words do
-  /// Why it cannot be; empty: it can.
-  std::function<std::string(const Fault&, const RealStack&)> not_real{};
+  /// The error says why it cannot be.
+  std::function<Status(const Fault&, const RealStack&)> check_real = [](const Fault&, const RealStack&) -> Status {
+    return done;
+  };
 
-  /// Why it would do nothing in such a flight; empty: it does something.
-  std::function<std::string(const WorldConfig&)> idle_in{};
+  /// The error says why it would do nothing in such a flight.
+  std::function<Status(const WorldConfig&)> check_flight = [](const WorldConfig&) -> Status { return done; };
 
   // Properties.
   bool momentary = false;          ///< over by itself as soon as it began

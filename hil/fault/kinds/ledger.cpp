@@ -5,7 +5,7 @@
 #include <csignal>
 
 #include "hil/fault/kinds/said.hpp"
-#include "hil/sitl/peer/words.hpp"
+#include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -28,13 +28,14 @@ Result<FaultActs> stall_ledger(const ParsedWords&) {
 }
 
 Result<FaultActs> restart_ledger(const ParsedWords&) {
-  return FaultActs{.begin = [](SimulatedWorld& world) { world.restart_ledger(); },
-                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
-                     return stack.fabric
-                                ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
-                                : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric";
-                   },
-                   .momentary = true};
+  return FaultActs{
+      .begin = [](SimulatedWorld& world) { world.restart_ledger(); },
+      .check_real = [](const Fault&, const RealStack& stack) -> Status {
+        return Error{stack.fabric
+                         ? "name the part: `peer 1 kill`, `orderer 1 kill`, `chaincode 1 kill`"
+                         : "the embedded node's end is the flight's end: use `ledger stall`, or fly on Fabric"};
+      },
+      .momentary = true};
 }
 
 /// While it goes on, of each of these processes' connections.
@@ -56,33 +57,33 @@ Result<FaultActs> cut(const ParsedWords& said) {
 }
 
 Result<FaultActs> stale(const ParsedWords& said) {
-  return FaultActs{.lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
-                   .not_real = because("a peer that is behind its channel is not built: simulated time alone has it")};
+  return FaultActs{
+      .lasts = on_ports(said.words[0], [](Effects::OfPort& port) { port.stale = true; }),
+      .check_real = because("a peer that is behind its channel is not built: simulated time alone has it")};
 }
 
 Result<FaultActs> lie(const ParsedWords& said) {
   const auto lie = lie_from(said.rest);
   if (!lie) return Error{"lies must be followed by one of " + lies()};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
-                   .not_real = because(nobody_real)};
+                   .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> serve(const ParsedWords& said) {
   const auto lie = peer_lie_from(said.rest);
   if (!lie) return Error{"serves must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
-                   .not_real = because(nobody_real)};
+                   .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> order(const ParsedWords& said) {
   const auto lie = peer_lie_from(said.rest);
   if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
-                   .not_real = because(nobody_real),
-                   .idle_in = [](const WorldConfig& flight) -> std::string {
-                     return flight.blocks == fabric::BlockSource::ordered
-                                ? ""
-                                : "nobody reads blocks as they are ordered here (flight.blocks = \"ordered\")";
+                   .check_real = because(nobody_real),
+                   .check_flight = [](const WorldConfig& flight) -> Status {
+                     return allow_if(flight.blocks == fabric::BlockSource::ordered,
+                                     "nobody reads blocks as they are ordered here (flight.blocks = \"ordered\")");
                    }};
 }
 
@@ -94,7 +95,7 @@ Result<FaultActs> relay(const ParsedWords& said) {
     return Error{"ledger relay must be followed by one of " + relay_lies() + ", and may by compared"};
   return FaultActs{
       .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
-      .not_real = because(nobody_real)};
+      .check_real = because(nobody_real)};
 }
 
 // Without a way: both.
@@ -135,7 +136,7 @@ Result<FaultActs> slip(const ParsedWords& said) {
   const auto slip = slip_from(said.rest);
   if (!slip) return Error{"operator errs must be followed by one of " + slips()};
   return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
-                   .not_real = because(nobody_real)};
+                   .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> say_control(const ParsedWords& said) {
@@ -150,12 +151,12 @@ Result<FaultActs> say_control(const ParsedWords& said) {
           [name = std::string(name), drone = said.drone](RealActs& real, const RealStack&) {
             real.control = {name, drone};
           },
-      .not_real = [stopper, word](const Fault&, const RealStack&) -> std::string {
-        if (stopper != Stopper::operating) return "nobody but the operator speaks there: simulated time alone has it";
-        if (word == ControlWord::cut) return "a real flight's motors are not cut: simulated time alone has it";
-        return word == ControlWord::stop || word == ControlWord::clear_stop
-                   ? ""
-                   : "a real flight keeps its lease: simulated time alone has it";
+      .check_real = [stopper, word](const Fault&, const RealStack&) -> Status {
+        if (stopper != Stopper::operating)
+          return Error{"nobody but the operator speaks there: simulated time alone has it"};
+        if (word == ControlWord::cut) return Error{"a real flight's motors are not cut: simulated time alone has it"};
+        return allow_if(word == ControlWord::stop || word == ControlWord::clear_stop,
+                        "a real flight keeps its lease: simulated time alone has it");
       },
       .momentary = true,
       .pushes = word == ControlWord::cut,
@@ -167,7 +168,7 @@ Result<FaultActs> revoke(const ParsedWords&) {
   return FaultActs{
       .strike = [](SimulatedWorld& world,
                    std::size_t drone) { world.say_control(Stopper::administrator, drone, ControlWord::revoke); },
-      .not_real = because("nobody but the operator speaks there: simulated time alone has it"),
+      .check_real = because("nobody but the operator speaks there: simulated time alone has it"),
       .momentary = true};
 }
 

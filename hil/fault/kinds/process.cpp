@@ -22,10 +22,11 @@ Result<FaultActs> kill(const ParsedWords& said) {
   return FaultActs{.begin = [process](SimulatedWorld& world) { world.kill(process); },
                    .end = [process](SimulatedWorld& world) { world.start(process); },
                    .really_begin = [process](RealActs& real, const RealStack&) { signal(real, process, SIGKILL); },
-                   .not_real = [process](const Fault& fault, const RealStack&) -> std::string {
-                     if (process == Process::ground) return "ground's end is the flight's end: use `ground stop`";
-                     const bool short_enough = fault.for_ns > 0 && fault.for_ns <= max_death_ns;
-                     return short_enough ? "" : "the launcher starts it again at once: `for` must be at most 1 s";
+                   .check_real = [process](const Fault& fault, const RealStack&) -> Status {
+                     if (process == Process::ground)
+                       return Error{"ground's end is the flight's end: use `ground stop`"};
+                     return allow_if(fault.for_ns > 0 && fault.for_ns <= max_death_ns,
+                                     "the launcher starts it again at once: `for` must be at most 1 s");
                    },
                    .stops_link = process == Process::link,
                    .kills = process == Process::link    ? "link"
@@ -46,7 +47,7 @@ Result<FaultActs> stop(const ParsedWords& said) {
 
 Result<FaultActs> end_link(const ParsedWords&) {
   return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(); },
-                   .not_real = because("link's end is the flight's end: simulated time alone has it"),
+                   .check_real = because("link's end is the flight's end: simulated time alone has it"),
                    .momentary = true,
                    .for_good = true,
                    .stops_link = true};
@@ -54,7 +55,7 @@ Result<FaultActs> end_link(const ParsedWords&) {
 
 Result<FaultActs> restart_link(const ParsedWords&) {
   return FaultActs{.begin = [](SimulatedWorld& world) { world.end_link(true); },
-                   .not_real = because("the launcher takes link's end for the flight's: simulated time alone has it"),
+                   .check_real = because("the launcher takes link's end for the flight's: simulated time alone has it"),
                    .momentary = true,
                    .stops_link = true};
 }
@@ -71,13 +72,13 @@ Result<TimeNs> jump_of(std::string_view word) {
 Result<FaultActs> jump_clock(const ParsedWords& said) {
   const auto by = jump_of(said.words[0]);
   if (!by) return by.error();
-  return FaultActs{.begin = [by_ns = *by](SimulatedWorld& world) { world.jump_clock(by_ns); },
-                   .not_real = because(not_its_clock),
+  return FaultActs{.begin = [by_ns = *by](SimulatedWorld& world) { world.clock().jump(by_ns); },
+                   .check_real = because(not_its_clock),
                    .momentary = true};
 }
 
-SimulatedWorld::Host host_of(std::string_view word) {
-  return word == "mocap" ? SimulatedWorld::Host::mocap : SimulatedWorld::Host::drones;
+WorldClock::Host host_of(std::string_view word) {
+  return word == "mocap" ? WorldClock::Host::mocap : WorldClock::Host::drones;
 }
 
 // Its stamps are of another time than they say, by a second at most: older ones are refused.
@@ -87,8 +88,8 @@ Result<FaultActs> jump_clock_of(const ParsedWords& said) {
   const auto by = jump_of(said.words[1]);
   if (!by) return by.error();
   return FaultActs{
-      .begin = [host = host_of(said.words[0]), by_ns = *by](SimulatedWorld& world) { world.jump_clock(host, by_ns); },
-      .not_real = because(not_its_clock),
+      .begin = [host = host_of(said.words[0]), by_ns = *by](SimulatedWorld& world) { world.clock().jump(host, by_ns); },
+      .check_real = because(not_its_clock),
       .momentary = true,
       .for_good = true,
       .misleads_m = off_clock_m};
@@ -100,15 +101,15 @@ Result<FaultActs> drift_clock_of(const ParsedWords& said) {
     return Error{"drift must be followed by seconds a second, up to 0.1 and not 0"};
   return FaultActs{.lasts = [host = static_cast<std::size_t>(host_of(said.words[0])),
                              share = *share](Effects& effects) { effects.clock_drift[host] += share; },
-                   .not_real = because(not_its_clock),
+                   .check_real = because(not_its_clock),
                    .for_good = true,
                    .misleads_m = off_clock_m};
 }
 
 Result<FaultActs> suspend_host(const ParsedWords&) {
-  return FaultActs{.begin = [](SimulatedWorld& world) { world.suspend_host(true); },
-                   .end = [](SimulatedWorld& world) { world.suspend_host(false); },
-                   .not_real = because("who looks on would sleep with it: simulated time alone has it"),
+  return FaultActs{.begin = [](SimulatedWorld& world) { world.clock().suspend_host(true); },
+                   .end = [](SimulatedWorld& world) { world.clock().suspend_host(false); },
+                   .check_real = because("who looks on would sleep with it: simulated time alone has it"),
                    .stops_link = true};
 }
 
@@ -125,8 +126,8 @@ constexpr FaultKind process_table[] = {
 
 Result<FaultActs> kill_part_named(const std::string& part) {
   return FaultActs{.really_begin = [part](RealActs& real, const RealStack&) { real.parts.emplace_back(part, SIGKILL); },
-                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
-                     return stack.fabric ? "" : "it is a part of Fabric: fly on it with --ledger fabric";
+                   .check_real = [](const Fault&, const RealStack& stack) -> Status {
+                     return allow_if(stack.fabric, "it is a part of Fabric: fly on it with --ledger fabric");
                    },
                    .momentary = true};
 }
@@ -171,8 +172,8 @@ Result<FaultActs> take_memory(const ParsedWords& said) {
 Result<FaultActs> fill_disk(const ParsedWords&) {
   return FaultActs{.really_begin = [](RealActs& real, const RealStack&) { real.fill_disk = true; },
                    .really_end = [](RealActs& real, const RealStack&, bool goes_on) { real.fill_disk = !goes_on; },
-                   .not_real = [](const Fault&, const RealStack& stack) -> std::string {
-                     return stack.fabric ? "Fabric's parts end on a full disk: fly on the embedded node" : "";
+                   .check_real = [](const Fault&, const RealStack& stack) -> Status {
+                     return allow_if(!stack.fabric, "Fabric's parts end on a full disk: fly on the embedded node");
                    },
                    .fills_disk = true};
 }

@@ -14,9 +14,14 @@ namespace ledgerline::hil {
 inline constexpr std::string_view inside_the_simulation = "it is inside of the simulation: simulated time alone has it";
 inline constexpr std::string_view nobody_real = "no real peer or operator does this: simulated time alone has it";
 
-/// For FaultActs::not_real.
+inline Status allow_if(bool allowed, std::string_view why_not) {
+  if (allowed) return done;
+  return Error{std::string(why_not)};
+}
+
+/// For FaultActs::check_real: it cannot be.
 inline auto because(std::string_view reason) {
-  return [reason](const Fault&, const RealStack&) { return std::string(reason); };
+  return [reason](const Fault&, const RealStack&) { return allow_if(false, reason); };
 }
 
 /// Metres, or metres a second.

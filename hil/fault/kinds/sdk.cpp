@@ -1,6 +1,6 @@
 // Faults at the SDK's own calls.
 #include "hil/fault/kinds/said.hpp"
-#include "hil/netem/sdk/sdk_fault.hpp"
+#include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {
@@ -19,10 +19,10 @@ Result<FaultActs> sdk(const ParsedWords& said) {
           },
       .really_begin = [text = said.text](RealActs& real, const RealStack&) { real.proxy.push_back(text); },
       .really_end = [text = said.text](RealActs& real, const RealStack&, bool) { real.proxy.push_back(text + " off"); },
-      .not_real = [](const Fault&, const RealStack& stack) -> std::string {
-        return stack.shim ? ""
-                          : "the proxy knows datagrams, not the SDK's calls: simulated time has it, and the shim "
-                            "(--shim, docs/shim.md)";
+      .check_real = [](const Fault&, const RealStack& stack) -> Status {
+        return allow_if(stack.shim,
+                        "the proxy knows datagrams, not the SDK's calls: simulated time has it, and the shim "
+                        "(--shim, docs/shim.md)");
       },
       // As a state text that says another velocity or heading, up to the other way round.
       .misleads_mps = of_states(fault->kind) ? 2 * rc_full_mps : 0,

@@ -18,7 +18,7 @@ constexpr double max_bias_mps = 5, max_baro_drift_mps = 10;
 template <class Set>
 FaultActs senses(Set set, bool pushes, double misleads_mps = 0, bool blinds = false) {
   return FaultActs{.lasts_on = [set](Effects::OfDrone& drone, std::size_t) { set(drone.sensing); },
-                   .not_real = because(inside_the_simulation),
+                   .check_real = because(inside_the_simulation),
                    .pushes = pushes,
                    .blinds = blinds,
                    .misleads_mps = misleads_mps};
@@ -74,9 +74,9 @@ Result<FaultActs> pads_gone(const ParsedWords&) {
                        [](Effects& effects) {
                          for (Effects::OfDrone& drone : effects.drones) drone.sensing.pads = false;
                        },
-                   .not_real = because(inside_the_simulation),
-                   .idle_in = [](const WorldConfig& flight) -> std::string {
-                     return flight.pads.empty() ? "there are none on the floor (flight.pads)" : "";
+                   .check_real = because(inside_the_simulation),
+                   .check_flight = [](const WorldConfig& flight) -> Status {
+                     return allow_if(!flight.pads.empty(), "there are none on the floor (flight.pads)");
                    }};
 }
 

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/config/config.hpp"
-#include "hil/fault/kinds/trigger.hpp"
+#include "hil/fault/kinds/fault.hpp"
 #include "hil/sitl/world.hpp"
 
 namespace ledgerline::hil {

@@ -1,9 +1,18 @@
 #pragma once
 #include <cstdint>
+#include <string>
+#include <vector>
 
 #include "hil/fault/real/real.hpp"
+#include "hil/fault/real/real_script.hpp"
 
 namespace ledgerline::hil {
+
+/// All that an SDK client's flight cannot have of this script: there is no link, agent, ground or ledger in it, and the
+/// proxy alone does faults to the drones.
+std::vector<NotReal> not_by_sdk(const Script& script);
+/// The same as an error, a line each.
+Status check_sdk(const Script& script);
 
 /// Flies a script of kind sdk in real time: ledgerline-sim, ledgerline-hil proxy before it, and somebody's own SDK
 /// client (options.own.program), which is checked against the truth and by how it ends.

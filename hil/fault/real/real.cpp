@@ -10,12 +10,12 @@
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/own/course_keys.hpp"
-#include "hil/fault/own/own_program.hpp"
+#include "hil/fault/own/own_code.hpp"
 #include "hil/fault/own/sdk_flight.hpp"
 #include "hil/fault/real/live_facts.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 
-#include "hil/fault/own/sdk_script.hpp"
+#include "common/config/config.hpp"
+#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own/sdk_flight.hpp"
 #include "hil/netem/text_parse.hpp"
 #include "hil/sitl/world_setup.hpp"
 
@@ -102,8 +104,8 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
     refuse("flight.on_untrusted_ledger", "./fly's link ignores an untrusted ledger");
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
     const Fault& fault = script.faults[i];
-    if (const auto why = fault.acts.not_real ? fault.acts.not_real(fault, stack) : std::string(); !why.empty())
-      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, why)});
+    if (const Status real = fault.acts.check_real(fault, stack); !real)
+      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, real.error().what)});
   }
   for (const Rule& rule : script.must) {
     if (const auto why = rule.kind->not_real; !why.empty())
@@ -162,6 +164,19 @@ RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int d
       std::any_of(active.begin(), active.end(), [&](const Fault& other) { return other.text == fault.text; });
   if (fault.acts.really_end) fault.acts.really_end(acts, stack, goes_on);
   return acts;
+}
+
+Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealStack>& real) {
+  auto script = parse_script(toml, file, true);
+  const bool only_real = script && !check_sitl(*script);
+  if (!real && !only_real) return parse_script(toml, file);
+  if (!script) return script;
+  auto config = Config::parse(toml, file);  // it knows the lines
+  if (!config) return config.error();
+  (void)read_script(*config, file, true);
+  for (const NotReal& reason : not_real(*script, real.value_or(RealStack{}))) config->wrong(reason.key, reason.what);
+  if (auto status = config->finish(); !status) return status.error();
+  return script;
 }
 
 }  // namespace ledgerline::hil

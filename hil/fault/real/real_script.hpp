@@ -1,9 +1,12 @@
 #pragma once
 #include <cstdint>
+#include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "hil/fault/kinds/fault.hpp"
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/script.hpp"
 
@@ -28,5 +31,10 @@ std::vector<std::string> fly_arguments(const Script& script, std::uint64_t seed,
 /// of the script; with the one that begins, without the one that ends. What another one keeps up is not ended.
 RealActs acts_at_begin(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack);
 RealActs acts_at_end(const Fault& fault, const std::vector<Fault>& active, int drones, const RealStack& stack);
+
+/// All that is wrong with a script without flying it, each as "FILE:LINE: key: what". `real`: for a flight with the
+/// real processes on this ledger: then also whatever they cannot have. One that nobody flies in simulated time is for
+/// them anyway.
+Result<Script> check_script(std::string_view toml, const std::string& file, const std::optional<RealStack>& real = {});
 
 }  // namespace ledgerline::hil

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/msg/names.hpp"
-#include "hil/fault/run/recorder.hpp"
+#include "hil/fault/run/run.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
 

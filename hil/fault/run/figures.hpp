@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/rt/histogram.hpp"
-#include "hil/fault/checker/moment.hpp"
+#include "hil/fault/checker/rule.hpp"
 
 namespace ledgerline::hil {
 

@@ -5,9 +5,7 @@
 
 #include "common/program/program.hpp"
 #include "hil/fault/compare/comparison.hpp"
-#include "hil/fault/compare/comparison_text.hpp"
-#include "hil/fault/compare/results_file.hpp"
-#include "hil/fault/verbs/run_printer.hpp"
+#include "hil/fault/compare/comparison_io.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

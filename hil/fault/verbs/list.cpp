@@ -6,12 +6,11 @@
 #include <nlohmann/json.hpp>
 
 #include "common/program/program.hpp"
-#include "hil/fault/catalogue/kind_modes.hpp"
-#include "hil/fault/catalogue/scenarios.hpp"
+#include "hil/fault/catalogue.hpp"
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/real/real_script.hpp"
 #include "hil/fault/run/figures.hpp"
-#include "hil/fault/verbs/run_printer.hpp"
+#include "hil/fault/scenarios.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

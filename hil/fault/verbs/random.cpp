@@ -4,10 +4,8 @@
 #include <memory>
 
 #include "common/program/program.hpp"
-#include "hil/fault/campaign.hpp"
-#include "hil/fault/draw.hpp"
-#include "hil/fault/shrink.hpp"
-#include "hil/fault/verbs/run_printer.hpp"
+#include "hil/fault/random_script.hpp"
+#include "hil/fault/run/run.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

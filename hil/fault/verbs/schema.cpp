@@ -1,5 +1,5 @@
 // ledgerline fault schema: what a script may be, for editors.
-#include "hil/fault/catalogue/schema.hpp"
+#include "hil/fault/catalogue.hpp"
 
 #include <cstdio>
 

@@ -9,11 +9,10 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "common/fabric/stream/block_intake.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "hil/netem/distribution.hpp"
+#include "hil/sitl/ledger/block_reader.hpp"
 #include "hil/sitl/ledger/simulated_ledger.hpp"
-#include "hil/sitl/peer/serving_peer.hpp"
 
 namespace ledgerline::hil {
 
@@ -48,15 +47,65 @@ enum class Slip : std::uint8_t {
 std::optional<Slip> slip_from(std::string_view word);
 std::string slips();
 
+/// The calls of one process that have not ended. Each ends once.
+class LedgerCalls {
+ public:
+  explicit LedgerCalls(TimeNs timeout_ns) : timeout_ns_(timeout_ns) {}
+
+  /// The number by which the ledger knows it. A copy that nobody waits for has one, too.
+  std::uint64_t add(TimeNs now, std::uint64_t id);
+  std::uint64_t add_copy() { return next_++; }
+  /// By its number; one that has ended, or is of a process that is gone, is passed over.
+  void end(const SimulatedLedger::Ended& ended);
+  /// Ends those whose deadline has come as unavailable.
+  void fail(const std::string& why, TimeNs now);
+  void forget();
+
+  std::vector<SimulatedLedger::Ended> take_ended() { return std::exchange(ended_, {}); }
+  std::size_t size() const { return open_.size(); }
+  const std::vector<std::string>& committed() const { return committed_; }
+
+ private:
+  struct Call {
+    std::uint64_t id = 0;  ///< the caller's
+    TimeNs deadline_ns = 0;
+  };
+  TimeNs timeout_ns_;
+  std::uint64_t next_ = 1;
+  std::map<std::uint64_t, Call> open_;  ///< by number
+  std::vector<SimulatedLedger::Ended> ended_;
+  std::vector<std::string> committed_;  ///< transactions
+};
+
+/// The verified blocks on their last way to a process, with what may be wrong with them there.
+class BlockDelivery {
+ public:
+  void lie(Tampering tampering) { tampering_ = tampering; }
+  /// Shows the newest blocks repeatedly; none may be added meanwhile.
+  void stale(bool stale) { stale_ = stale; }
+  bool stale() const { return stale_; }
+
+  void add(fabric::Block block);
+  void step(TimeNs now);
+  std::vector<fabric::Block> take() { return std::exchange(delivered_, {}); }
+  void forget() { delivered_.clear(); }
+
+ private:
+  Tampering tampering_ = Tampering::none;
+  bool stale_ = false;
+  TimeNs next_stale_ns_ = 0;
+  std::deque<fabric::Block> newest_;
+  std::vector<fabric::Block> delivered_;
+};
+
 /// One process' connection to the simulated ledger, with what may be wrong with it. It keeps its order, as TCP does,
 /// and behaves as fabric::Client: every call ends once, as unavailable when no answer came within the deadline; blocks
-/// come through a BlockIntake, with the channel's first block as the trust anchor, without gap or duplicate, also
-/// behind a cut; a peer that contradicts itself is left and asked again. Deterministic for a seed; one thread.
+/// come through a BlockReader, also behind a cut; a peer that contradicts itself is left and asked again.
+/// Deterministic for a seed; one thread.
 class LedgerPort {
  public:
   static constexpr TimeNs deadline_ns = 1 * ns_per_s;  ///< as agent and ground, of a ledger that is not far
-  static constexpr TimeNs reconnect_ns = 150 * ns_per_ms;
-  static constexpr std::uint64_t max_absence_blocks = 1'000;  ///< as agent's
+  static constexpr TimeNs reconnect_ns = BlockReader::reconnect_ns;
 
   /// `way` and `share`: of the ledger's added delay (SimulatedLedger::add_client()).
   LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
@@ -65,14 +114,13 @@ class LedgerPort {
   void submit(TimeNs now, std::uint64_t id, fabric::Call call);
   /// Moves what is due, both ways. After the ledger's own step.
   void step(TimeNs now);
-  std::vector<fabric::Block> take_blocks();
-  /// That were refused: of either stream, by nobody's flag.
-  std::vector<fabric::Block> take_refused() { return std::exchange(refused_blocks_, {}); }
-  std::vector<SimulatedLedger::Ended> take_outcomes();
+  std::vector<fabric::Block> take_blocks() { return delivery_.take(); }
+  std::vector<fabric::Block> take_refused() { return reader_.take_refused(); }
+  std::vector<SimulatedLedger::Ended> take_outcomes() { return calls_.take_ended(); }
   /// Whether the block stream has come or gone since the last call.
-  std::optional<bool> take_connection();
+  std::optional<bool> take_connection() { return std::exchange(connection_, std::nullopt); }
   Result<std::string> evaluate(TimeNs now, const fabric::Call& call) { return ledger_.evaluate(now, client_, call); }
-  bool reachable() const { return !cut_ && !stalled_to_ && !stalled_from_; }
+  bool reachable() const { return !cut_ && !to_.stalled && !from_.stalled; }
 
   /// The process died: nobody waits for what is in flight, and nobody receives blocks.
   void forget();
@@ -80,20 +128,18 @@ class LedgerPort {
   void begin(std::optional<fabric::Checkpoint> from = std::nullopt);
   /// Whose blocks a process takes that begins from now on. With an orderer's stream the peer is behind it by up to
   /// max_peer_lag_ns.
-  void take_blocks_of(fabric::BlockSource source) { source_ = source; }
+  void take_blocks_of(fabric::BlockSource source) { reader_.take_blocks_of(source); }
   static constexpr TimeNs max_peer_lag_ns = 6 * ns_per_ms;
-  /// The newest block that was verified; none: none was yet.
-  std::optional<fabric::Checkpoint> checkpoint() const;
-  /// Why the peer was left since the last call, in words.
-  std::vector<std::string> take_contradictions() { return std::exchange(contradictions_, {}); }
+  const std::optional<fabric::Checkpoint>& checkpoint() const { return reader_.checkpoint(); }
+  std::vector<std::string> take_contradictions() { return reader_.take_contradictions(); }
 
   // Faults.
-  void delay_to(std::optional<Distribution> delay) { delay_to_ = std::move(delay); }
-  void delay_from(std::optional<Distribution> delay) { delay_from_ = std::move(delay); }
-  const std::optional<Distribution>& delay_to() const { return delay_to_; }
-  const std::optional<Distribution>& delay_from() const { return delay_from_; }
-  void stall_to(bool stalled) { stalled_to_ = stalled; }
-  void stall_from(bool stalled) { stalled_from_ = stalled; }
+  void delay_to(std::optional<Distribution> delay) { to_.delay = std::move(delay); }
+  void delay_from(std::optional<Distribution> delay) { from_.delay = std::move(delay); }
+  const std::optional<Distribution>& delay_to() const { return to_.delay; }
+  const std::optional<Distribution>& delay_from() const { return from_.delay; }
+  void stall_to(bool stalled) { to_.stalled = stalled; }
+  void stall_from(bool stalled) { from_.stalled = stalled; }
   /// The connection breaks and cannot be restored: what is in flight ends as unavailable, so does what is submitted.
   void cut(TimeNs now, bool away);
   /// The peer restarts: as a cut that is over at once, where none lasts.
@@ -103,79 +149,54 @@ class LedgerPort {
     cut(now, false);
   }
   /// The peer shows its last blocks over and over, and no new one.
-  void stale(bool stale) { stale_ = stale; }
-  void lie(Tampering lie) { lie_ = lie; }
+  void stale(bool stale) { delivery_.stale(stale); }
+  void lie(Tampering lie) { delivery_.lie(lie); }
   /// What the peer serves in place of the ledger's blocks.
-  void serve(PeerTampering lie) { peer_.lie(lie); }
+  void serve(PeerTampering lie) { reader_.serve(lie); }
   /// What an orderer does, which has an orderer's key.
-  void order(PeerTampering lie) { orderer_.lie(lie); }
+  void order(PeerTampering lie) { reader_.order(lie); }
   void slip(Slip slip) { slip_ = slip; }
 
-  struct Counts {
-    std::uint64_t submitted = 0, committed = 0, invalidated = 0, refused = 0, unavailable = 0;
-    std::uint64_t blocks = 0, stale_blocks = 0;
-    std::uint64_t ordered_blocks = 0;  ///< of the former, that were taken as they were ordered
-  };
-  const Counts& counts() const { return counts_; }
-  std::size_t under_way() const { return open_.size(); }
+  std::size_t in_flight() const { return calls_.size(); }
   /// The transactions that were reported to this process as committed.
-  const std::vector<std::string>& acknowledged() const { return acknowledged_; }
+  const std::vector<std::string>& acknowledged() const { return calls_.committed(); }
 
  private:
-  struct Waiting {
+  using BlockPtr = SimulatedLedger::BlockPtr;
+  /// Of the connection. What goes this way keeps its order, whatever each piece is delayed by.
+  struct Direction {
+    explicit Direction(std::uint64_t seed) : draws(seed) {}
+    TimeNs arrival_ns(TimeNs now);
+
+    Draws draws;
+    std::optional<Distribution> delay{};
+    bool stalled = false;
+    TimeNs last_ns = 0;
+  };
+  struct Request {
     TimeNs due_ns = 0;
-    std::uint64_t id = 0;
+    std::uint64_t number = 0;
     fabric::Call call;
   };
-  void end(const SimulatedLedger::Ended& ended);
   void send(TimeNs now, std::uint64_t number, fabric::Call call);
-  void read_blocks(TimeNs now);
-  void read_ordered(TimeNs now);
-  bool take_ordered(TimeNs now);
-  void refuse(const common::Block& message);
-  void read_on(TimeNs now);
-  void leave_orderer(TimeNs now, const std::string& why);
-  void hand_over(fabric::Block block);
-  bool find_place(TimeNs now);
-  void leave_peer(TimeNs now, const std::string& why);
-  void arrive(fabric::Block block);
-  static TimeNs in_order(TimeNs due_ns, TimeNs& last_ns);
+  void take_from_ledger(TimeNs now, bool connected);
+  void deliver(TimeNs now);
 
   SimulatedLedger& ledger_;
   SimulatedLedger::Client client_;
-  TimeNs timeout_ns_;
-  Draws draws_to_, draws_from_;
-  std::optional<Distribution> delay_to_, delay_from_;
-  Tampering lie_ = Tampering::none;
+  LedgerCalls calls_;
+  BlockReader reader_;
+  BlockDelivery delivery_;
+  Direction to_, from_;
+  std::deque<Request> requests_;                                    ///< on their way to the ledger
+  std::deque<std::pair<TimeNs, SimulatedLedger::Ended>> outcomes_;  ///< on their way back
+  std::deque<std::pair<TimeNs, BlockPtr>> blocks_, ordered_;        ///< on their way to the reader's peer and orderer
+  Random peer_lags_;                                                ///< behind the orderer
+  TimeNs last_peer_ns_ = 0;
   Slip slip_ = Slip::none;
-  bool stalled_to_ = false, stalled_from_ = false, cut_ = false, stale_ = false;
-  TimeNs last_to_ns_ = 0, last_from_ns_ = 0, last_peer_ns_ = 0, connect_at_ns_ = 0, next_stale_ns_ = 0;
+  bool cut_ = false;
+  TimeNs connect_at_ns_ = 0;  ///< 0: it is connected, or cut
   std::optional<bool> connection_;
-
-  std::uint64_t next_call_ = 1;                                     ///< as the ledger knows calls
-  std::map<std::uint64_t, std::pair<std::uint64_t, TimeNs>> open_;  ///< by call: the caller's id, the deadline
-  std::deque<Waiting> to_;
-  std::deque<std::pair<TimeNs, SimulatedLedger::Ended>> outcomes_;    ///< on their way back
-  std::deque<std::pair<TimeNs, SimulatedLedger::BlockPtr>> blocks_;   ///< on their way to the peer
-  std::deque<std::pair<TimeNs, SimulatedLedger::BlockPtr>> ordered_;  ///< on their way to an orderer's stream
-  ServingPeer peer_, orderer_;
-  fabric::BlockSource source_ = fabric::BlockSource::peer;
-  bool orderer_connected_ = false;
-  TimeNs orderer_at_ns_ = 0;  ///< then it is asked again
-  Random lags_;               ///< of the peer, behind the orderer
-  TimeNs now_ = 0;
-  std::optional<fabric::BlockIntake> intake_;
-  bool reading_ = true;                           ///< a process is there
-  std::optional<fabric::Checkpoint> checkpoint_;  ///< until its place is found
-  std::optional<fabric::Checkpoint> newest_verified_;
-  std::vector<std::string> contradictions_;
-  std::deque<fabric::Block> newest_;  ///< that came, for `stale`
-  std::vector<fabric::Block> arrived_blocks_, refused_blocks_;
-  std::uint64_t next_refused_ = 0, next_ordered_refused_ = 0;  ///< of the peer and an orderer, behind a contradiction
-  TimeNs next_contradiction_ns_ = 0;
-  std::vector<SimulatedLedger::Ended> arrived_outcomes_;
-  std::vector<std::string> acknowledged_;
-  Counts counts_;
 };
 
 }  // namespace ledgerline::hil

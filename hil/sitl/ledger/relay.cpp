@@ -9,8 +9,8 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
-#include "hil/sitl/peer/bent_transactions.hpp"
-#include "hil/sitl/peer/words.hpp"
+#include "hil/netem/text_parse.hpp"
+#include "hil/sitl/peer/serving_peer.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::hil {

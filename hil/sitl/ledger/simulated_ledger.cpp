@@ -1,9 +1,16 @@
 #include "hil/sitl/ledger/simulated_ledger.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
+#include <charconv>
+#include <cmath>
 #include <utility>
 
+#include "common/msg/contract.hpp"
+#include "common/msg/ros.hpp"
 #include "common/verification/calls.hpp"
+#include "ledgerline.pb.h"
 #include "peer/proposal_response.pb.h"
 
 namespace ledgerline::hil {
@@ -16,9 +23,62 @@ const std::vector<std::string> organisations{"Org1MSP", "Org2MSP", "Org3MSP"};
 
 node::Now at(TimeNs now) { return {now, real_epoch_ns + now}; }
 
+constexpr TimeNs draw_period_ns = 100 * ns_per_ms;
+constexpr double max_added_s = 3;
+
+Result<AddedDelay> recorded_from(const std::string& file, const ReadRecording& read) {
+  auto recording = read(file);
+  if (!recording) return recording.error();
+  const TimeNs max_delay = *std::max_element((*recording)->begin(), (*recording)->end());
+  if (max_delay > from_seconds(max_added_s))
+    return Error{
+        fmt::format("{}: {} s is longer than the {} s that can be added", file, to_seconds(max_delay), max_added_s)};
+  return AddedDelay{.own = Distribution{Distribution::Kind::recorded, 0, 0, std::move(*recording), file}};
+}
+
 const std::string& reason_of(const node::Reply& reply) { return reply.detail.empty() ? reply.message : reply.detail; }
 
 }  // namespace
+
+double PublishedDelay::quantile(double share) const {
+  std::size_t to = 1;
+  while (to + 1 < shares.size() && share >= shares[to]) ++to;
+  const double part = (share - shares[to - 1]) / (shares[to] - shares[to - 1]);
+  return quantiles_s[to - 1] + part * (quantiles_s[to] - quantiles_s[to - 1]);
+}
+
+Result<AddedDelay> added_delay_from(const std::string& text, const ReadRecording& read) {
+  if (text == "none") return AddedDelay{};
+  const auto* known = std::find_if(published_delays.begin(), published_delays.end(),
+                                   [&](const PublishedDelay& one) { return one.name == text; });
+  if (known != published_delays.end()) return AddedDelay{.published = known};
+  double seconds = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seconds);
+  if (error != std::errc{} || end != text.data() + text.size()) return recorded_from(text, read);
+  if (!(seconds >= 0 && seconds <= max_added_s))
+    return Error{fmt::format("{} is no delay from 0 to {} seconds", text, max_added_s)};
+  return AddedDelay{.own = Distribution::constant(from_seconds(seconds))};
+}
+
+TimeNs WayDelay::draw() {
+  if (delay_.published) return from_seconds(delay_.published->quantile(random_.uniform()));
+  return delay_.own ? draws_of_own_.next(*delay_.own) : 0;
+}
+
+TimeNs WayDelay::at(TimeNs now) {
+  const auto period = static_cast<std::uint64_t>(now / draw_period_ns);
+  while (drawn_ <= period) draws_[drawn_++ % kept] = draw();
+  const auto part = [&](std::uint64_t k, double share) {
+    return std::llround(static_cast<double>(draws_[k % kept]) * share);
+  };
+  std::uint64_t chosen = period;
+  if (way_ == Way::back) {
+    const std::uint64_t oldest = period - std::min(period, kept - 1);
+    const auto begin = [](std::uint64_t k) { return static_cast<TimeNs>(k) * draw_period_ns; };
+    while (chosen > oldest && begin(chosen) + part(chosen, 1 - share_) > now) --chosen;
+  }
+  return part(chosen, share_);
+}
 
 SimulatedLedger::SimulatedLedger(const node::CoreConfig& config, const LedgerDelays& delays, std::uint64_t seed)
     : config_(config), delays_(delays), where_{config.channel, config.contract}, random_(seed) {
@@ -246,6 +306,44 @@ std::vector<SimulatedLedger::Ended> SimulatedLedger::take_outcomes(TimeNs now, C
   for (auto e = queue.begin(); e != later_ones; ++e) arrived.push_back(std::move(e->second));
   queue.erase(queue.begin(), later_ones);
   return arrived;
+}
+
+std::vector<std::string> SimulatedLedger::missing(const std::vector<std::string>& tx_ids) const {
+  std::vector<std::string> missing;
+  for (const std::string& tx_id : tx_ids) {
+    const auto known = find(tx_id);
+    if (!known || known->code != 0) missing.push_back("transaction " + tx_id);
+  }
+  return missing;
+}
+
+std::vector<std::string> SimulatedLedger::transition_gaps() const {
+  std::map<std::pair<std::string, std::uint64_t>, std::uint64_t> newest;  // by drone and boot
+  std::vector<std::string> lost;
+  for (const std::string& bytes : blocks()) {
+    const auto block = fabric::decode_block(bytes);
+    if (!block) continue;
+    for (const auto& tx : block->transactions) {
+      SetCall set;
+      if (tx.code != 0 || tx.event_name != contract::set || !set.ParseFromString(tx.event_payload)) continue;
+      for (const Asset& asset : set.assets()) {
+        const auto slash = asset.id().find("/failsafe");
+        if (slash == std::string::npos) continue;
+        const auto transitions = transitions_from_cdr(asset.msg_data());
+        if (!transitions) {
+          lost.push_back(asset.id() + " cannot be read");
+          continue;
+        }
+        for (const Transition& t : *transitions) {
+          std::uint64_t& last = newest[{asset.id().substr(0, slash), t.boot_id}];
+          if (t.number > last + 1)
+            lost.push_back(fmt::format("{}: transition {} after {}", asset.id(), t.number, last));
+          last = std::max(last, t.number);
+        }
+      }
+    }
+  }
+  return lost;
 }
 
 }  // namespace ledgerline::hil

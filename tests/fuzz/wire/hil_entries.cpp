@@ -6,8 +6,8 @@
 #include <stdexcept>
 
 #include "common/base/file.hpp"
-#include "hil/netem/recording/read_day.hpp"
-#include "hil/netem/recording/udp.hpp"
+#include "hil/netem/recording/capture.hpp"
+#include "hil/netem/recording/day.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/switches.hpp"

@@ -7,8 +7,8 @@
 #include <cstdio>
 
 #include "common/base/random.hpp"
-#include "hil/fault/campaign.hpp"
 #include "hil/fault/report.hpp"
+#include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"
 
 /// Link dies in flight, and its successor does not see the drone: each of the four Tellos that nobody knows apart, with

@@ -3,7 +3,7 @@
 #include <map>
 #include <string>
 
-#include "hil/fault/campaign.hpp"
+#include "hil/fault/run/run.hpp"
 
 namespace ledgerline::hil {
 namespace {

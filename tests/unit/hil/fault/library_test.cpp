@@ -2,9 +2,9 @@
 
 #include <cstdio>
 
-#include "hil/fault/campaign.hpp"
 #include "hil/fault/own/own_code.hpp"
 #include "hil/fault/report.hpp"
+#include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 

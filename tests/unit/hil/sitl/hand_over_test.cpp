@@ -7,7 +7,6 @@
 #include "common/base/random.hpp"
 #include "common/msg/contract.hpp"
 #include "common/verification/control_records.hpp"
-#include "hil/sitl/ledger/ground_news.hpp"
 #include "hil/sitl/world.hpp"
 #include "tests/unit/campaign.hpp"
 

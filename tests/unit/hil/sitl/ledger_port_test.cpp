@@ -69,7 +69,7 @@ TEST_F(Port, BringsACallsOutcomeAndItsBlock) {
   EXPECT_EQ(outcomes[0].ended.outcome.kind, Kind::committed);
   EXPECT_EQ(numbers(), std::vector<std::uint64_t>{1});
   EXPECT_EQ(port.acknowledged(), std::vector<std::string>{outcomes[0].ended.outcome.tx_id});
-  EXPECT_EQ(port.under_way(), 0U);
+  EXPECT_EQ(port.in_flight(), 0U);
 }
 
 TEST_F(Port, ADelayOfOneDirectionDelaysThatOneOnly) {
@@ -223,7 +223,6 @@ TEST_F(Port, AStalePeerShowsItsLastFiveBlocksAndHidesTheNewOnes) {
   EXPECT_EQ(ids().back(), 8U);    // only its blocks are stale
   ASSERT_EQ(blocks.size(), 25U);  // each 20 ms
   for (std::size_t i = 0; i < blocks.size(); ++i) EXPECT_EQ(blocks[i].second, 3 + i % 5) << i;
-  EXPECT_EQ(port.counts().stale_blocks, 25U);
 
   port.stale(false);
   blocks.clear();
@@ -239,7 +238,7 @@ TEST_F(Port, ANewReaderGetsNothingOfBefore) {
   run(20 * ns_per_ms);
   port.forget();
   port.begin();
-  EXPECT_EQ(port.under_way(), 0U);
+  EXPECT_EQ(port.in_flight(), 0U);
   run(200 * ns_per_ms);
   EXPECT_TRUE(outcomes.empty());
   EXPECT_TRUE(blocks.empty());

@@ -1,4 +1,4 @@
-#include "hil/sitl/local_loop.hpp"
+#include "hil/sitl/processes/processes.hpp"
 
 #include <gtest/gtest.h>
 

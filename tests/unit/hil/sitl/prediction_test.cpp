@@ -14,6 +14,11 @@
 namespace ledgerline::hil {
 namespace {
 
+/// Top speed of a ramp: the largest speed of a lap that was flown with an error below this, all slower ones too.
+constexpr double top_speed_error_m = 0.4;
+/// A lap fails when its error is above this.
+constexpr double failing_error_m = 1.0;
+
 using Drone = SimulatedFlightResult::Drone;
 
 // Of local's rms, with the published delay, its tail and all. The bar is 1.3, which experiment 8 checks:

@@ -1,5 +1,5 @@
 #include "hil/fault/own/own_code.hpp"
-#include "hil/fault/own/sdk_script.hpp"
+#include "hil/fault/own/sdk_flight.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -9,11 +9,11 @@
 #include <iterator>
 
 #include "common/base/file.hpp"
-#include "hil/fault/campaign.hpp"
 #include "hil/fault/real/real.hpp"
 #include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/report.hpp"
+#include "hil/fault/run/run.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -107,8 +107,8 @@ RealActs end_of(const std::vector<std::string>& texts, std::size_t which = 0, in
 TEST(RealScript, FaultsAtTheSdksCallsAreTheShims) {
   const RealStack shim{.shim = true};
   const Fault fault = fault_of("sdk tello1 answers late 300ms to takeoff");
-  EXPECT_EQ(fault.acts.not_real(fault, shim), "");
-  EXPECT_THAT(fault.acts.not_real(fault, {}), HasSubstr("--shim"));
+  EXPECT_TRUE(fault.acts.check_real(fault, shim));
+  EXPECT_THAT(fault.acts.check_real(fault, {}).error().what, HasSubstr("--shim"));
   EXPECT_THAT(acts_at_begin(fault, {fault}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff"));
   EXPECT_THAT(acts_at_end(fault, {}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff off"));
   const auto arguments = fly_arguments(Script{}, 1, shim);

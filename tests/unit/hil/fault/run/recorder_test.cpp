@@ -1,9 +1,7 @@
-#include "hil/fault/run/recorder.hpp"
+#include "hil/fault/run/run.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
-
-#include "hil/fault/run/result.hpp"
 
 namespace ledgerline::hil {
 namespace {

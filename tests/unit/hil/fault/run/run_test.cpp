@@ -4,7 +4,7 @@
 #include <filesystem>
 
 #include "common/base/file.hpp"
-#include "hil/fault/draw.hpp"
+#include "hil/fault/random_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"

@@ -7,8 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/base/random.hpp"
 #include "hil/netem/emulated_link.hpp"
-#include "hil/netem/recording/read_day.hpp"
-#include "hil/netem/recording/udp.hpp"
+#include "hil/netem/recording/day.hpp"
 #include "tests/unit/hil/netem/recording/captures.hpp"
 
 namespace ledgerline::hil {

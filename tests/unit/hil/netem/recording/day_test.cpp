@@ -6,7 +6,6 @@
 #include <algorithm>
 
 #include "hil/netem/emulated_link.hpp"
-#include "hil/netem/recording/read_day.hpp"
 #include "tests/unit/hil/netem/recording/captures.hpp"
 
 namespace ledgerline::hil {

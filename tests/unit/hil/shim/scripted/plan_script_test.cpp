@@ -1,4 +1,4 @@
-#include "hil/shim/scripted/plan_script.hpp"
+#include "hil/shim/scripted/scripted_agent.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,0 +1,239 @@
+#include "hil/fault/compare/comparison_io.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "common/base/file.hpp"
+#include "common/base/printable.hpp"
+
+namespace ledgerline::hil::comparing {
+namespace {
+
+using nlohmann::json;
+
+Status text_in(const json& row, const char* key, bool needed, std::string& value) {
+  const auto found = row.find(key);
+  if (found == row.end() && !needed) return done;
+  if (found == row.end()) return Error{fmt::format("{} is missing", key)};
+  if (!found->is_string()) return Error{fmt::format("{} must be a text", key)};
+  value = printable(found->get<std::string>());
+  return done;
+}
+
+Status broken_in(const json& row, std::vector<std::string>& broken) {
+  const auto found = row.find("broken");
+  if (found == row.end() || !found->is_array()) return Error{"broken must be a list of rules"};
+  for (const json& rule : *found) {
+    if (!rule.is_string()) return Error{"broken must be a list of rules"};
+    broken.push_back(printable(rule.get<std::string>()));
+  }
+  return done;
+}
+
+Status figures_in(const json& row, FlownRun& run) {
+  const auto found = row.find("figures");
+  if (found == row.end() || !found->is_object()) return Error{"figures must be an object of numbers"};
+  for (const auto& [name, value] : found->items()) {
+    if (!value.is_number() || !std::isfinite(value.get<double>()))
+      return Error{fmt::format("figures.{} must be a number", printable(name))};
+    run.figures[printable(name)] = value.get<double>();
+  }
+  return done;
+}
+
+Status run_in(const json& row, FlownRun& run) {
+  if (!row.is_object()) return Error{"must be an object"};
+  if (auto read = text_in(row, "script", true, run.script); !read) return read;
+  const auto seed = row.find("seed");
+  if (seed == row.end() || !seed->is_number_unsigned()) return Error{"seed must be a whole number"};
+  run.seed = seed->get<std::uint64_t>();
+  if (auto read = text_in(row, "source", false, run.source); !read) return read;
+  if (auto read = text_in(row, "digest", false, run.digest); !read) return read;
+  if (auto read = text_in(row, "mode", false, run.mode); !read) return read;
+  if (run.mode == "virtual") run.mode = "sitl";  // in files of before
+  if (auto read = broken_in(row, run.broken); !read) return read;
+  return figures_in(row, run);
+}
+
+}  // namespace
+
+Result<Runs> read_results(const std::string& file) {
+  const auto text = read_file(file);
+  if (!text) return text.error();
+  return parse_results(*text, file);
+}
+
+Result<Runs> parse_results(std::string_view text, const std::string& file) {
+  const json all = json::parse(text, nullptr, false);
+  if (!all.is_object()) return Error{fmt::format("{}: is no JSON object, as `fault run --json` writes one", file)};
+  const auto rows = all.find("figures");
+  if (rows == all.end() || !rows->is_array() || rows->empty())
+    return Error{fmt::format("{}: figures: must be a list of runs, as `fault run --json` writes one", file)};
+  Runs runs{file, {}};
+  std::set<std::pair<std::string, std::uint64_t>> known;
+  for (std::size_t i = 0; i < rows->size(); ++i) {
+    FlownRun run;
+    if (const Status read = run_in((*rows)[i], run); !read)
+      return Error{fmt::format("{}: figures.{}: {}", file, i, read.error().what)};
+    if (!known.emplace(run.script, run.seed).second)
+      return Error{fmt::format("{}: figures.{}: {} seed {} is there twice", file, i, run.script, run.seed)};
+    runs.runs.push_back(std::move(run));
+  }
+  return runs;
+}
+
+namespace {
+
+using nlohmann::json;
+
+constexpr std::size_t max_seeds = 5;  // in a line
+
+const char* name_of(Change verdict) {
+  switch (verdict) {
+    case Change::worse:
+      return "worse";
+    case Change::better:
+      return "better";
+    case Change::small:
+      return "small";
+    case Change::none:
+      break;
+  }
+  return "none";
+}
+
+std::string percent_of(const FigureChange& figure) {
+  if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);
+  if (figure.old_mean == 0) return fmt::format("{:+.4g}", figure.change);
+  return fmt::format("{:+.1f} %", 100 * figure.change / std::abs(figure.old_mean));
+}
+
+std::string line_of(const FigureChange& figure) {
+  const bool all = figure.script.empty();
+  const std::string before = all ? "" : fmt::format("{:.4g}", figure.old_mean);
+  const std::string now = all ? "" : fmt::format("{:.4g}", figure.new_mean);
+  const std::string runs = figure.paired
+                               ? fmt::format("{} of {} worse, {} better", figure.worse, figure.old_runs, figure.better)
+                               : fmt::format("{} and {} runs, other seeds", figure.old_runs, figure.new_runs);
+  return fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {:<30} p {:.1g}\n", name_of(figure.verdict),
+                     all ? "all scripts" : figure.script, figure.figure, before, now, percent_of(figure), runs,
+                     figure.p);
+}
+
+std::string line_of(const RuleChange& rule) {
+  std::string seeds;
+  if (!rule.newly.empty()) {
+    const auto end = rule.newly.begin() + static_cast<std::ptrdiff_t>(std::min(rule.newly.size(), max_seeds));
+    seeds = fmt::format(", newly with seed {}{}", fmt::join(rule.newly.begin(), end, ", "),
+                        rule.newly.size() > max_seeds ? ", ..." : "");
+  }
+  return fmt::format("{:<6} {:<24} {}: broke in {} of {} runs, then in {} of {}{}{}\n", name_of(rule.verdict),
+                     rule.script, rule.rule, rule.old_broken, rule.old_runs, rule.new_broken, rule.new_runs, seeds,
+                     rule.fact ? "" : fmt::format("; p {:.1g}", rule.p));
+}
+
+std::string summary_of(const Comparison& c, const Options& options) {
+  std::string text = fmt::format("{} scripts, {} runs and {}", c.scripts, c.old_runs, c.new_runs);
+  if (c.pairs > 0) text += fmt::format(", {} pairs of one seed, {} of them the same bytes", c.pairs, c.same_bytes);
+  text += fmt::format("; {} tests: the chance that equal builds seem to differ in any is {:g} % at most\n", c.tests,
+                      100 * options.error_rate);
+  const auto facts = std::ranges::count_if(c.rules, &RuleChange::fact);
+  if (facts > 0)
+    text += fmt::format("rules that changed as a fact, without a test and outside of that chance: {}\n", facts);
+  return text;
+}
+
+}  // namespace
+
+std::string verdict_of(const Comparison& comparison) {
+  if (comparison.regression()) return "regression";
+  if (!comparison.can_tell()) return "unknown";
+  return comparison.improvement() ? "improvement" : "equal";
+}
+
+std::string table_text(const Comparison& comparison, const Options& options, bool all) {
+  std::string text;
+  const auto is_reported = [all](Change verdict) {
+    return all || verdict == Change::worse || verdict == Change::better;
+  };
+  for (const RuleChange& rule : comparison.rules) {
+    if (is_reported(rule.verdict) || !rule.newly.empty()) text += line_of(rule);
+  }
+  std::string rows;
+  for (const Change verdict : {Change::worse, Change::better, Change::small, Change::none}) {
+    for (const FigureChange& figure : comparison.figures) {
+      if (figure.verdict == verdict && is_reported(verdict)) rows += line_of(figure);
+    }
+  }
+  if (!rows.empty())
+    text += fmt::format("{:<6} {:<24} {:<22} {:>9} {:>9} {:>10}   {}\n", "", "script", "figure", "old", "new", "change",
+                        "runs") +
+            rows;
+  for (const std::string& what : comparison.left_out) text += "note: " + what + "\n";
+  const std::string verdict = verdict_of(comparison);
+  if (verdict != "unknown") {
+    for (const std::string& why : comparison.cannot_tell) text += "note: " + why + "\n";
+  }
+  text += summary_of(comparison, options);
+  if (verdict == "unknown")
+    return text + fmt::format("unknown: {}\n", fmt::join(comparison.cannot_tell, "\nunknown: "));
+  if (verdict != "equal") return text + verdict + "\n";
+  const bool same_bytes = comparison.pairs > 0 && comparison.same_bytes == comparison.pairs;
+  return text +
+         (same_bytes && comparison.figures.empty() ? "equal: the same bytes\n" : "equal: no change that counts\n");
+}
+
+std::string json_text(const Comparison& comparison) {
+  json rules = json::array(), figures = json::array();
+  for (const RuleChange& rule : comparison.rules)
+    rules.push_back({{"script", rule.script},
+                     {"rule", rule.rule},
+                     {"old_broken", rule.old_broken},
+                     {"old_runs", rule.old_runs},
+                     {"new_broken", rule.new_broken},
+                     {"new_runs", rule.new_runs},
+                     {"newly", rule.newly},
+                     {"fact", rule.fact},
+                     {"p", rule.p},
+                     {"verdict", name_of(rule.verdict)}});
+  for (const FigureChange& figure : comparison.figures) {
+    json row{{"script", figure.script.empty() ? json() : json(figure.script)},
+             {"figure", figure.figure},
+             {"paired", figure.paired},
+             {"old_runs", figure.old_runs},
+             {"new_runs", figure.new_runs},
+             {"change", figure.change},
+             {"p", figure.p},
+             {"verdict", name_of(figure.verdict)}};
+    if (!figure.script.empty()) {
+      row["old_mean"] = figure.old_mean;
+      row["new_mean"] = figure.new_mean;
+    }
+    if (figure.paired) {
+      row["worse"] = figure.worse;
+      row["better"] = figure.better;
+    }
+    figures.push_back(std::move(row));
+  }
+  return json{{"verdict", verdict_of(comparison)},
+              {"scripts", comparison.scripts},
+              {"old_runs", comparison.old_runs},
+              {"new_runs", comparison.new_runs},
+              {"pairs", comparison.pairs},
+              {"same_bytes", comparison.same_bytes},
+              {"tests", comparison.tests},
+              {"pairs_needed", comparison.pairs_needed},
+              {"left_out", comparison.left_out},
+              {"cannot_tell", comparison.cannot_tell},
+              {"rules", rules},
+              {"figures", figures}}
+             .dump(2, ' ', false, json::error_handler_t::replace) +
+         "\n";
+}
+
+}  // namespace ledgerline::hil::comparing

@@ -1,0 +1,19 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "hil/fault/script.hpp"
+
+namespace ledgerline::hil {
+
+/// A script from the fault space: a flight of about 30 s with one to four faults, one in five with a death of link
+/// behind which the drone is not seen, one in three by onboard odometry; only the invariants are checked. The same
+/// number, the same script. `recording`: a file of delays that some of them have (hil/netem/distribution.hpp).
+Script draw_script(std::uint64_t number, const std::string& recording = {});
+
+/// The shortest script that still fails: faults left out, laps, drones and durations made less, as long as `fails` says
+/// so. Calls it at most `max_tries` times. `script` itself must fail.
+Script shrink(Script script, const std::function<bool(const Script&)>& fails, int max_tries = 200);
+
+}  // namespace ledgerline::hil

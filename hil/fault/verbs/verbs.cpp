@@ -1,0 +1,115 @@
+#include "hil/fault/verbs/verbs.hpp"
+
+#include <fmt/format.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <tuple>
+
+#include "common/base/file.hpp"
+#include "common/base/log.hpp"
+#include "common/program/program.hpp"
+
+namespace ledgerline::hil::verbs {
+namespace {
+
+constexpr std::size_t max_kept = 200;  // results in full for the files
+
+void sort_by_script(auto& runs) {
+  std::sort(runs.begin(), runs.end(),
+            [](const auto& a, const auto& b) { return std::tie(a.script, a.seed) < std::tie(b.script, b.seed); });
+}
+
+}  // namespace
+
+void add_flight_options(Verb& verb, FlightOptions& options) {
+  verb.option("--seed,--seeds", options.seeds, "N or FIRST..LAST; left out: the script's own, or 1");
+  verb.option("--jobs", options.jobs, "flights at once").within(1, 64).shows_default();
+  verb.option("--json", options.json,
+              "one object: figures of every run, for `fault compare`; the rest of at most 200, broken ones first");
+  verb.option("--junit", options.junit, "JUnit XML: a testcase for each run");
+  verb.option("--html", options.html, "a page with the timelines of the 200");
+}
+
+std::string program_folder() {
+  std::error_code error;
+  return std::filesystem::read_symlink("/proc/self/exe", error).parent_path().string();
+}
+
+int usage_error(const std::string& what) {
+  fmt::print(stderr, "{}\n", what);
+  return exit_usage;
+}
+
+bool write(const std::string& path, const std::string& text) {
+  const Status written = write_file(path, text);
+  if (!written) spdlog::error("{}", written.error().what);
+  return written.ok();
+}
+
+RunPrinter::RunPrinter(std::size_t all, bool quiet, std::string mode)
+    : all_(all), quiet_(quiet), terminal_(::isatty(STDERR_FILENO) != 0), mode_(std::move(mode)) {}
+
+void RunPrinter::print_run(RunResult result, const std::string& source, const std::string& more) {
+  ++done_;
+  flown_s_ += to_seconds(result.flown_ns);
+  const double wall_s = to_seconds(monotonic_ns() - start_ns_);
+  if (!result.held()) ++broken_;
+  if (!result.held() || !quiet_) {
+    clear();
+    fmt::print("{} {} seed {}: {:.1f} s flown\n{}{}", result.held() ? "held  " : "BROKEN", result.script, result.seed,
+               to_seconds(result.flown_ns), broken_text(result), not_checked_text(result));
+  }
+  fmt::print("{}", more);
+  std::fflush(stdout);
+  if (terminal_ && done_ < all_) {
+    fmt::print(stderr, "\r{} of {}, {} broken, {:.0f} s left ", done_, all_, broken_,
+               wall_s / static_cast<double>(done_) * static_cast<double>(all_ - done_));
+    std::fflush(stderr);
+  }
+  summaries_.push_back(summary_of(result, source));
+  summaries_.back().mode = mode_;
+  keep(std::move(result));
+}
+
+void RunPrinter::print_failure(const Flight& flight, const std::string& why) {
+  clear();
+  spdlog::error("{}: {}", flight.script.name, why);
+  not_flown_.push_back({flight.script.name, flight.seed, why});
+  ++errors_;
+}
+
+void RunPrinter::print_total() {
+  clear();
+  const double wall_s = to_seconds(monotonic_ns() - start_ns_);
+  fmt::print("{} runs, {} broken; {:.0f} s flown in {:.1f} s: {:.0f} times real time\n", done_, broken_, flown_s_,
+             wall_s, flown_s_ / wall_s);
+}
+
+bool RunPrinter::write_files(const FlightOptions& options) {
+  sort_by_script(kept_);
+  sort_by_script(summaries_);
+  sort_by_script(not_flown_);
+  bool written = true;
+  if (!options.json.empty()) written = write(options.json, json_text(kept_, summaries_, not_flown_)) && written;
+  if (!options.junit.empty()) written = write(options.junit, junit_text(kept_, summaries_, not_flown_)) && written;
+  if (!options.html.empty()) written = write(options.html, html_text(kept_)) && written;
+  return written;
+}
+
+void RunPrinter::clear() const {
+  if (terminal_) fmt::print(stderr, "\r{:60}\r", "");
+}
+
+void RunPrinter::keep(RunResult result) {
+  if (kept_.size() >= max_kept) {
+    const auto held = std::find_if(kept_.begin(), kept_.end(), [](const RunResult& r) { return r.held(); });
+    if (result.held() || held == kept_.end()) return;
+    kept_.erase(held);
+  }
+  kept_.push_back(std::move(result));
+}
+
+}  // namespace ledgerline::hil::verbs
