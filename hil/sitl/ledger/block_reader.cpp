@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/fabric/tx/decode.hpp"
+#include "common/fabric/tx/envelope.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::hil {

@@ -64,7 +64,8 @@ struct Found {
 
 /// A table, a line each; what a drone does not say is said so.
 std::string words(const std::vector<Found>& drones);
-/// {"drones":[{"address":"192.168.10.1","serial":"...","battery":87,"sdk":"20","hardware":"TELLO","wifi_version":"..."}]};
+/// {"drones":[{"address":"192.168.10.1","serial":"...","battery":87,"sdk":"20","hardware":"TELLO",
+/// "wifi_version":"..."}]};
 /// null: it does not say.
 std::string json(const std::vector<Found>& drones);
 

@@ -21,7 +21,7 @@
 #include "ground/service/shell/server.hpp"
 #include "tests/fuzz/directory.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
-#include "tools/checks/shell/server_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 /// Every listener and every client against OpenSSL with one version and cipher alone.
 namespace ledgerline::crypto {
@@ -300,10 +300,10 @@ TEST_F(TlsPolicy, ClientsSpeakThePermittedVersionsAndCiphersAlone) {
     }
     {
       OneServer server(speech, own_, use);
-      doctor::ServerKeys keys;
+      checks::ServerKeys keys;
       keys.endpoint = server.endpoint();
       keys.tls_ca = authority_file_;
-      const auto facts = doctor::look_at_server(keys, "peer", std::chrono::seconds(10));
+      const auto facts = checks::look_at_server(keys, "peer", std::chrono::seconds(10));
       EXPECT_EQ(server.met(), speech.is_permitted) << "doctor " << speech.name;
       EXPECT_EQ(facts.tls, speech.is_permitted) << speech.name;
       EXPECT_FALSE(facts.wants_certificate) << speech.name << ": it has not asked for one";
