@@ -25,12 +25,12 @@ constexpr const char* name(FailsafeMode mode) noexcept {
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
-  constexpr std::array names{"none",          "plan_ran_out",       "held_too_long",  "agent_silent",
-                             "ledger_silent", "state_stale",        "pose_lost",      "fence",
-                             "battery_low",   "battery_critical",   "stopped",        "ledger_untrusted",
-                             "velocity_lost", "position_uncertain", "motion_differs", "tilted",
-                             "overturned",    "too_near",           "height_lost",    "other_client",
-                             "sources_differ"};
+  constexpr std::array names{"none",           "plan_ran_out",       "held_too_long",  "agent_silent",
+                             "ledger_silent",  "state_stale",        "pose_lost",      "fence",
+                             "battery_low",    "battery_critical",   "stopped",        "ledger_untrusted",
+                             "velocity_lost",  "position_uncertain", "motion_differs", "tilted",
+                             "overturned",     "too_near",           "height_lost",    "other_client",
+                             "sources_differ", "check_failed"};
   static_assert(names.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < names.size() ? names[at] : "unknown";
@@ -58,7 +58,8 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "another drone is too near",
                              "its height above the ground is lost (tof sees nothing)",
                              "another client commands it as well",
-                             "the sources of its position contradict each other"};
+                             "the sources of its position contradict each other",
+                             "a check of link or agent failed (a fault of the program itself)"};
   static_assert(words.size() == enum_count<FailsafeCause>);
   const auto at = static_cast<std::size_t>(cause);
   return at < words.size() ? words[at] : "unknown cause";

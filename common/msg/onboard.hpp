@@ -77,7 +77,8 @@ enum class FailsafeCause : std::uint8_t {
   too_near = 17,      ///< another drone of this host
   height_lost = 18,   ///< tof sees nothing, and a drone's own velocity has no scale without
   other_client = 19,  ///< on the ground: somebody else says `command` to it as well
-  sources_differ = 20
+  sources_differ = 20,
+  check_failed = 21  ///< of link's core or agent's: what else is wrong, nobody knows
 };
 
 /// Why a plan or setpoint was not flown.
@@ -134,6 +135,7 @@ struct AgentHeartbeat {
   TimeNs stamp_ns = 0;
   std::uint32_t drones = all_drones;  ///< whom it is for: bit N of drone N
   bool ledger_alive = false;          ///< blocks or commits came lately
+  bool check_failed = false;          ///< one of agent's core (LEDGERLINE_CHECK)
   bool ledger_untrusted = false;  ///< what agent is shown of it contradicts itself, others or agent's own validation
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.

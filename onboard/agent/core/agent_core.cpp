@@ -220,6 +220,9 @@ bool AgentCore::ledger_alive(TimeNs now) const {
 
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
+    if (!LEDGERLINE_CHECK(index(plan.drone) < drones_.size(), "a verified plan is for a drone of this agent",
+                          plan.drone))
+      continue;
     plan.verified_ns = now;
     const bool empty = plan.action == PlanAction::fly && plan.count == 0;  // nobody's: what was flown ends
     if (!is_contract_word(plan.action) && !empty) {
@@ -306,6 +309,8 @@ bool AgentCore::may_send_heartbeat(TimeNs now) {
 }
 
 void AgentCore::step(TimeNs now, AgentOutputs& out) {
+  const CheckScope scope(checks_);
+  LEDGERLINE_CHECK(now >= stepped_ns_, "time does not go back", now, stepped_ns_);
   stepped_ns_ = now;
   hand_over_plans(now, out);
   submit_apply_stops(now, out);
@@ -317,8 +322,10 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
     submit_frame(now, out);
   }
   if (now >= next_heartbeat_ns_ && may_send_heartbeat(now)) {
-    out.heartbeat =
-        AgentHeartbeat{.stamp_ns = now, .ledger_alive = ledger_alive(now), .ledger_untrusted = integrity_.stands(now)};
+    out.heartbeat = AgentHeartbeat{.stamp_ns = now,
+                                   .ledger_alive = ledger_alive(now),
+                                   .check_failed = checks_.failed(),
+                                   .ledger_untrusted = integrity_.stands(now)};
     transitions_.tell(*out.heartbeat);
     // Heartbeats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_heartbeat_ns_ + config_.heartbeat_period_ns <= now;

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/check.hpp"
 #include "common/fabric/sending/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/fabric/tx/validated_share.hpp"
@@ -106,6 +107,8 @@ class AgentCore {
   /// Whether another organisation's peer tells other records now.
   void set_records_differ(bool differ) { integrity_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
+  /// Checks that failed in step(): the heartbeats say so from then on, and link lands the drones.
+  const CheckLog& checks() const { return checks_; }
   /// After step(): when the next frame or heartbeat is due, if nothing comes before; INT64_MAX: none is.
   TimeNs due_ns() const;
   /// Writes integrity violations to the log now: step() does it, too, but not before there is a stream.
@@ -177,6 +180,7 @@ class AgentCore {
   TimeNs real_offset_ns_ = 0;
   TimeNs next_heartbeat_ns_ = INT64_MIN;
   std::optional<TimeNs> first_step_ns_;
+  CheckLog checks_;
   TimeNs stepped_ns_ = INT64_MIN;  ///< last
   bool submitting_ = true;
   std::uint64_t blocks_ = 0;

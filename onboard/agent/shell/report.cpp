@@ -1,5 +1,7 @@
 #include "onboard/agent/shell/report.hpp"
 
+#include <utility>
+
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
@@ -57,6 +59,8 @@ bool due(TimeNs now, TimeNs& next, TimeNs period_ns) {
 }
 
 void AgentLog::outputs(const AgentOutputs& out) {
+  if (core_.checks().failed() && !std::exchange(check_reported_, true))
+    spdlog::error("{}a check failed, all drones land: {}", label_, core_.checks().first());
   refusals(out);
   evictions(out);
   for (const auto& stop : out.unconfirmed_stops) {

@@ -39,6 +39,7 @@ class AgentLog {
   const std::string label_;
   TimeNs next_refusal_ns_ = 0, next_outcome_ns_ = 0, next_unheard_ns_ = 0;
   std::uint64_t transitions_lost_ = 0;
+  bool check_reported_ = false;
 };
 
 /// What the shell counts itself.

@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/check.hpp"
+#include "common/msg/names.hpp"
+
 namespace ledgerline::link {
 namespace {
 
@@ -42,6 +45,7 @@ void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
   facts_.heartbeat_ns = heartbeat.stamp_ns;
   facts_.ledger_alive = heartbeat.ledger_alive;
   facts_.ledger_untrusted = heartbeat.ledger_untrusted;
+  facts_.check_failed = facts_.check_failed || heartbeat.check_failed;
   reporting_.on_heartbeat(heartbeat);
 }
 
@@ -157,6 +161,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoin
   facts_.tilt_rad = watches_.tilt.tilt_rad();
   facts_.landing_battery = watches_.battery.needed(facts_.height_m);
   facts_.too_near = is_too_near();
+  facts_.check_failed = facts_.check_failed || at.check_failed;
   facts_.stop = orders_.is_stopped() || at.stop_all;
   facts_.cut = orders_.is_cut();
 }
@@ -178,6 +183,8 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   update_facts(at, setpoint);
   facts_.blind = session_.blind(now);
   failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
+  LEDGERLINE_CHECK(!facts_.stop || !in_flight(facts_.phase) || failsafe_.mode >= FailsafeMode::land,
+                   "one that is stopped lands", number_, name(failsafe_.mode));
   obey_failsafe(now);
   if (orders_.waits_to_land() && !landing_waits(at)) session_.request_land(now);
   if (orders_.waits_to_land()) setpoint = setpoints_.desired(now, true);
@@ -210,7 +217,8 @@ void DroneLink::send_commands(const LinkMoment& at) noexcept {
   for (CommandText text; session_.next_send(at.now, text);) {
     if (text.view() == rc_text({}).view()) {
       setpoints_.send_zero(at);  // the one that a drone without state gets, for the trace
-    } else {
+    } else if (LEDGERLINE_CHECK(text.view() != "takeoff" || !facts_.stop, "one that is stopped is sent no take-off",
+                                number_)) {
       at.out.to_send.push({number_, text});
       if (text.view() == "command") watches_.client.on_command(at.now);
     }

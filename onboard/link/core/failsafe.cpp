@@ -178,6 +178,7 @@ bool dark(const Moment& at) {
          at.now - at.facts.dark_since_ns >= at.settings.dark_land_after_ns;
 }
 bool position_uncertain(const Moment& at) { return at.position_uncertain; }
+bool check_failed(const Moment& at) { return at.facts.check_failed; }
 bool sources_differ(const Moment& at) { return at.sources_differ; }
 bool sources_unresolved(const Moment& at) {
   return at.facts.sources_unresolved && at.facts.needs_position && at.facts.phase == FlightPhase::flying;
@@ -231,10 +232,11 @@ bool is_considered(const FailsafeRow& row, FlightPhase phase) noexcept {
 
 }  // namespace
 
-const std::array<FailsafeRow, 25> failsafe_table{{
+const std::array<FailsafeRow, 26> failsafe_table{{
     {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, cut, on_ground},
     {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, overturned, on_ground},
     {"FS-02", FailsafeCause::stopped, FailsafeMode::land, stopped, on_ground},
+    {"FS-67", FailsafeCause::check_failed, FailsafeMode::land, check_failed, on_ground},
     {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, battery_critical, on_ground},
     {"FS-04", FailsafeCause::fence, FailsafeMode::land, leaves_fence, on_ground},
     {"FS-17", FailsafeCause::tilted, FailsafeMode::land, tilted, on_ground},
@@ -304,6 +306,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
                               const FailsafeFacts& facts) noexcept {
   if (facts.stop || facts.cut) return FailsafeCause::stopped;
+  if (facts.check_failed) return FailsafeCause::check_failed;
   if (older(now, facts.state_ns, settings.state_stale_ns)) return FailsafeCause::state_stale;
   if (facts.other_client) return FailsafeCause::other_client;
   if (facts.battery <= settings.battery_low) return FailsafeCause::battery_low;

@@ -45,8 +45,9 @@ struct FailsafeFacts {
   float battery = 1;
   /// Another drone of this host is in the way of its setpoint (separation.hpp); on the ground: of a take-off.
   bool too_near = false;
-  bool stop = false;  ///< from the ledger, or the local stop key
-  bool cut = false;   ///< asked for by name
+  bool check_failed = false;  ///< of this core, or of agent's, since it started
+  bool stop = false;          ///< from the ledger, or the local stop key
+  bool cut = false;           ///< asked for by name
 };
 
 /// What the failsafe remembers and says; mode is the action.
@@ -98,7 +99,7 @@ struct FailsafeRow {
 /// By weight: of the rows that apply the first one decides. It stays in force until its clear condition holds; before
 /// that only a row of a heavier mode takes over. Rows that land are looked at from take-off to the ground and while the
 /// drone may be airborne without state, the others while it flies.
-extern const std::array<FailsafeRow, 25> failsafe_table;
+extern const std::array<FailsafeRow, 26> failsafe_table;
 
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is
 /// the height alone: the walls are the pilot's to see.

@@ -28,6 +28,8 @@ DroneLink* LinkCore::find(DroneNumber number) noexcept {
 }
 
 const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept {
+  const CheckScope scope(checks_);
+  LEDGERLINE_CHECK(now >= last_step_ns_, "time does not go back", now, last_step_ns_);
   out_.clear();
   const double passed_s = last_step_ns_ == 0 ? 0 : to_seconds(now - last_step_ns_);
   watch_health(now, has_slept(now, inputs.suspended_ns));
@@ -43,6 +45,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
                       .healthy = now >= unhealthy_until_ns_,
                       .not_before_ns = not_before_ns_,
                       .stop_all = stop_all_,
+                      .check_failed = checks_.failed(),
                       .out = out_};
   dispatch(at, inputs);
   keep_apart(now, passed_s);

@@ -3,6 +3,7 @@
 #include <deque>
 #include <vector>
 
+#include "common/base/check.hpp"
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_link.hpp"
 #include "onboard/link/core/link_io.hpp"
@@ -23,6 +24,9 @@ class LinkCore {
 
   /// The outputs are valid until the next step.
   const LinkOutputs& step(TimeNs now, const LinkInputs& inputs) noexcept;
+
+  /// Checks of the core that failed: from then on all drones land, and none takes off (FS-67).
+  const CheckLog& checks() const noexcept { return checks_; }
 
   /// No drone is in the air, nor may one be: each was seen on the ground, or said that it landed.
   bool all_on_ground() const noexcept;
@@ -65,6 +69,7 @@ class LinkCore {
   TimeNs heartbeat_ns_ = 0;       ///< newest heartbeat of agent
   bool stop_all_ = false;
   bool land_first_;  ///< link was started too often
+  CheckLog checks_;
   TimeNs last_step_ns_ = 0;
   TimeNs suspended_ns_ = 0;   ///< since the host booted, as of the last step
   TimeNs not_before_ns_ = 0;  ///< what is stamped earlier is from before it was suspended

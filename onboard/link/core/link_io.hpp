@@ -72,7 +72,8 @@ struct LinkMoment {
   bool healthy;  ///< steps come in time, and have for LinkSettings::health_rest_ns
   /// The host was suspended before: what is stamped earlier is older than it says. 0: it was not.
   TimeNs not_before_ns = 0;
-  bool stop_all;  ///< the local stop key was pressed
+  bool stop_all;              ///< the local stop key was pressed
+  bool check_failed = false;  ///< one of link's core
   LinkOutputs& out;
 };
 

@@ -1,5 +1,9 @@
 #include "onboard/link/shell/link_loop.hpp"
 
+#include <utility>
+
+#include "common/base/log.hpp"
+
 namespace ledgerline::link {
 
 void LinkLoop::run(LoopClock& clock) noexcept {
@@ -36,6 +40,8 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
                        .stop_all = stopping,
                        .suspended_ns = clock.suspended_ns(),
                        .clear_local_stops = clear_local_stops_.exchange(false, std::memory_order_relaxed)});
+  if (core_.checks().failed() && !std::exchange(check_reported_, true))
+    spdlog::error("a check failed, all drones land: {}", core_.checks().first());
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
   for (const auto& [drone, t_ns] : transport_.at_device()) {
     TraceRecord& record = newest_sent_[drone];

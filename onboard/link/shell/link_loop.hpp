@@ -90,6 +90,7 @@ class LinkLoop {
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialReport, 64> serials_;
   LoopFigures figures_;
+  bool check_reported_ = false;
   std::atomic<bool> clear_local_stops_{false};
   std::atomic<std::uint32_t> local_stops_;
   std::atomic<bool> ended_{false};

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "common/base/check.hpp"
 #include "onboard/link/core/failsafe.hpp"
 
 namespace ledgerline::link {
@@ -47,6 +48,13 @@ const Velocity& Limiter::step(TimeNs now, const Velocity& desired, bool braking)
   return output_;
 }
 
+bool Limiter::is_within_limits() const noexcept {
+  constexpr float rounding = 1.001F;
+  return std::hypot(output_.mps[0], output_.mps[1]) <= rounding * settings_.max_speed_mps &&
+         std::abs(output_.mps[2]) <= rounding * settings_.max_vertical_mps &&
+         std::abs(output_.yaw_radps) <= rounding * settings_.max_yaw_rate_radps;
+}
+
 Playout::CurrentSetpoint SetpointPath::desired(TimeNs now, bool waits_to_land) noexcept {
   if (!waits_to_land) return playout_.setpoint(now);
   return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
@@ -76,7 +84,10 @@ bool SetpointPath::fly(const LinkMoment& at, const Playout::CurrentSetpoint& set
     const Velocity apart = apply_verdict(in_map(setpoint, steering.yaw_rad));
     goal = clip_at_fence(drawn_fence_, steering.position_m, steering.height_m, apart);
   }
-  const Velocity limited = limiter_.step(at.now, goal, steering.brakes);
+  const Velocity& limited = limiter_.step(at.now, goal, steering.brakes);
+  if (!LEDGERLINE_CHECK(limiter_.is_within_limits(), "what is sent is a number, and within the limits", drone_,
+                        limited.mps[0], limited.mps[1], limited.mps[2], limited.yaw_radps))
+    limiter_.reset(at.now);
   const BodyCommand command = to_body(rc_settings_, limited, steering.yaw_rad);
 
   const TimeNs gap = steering.follows && setpoint.fresh ? rc_settings_.min_gap_ns

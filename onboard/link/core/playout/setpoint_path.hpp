@@ -18,6 +18,8 @@ class Limiter {
   /// `braking` doubles the acceleration allowed: for failsafe brakes only.
   const Velocity& step(TimeNs now, const Velocity& desired, bool braking) noexcept;
   const Velocity& output() const noexcept { return output_; }
+  /// False of what is no number, too.
+  bool is_within_limits() const noexcept;
   /// The drone is known to stand still (on the ground, or right after take-off).
   void reset(TimeNs now) noexcept;
 

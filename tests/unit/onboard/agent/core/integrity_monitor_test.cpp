@@ -113,6 +113,15 @@ class IntegrityInCore : public ::testing::Test {
   AgentCore core_{config(), *registry_};
 };
 
+TEST_F(IntegrityInCore, AFailedCheckIsInEveryHeartbeatFromThenOn) {
+  EXPECT_FALSE(untrusted(start));
+  EXPECT_FALSE(out_.heartbeat->check_failed);
+  core_.step(start - 1, out_);
+  EXPECT_NE(core_.checks().first().find("time does not go back"), std::string::npos) << core_.checks().first();
+  EXPECT_FALSE(untrusted(start + ns_per_s));
+  EXPECT_TRUE(out_.heartbeat->check_failed);
+}
+
 TEST_F(IntegrityInCore, ABlockThatIsAsItShouldBeIsNoReasonNorIsAnInvalidTransaction) {
   LedgerOfTests::Tx invalid;
   invalid.code = 11;

@@ -340,6 +340,12 @@ TEST_F(FailsafeTest, FS03ACriticalBatteryLands) {
   expect(FailsafeMode::land, FailsafeCause::battery_critical);
 }
 
+TEST_F(FailsafeTest, FS67AFailedCheckLandsAllDrones) {
+  facts.check_failed = true;
+  pass(ms);
+  expect(FailsafeMode::land, FailsafeCause::check_failed);
+}
+
 TEST_F(FailsafeTest, FS02AStopLandsAtOnceWhateverElseIsWrong) {
   pass(ns_per_s);
   poses = states = heartbeats = false;

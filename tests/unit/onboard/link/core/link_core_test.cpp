@@ -34,6 +34,28 @@ TEST(LinkCore, FliesAWholeFlightFromHandshakeToLanding) {
   EXPECT_EQ(report.age_ms.count, 60U);
 }
 
+TEST(LinkCore, AFailedCheckLandsTheDroneAndNoneTakesOffAfterwards) {
+  LinkWorld w;
+  w.take_off();
+  w.core.step(w.now - ms, {});
+  EXPECT_NE(w.core.checks().first().find("time does not go back"), std::string::npos) << w.core.checks().first();
+  w.pass(5 * ns_per_s);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.states.back().cause, FailsafeCause::check_failed);
+  w.plan(PlanAction::takeoff);
+  w.pass(5 * ns_per_s);
+  EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
+}
+
+TEST(LinkCore, AFailedCheckOfAgentLandsTheDroneToo) {
+  LinkWorld w;
+  w.take_off();
+  AgentHeartbeat heartbeat{.stamp_ns = w.now, .ledger_alive = true, .check_failed = true};
+  w.core.step(w.now, {.heartbeats = {&heartbeat, 1}});
+  w.pass(5 * ns_per_s);
+  EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+}
+
 TEST(LinkCore, ADroneYawedByNinetyDegreesGetsTheRcForItsOwnFrame) {
   LinkWorld w;
   w.tellos[0].yaw = std::numbers::pi / 2;
