@@ -49,7 +49,7 @@ class DroneLink {
   /// Ends all plans that still wait.
   void finish() noexcept { setpoints_.drop_plans(DropReason::superseded); }
 
-  /// Its local stops.
+  /// Local stops are set and cleared there.
   DroneOrders& orders() noexcept { return orders_; }
   const DroneOrders& orders() const noexcept { return orders_; }
   const DronePosition& position() const noexcept { return position_; }

@@ -1,6 +1,7 @@
 #pragma once
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "common/msg/onboard.hpp"
 #include "common/rt/histogram.hpp"
