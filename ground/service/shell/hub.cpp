@@ -7,6 +7,29 @@
 
 namespace ledgerline::ground::service {
 
+std::optional<Connections::KeptPlace> Connections::keep(const Places::Owner& owner, Places::Use use) {
+  if (!places_.take(owner, use)) return std::nullopt;
+  return KeptPlace(*this, owner);
+}
+
+void Connections::make_room() {
+  if (unauthenticated_.size() < max_unauthenticated) return;
+  std::vector<std::shared_ptr<Unauthenticated>> here;
+  std::vector<UnauthenticatedClient> now;
+  for (const auto& one : unauthenticated_) {
+    auto client = one.lock();
+    if (!client || !client->is_unauthenticated()) continue;
+    now.push_back(client->now());
+    here.push_back(std::move(client));
+  }
+  if (here.size() >= max_unauthenticated) {
+    const auto displaced = here.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(now, random_()));
+    (*displaced)->leave();
+    here.erase(displaced);
+  }
+  unauthenticated_.assign(here.begin(), here.end());
+}
+
 Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behind behind, TimeNs session_idle_ns)
     : names_(std::move(drones)),
       greeting_(greeting),
@@ -19,15 +42,14 @@ void Hub::expire(TimeNs now) {
 }
 
 void Hub::publish(Telling telling) {
-  drones_ = std::move(telling.drones);
-  aloft_ = std::move(telling.aloft);
-  stopped_by_ground_ = std::move(telling.stopped_by_ground);
-  state_ = std::make_shared<const std::string>(std::move(telling.state));
+  messages_.state = std::make_shared<const std::string>(std::move(telling.state));
   if (telling.paths) {
     paths_ = std::move(*telling.paths);
-    paths_message_ = std::make_shared<const std::string>(paths_message(paths_));
+    messages_.paths = std::make_shared<const std::string>(paths_message(paths_));
   }
   for (Event& event : telling.events) events_.push_back(std::move(event));
+  telling.events.clear();
+  newest_ = std::move(telling);
   while (events_.size() > Server::max_events) events_.pop_front();
   tell();
 }
@@ -39,12 +61,12 @@ void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
 }
 
 void Hub::publish_missions(std::string_view list) {
-  missions_message_ = std::make_shared<const std::string>(missions_message(list));
+  messages_.missions = std::make_shared<const std::string>(missions_message(list));
   tell();
 }
 
 void Hub::publish_faults(FaultList list) {
-  faults_message_ = std::make_shared<const std::string>(faults_message(list));
+  messages_.faults = std::make_shared<const std::string>(faults_message(list));
   faults_ = std::move(list);
   tell();
 }
@@ -61,29 +83,6 @@ void Hub::tell() {
   for (const auto& one : listeners_) {
     if (const auto listener = one.lock()) listener->news();
   }
-}
-
-std::optional<Hub::KeptPlace> Hub::keep(const Places::Owner& owner, Places::Use use) {
-  if (!places_.take(owner, use)) return std::nullopt;
-  return KeptPlace(*this, owner);
-}
-
-void Hub::make_room() {
-  if (unauthenticated_.size() < max_unauthenticated) return;
-  std::vector<std::shared_ptr<Unauthenticated>> here;
-  std::vector<UnauthenticatedClient> now;
-  for (const auto& one : unauthenticated_) {
-    auto client = one.lock();
-    if (!client || !client->is_unauthenticated()) continue;
-    now.push_back(client->now());
-    here.push_back(std::move(client));
-  }
-  if (here.size() >= max_unauthenticated) {
-    const auto displaced = here.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(now, random_()));
-    (*displaced)->leave();
-    here.erase(displaced);
-  }
-  unauthenticated_.assign(here.begin(), here.end());
 }
 
 std::string Hub::greeting() const {

@@ -85,7 +85,8 @@ class BeastServer final : public Server {
       hub_.end();
     });
     const TimeNs until = monotonic_ns() + 500 * ns_per_ms;
-    while (hub_.connections() > 0 && monotonic_ns() < until) std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    while (hub_.connections().count() > 0 && monotonic_ns() < until)
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
   }
   bool watched() const override { return hub_.streams() > 0; }
   std::string url() const override { return url_; }
@@ -145,7 +146,7 @@ class BeastServer final : public Server {
         });
         return;
       }
-      hub_.make_room();
+      hub_.connections().make_room();
       // A state is several writes: none waits until the other side has acknowledged the one before.
       socket.set_option(tcp::no_delay(true), error);
       web::Wire wire(std::move(socket), tls_ ? &tls_->context() : nullptr);

@@ -16,7 +16,6 @@
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
 #include "ground/service/shell/page_files.hpp"
-#include "ground/service/shell/stream.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -103,10 +102,15 @@ Response page(const Request& request) {
   return respond(request, refusal(404, "there is / and what it loads, and the API below /api/v1/"));
 }
 
-class HttpSession final : public Hub::Unauthenticated, public std::enable_shared_from_this<HttpSession> {
+class HttpSession final : public Connections::Unauthenticated, public std::enable_shared_from_this<HttpSession> {
  public:
   HttpSession(web::Wire&& wire, Hub& hub, Answers& answers, const Guard& guard)
-      : wire_(std::move(wire)), hub_(hub), answers_(answers), guard_(guard), place_(hub), budget_(requests_per_s) {
+      : wire_(std::move(wire)),
+        hub_(hub),
+        answers_(answers),
+        guard_(guard),
+        place_(hub.connections()),
+        budget_(requests_per_s) {
     beast::error_code gone;
     const auto other = wire_.tcp().socket().remote_endpoint(gone);
     if (!gone) address_ = address_of(other.address().to_string());
@@ -300,7 +304,7 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
     if (known && kept_ && kept_->owner() == owner) return true;
     kept_.reset();
     if (!known) return false;
-    if (auto place = hub_.keep(owner, use)) kept_.emplace(std::move(*place));
+    if (auto place = hub_.connections().keep(owner, use)) kept_.emplace(std::move(*place));
     return kept_.has_value();
   }
 
@@ -331,20 +335,20 @@ class HttpSession final : public Hub::Unauthenticated, public std::enable_shared
   Hub& hub_;
   Answers& answers_;
   const Guard& guard_;
-  Hub::Place place_;
+  Connections::Place place_;
   Budget budget_;
   beast::flat_buffer buffer_{max_head_bytes + max_body_bytes};
   std::optional<http::request_parser<http::string_body>> parser_;
   std::string address_;  ///< of the other side
   bool has_ended_handshake_ = false;
-  std::optional<Hub::KeptPlace> kept_;  ///< of whom its newest request has shown
+  std::optional<Connections::KeptPlace> kept_;  ///< of whom its newest request has shown
 };
 
 }  // namespace
 
 void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard) {
   const auto session = std::make_shared<HttpSession>(std::move(wire), hub, answers, guard);
-  hub.join(std::shared_ptr<Hub::Unauthenticated>(session));
+  hub.connections().join(std::shared_ptr<Connections::Unauthenticated>(session));
   session->start();
 }
 

@@ -1,4 +1,4 @@
-#include "ground/service/shell/stream.hpp"
+#include "ground/service/shell/sessions.hpp"
 
 #include <algorithm>
 #include <boost/beast/core.hpp>
@@ -68,21 +68,14 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
       const std::size_t missing = std::min<std::size_t>(hub_.newest_event() - reported_, events.size());
       reported_ = hub_.newest_event();
       send(std::make_shared<const std::string>(events_message(events, events.size() - missing)));
-    } else if (hub_.paths() && hub_.paths() != paths_) {
-      paths_ = hub_.paths();
-      send(paths_);
-    } else if (hub_.missions() && hub_.missions() != missions_) {
-      missions_ = hub_.missions();
-      send(missions_);
-    } else if (hub_.faults() && hub_.faults() != faults_) {
-      faults_ = hub_.faults();
-      send(faults_);
-    } else if (hub_.state() && hub_.state() != shown_) {
-      shown_ = hub_.state();
-      send(shown_);
-    } else if (hub_.ended()) {
-      close("the ground has ended", websocket::close_code::going_away);
+      return;
     }
+    using Messages = Hub::Messages;
+    for (const auto part : {&Messages::paths, &Messages::missions, &Messages::faults, &Messages::state}) {
+      const auto& newest = hub_.messages().*part;
+      if (newest && newest != sent_.*part) return send(sent_.*part = newest);
+    }
+    if (hub_.ended()) close("the ground has ended", websocket::close_code::going_away);
   }
 
  private:
@@ -171,8 +164,8 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   Budget budget_;
   beast::flat_buffer buffer_;
   std::deque<std::string> answers_;  ///< not sent yet, oldest first
-  std::shared_ptr<const std::string> shown_, paths_, missions_, faults_;
-  std::uint64_t reported_ = 0;  ///< the newest event that it has
+  Hub::Messages sent_;               ///< the newest of each
+  std::uint64_t reported_ = 0;       ///< the newest event that it has
   std::uint64_t reported_block_ = 0;
   bool blocks_were_last_ = false;
   bool writing_ = false, closing_ = false;
