@@ -1,6 +1,10 @@
 #pragma once
+#include <algorithm>
 #include <array>
+#include <cmath>
+#include <cstddef>
 #include <cstdint>
+#include <vector>
 
 #include "common/rt/clock.hpp"
 
@@ -34,5 +38,22 @@ class Histogram {
   std::uint64_t count_ = 0;
   TimeNs max_ = 0;
 };
+
+/// Of samples that are all kept, at least one: that of nearest rank, q from 0 (the lowest) to 1 (the highest), halfway
+/// between two the higher one. Reorders them.
+template <typename Iterator>
+auto quantile(Iterator first, Iterator last, double q) {
+  const auto at = first + std::lround(std::clamp(q, 0.0, 1.0) * static_cast<double>(last - first - 1));
+  std::nth_element(first, at, last);
+  return *at;
+}
+
+/// Of few repetitions: halfway between two it is their mean. 0 of none.
+inline double median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  std::sort(values.begin(), values.end());
+  const std::size_t n = values.size();
+  return (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
 
 }  // namespace ledgerline

@@ -7,14 +7,14 @@
 
 namespace ledgerline::motion {
 
-/// The newest `kept` samples of a time, oldest overwritten; quantiles by sorting a copy. Bounded; one thread.
+/// The newest `kept` samples of a time, oldest overwritten; Bounded; one thread.
 class Window {
  public:
   static constexpr std::size_t kept = 64;
   void add(TimeNs t_ns);
   std::size_t size() const { return count_ < kept ? count_ : kept; }
-  /// Sorted, the first size() of it.
-  std::array<TimeNs, kept> sorted() const;
+  /// In no order, the first size() of it.
+  const std::array<TimeNs, kept>& samples() const { return samples_; }
   /// 0 <= q <= 1; nothing while there is no sample.
   std::optional<TimeNs> quantile(double q) const;
 

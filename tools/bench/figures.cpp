@@ -3,7 +3,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::two_way {
 namespace {
@@ -107,11 +108,8 @@ const Competitor* find_competitor(const std::string& id) {
 
 double Turn::quantile_ms(double q) const {
   if (times_ms.empty()) return 0;
-  std::vector<double> sorted = times_ms;
-  const auto rank = static_cast<std::size_t>(std::ceil(q * static_cast<double>(sorted.size())));
-  const auto at = sorted.begin() + static_cast<std::ptrdiff_t>(std::clamp<std::size_t>(rank, 1, sorted.size()) - 1);
-  std::nth_element(sorted.begin(), at, sorted.end());
-  return *at;
+  std::vector<double> times = times_ms;
+  return quantile(times.begin(), times.end(), q);
 }
 
 std::optional<double> Turn::cpu_ms_per_message() const {
@@ -135,9 +133,8 @@ bool Turn::collapsed() const {
 
 std::optional<Spread> spread_of(std::vector<double> values) {
   if (values.empty()) return std::nullopt;
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return Spread{(values[(n - 1) / 2] + values[n / 2]) / 2, values.front(), values.back(), static_cast<int>(n)};
+  const auto [low, high] = std::minmax_element(values.begin(), values.end());
+  return Spread{median(values), *low, *high, static_cast<int>(values.size())};
 }
 
 Summary summarize(const std::vector<Turn>& runs) {

@@ -218,12 +218,6 @@ constexpr std::array<Figure, 9> figures{{
     {"drones' CPU, %", [](const TransportRun& r) { return r.drones_percent; }},
 }};
 
-double median(std::vector<double> values) {
-  std::sort(values.begin(), values.end());
-  const std::size_t n = values.size();
-  return n == 0 ? 0 : n % 2 == 1 ? values[n / 2] : (values[n / 2 - 1] + values[n / 2]) / 2;
-}
-
 struct Compared {
   double udp = 0, shim = 0, ratio = 0, lowest = 0, highest = 0;
 };

