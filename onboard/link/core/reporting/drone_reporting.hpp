@@ -8,8 +8,8 @@
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/playout.hpp"
+#include "onboard/link/core/reporting/transition_log.hpp"
 #include "onboard/link/core/tello/session.hpp"
-#include "onboard/link/core/transition_log.hpp"
 
 namespace ledgerline::link {
 

@@ -1,4 +1,4 @@
-#include "onboard/link/core/transition_log.hpp"
+#include "onboard/link/core/reporting/transition_log.hpp"
 
 #include <gtest/gtest.h>
 
