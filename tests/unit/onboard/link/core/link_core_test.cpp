@@ -50,8 +50,10 @@ TEST(LinkCore, AFailedCheckLandsTheDroneAndNoneTakesOffAfterwards) {
 TEST(LinkCore, AFailedCheckOfAgentLandsTheDroneToo) {
   LinkWorld w;
   w.take_off();
-  AgentHeartbeat heartbeat{.stamp_ns = w.now, .ledger_alive = true, .check_failed = true};
-  w.core.step(w.now, {.heartbeats = {&heartbeat, 1}});
+  const AgentHeartbeat heartbeat{.stamp_ns = w.now, .ledger_alive = true, .check_failed = true};
+  LinkInputs inputs;
+  inputs.heartbeats = {&heartbeat, 1};
+  w.core.step(w.now, inputs);
   w.pass(5 * ns_per_s);
   EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
 }
