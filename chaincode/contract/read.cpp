@@ -68,7 +68,10 @@ class OldFrames {
       if (i == frames.read.size()) {
         if (frames.end) break;
         auto more = stub_.get_history(key, i, history_step);
-        if (!more) return more.error();
+        if (!more) {
+          unavailable_ = true;
+          return more.error();
+        }
         frames.end = more->size() < history_step;
         looked_ += more->size();
         for (const KeyVersion& version : *more) {
@@ -82,6 +85,8 @@ class OldFrames {
     }
     return std::optional<Asset>{};
   }
+  /// The peer has no history, or does not give it.
+  bool unavailable() const { return unavailable_; }
   /// How many were read.
   std::size_t looked() const { return looked_; }
 
@@ -92,6 +97,7 @@ class OldFrames {
   };
   Stub& stub_;
   std::map<std::string, Frames> all_;
+  bool unavailable_ = false;
   std::size_t looked_ = 0;
 };
 
@@ -201,6 +207,8 @@ Result<Streaming> streaming(CountingStub& stub, const std::string& prefix, const
       frames.emplace(key, std::move(*frame));
     }
     auto asset = get_streaming(old, *control, id, frames.at(key));
+    // A list has what can be read; who asks for the one id is told why it cannot.
+    if (!asset && old.unavailable()) continue;
     if (!asset) return asset.error();
     if (*asset) found.assets.emplace(id, std::move(**asset));
     found.upto = id;

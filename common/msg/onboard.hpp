@@ -135,8 +135,8 @@ struct AgentHeartbeat {
   TimeNs stamp_ns = 0;
   std::uint32_t drones = all_drones;  ///< whom it is for: bit N of drone N
   bool ledger_alive = false;          ///< blocks or commits came lately
-  bool check_failed = false;          ///< one of agent's core (LEDGERLINE_CHECK)
   bool ledger_untrusted = false;  ///< what agent is shown of it contradicts itself, others or agent's own validation
+  bool check_failed = false;      ///< one of agent's core (LEDGERLINE_CHECK)
   /// Of each drone's transitions, by its number: the newest that agent keeps, and the newest on the ledger; of that
   /// boot of link.
   std::uint64_t boot_id = 0;

@@ -91,14 +91,14 @@ Match match_command(const RequestedCall& call, std::string_view event_payload, C
 }
 
 Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked) {
-  const bool leaves_it_to_call = event_payload.empty() && call.args.size() == 1;
-  return match(call, contract::set, leaves_it_to_call ? call.args[0] : event_payload, asked);
+  if (!event_payload.empty() || call.args.size() != 1) return match(call, contract::set, event_payload, asked);
+  // The event of a stream's call names it alone.
+  const Match found = match(call, contract::set, call.args[0], asked);
+  return found == Match::same && !asked.stream() ? Match::altered : found;
 }
 
 bool tells_set(const RequestedCall& call, std::string_view event_payload) {
-  // Every state of a drone host comes by here: it needs no reading.
-  const bool has_call = call.function == contract::set && call.args.size() == 1;
-  if (has_call && (event_payload.empty() || call.args[0] == event_payload)) return true;
+  if (call.function == contract::set && call.args.size() == 1 && call.args[0] == event_payload) return true;
   SetCall asked;
   return match_set(call, event_payload, asked) == Match::same;
 }

@@ -35,7 +35,7 @@ constexpr std::uint64_t transition_queue = 256;
 
 // The version is part of the name: processes of different builds do not misread each other's plain data.
 iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
-  const std::string version = fmt::format("v1-{}", size);
+  const std::string version = fmt::format("v2-{}", size);
   return {"ledgerline", iox::capro::IdString_t(iox::cxx::TruncateToCapacity, version),
           iox::capro::IdString_t(iox::cxx::TruncateToCapacity, std::string(name))};
 }

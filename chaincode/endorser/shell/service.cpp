@@ -166,8 +166,9 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
     spdlog::info("endorser: it begins with the peer's snapshot of block {}", core_.height() - 1);
     begin_stream();
   } else {
+    stop_signing();  // before another block can come: there is no stream to take it
     lock.unlock();
-    fail(refused_first_state(taken.error().what));
+    tell_failure(refused_first_state(taken.error().what));
     lock.lock();
   }
   return true;
@@ -226,7 +227,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     if (readiness_.failed() || first_state_) return;
     if (feed_.wants(from, block.number, core_.height())) taken = core_.take(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
-    if (taken && blocks_->keeps() && block.confirmed)
+    if (taken && blocks_ && blocks_->keeps() && block.confirmed)
       write(keeping_.reported(block.number,
                               fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();
@@ -345,7 +346,7 @@ void Service::run_checks() {
       } else {
         checks_wake_.wait_for(lock, std::chrono::nanoseconds(back_off.next(random)), [&] { return stopping_; });
       }
-    } else if (feed_.joined() && blocks_->is_open()) {
+    } else if (feed_.joined() && blocks_ && blocks_->is_open()) {
       lock.unlock();
       blocks_->close();
       client_.reset();

@@ -73,12 +73,14 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
         fmt::format("it is of another subject, {}: grants and leases are of {}, and a program changes its "
                     "subject at a start alone",
                     printable(next.subject), printable(subject_))};
-  if (now_s < next.not_before_s) {
+  // The one in use goes on to its end and behind it: what changed are the files beside it.
+  const bool in_use = next.not_after_s == not_after_s_;
+  if (!in_use && now_s < next.not_before_s) {
     valid_from_s_ = next.not_before_s;
     return Error{fmt::format("it is not valid yet, for another {} s: it is taken then, or do the clocks differ?",
                              next.not_before_s - now_s)};
   }
-  if (now_s > next.not_after_s) return Error{"it has ended already"};
+  if (!in_use && now_s > next.not_after_s) return Error{"it has ended already"};
   not_after_s_ = next.not_after_s;
   reported_days_.reset();
   return done;

@@ -51,6 +51,7 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
   std::vector<New> states;
   std::optional<std::size_t> checked;  // the signature is checked once per drone in a row, not per asset
   std::vector<DroneUpdate> all(seen_.size());
+  std::vector<std::optional<float>> charges(seen_.size());
   for (const Asset& asset : call.assets()) {
     const auto slash = asset.id().find('/');
     const auto drone = index_of(config_.drones, std::string_view(asset.id()).substr(0, slash));
@@ -74,7 +75,7 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     if (battery) {  // one that nobody can read is the topic's to report; NaN is unknown
       one.battery = asset.msg_data();
       const auto message = battery_from_cdr(one.battery);
-      if (message && message->percentage >= 0 && message->percentage <= 1) seen_[*drone].battery = message->percentage;
+      if (message && message->percentage >= 0 && message->percentage <= 1) charges[*drone] = message->percentage;
     }
     if (transitions) one.transitions = asset.msg_data();
     if (alarm) one.alarm = asset.msg_data();
@@ -86,13 +87,18 @@ std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, s
     }
     StateSample& sample = state->sample;
     if (one.state ? !is_newer(sample, *one.state) : !is_new(*drone, sample)) continue;
-    if (sample.battery < 0) sample.battery = seen_[*drone].battery;
     one.state = sample;
     one.real_ns = state->real_ns;
     states.push_back({*drone, sample});
   }
+  // A charge is of the state beside it: of an older state it is old, too.
+  for (auto& [drone, sample] : states) {
+    if (charges[drone]) seen_[drone].battery = *charges[drone];
+    if (sample.battery < 0) sample.battery = seen_[drone].battery;
+  }
   for (std::size_t i = 0; i < all.size(); ++i) {
     DroneUpdate& one = all[i];
+    if (one.state && one.state->battery < 0) one.state->battery = seen_[i].battery;
     one.drone = i;
     if (!one.state) one.odometry = one.battery = "";  // sent again for the frame's sake
     if (one.state || !one.transitions.empty() || !one.alarm.empty()) news.push_back(std::move(one));

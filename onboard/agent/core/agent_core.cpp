@@ -324,8 +324,8 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   if (now >= next_heartbeat_ns_ && may_send_heartbeat(now)) {
     out.heartbeat = AgentHeartbeat{.stamp_ns = now,
                                    .ledger_alive = ledger_alive(now),
-                                   .check_failed = checks_.failed(),
-                                   .ledger_untrusted = integrity_.stands(now)};
+                                   .ledger_untrusted = integrity_.stands(now),
+                                   .check_failed = checks_.failed()};
     transitions_.tell(*out.heartbeat);
     // Heartbeats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_heartbeat_ns_ + config_.heartbeat_period_ns <= now;

@@ -45,7 +45,6 @@ void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
   facts_.heartbeat_ns = heartbeat.stamp_ns;
   facts_.ledger_alive = heartbeat.ledger_alive;
   facts_.ledger_untrusted = heartbeat.ledger_untrusted;
-  facts_.check_failed = facts_.check_failed || heartbeat.check_failed;
   reporting_.on_heartbeat(heartbeat);
 }
 
@@ -161,7 +160,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoin
   facts_.tilt_rad = watches_.tilt.tilt_rad();
   facts_.landing_battery = watches_.battery.needed(facts_.height_m);
   facts_.too_near = is_too_near();
-  facts_.check_failed = facts_.check_failed || at.check_failed;
+  facts_.check_failed = at.check_failed;
   facts_.stop = orders_.is_stopped() || at.stop_all;
   facts_.cut = orders_.is_cut();
 }

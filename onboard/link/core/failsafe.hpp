@@ -121,7 +121,8 @@ inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts&
   if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
   const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||
                     failsafe.cause == FailsafeCause::height_lost || failsafe.cause == FailsafeCause::sources_differ;
-  return !facts.stop && !facts.cut && !facts.tilted && !facts.overturned && !facts.motion_differs && !lost;
+  return !facts.check_failed && !facts.stop && !facts.cut && !facts.tilted && !facts.overturned &&
+         !facts.motion_differs && !lost;
 }
 
 /// How old the newest pose may be, by its source, before it counts as lost.

@@ -45,7 +45,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
                       .healthy = now >= unhealthy_until_ns_,
                       .not_before_ns = not_before_ns_,
                       .stop_all = stop_all_,
-                      .check_failed = checks_.failed(),
+                      .check_failed = checks_.failed() || agent_check_failed_,
                       .out = out_};
   dispatch(at, inputs);
   keep_apart(now, passed_s);
@@ -93,6 +93,7 @@ void LinkCore::dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept
     if (DroneLink* drone = find(received.drone)) drone->on_bytes(at.now, received.port, received.bytes);
   }
   for (const AgentHeartbeat& heartbeat : inputs.heartbeats) {
+    agent_check_failed_ = agent_check_failed_ || heartbeat.check_failed;
     if (heartbeat.stamp_ns < heartbeat_ns_ || heartbeat.stamp_ns > at.now) continue;
     heartbeat_ns_ = heartbeat.stamp_ns;
     for (DroneLink& drone : drones_) {

@@ -70,6 +70,7 @@ class LinkCore {
   bool stop_all_ = false;
   bool land_first_;  ///< link was started too often
   CheckLog checks_;
+  bool agent_check_failed_ = false;  ///< of one of its channels: they are one process
   TimeNs last_step_ns_ = 0;
   TimeNs suspended_ns_ = 0;   ///< since the host booted, as of the last step
   TimeNs not_before_ns_ = 0;  ///< what is stamped earlier is from before it was suspended

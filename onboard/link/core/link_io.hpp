@@ -73,7 +73,7 @@ struct LinkMoment {
   /// The host was suspended before: what is stamped earlier is older than it says. 0: it was not.
   TimeNs not_before_ns = 0;
   bool stop_all;              ///< the local stop key was pressed
-  bool check_failed = false;  ///< one of link's core
+  bool check_failed = false;  ///< one of link's core, or of agent's
   LinkOutputs& out;
 };
 

@@ -26,7 +26,8 @@ std::optional<TimeNs> newest_stamp(const std::string& drone, const verification:
   Assets assets;
   if (!answer || !parse_message(*answer, assets) || assets.assets_size() != 1) return std::nullopt;
   const auto state = state_from_cdr(assets.assets(0).msg_data(), "");
-  return state ? std::optional(state->real_ns) : std::nullopt;
+  // Of a block of before there is no real time beside the state.
+  return state && state->real_ns != 0 ? std::optional(state->real_ns) : std::nullopt;
 }
 
 Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate) {

@@ -14,6 +14,8 @@ constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
 /// it, of which some may be other drones'.
 constexpr std::size_t battery_every = 16;
 static_assert(4 * battery_every <= contract::max_page_versions);
+// Who begins to read in the middle of a slow ledger's frames knows the charge soon, too.
+constexpr TimeNs max_battery_gap_ns = 1 * ns_per_s;
 
 bool newer(const StateSample& a, const StateSample& b) { return a.boot_id != b.boot_id || a.sequence > b.sequence; }
 
@@ -98,8 +100,10 @@ void Batcher::drop_stale(TimeNs now) {
   }
 }
 
-bool Batcher::is_battery_due(Slot& slot) {
-  const bool due = slot.states_to_battery == 0 || slot.waiting->battery != slot.battery;
+bool Batcher::is_battery_due(TimeNs now, Slot& slot) {
+  const bool due = slot.states_to_battery == 0 || slot.waiting->battery != slot.battery ||
+                   now - slot.battery_ns >= max_battery_gap_ns;
+  if (due) slot.battery_ns = now;
   slot.battery = slot.waiting->battery;
   slot.states_to_battery = due ? battery_every - 1 : slot.states_to_battery - 1;
   return due;
@@ -118,7 +122,7 @@ std::optional<Frame> Batcher::next(TimeNs now) {
     }
     if (!slot.sent || newer(*slot.waiting, *slot.sent)) ++slot.counters.sent;
     slot.sent = slot.waiting;
-    if (is_battery_due(slot)) frame.batteries.push_back(slot.drone.number);
+    if (is_battery_due(now, slot)) frame.batteries.push_back(slot.drone.number);
     frame.samples.push_back(*slot.waiting);
     slot.waiting.reset();
   }

@@ -90,6 +90,7 @@ class Batcher {
     TimeNs paused_until_ns = INT64_MIN;
     std::optional<StateSample> sent{};  ///< newest submitted: sent again, it is not counted again
     float battery = 0;                  ///< the charge that was sent last
+    TimeNs battery_ns = 0;              ///< when
     std::size_t states_to_battery = 0;  ///< it is sent again with the one behind so many
   };
   Slot* find(DroneNumber drone);
@@ -98,7 +99,7 @@ class Batcher {
   bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);
-  static bool is_battery_due(Slot& slot);
+  static bool is_battery_due(TimeNs now, Slot& slot);
   void send_again_without(TimeNs now, Slot& refused, const Frame& frame);
 
   BatchConfig config_;

@@ -139,6 +139,16 @@ TEST_F(AssetsTest, AnIdThatTheNewestFrameLeavesOutIsFoundInHistory) {
   EXPECT_EQ(value_of("tello1/odom"), "old");
 }
 
+TEST_F(AssetsTest, WithoutHistoryAListHasWhatTheNewestFrameHasAndTheOneIdSaysWhy) {
+  set(host, {asset("tello1/battery"), asset("tello1/odom")}, true);
+  set(host, {asset("tello1/odom", "newest")}, true);
+  stub.has_history = false;
+  const auto listed = parsed<Assets>(stub.call(other, "get", {R"({"id":"tello1/*"})"}).payload);
+  ASSERT_THAT(listed.assets(), SizeIs(1));
+  EXPECT_EQ(listed.assets(0).msg_data(), "newest");
+  EXPECT_THAT(value_of("tello1/battery"), HasSubstr("history database not enabled"));
+}
+
 TEST_F(AssetsTest, OnlyIdsUnderEnrolledNamesMayStream) {
   EXPECT_THAT(set(pilot, {asset("Org2MSP/x")}, true).message, HasSubstr("only ids under an enrolled name"));
 }

@@ -41,6 +41,7 @@ class FakeStub : public Stub {
     return found;
   }
   Result<std::vector<KeyVersion>> get_history(const std::string& key, std::size_t skip, std::size_t limit) override {
+    if (!has_history) return Error{"history database not enabled"};
     std::vector<KeyVersion> found;
     const auto& all = history[key];
     for (std::size_t i = skip; i < all.size() && found.size() < limit; ++i) found.push_back(all[all.size() - 1 - i]);
@@ -82,6 +83,7 @@ class FakeStub : public Stub {
   std::map<std::string, std::vector<KeyVersion>> history;
   std::vector<std::string> reads, ranges;  ///< keys, and where ranges begin
   std::string event_name, event_payload;
+  bool has_history = true;
   TimeNs transactions = 0;
   std::size_t looked = 0;  ///< old versions that were handed out
   crypto::IdentityName who;

@@ -44,7 +44,10 @@ TEST(CheckEvent, TheTopicThatTheContractWritesDownIsNoDifference) {
 TEST(TellsSet, EqualBytesAreTheCallWhateverTheyAre) {
   const Args asked{"no message at all"};
   EXPECT_TRUE(tells_set({"set", asked}, asked[0]));
-  EXPECT_TRUE(tells_set({"set", asked}, "")) << "it is left to the call, as a stream's event does";
+  EXPECT_FALSE(tells_set({"set", asked}, "")) << "a stream's event alone has no payload";
+  SetCall stream = set_of("tello1/odom", "text", true);
+  stream.set_stream(true);
+  EXPECT_TRUE(tells_set({"set", {stream.SerializeAsString()}}, ""));
   EXPECT_FALSE(tells_set({"command", asked}, ""));
   EXPECT_FALSE(tells_set({"set", asked}, "another"));
   EXPECT_FALSE(tells_set({"command", asked}, asked[0])) << "of another function";

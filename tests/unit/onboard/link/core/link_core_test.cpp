@@ -47,15 +47,17 @@ TEST(LinkCore, AFailedCheckLandsTheDroneAndNoneTakesOffAfterwards) {
   EXPECT_EQ(w.tellos[0].count("takeoff"), 1);
 }
 
-TEST(LinkCore, AFailedCheckOfAgentLandsTheDroneToo) {
-  LinkWorld w;
+TEST(LinkCore, AFailedCheckOfAgentLandsTheDronesOfAllItsChannels) {
+  LinkWorld w(2);
   w.take_off();
-  const AgentHeartbeat heartbeat{.stamp_ns = w.now, .ledger_alive = true, .check_failed = true};
+  const AgentHeartbeat heartbeat{
+      .stamp_ns = w.now, .drones = AgentHeartbeat::bit_of(1), .ledger_alive = true, .check_failed = true};
   LinkInputs inputs;
   inputs.heartbeats = {&heartbeat, 1};
   w.core.step(w.now, inputs);
-  w.pass(5 * ns_per_s);
+  w.pass(8 * ns_per_s);
   EXPECT_EQ(w.core.phase(1), FlightPhase::landed);
+  EXPECT_EQ(w.core.phase(2), FlightPhase::landed);
 }
 
 TEST(LinkCore, ADroneYawedByNinetyDegreesGetsTheRcForItsOwnFrame) {
