@@ -32,7 +32,7 @@ constexpr bool is_contract_stop(PlanAction action) noexcept {
 }
 /// From the ledger, not from the lease's holder: such a plan answers no state, carries no sequence, and is always
 /// obeyed unless it is older (`verified_ns`) than the stop that it would clear.
-constexpr bool is_contract_word(PlanAction action) noexcept {
+constexpr bool is_contract_action(PlanAction action) noexcept {
   return action >= PlanAction::stop && action <= PlanAction::stop_cleared_by_owner;
 }
 

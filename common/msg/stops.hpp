@@ -37,11 +37,12 @@ inline const Identity& whose_stop(const Stop& stop) { return stop.stopper(); }
 
 inline bool is_stopped(const Control& control) { return !control.stoppers().empty(); }
 
-/// The motors are to be off, since one of the stoppers says so.
+/// Whether this stopper has the drone stopped.
 inline bool is_stopped_by(const Control& control, const Identity& stopper) {
   return std::any_of(control.stoppers().begin(), control.stoppers().end(),
                      [&](const Stop& one) { return same_identity(one.stopper(), stopper); });
 }
+/// The motors are to be off: one of the stoppers says so.
 inline bool is_cut(const Control& control) {
   return std::any_of(control.stoppers().begin(), control.stoppers().end(), [](const Stop& s) { return s.cut(); });
 }

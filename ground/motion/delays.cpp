@@ -15,9 +15,9 @@ std::optional<TimeNs> Window::quantile(double q) const {
   return ledgerline::quantile(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(size()), q);
 }
 
-void TwoWay::add(TimeNs submission_to_block_ns) { ways_.add(std::max<TimeNs>(0, submission_to_block_ns)); }
+void RoundTripEstimate::add(TimeNs submission_to_block_ns) { ways_.add(std::max<TimeNs>(0, submission_to_block_ns)); }
 
-TimeNs TwoWay::quantile(double q) const {
+TimeNs RoundTripEstimate::quantile(double q) const {
   const std::size_t n = ways_.size();
   if (n == 0) return unknown_ns;
   const auto& ways = ways_.samples();

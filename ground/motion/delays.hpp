@@ -28,7 +28,7 @@ class Window {
 /// command's way to the ledger and one way from the ledger, as a state's is; so the sum of two such samples has the
 /// distribution of a state's and a command's ways together, where the drone's side is as far as ours. What states say
 /// of plans that came is better: this is for as long as they say nothing. Deterministic; one thread.
-class TwoWay {
+class RoundTripEstimate {
  public:
   static constexpr TimeNs unknown_ns = 25 * ns_per_ms;  ///< while nothing was measured
   void add(TimeNs submission_to_block_ns);

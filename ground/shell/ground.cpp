@@ -76,7 +76,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
   if (auto status = topics_.open_writers(); !status) return status;
   if (certificates_) {
     certificates_->start([this](Level level, const std::string& words) {
-      if (station_) say(level, "", words);
+      if (station_) post_event(level, "", words);
     });
   }
   for (const auto& channel : channels_) channel->open_stream();
@@ -123,7 +123,7 @@ Status Ground::open_operators(const service::ServiceSettings& settings,
                                              return fabric::submit_repeatedly(channels_[channel]->urgent(), call,
                                                                               clear_limits, nullptr);
                                            },
-                                       .tell = std::bind_front(&Ground::say, this),
+                                       .tell = std::bind_front(&Ground::post_event, this),
                                        .on_session =
                                            [this](std::size_t who, bool in) {
                                              inbox_.put(Inbox::SessionChange{who, in});
@@ -139,7 +139,7 @@ Status Ground::open_operators(const service::ServiceSettings& settings,
                               .wake = [this] { inbox_.wake(); },
                               .idle_ns = settings.session_idle_ns,
                               .post_command = [this](const PilotCommand& one) { inbox_.post_command(one); },
-                              .warn = [this](const std::string& words) { say(Level::warning, "", words); },
+                              .warn = [this](const std::string& words) { post_event(Level::warning, "", words); },
                               .dismiss = [this](const std::vector<std::size_t>& who) { station_->dismiss(who); },
                               .disown = [this](const crypto::IdentityName& who) { missions_->disown(who); }});
   return done;
@@ -177,17 +177,17 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
   if (!settings.operators.empty()) {
     if (Status opened = open_operators(settings, ledgers); !opened) return opened;
   }
-  service::Server::Behind behind{.take = [this](const PilotCommand& one) { return take(one); },
-                                 .keys = operators_ ? &operators_->keys() : nullptr,
-                                 .ask_missions =
-                                     [this](service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
-                                       ask(std::move(asked), std::move(answer));
-                                     },
-                                 .tell = [this](Level level, std::string words) { say(level, "", std::move(words)); }};
-  return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::say, this));
+  service::Server::Behind behind{
+      .take = [this](const PilotCommand& one) { return take(one); },
+      .keys = operators_ ? &operators_->keys() : nullptr,
+      .ask_missions = [this](
+                          service::MissionAsk asked,
+                          std::function<void(service::ApiAnswer)> answer) { ask(std::move(asked), std::move(answer)); },
+      .tell = [this](Level level, std::string words) { post_event(level, "", std::move(words)); }};
+  return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::post_event, this));
 }
 
-void Ground::say(Level level, const std::string& drone, std::string words) {
+void Ground::post_event(Level level, const std::string& drone, std::string words) {
   inbox_.put(Inbox::Report{level, drone, std::move(words)});
 }
 
@@ -204,7 +204,7 @@ void Ground::ask(service::MissionAsk asked, std::function<void(service::ApiAnswe
   missions_->ask(std::move(asked), std::move(answer));
 }
 
-Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
+Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
   Channel& channel = *channels_[index];
   if (const auto* block = std::get_if<fabric::Block>(&news)) {
     const auto now = channel.take(*block);
@@ -240,12 +240,12 @@ Status Ground::open(std::size_t index, const Channel::Update& news, FlightInputs
   return done;
 }
 
-Status Ground::open(const Inbox::Event& event, std::vector<FlightInputs>& inputs) {
+Status Ground::dispatch(const Inbox::Event& event, std::vector<FlightInputs>& inputs) {
   if (const auto* of = std::get_if<Inbox::OfChannel>(&event)) {
     if (lost_[of->channel]) return done;
-    const Status opened = open(of->channel, of->news, inputs[of->channel]);
+    const Status opened = dispatch(of->channel, of->news, inputs[of->channel]);
     if (opened || channels_.size() == 1) return opened;
-    lose(of->channel, opened.error());
+    fail_channel(of->channel, opened.error());
     return done;
   }
   if (const auto* report = std::get_if<Inbox::Report>(&event)) {
@@ -257,11 +257,11 @@ Status Ground::open(const Inbox::Event& event, std::vector<FlightInputs>& inputs
 }
 
 // The other channels' drones must not lose their commander with it.
-void Ground::lose(std::size_t channel, const Error& why) {
+void Ground::fail_channel(std::size_t channel, const Error& why) {
   lost_[channel] = true;
   std::string words = why.what + ". Its drones are asked to land, and are not flown any more";
   spdlog::error("{}", words);
-  say(Level::alarm, "", std::move(words));
+  post_event(Level::alarm, "", std::move(words));
 }
 
 std::vector<std::vector<PilotCommand>> Ground::split(const std::vector<PilotCommand>& commands) const {
@@ -282,7 +282,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     const auto event = inbox_.next(tick_ns);
     std::vector<FlightInputs> inputs(channels_.size());
     if (event) {
-      if (auto status = open(*event, inputs); !status) return status.error();
+      if (auto status = dispatch(*event, inputs); !status) return status.error();
     }
     const std::vector<std::vector<PilotCommand>> commands = split(inbox_.take_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {

@@ -56,15 +56,15 @@ class Ground {
   /// What the page asks of missions. Any thread.
   void ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer);
   /// As an event; `drone`: its name, empty: of none. Any thread.
-  void say(service::Level level, const std::string& drone, std::string words);
+  void post_event(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
   Status open_operators(const service::ServiceSettings& settings, const std::vector<fabric::ClientConfig>& ledgers);
   /// One of several.
-  void lose(std::size_t channel, const Error& why);
+  void fail_channel(std::size_t channel, const Error& why);
   Status wait_for_block_streams(const std::atomic<bool>& quit);
   /// What of an event is for the cores, whose inputs these are; an error ends the flight.
-  Status open(const Inbox::Event& event, std::vector<FlightInputs>& inputs);
-  Status open(std::size_t channel, const Channel::Update& news, FlightInputs& inputs);
+  Status dispatch(const Inbox::Event& event, std::vector<FlightInputs>& inputs);
+  Status dispatch(std::size_t channel, const Channel::Update& news, FlightInputs& inputs);
   /// Of each channel, its drones as its core has them.
   std::vector<std::vector<PilotCommand>> split(const std::vector<PilotCommand>& commands) const;
   void step(std::vector<FlightInputs> inputs);

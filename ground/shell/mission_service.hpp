@@ -79,9 +79,9 @@ class MissionService {
   Parts parts_;
   service::MissionBook book_;
   const service::ApprovalTerms terms_;
-  std::int64_t period_ = 0;                               ///< of approvals, as looked at last
-  service::Unread unread_;                                ///< whose signers could not be read
-  service::Spaced all_again_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
+  std::int64_t period_ = 0;                                    ///< of approvals, as looked at last
+  service::Unread unread_;                                     ///< whose signers could not be read
+  service::RateLimiter all_again_{service::Unread::again_ns};  ///< all signers are read, since roles have changed
   Mailbox<Task> tasks_;       ///< for the flight's thread; at most as many as requests and tasks of the worker
   std::deque<Task> waiting_;  ///< taken out of it
   std::atomic<bool> closed_{false};

@@ -180,7 +180,7 @@ void Witness::handed_unasked(TimeNs now, const Plan& plan) {
 void Witness::handed(TimeNs now, const Plan& plan) {
   if (link::is_empty_plan(plan)) return;  // nobody's: a lease has ended
   handed_unasked(now, plan);
-  if (is_contract_word(plan.action)) return;
+  if (is_contract_action(plan.action)) return;
   events_.push_back({now, WorldEvent::Kind::handed, plan.drone - 1U, 0, {}, plan.sequence});
 }
 

@@ -10,21 +10,21 @@ namespace ledgerline::endorser {
 class TwoLanes {
  public:
   std::unique_lock<std::mutex> first() {
-    ++hurried_;
+    ++priority_waiters_;
     std::unique_lock lock(mutex_);
-    --hurried_;
-    hurried_.notify_all();
+    --priority_waiters_;
+    priority_waiters_.notify_all();
     return lock;
   }
   std::unique_lock<std::mutex> later() {
     const std::lock_guard turn(turn_);
-    for (int hurried = hurried_; hurried > 0; hurried = hurried_) hurried_.wait(hurried);
+    for (int hurried = priority_waiters_; hurried > 0; hurried = priority_waiters_) priority_waiters_.wait(hurried);
     return std::unique_lock(mutex_);
   }
 
  private:
-  std::mutex mutex_, turn_;      ///< the second: of the crowd, until it has the first
-  std::atomic<int> hurried_{0};  ///< wait by the first lane
+  std::mutex mutex_, turn_;               ///< the second: of the crowd, until it has the first
+  std::atomic<int> priority_waiters_{0};  ///< wait by the first lane
 };
 
 }  // namespace ledgerline::endorser

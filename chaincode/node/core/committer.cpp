@@ -61,27 +61,27 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   }
   LEDGERLINE_CHECK(cut.transactions.size() == static_cast<std::size_t>(block.data().data_size()),
                    "each transaction of a block gets one verdict", cut.number, cut.transactions.size());
-  LEDGERLINE_CHECK(!under_way_, "a block is validated when the one before it was applied", cut.number);
+  LEDGERLINE_CHECK(!block_in_progress_, "a block is validated when the one before it was applied", cut.number);
   std::string flags;
   for (const TxStatus& status : cut.transactions) flags += static_cast<char>(status.code);
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
   cut.bytes = block.SerializeAsString();
-  under_way_ = UnderWay{header_hash(block.header()), std::move(writes)};
+  block_in_progress_ = BlockInProgress{header_hash(block.header()), std::move(writes)};
   return cut;
 }
 
 Applied Committer::apply(const CutBlock& block) {
-  LEDGERLINE_CHECK(under_way_ && block.number == ledger_.height(), "the block that was validated is the next one",
-                   block.number, ledger_.height());
+  LEDGERLINE_CHECK(block_in_progress_ && block.number == ledger_.height(),
+                   "the block that was validated is the next one", block.number, ledger_.height());
   Applied applied;
   applied.block = block.number;
   applied.transactions = block.transactions;
-  for (const Write& write : under_way_->writes) {
+  for (const Write& write : block_in_progress_->writes) {
     ledger_.state().write(write.set, write.version, write.writer);
   }
-  ledger_.add_block(std::move(under_way_->hash));
+  ledger_.add_block(std::move(block_in_progress_->hash));
   LEDGERLINE_CHECK(ledger_.height() == block.number + 1, "the ledger grows by the block", block.number);
-  under_way_.reset();
+  block_in_progress_.reset();
   ++counts_.blocks;
   for (const TxStatus& status : block.transactions) {
     if (status.tx_id.empty()) continue;

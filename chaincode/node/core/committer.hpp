@@ -48,7 +48,7 @@ class Committer {
   Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger);
 
   CutBlock validate(OrderedBlock ordered);
-  bool under_way() const { return under_way_.has_value(); }
+  bool under_way() const { return block_in_progress_.has_value(); }
   /// Commits the block that validate() gave. Only after it is on disk.
   Applied apply(const CutBlock& block);
   /// Takes a block from disk: state, history, transaction ids. In order, before anything else.
@@ -71,7 +71,7 @@ class Committer {
     kvrwset::KVRWSet set;
     std::string writer;  ///< MSP id
   };
-  struct UnderWay {
+  struct BlockInProgress {
     std::string hash;
     std::vector<Write> writes;
   };
@@ -83,7 +83,7 @@ class Committer {
   const std::shared_ptr<crypto::MspRegistry> members_;
   const StateView view_;
   Ledger& ledger_;
-  std::optional<UnderWay> under_way_;
+  std::optional<BlockInProgress> block_in_progress_;
   std::map<std::string, std::vector<std::uint64_t>> waiters_;
   Counts counts_;
 };

@@ -79,7 +79,7 @@ Downlink::Match Downlink::match(std::string_view id) {
 std::size_t Downlink::topic_of(std::string_view id, const Match& match, bool strange) {
   const auto of_one = ids_of_.find(first_segment(id));
   const bool beyond = by_id_.size() == max_ids || (of_one != ids_of_.end() && of_one->second == max_ids_of_one) ||
-                      (strange && strange_ids_ == max_strange_ids);
+                      (strange && strange_ids_ == max_unauthorised_ids);
   if (beyond && further_) return *further_;
   topics_.push_back({.name = beyond ? "(further topics)" : std::string(ros_topic_of(id, name_buffer_)),
                      .id = beyond ? "" : std::string(id),

@@ -69,7 +69,7 @@ class Downlink {
   static constexpr std::size_t max_ids_of_one = 256;
   /// Of ids that first came from somebody who may not write them: they show what is refused, and leave an organisation
   /// room for its own.
-  static constexpr std::size_t max_strange_ids = 64;
+  static constexpr std::size_t max_unauthorised_ids = 64;
   static constexpr std::size_t max_writers = 16;  ///< of one id
 
   /// What came under one id.

@@ -62,7 +62,7 @@ class OrdererChoice {
     }
   }
 
-  /// This orderer was not reached, or took nothing; `next`: who is asked in its place.
+  /// This orderer did not accept the envelope; `next` is asked in its place, and becomes the best if this one was.
   void failed(std::size_t orderer, std::size_t next, TimeNs now) {
     Orderer& failed = orderers_[orderer];
     failed.rests_until_ns = now + failed.rest_ns;

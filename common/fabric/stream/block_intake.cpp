@@ -94,7 +94,7 @@ void BlockIntake::configure() {
 
 void BlockIntake::define(const std::string& policy) {
   if (!misses_definition()) return;
-  state_->hear(setup_.where.contract, policy);
+  state_->set_unverified_policy(setup_.where.contract, policy);
   defined_ = true;
 }
 

@@ -124,8 +124,8 @@ class KeyState final : public ChannelState {
   /// A contract that the channel has without Fabric's lifecycle, as the embedded node's: its keys need the channel's
   /// own policy. `policy`: protos.ApplicationPolicy of one whose definition was not followed.
   void define(const std::string& contract) { definitions_[contract] = {.policy = std::string()}; }
-  /// What somebody says of a contract whose definition was not followed: protos.ApplicationPolicy; until it is.
-  void hear(const std::string& contract, const std::string& policy) {
+  /// protos.ApplicationPolicy of a contract whose definition was not followed, by a peer's word; a block replaces it.
+  void set_unverified_policy(const std::string& contract, const std::string& policy) {
     Definition& definition = definitions_[contract];
     if (definition.policy && !definition.unverified) return;  // a block has defined it
     definition.policy = policy;

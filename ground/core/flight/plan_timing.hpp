@@ -17,8 +17,8 @@ namespace ledgerline::ground {
 class PlanTiming {
  public:
   struct Timing {
-    TimeNs delay_ns = motion::TwoWay::unknown_ns;  ///< from a plan's making to its first setpoint
-    TimeNs farthest_ns = 0;                        ///< no setpoint of it may be for later than that
+    TimeNs delay_ns = motion::RoundTripEstimate::unknown_ns;  ///< from a plan's making to its first setpoint
+    TimeNs farthest_ns = 0;                                   ///< no setpoint of it may be for later than that
     std::size_t steps = PathController::steps;
   };
 
@@ -66,7 +66,7 @@ class PlanTiming {
   static void forget_arrivals(Drone& drone);
 
   std::vector<Drone> drones_;
-  motion::TwoWay two_way_;
+  motion::RoundTripEstimate two_way_;
   Timing guess_;  ///< by two_way_, for drones of which no plan is known to have come lately
 };
 

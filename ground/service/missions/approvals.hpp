@@ -65,11 +65,11 @@ bool changes_roles(const fabric::Block& block);
 /// What speaks against a mission that could not be checked now.
 mission::Finding not_checked();
 
-/// Something that is done at once when it is wanted, and again at most every `gap_ns`: a client that requests it often
-/// does not have it done as often. Deterministic; one thread.
-class Spaced {
+/// Runs what is wanted at once, then at most once per `gap_ns`, however often it is asked for. Deterministic; one
+/// thread.
+class RateLimiter {
  public:
-  explicit Spaced(TimeNs gap_ns) : gap_ns_(gap_ns) {}
+  explicit RateLimiter(TimeNs gap_ns) : gap_ns_(gap_ns) {}
 
   void want() { is_wanted_ = true; }
   /// True: do it now.

@@ -172,7 +172,7 @@ Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
 }
 
 template <typename Say>
-Status MissionBook::stir(const std::string& id, const Say& say) {
+Status MissionBook::apply_request(const std::string& id, const Say& say) {
   Entry* entry = find(id);
   if (entry == nullptr) return unknown(id);
   if (const Status said = say(*entry); !said) return said;
@@ -182,7 +182,7 @@ Status MissionBook::stir(const std::string& id, const Say& say) {
 
 Status MissionBook::start(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                           const FlightView& core) {
-  return stir(id, [&](Entry& entry) -> Status {
+  return apply_request(id, [&](Entry& entry) -> Status {
     if (const Status allowed = may(by, entry); !allowed) return allowed;
     if (!core.config().manual) return Error{"this flight flies a path of its own"};
     set_findings(id, checked.findings);
@@ -197,7 +197,7 @@ Status MissionBook::start(const std::string& id, const std::optional<crypto::Ide
 }
 
 Status MissionBook::pause(const std::string& id, const std::optional<crypto::IdentityName>& by) {
-  return stir(id, [&](const Entry& entry) -> Status {
+  return apply_request(id, [&](const Entry& entry) -> Status {
     const Status allowed = may(by, entry);
     return allowed ? entry.run->pause() : allowed;
   });
@@ -205,7 +205,7 @@ Status MissionBook::pause(const std::string& id, const std::optional<crypto::Ide
 
 Status MissionBook::resume(const std::string& id, const std::optional<crypto::IdentityName>& by, const Checked& checked,
                            const FlightView& core) {
-  return stir(id, [&](Entry& entry) -> Status {
+  return apply_request(id, [&](Entry& entry) -> Status {
     if (const Status allowed = may(by, entry); !allowed) return allowed;
     if (const Status may = may_fly(entry, entry.run->rest(), by, checked, core); !may) return may;
     return entry.run->resume();
@@ -213,7 +213,7 @@ Status MissionBook::resume(const std::string& id, const std::optional<crypto::Id
 }
 
 Status MissionBook::land(const std::string& id, const std::string& why) {
-  return stir(id, [&](const Entry& entry) { return entry.run->end(why); });
+  return apply_request(id, [&](const Entry& entry) { return entry.run->end(why); });
 }
 
 void MissionBook::go_on(const std::string& id, const Checked& checked, const FlightView& core) {

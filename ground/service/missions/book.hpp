@@ -107,7 +107,7 @@ class MissionBook {
   Entry* find(const std::string& id);
   /// What somebody says of one; where that does not fail, step() and list() have something to report.
   template <typename Say>
-  Status stir(const std::string& id, const Say& say);
+  Status apply_request(const std::string& id, const Say& say);
   const crypto::IdentityName& whose(const std::optional<crypto::IdentityName>& by) const { return by ? *by : self_; }
   /// The one rule of whose a mission is.
   Status may(const std::optional<crypto::IdentityName>& by, const Entry& entry) const;

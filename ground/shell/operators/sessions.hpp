@@ -39,7 +39,7 @@ class RoleWatch {
 
  private:
   const Parts parts_;
-  service::Spaced wanted_{gap_ns};
+  service::RateLimiter wanted_{gap_ns};
   bool is_reading_ = false;
   std::vector<std::size_t> dismissed_;
   std::atomic<bool> closed_{false};

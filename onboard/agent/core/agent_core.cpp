@@ -178,7 +178,7 @@ void AgentCore::on_refused_block(TimeNs now, const fabric::Block& block, AgentOu
 void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked,
                              AgentOutputs& out) {
   for (const Plan& plan : checked.plans) {
-    if (is_contract_word(plan.action) && !is_contract_stop(plan.action)) continue;
+    if (is_contract_action(plan.action) && !is_contract_stop(plan.action)) continue;
     if (plan.action == PlanAction::fly && plan.count == 0) continue;
     if (block.received_ns != 0)
       out.traces.push_back(
@@ -188,7 +188,7 @@ void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const Comma
   }
   out.unconfirmed_stops.insert(out.unconfirmed_stops.end(), checked.unconfirmed.begin(), checked.unconfirmed.end());
   for (const DroneNumber drone : checked.revoked) stop_applier_.want(now, drone);
-  for (const DroneNumber drone : checked.heard) idle_.heard(now, drone);
+  for (const DroneNumber drone : checked.commanded) idle_.heard(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
@@ -225,7 +225,7 @@ void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
       continue;
     plan.verified_ns = now;
     const bool empty = plan.action == PlanAction::fly && plan.count == 0;  // nobody's: what was flown ends
-    if (!is_contract_word(plan.action) && !empty) {
+    if (!is_contract_action(plan.action) && !empty) {
       Drone& drone = drones_[index(plan.drone)];
       drone.last_command_verified_ns = now;
       drone.two_way.add(now - plan.state_stamp_ns);

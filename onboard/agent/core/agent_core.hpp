@@ -30,9 +30,9 @@ struct AgentConfig {
   TimeNs first_heartbeat_wait_ns = 200 * ns_per_ms;  ///< for a pose of every drone, at most
   TimeNs ledger_silent_after_ns = 1 * ns_per_s;
   TimeNs idle_evict_ns = usual_idle_ns;  ///< 0: never, see IdleEvictor
-  /// How long an integrity violation counts. It outlasts the peer's next try of a stream that it has broken off,
-  /// and the seconds between two looks at another organisation's records: with half a lie that goes on would begin and
-  /// end in turn; double keeps drones on the ground for longer, where link asks for that.
+  /// How long an integrity violation counts: longer than a stream's reconnect, and than the time between two
+  /// comparisons with another organisation's records. Half: a lie that goes on would be trusted again and again.
+  /// Double: drones stay on the ground for longer, where link asks for that.
   TimeNs integrity_hold_ns = 10 * ns_per_s;
   std::uint64_t seed = 1;  ///< of the back-off's jitter
 };
@@ -117,7 +117,7 @@ class AgentCore {
   /// From now on step() makes no frame of states and evicts nobody; what is in flight may end, and transitions and
   /// apply_stops still go. For an orderly end.
   void stop_submitting() { submitting_ = false; }
-  bool anything_under_way() const {
+  bool has_calls_in_flight() const {
     return batcher_.in_flight() > 0 || transitions_.pending() || stop_applier_.pending() || idle_.in_flight() ||
            alarms_.in_flight();
   }

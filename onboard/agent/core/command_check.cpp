@@ -185,7 +185,7 @@ void CommandCheck::take_commands(TimeNs now, std::int64_t now_s, const fabric::T
     Drone* drone = find(plan.drone());
     if (!drone) continue;
     if (out.chain_ok && tx.code == 0) ++drone->counters.on_ledger;
-    if (whole == Refusal::none && commands(*drone, signer.name, plan)) out.heard.push_back(drone->name.number);
+    if (whole == Refusal::none && commands(*drone, signer.name, plan)) out.commanded.push_back(drone->name.number);
     const Refusal why = whole != Refusal::none ? whole : check_plan(now, *drone, signer.name, plan);
     if (why != Refusal::none) {
       refuse(*drone, plan, why, out);
@@ -239,7 +239,7 @@ Refusal CommandCheck::check_plan(TimeNs now, const Drone& drone, const crypto::I
     return Refusal::not_holder;
   }
   if (is_lease_revoked(*drone.control)) return Refusal::revoked;
-  if ((is_stopped(*drone.control) || drone.heard) && plan.action() != LAND) return Refusal::stopped;
+  if ((is_stopped(*drone.control) || drone.pending_stop) && plan.action() != LAND) return Refusal::stopped;
   if (plan.epoch() != drone.control->epoch()) return Refusal::wrong_epoch;
   if (plan.boot_id() != drone.boot_id) return Refusal::foreign_boot;
   if (!std::binary_search(drone.stamps.begin(), drone.stamps.end(), plan.state_stamp_ns())) {
@@ -323,11 +323,11 @@ void CommandCheck::take_controls(TimeNs now, std::int64_t now_s, const fabric::T
     if (lost) out.plans.push_back(empty_plan(now, drone->name.number, control.epoch()));
     drone->control = control;
     // What no record shows after its host's apply_stops, or after somebody cleared stops, the ledger never had.
-    if (drone->heard && !is_stopped(control)) {
-      if (event->call.function == contract::apply_stops) drone->heard->not_on_ledger = true;
-      if (event->call.function == contract::clear_stop) drone->heard.reset();
+    if (drone->pending_stop && !is_stopped(control)) {
+      if (event->call.function == contract::apply_stops) drone->pending_stop->not_on_ledger = true;
+      if (event->call.function == contract::clear_stop) drone->pending_stop.reset();
     }
-    if (!cleared || drone->heard) continue;
+    if (!cleared || drone->pending_stop) continue;
     // A member of the owner's organisation also acts for the person who pressed the key beside the drone.
     const bool owners = signer.name.msp_id == control.owner().msp_id();
     out.plans.push_back(
@@ -355,19 +355,20 @@ void CommandCheck::take_role(const verification::RoleChange& change, Checked& ou
 
 std::optional<Plan> CommandCheck::standing_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
-  if (!drone || !drone->control || !(is_stopped(*drone->control) || drone->heard)) return std::nullopt;
+  if (!drone || !drone->control || !(is_stopped(*drone->control) || drone->pending_stop)) return std::nullopt;
   return contract_word(now, *drone, is_cut(*drone->control) ? PlanAction::cut : PlanAction::stop);
 }
 
 std::optional<Plan> CommandCheck::no_stop(TimeNs now, DroneNumber number) const {
   const Drone* drone = find(number);
-  if (!drone || !drone->control || is_stopped(*drone->control) || drone->heard) return std::nullopt;
+  if (!drone || !drone->control || is_stopped(*drone->control) || drone->pending_stop) return std::nullopt;
   return contract_word(now, *drone, PlanAction::stop_cleared);
 }
 
 void CommandCheck::landed(DroneNumber number) {
   for (Drone& drone : drones_) {
-    if (drone.name.number == number && drone.heard && drone.heard->not_on_ledger) drone.heard.reset();
+    if (drone.name.number == number && drone.pending_stop && drone.pending_stop->not_on_ledger)
+      drone.pending_stop.reset();
   }
 }
 

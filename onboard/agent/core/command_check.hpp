@@ -101,7 +101,7 @@ class CommandCheck {
     /// Transactions that the stream does not accept (fabric::Transaction::problem): how many, and the first's problem.
     std::uint64_t unverified = 0;
     std::string unverified_problem;
-    std::vector<DroneNumber> heard;  ///< drones that are commanded under their lease, flown or refused
+    std::vector<DroneNumber> commanded;  ///< drones with a command under their lease, accepted or not
     bool chain_ok = true;
     std::string chain_error;  ///< in words, when not chain_ok; the block was then not looked at further
   };
@@ -157,7 +157,7 @@ class CommandCheck {
   std::uint64_t unverified_transactions() const { return unverified_transactions_; }  ///< of anybody
 
  private:
-  static constexpr std::size_t max_heard_stops = 256;  ///< remembered, so that each lands its drones once
+  static constexpr std::size_t max_remembered_stops = 256;  ///< remembered, so that each lands its drones once
   using Organisations = std::set<std::string>;
   /// A stop that its creator may give, and that the blocks do not show as valid. It stands until the drone is down, and
   /// the record of an apply_stops, which comes from behind it, does not show it either.
@@ -167,7 +167,7 @@ class CommandCheck {
   struct Drone {
     DroneName name;
     std::optional<Control> control;
-    std::optional<PendingStop> heard;
+    std::optional<PendingStop> pending_stop;
     std::uint64_t boot_id = 0;
     std::deque<TimeNs> stamps;
     std::uint64_t epoch = 0, last_sequence = 0;  ///< the newest plan accepted under that epoch

@@ -161,7 +161,7 @@ Status Agent::run() {
 void Agent::drain() {
   for (const Slot& slot : channels_) slot.shell->stop_submitting();
   const TimeNs until_ns = monotonic_ns() + drain_limit_ns;
-  const auto busy = [](const Slot& slot) { return slot.up() && slot.shell->anything_under_way(); };
+  const auto busy = [](const Slot& slot) { return slot.up() && slot.shell->has_calls_in_flight(); };
   while (std::any_of(channels_.begin(), channels_.end(), busy) && monotonic_ns() < until_ns) {
     wait();
     for (const Slot& slot : channels_) {

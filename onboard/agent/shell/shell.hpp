@@ -53,7 +53,7 @@ class AgentShell {
   void write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const;
   /// For an orderly end: until nothing is in flight, take_inputs() and finish_turn() continue.
   void stop_submitting() { core_.stop_submitting(); }
-  bool anything_under_way() const { return core_.anything_under_way(); }
+  bool has_calls_in_flight() const { return core_.has_calls_in_flight(); }
   /// JSON; the checkpoint is kept, too.
   std::string end();
 

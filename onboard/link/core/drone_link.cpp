@@ -67,7 +67,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
     admission_.applied();
     return;
   }
-  if (!is_contract_word(plan.action)) reporting_.record_arrival(at.now, plan);
+  if (!is_contract_action(plan.action)) reporting_.record_arrival(at.now, plan);
   const bool flies = plan.action == PlanAction::fly;
   // One that a brake drops counts all the same: by hand it may end.
   if (flies && session_.phase() == FlightPhase::flying) setpoints_.set_by_hand(plan.body_frame);
@@ -149,7 +149,7 @@ void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoin
 
   facts_.by_odometry = position_.is_by_odometry();
   facts_.fix_overdue = position_.is_fix_overdue();
-  facts_.sources_differ = position_.do_sources_differ();
+  facts_.sources_differ = position_.has_source_conflict();
   facts_.sources_unresolved = position_.are_sources_unresolved();
   facts_.motion_differs = position_.does_motion_differ();
   facts_.dark_since_ns = position_.dark_since_ns(at.now);

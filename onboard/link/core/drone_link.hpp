@@ -76,7 +76,7 @@ class DroneLink {
   bool is_too_near() const noexcept;
   void obey_failsafe(TimeNs now) noexcept;
   /// A hold with a usable position gets out of the wash of another that hovers above or below.
-  bool steps_aside() const noexcept { return failsafe_.mode == FailsafeMode::hold && setpoints_.is_to_part(); }
+  bool steps_aside() const noexcept { return failsafe_.mode == FailsafeMode::hold && setpoints_.should_step_aside(); }
   /// The newest pose is young enough to be steered by.
   bool is_placed(TimeNs now) const noexcept;
   void send_commands(const LinkMoment& at) noexcept;

@@ -7,8 +7,9 @@ namespace ledgerline::link {
 /// A landing of a flying drone that is requested, by its holder or by the failsafe, and not begun yet because another
 /// drone is below it (docs/failsafe.md, FS-64).
 ///
-///   none ──request()──▶ requested ──nobody below, or !is_in_time()──▶ the session lands it ──another phase: reset()──▶
-///   none
+///   none ──request()──▶ requested ──nobody below, or !is_in_time()──▶ the session lands it
+///     ▲                     └───────────── another phase: reset() ──────────────┘
+///     └─────────────────────────────────────────────────────────────────────────┘
 ///
 /// The first request starts the time; repeating it, or another reason to land, does not start it again. One thread.
 class LandingWait {

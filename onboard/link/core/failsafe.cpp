@@ -98,8 +98,8 @@ void remember_fence(const FenceSettings& fence, FailsafeState& memory, TimeNs no
 }
 
 // Why there is nothing to fly; none: there is a plan, or it ended only just now.
-FailsafeCause lack_of_plan(const FailsafeSettings& settings, const FailsafeState& memory, TimeNs now,
-                           const FailsafeFacts& facts) noexcept {
+FailsafeCause plan_gap_cause(const FailsafeSettings& settings, const FailsafeState& memory, TimeNs now,
+                             const FailsafeFacts& facts) noexcept {
   if (facts.plan_valid) return FailsafeCause::none;
   const TimeNs since = std::max(facts.covered_until_ns, facts.flying_since_ns);
   if (!hovers(memory.mode) && now - since < settings.hold_grace_ns) return FailsafeCause::none;
@@ -279,7 +279,7 @@ FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fenc
   at.position_uncertain = facts.needs_position && (facts.fix_overdue || uncertain(settings, memory, fence, facts));
   at.dark = facts.needs_position && facts.dark_since_ns != 0;
   at.sources_differ = facts.needs_position && facts.sources_differ;
-  at.no_plan = lack_of_plan(settings, memory, now, facts);
+  at.no_plan = plan_gap_cause(settings, memory, now, facts);
   remember_fence(fence_for(settings, fence, memory, now, facts), memory, now, facts, lost);
   if (facts.too_near) memory.too_near_ns = now;
   rest(at, memory);

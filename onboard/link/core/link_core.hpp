@@ -18,8 +18,8 @@ namespace ledgerline::link {
 class LinkCore {
  public:
   /// `boot_id`: random for each start; the shell or the simulated campaign's seed provides it. `starts`: link's recent
-  /// starts, including this one (starts.hpp): with SessionSettings::many_starts of them the first step commands every
-  /// drone to land. `local_stops`: as the link before this one left them (local_stops()).
+  /// starts, including this one (persistent_state.hpp): with SessionSettings::many_starts of them the first step
+  /// commands every drone to land. `local_stops`: as the link before this one left them (local_stops()).
   LinkCore(const LinkSettings& settings, std::uint64_t boot_id, int starts = 1, DroneSet local_stops = {});
 
   /// The outputs are valid until the next step.

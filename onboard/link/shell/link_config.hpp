@@ -21,8 +21,8 @@ struct ShellSettings {
   sockaddr_in state_listen{};
   std::string trace;        ///< empty: none
   std::string summary;      ///< empty: none
-  std::string starts;       ///< remembers link's last starts (starts.hpp); empty: nobody does
-  std::string local_stops;  ///< remembers the local stops (local_stops.hpp); empty: nobody does
+  std::string starts;       ///< remembers link's last starts (persistent_state.hpp); empty: nobody does
+  std::string local_stops;  ///< remembers the local stops (persistent_state.hpp); empty: nobody does
   std::int64_t status_period_ms = 0;
   double loop_hz = 1000;
   int priority = 80;                        ///< SCHED_FIFO; 0: ordinary scheduling is wanted

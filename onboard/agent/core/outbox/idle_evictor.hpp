@@ -21,8 +21,7 @@ inline constexpr TimeNs usual_idle_ns = 600 * ns_per_s;
 ///
 ///     counting -> idle -> in flight -> committed: restarts the count, mostly nobody holds it now
 ///        ^          ^        |      -> refused by the contract: restarts the count
-///        |          +--------+ anything else, behind a back-off with jitter: ten calls within 30 s, then restarts the
-///        count
+///        |          +--------+ anything else, behind a back-off with jitter: ten calls in 30 s, then a new count
 ///        +- from anywhere: another lease, a command under it, the drone in the air or without state
 ///
 /// While the ledger is silent commands may be on their way: nothing is sent, nor before what came meanwhile has had

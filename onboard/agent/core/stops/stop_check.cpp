@@ -86,9 +86,9 @@ void CommandCheck::take_stop(TimeNs now, const StopEvent& said, const Stop& stop
   if (reported != nullptr) add_stop(record, *reported);
   if (!is_stopped_by(record, stop.stopper())) {
     if (said.again) return;
-    drone.heard = PendingStop{};
+    drone.pending_stop = PendingStop{};
     if (heard_stops_.empty() || heard_stops_.back() != said.tx.tx_id) heard_stops_.push_back(said.tx.tx_id);
-    if (heard_stops_.size() > max_heard_stops) heard_stops_.pop_front();
+    if (heard_stops_.size() > max_remembered_stops) heard_stops_.pop_front();
     ++unconfirmed_stops_;
     const bool validated = said.tx.creator_fits && !said.tx.by_flag && said.tx.problem.empty();
     out.unconfirmed.push_back({drone.name.number, said.signer.name, said.tx.code, validated});

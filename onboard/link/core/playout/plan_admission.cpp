@@ -15,7 +15,7 @@ bool plausible(const Setpoint& setpoint) noexcept {
 }  // namespace
 
 DropReason PlanAdmission::check(TimeNs now, const Plan& plan) const noexcept {
-  if (is_contract_word(plan.action)) return DropReason::none;
+  if (is_contract_action(plan.action)) return DropReason::none;
   if (any_ && (plan.epoch < newest_epoch_ || (plan.epoch == newest_epoch_ && plan.sequence <= newest_sequence_))) {
     return DropReason::out_of_order;
   }
@@ -41,7 +41,7 @@ DropReason PlanAdmission::admit(TimeNs now, const Plan& plan) noexcept {
     dropped(plan, reason);
     return reason;
   }
-  if (is_contract_word(plan.action)) return DropReason::none;
+  if (is_contract_action(plan.action)) return DropReason::none;
   any_ = true;
   newest_epoch_ = plan.epoch;
   newest_sequence_ = plan.sequence;

@@ -69,7 +69,7 @@ class SetpointPath {
   void set_verdict(const std::optional<Verdict>& verdict) noexcept { verdict_ = verdict; }
   const std::optional<Verdict>& verdict() const noexcept { return verdict_; }
   /// Another wants it out of the way.
-  bool is_to_part() const noexcept { return verdict_ && verdict_->kind == Verdict::Kind::part; }
+  bool should_step_aside() const noexcept { return verdict_ && verdict_->kind == Verdict::Kind::part; }
 
   void on_phase(TimeNs now, FlightPhase phase) noexcept;
   /// In every step that flies. True when it was sent something; then the caller may mark_applied().

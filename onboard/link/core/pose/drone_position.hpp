@@ -48,7 +48,7 @@ class DronePosition {
   /// It flies by mission pads, and has seen none for too long.
   bool is_fix_overdue() const noexcept { return source_ == PoseSource::pads && odometry_.overdue(); }
   /// Motion capture and its own velocity contradict each other: neither is used ...
-  bool do_sources_differ() const noexcept {
+  bool has_source_conflict() const noexcept {
     return source_check_.verdict() == SourceCheck::Verdict::differ || are_sources_unresolved();
   }
   /// ... and have for so long that nothing is left to fly by.

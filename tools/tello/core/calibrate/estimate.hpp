@@ -80,7 +80,7 @@ struct VelocityFit {
 /// same), R and C what rounding and a cast make of u on average, with noise of 0.03 m/s, and the bias (a slow error of
 /// the flow) each block's own, so that a drift says nothing of the scale. `cast` is fitted first, and is 1 or 0 then.
 /// It is v that errs. Gains of v and w behind one lag, without a cast, make a scale that is 6 to 59 % too large, for v
-/// is later than w. Standard deviations by leaving out one block after the other (jackknife), as in fit.hpp. Fails, in
+/// is later than w. Standard deviations by leaving out one block after the other (jackknife). Fails, in
 /// words, where `cast` is neither, the lag is longer, or the scale has an sd above 5 %. Core.
 Result<VelocityFit> fit_velocity(std::vector<VelocityBlock> blocks);
 
@@ -130,7 +130,7 @@ std::vector<double> changes_of(const Stretch& stretch, const std::vector<Measure
 /// How one kind of motion answers rc: rc 100 means `full_scale` (m/s, rad/s) ...
 struct Answering {
   Estimate full_scale;
-  Estimate lag_s, dead_s;  ///< ... by a first order with dead time (fit.hpp)
+  Estimate lag_s, dead_s;  ///< ... by a first order with dead time
 };
 
 /// What a calibration flight shows. Frames are REP 103's: forward, left, up, counter-clockwise. Standard deviations are

@@ -199,7 +199,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsAppliedUntilTheLedgerHasIt) {
   ASSERT_EQ(out_.submits.size(), 1U);
   EXPECT_EQ(out_.submits[0].call.function, "apply_stops");
   EXPECT_TRUE(out_.submits[0].urgent);
-  EXPECT_TRUE(core_.anything_under_way());
+  EXPECT_TRUE(core_.has_calls_in_flight());
   fabric::Outcome lost;
   lost.kind = Kind::invalidated;
   lost.code = 12;
@@ -209,7 +209,7 @@ TEST_F(AgentCoreTest, AStopInABlockIsAppliedUntilTheLedgerHasIt) {
   commit(start + ns_per_s);
   core_.step(start + 3 * ns_per_s, out_);
   EXPECT_EQ(out_.submits.size(), 2U);
-  EXPECT_FALSE(core_.anything_under_way());
+  EXPECT_FALSE(core_.has_calls_in_flight());
   EXPECT_EQ(core_.stop_applier().applied(), 1U);
 }
 
@@ -269,12 +269,12 @@ class IdleHolderTest : public AgentCoreTest {
 TEST_F(IdleHolderTest, LosesTheLeaseOnTheGroundAfterTheIdleTime) {
   EXPECT_EQ(until(start + usual_idle_ns, FlightPhase::on_ground), 0U);
   EXPECT_EQ(until(start + usual_idle_ns + ns_per_s, FlightPhase::landed), 1U);
-  ASSERT_TRUE(core_.anything_under_way());
+  ASSERT_TRUE(core_.has_calls_in_flight());
   core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), out_);
   ASSERT_EQ(out_.evictions.size(), 1U);
   EXPECT_EQ(out_.evictions[0].drone, "tello1");
   EXPECT_EQ(out_.evictions[0].ended, fabric::Repeat::Next::refused);
-  EXPECT_FALSE(core_.anything_under_way());
+  EXPECT_FALSE(core_.has_calls_in_flight());
 }
 
 TEST_F(IdleHolderTest, KeepsItInTheAirAndWithoutFreshState) {

@@ -518,7 +518,7 @@ TEST_F(CommandCheckTest, AfterAClearCommandsAreTakenAgain) {
   set_clears(cleared, testing::stop_of("tello1").stopper(), 1);
   const auto checked = give({control_event("clear_stop", cleared), command(good_plan(1))});
   ASSERT_EQ(checked.plans.size(), 2U);
-  EXPECT_TRUE(is_contract_word(checked.plans[0].action)) << "link is notified first";
+  EXPECT_TRUE(is_contract_action(checked.plans[0].action)) << "link is notified first";
   EXPECT_EQ(checked.plans[1].action, PlanAction::fly);
 }
 

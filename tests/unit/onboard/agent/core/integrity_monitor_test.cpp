@@ -175,11 +175,11 @@ TEST_F(IntegrityInCore, AnAlarmThatIsCommittedIsASignOfLifeAndItsEndFollows) {
   core_.on_violation(start, IntegrityViolation::stream, "x");
   ASSERT_TRUE(untrusted(start));
   const auto number = out_.submits.at(0).frame;
-  EXPECT_TRUE(core_.anything_under_way());
+  EXPECT_TRUE(core_.has_calls_in_flight());
   fabric::Outcome outcome;
   outcome.kind = Kind::committed;
   core_.on_outcome(start, number, outcome, out_);
-  EXPECT_FALSE(core_.anything_under_way());
+  EXPECT_FALSE(core_.has_calls_in_flight());
   EXPECT_TRUE(core_.ledger_alive(start));
   EXPECT_FALSE(untrusted(start + lasts));
   ASSERT_EQ(out_.submits.size(), 1U);

@@ -237,13 +237,13 @@ TEST(AgentTransitions, AtAnOrderlyEndStillGoWhenStatesDoNot) {
   AgentCore core(config, *registry);
   AgentOutputs out;
   core.stop_submitting();
-  EXPECT_FALSE(core.anything_under_way());
+  EXPECT_FALSE(core.has_calls_in_flight());
   core.on_transition(transition(1));
-  EXPECT_TRUE(core.anything_under_way());
+  EXPECT_TRUE(core.has_calls_in_flight());
   core.step(0, out);
   ASSERT_EQ(out.submits.size(), 1U);
   core.on_outcome(0, out.submits[0].frame, ended(Kind::committed), out);
-  EXPECT_FALSE(core.anything_under_way());
+  EXPECT_FALSE(core.has_calls_in_flight());
 }
 
 }  // namespace
