@@ -1,8 +1,8 @@
 /* A controller of your own in ground's place: plain C, so that any compiler and language can make one.
  *
- * A plug-in is a shared library with one function, ledgerline_controller(). Ground loads it (`./fly --controller my.so`,
- * or `[flight] controller` in ground.toml), as does `ledgerline fault run SCRIPT --controller my.so`. For each drone
- * create() is called once, when the drone stands ready for take-off:
+ * A plug-in is a shared library with one function, ledgerline_controller(). Ground loads it (`./fly --controller
+ * my.so`, or `[flight] controller` in ground.toml), as does `ledgerline fault run SCRIPT --controller my.so`. For each
+ * drone create() is called once, when the drone stands ready for take-off:
  *
  *     create -> observe, plan, observe, plan ... (hovers at the origin)
  *            -> start -> observe, plan ... (flies the path) -> destroy
@@ -91,7 +91,8 @@ typedef struct {
   /* Each state in flight, in their order. Several may come before the next plan(), or none. */
   void (*observe)(void* controller, const ledgerline_state* state);
   /* The plan that answers the newest state. It takes effect at `first_ns`, which never goes back; no setpoint may be
-   * sooner, nor later than `last_ns`. Before start() it should keep the drone over the first waypoint. Not 0: no plan. */
+   * sooner, nor later than `last_ns`. Before start() it should keep the drone over the first waypoint. Not 0: no plan.
+   */
   int (*plan)(void* controller, int64_t first_ns, int64_t last_ns, ledgerline_plan* plan);
   void (*destroy)(void* controller);
 } ledgerline_controller_v1;

@@ -7,8 +7,8 @@
 
 #include "chaincode/node/core/tx/block.hpp"
 #include "common/base/enum_count.hpp"
-#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "hil/netem/text_parse.hpp"

@@ -5,8 +5,8 @@
 #include <algorithm>
 
 #include "common/common.pb.h"
-#include "common/fabric/validation/channel_config.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 #include "tools/deployment/deployment.hpp"
