@@ -66,18 +66,18 @@ TEST(MissionApprovals, AreReadAgainForABlockThatChangesARole) {
 }
 
 TEST(MissionApprovals, WhatIsWantedOftenIsDoneAtOnceAndThenAtMostOnceInItsGap) {
-  Spaced spaced(ns_per_s);
-  EXPECT_FALSE(spaced.take(1));
-  spaced.want();
-  EXPECT_TRUE(spaced.take(1));
+  RateLimiter limiter(ns_per_s);
+  EXPECT_FALSE(limiter.take(1));
+  limiter.want();
+  EXPECT_TRUE(limiter.take(1));
   int done = 0;
   for (TimeNs now = 2; now < 10 * ns_per_s; now += ns_per_s / 100) {
-    spaced.want();
-    done += spaced.take(now);
+    limiter.want();
+    done += limiter.take(now);
   }
   EXPECT_EQ(done, 9);
-  EXPECT_TRUE(spaced.take(20 * ns_per_s)) << "the last one is not lost";
-  EXPECT_FALSE(spaced.take(30 * ns_per_s));
+  EXPECT_TRUE(limiter.take(20 * ns_per_s)) << "the last one is not lost";
+  EXPECT_FALSE(limiter.take(30 * ns_per_s));
 }
 
 TEST(MissionApprovals, AreReadAgainForABlockThatAnchorsTheirDigest) {

@@ -140,8 +140,8 @@ TEST_F(DelegateCheck, TheDelegateCommandsAndNobodyElse) {
 }
 
 TEST_F(DelegateCheck, ItsCommandsKeepTheHolderFromBeingIdle) {
-  EXPECT_EQ(command(station).heard, std::vector<DroneNumber>{1});
-  EXPECT_TRUE(command(holder).heard.empty());
+  EXPECT_EQ(command(station).commanded, std::vector<DroneNumber>{1});
+  EXPECT_TRUE(command(holder).commanded.empty());
 }
 
 TEST_F(DelegateCheck, OfAStoppedDroneItLandsAndNothingElse) {
