@@ -457,12 +457,13 @@ TEST(EncodeFrame, BytesOfAStateAreKnown) {
   EXPECT_EQ(bytes / states, 976U) << "1,219 with a pose in both messages and a battery each time";
 }
 
-TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedAndWithEvery16thState) {
+TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedWithEvery16thStateAndEachSecond) {
   Batcher batcher({}, {{1, "tello1"}}, 1);
   std::uint64_t sequence = 0;
-  TimeNs now = ns_per_s;
+  TimeNs now = ns_per_s, gap_ns = 50 * ns_per_ms;
   const auto sends_battery = [&](float charge, Kind end) {
-    now += 2 * ns_per_s;  // behind any back-off
+    now += gap_ns;
+    gap_ns = (end == Kind::committed ? 50 : 900) * ns_per_ms;  // behind the back-off
     auto s = sample(1, ++sequence, now);
     s.battery = charge;
     batcher.add(now, s);
@@ -479,6 +480,9 @@ TEST(Batcher, ABatteryIsSentWhenItChangesOrWasNotCommittedAndWithEvery16thState)
   EXPECT_TRUE(sends_battery(0.49F, Kind::invalidated)) << "that was not committed";
   EXPECT_TRUE(sends_battery(0.49F, Kind::committed));
   EXPECT_FALSE(sends_battery(0.49F, Kind::unavailable)) << "it had none to lose";
+  EXPECT_FALSE(sends_battery(0.49F, Kind::committed));
+  now += ns_per_s;
+  EXPECT_TRUE(sends_battery(0.49F, Kind::committed)) << "a second without";
   EXPECT_FALSE(sends_battery(0.49F, Kind::committed));
 }
 
