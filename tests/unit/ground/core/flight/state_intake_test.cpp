@@ -56,6 +56,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
   std::vector<DroneUpdate> news;
   const auto take = [&](std::uint64_t sequence, TimeNs pose_stamp_ns, std::optional<float> charge) {
     SetCall call;
+    call.set_stream(true);
     if (charge) {
       Asset& battery = *call.add_assets();
       battery.set_id("tello1/battery");
@@ -69,7 +70,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
     state.battery = 0.125F;  // link's own number is not sent
     add_state(call, "tello1", state);
     fabric::Transaction tx = event("set", call.SerializeAsString());
-    tx.event_payload.clear();  // as a stream's is
+    tx.event_payload.clear();
     const auto states = intake.take(tx, 0, news);
     EXPECT_EQ(states.size(), 1u);
     intake.accept(0, states.at(0).state, std::nullopt);
