@@ -133,7 +133,7 @@ Result<RenewedTls> RenewedTls::open(TlsFiles files) {
   TlsContext context;
   const auto own = load_server(files, context);
   if (!own) return own.error();
-  renewal.begin(own->certificate);
+  renewal.begin(*own);
   return RenewedTls(std::move(files), std::move(context), std::move(renewal));
 }
 

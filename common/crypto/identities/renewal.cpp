@@ -74,7 +74,7 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
                     "subject at a start alone",
                     printable(next.subject), printable(subject_))};
   // The one in use goes on to its end and behind it: what changed are the files beside it.
-  const bool in_use = next.not_after_s == not_after_s_;
+  const bool in_use = !in_use_pem_.empty() && found->certificate_pem == in_use_pem_;
   if (!in_use && now_s < next.not_before_s) {
     valid_from_s_ = next.not_before_s;
     return Error{fmt::format("it is not valid yet, for another {} s: it is taken then, or do the clocks differ?",
@@ -82,6 +82,7 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
   }
   if (!in_use && now_s > next.not_after_s) return Error{"it has ended already"};
   not_after_s_ = next.not_after_s;
+  in_use_pem_ = found->certificate_pem;
   reported_days_.reset();
   return done;
 }

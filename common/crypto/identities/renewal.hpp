@@ -52,7 +52,10 @@ class Renewal {
   /// taken(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
   std::optional<Result<Pair>> look_at(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
   /// In use now, whatever its dates are.
-  void begin(const Certificate& in_use) { not_after_s_ = in_use.not_after_s; }
+  void begin(const Pair& in_use) {
+    not_after_s_ = in_use.certificate.not_after_s;
+    in_use_pem_ = in_use.certificate_pem;
+  }
   /// What lies in these files now is about to be read, and is no news.
   void taken(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
 
@@ -86,6 +89,7 @@ class Renewal {
 
   std::string whose_, subject_;
   std::int64_t not_after_s_;
+  std::string in_use_pem_;  ///< empty: not known
   std::optional<std::int64_t> reported_days_;
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
   std::vector<Stamp> taken_, seen_;

@@ -62,6 +62,13 @@ TEST_F(RenewalOfACertificate, OneThatHasEndedOrNotBegunIsRefused) {
   EXPECT_NE(refusal(pair_of(issued("raven", 2)), now_s_ - 10 * day_s).find("not valid yet"), std::string::npos);
 }
 
+TEST_F(RenewalOfACertificate, TheOneInUseStaysTakenAtItsEndWhereOtherFilesChange) {
+  const Renewal::Pair own = pair_of(issued("raven", 2)).value();
+  renewal_.begin(own);
+  EXPECT_EQ(refusal(own, now_s_ + 3 * day_s), "taken");
+  EXPECT_EQ(refusal(pair_of(issued("raven", 2)), now_s_ + 3 * day_s), "it has ended already");
+}
+
 TEST_F(RenewalOfACertificate, OneThatIsNotValidYetIsDueOnceWhenItBecomesSo) {
   const auto next = pair_of(issued("raven", 100));
   const std::int64_t begins_s = next->certificate.not_before_s;
