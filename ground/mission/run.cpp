@@ -265,7 +265,8 @@ void MissionRun::look_behind(std::size_t drone, const DroneNow& seen) {
 void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
   if (part.found) return;
-  if (hovers(seen)) {
+  const bool is_late = now - recovering_since_ns_ > config_.find_ns;
+  if (hovers(seen) && (seen.battery_share || is_late)) {  // its charge comes with one of its next states
     part.found = true;
     part.paths = seen.paths;
     part.begun_at = part.reached;
@@ -274,7 +275,7 @@ void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
     landed.phase = DronePhase::landed;
     part.leg == Leg::landing ? look_behind(drone, landed) : lose(drone, with_why("it was found on the ground", seen));
     part.found = true;
-  } else if (now - recovering_since_ns_ > config_.find_ns) {
+  } else if (is_late) {
     lose(drone, with_why("it was not found in the air", seen));
   }
 }

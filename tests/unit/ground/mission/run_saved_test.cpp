@@ -86,6 +86,18 @@ TEST(MissionRestored, ItGoesOnWithTheRestOfEachPathInOneStepWhenAllAreFound) {
 }
 
 // Its battery, its corridors and the fence may be others than at its start.
+TEST(MissionRestored, OneWhoseChargeIsNotKnownYetIsWaitedFor) {
+  Killed flight(AfterRestart::go_on);
+  flight.rises("tello1");
+  flight.rises("tello2");
+  flight.drone("tello2").battery_share.reset();
+  flight.step(5);
+  EXPECT_THAT(flight.commands, IsEmpty()) << "the check would forbid what nobody knows";
+  flight.drone("tello2").battery_share = 0.8;
+  flight.step();
+  EXPECT_THAT(flight.commanded(), ElementsAre("tello1 path", "tello2 path"));
+}
+
 TEST(MissionRestored, WhatTheCheckForbidsByNowHoversUntilSomebodyResumes) {
   Killed flight(AfterRestart::go_on);
   flight.checked = Error{"tello1: its battery is for 20 s, its path takes 60 s"};
