@@ -207,7 +207,7 @@ Result<Streaming> streaming(CountingStub& stub, const std::string& prefix, const
       frames.emplace(key, std::move(*frame));
     }
     auto asset = get_streaming(old, *control, id, frames.at(key));
-    // A list has what can be read; who asks for the one id is told why it cannot.
+    // A list has what can be read; a question for this one id gets the error.
     if (!asset && old.unavailable()) continue;
     if (!asset) return asset.error();
     if (*asset) found.assets.emplace(id, std::move(**asset));

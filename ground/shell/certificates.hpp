@@ -10,7 +10,7 @@
 
 namespace ledgerline::ground {
 
-/// Ground's and agents' certificates: renewals are taken while it flies, and their ends are logged and told. The
+/// Ground's and agents' certificates: renewals are taken while it flies, and their ends are logged and reported. The
 /// flight's thread.
 class Certificates {
  public:

@@ -57,7 +57,7 @@ struct Server {
 };
 void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t place = 0);
 
-/// What a program is told of the ledger. Empty: nothing is said of it.
+/// How a program reaches the ledger. What is empty is left out of its config.
 struct LedgerAccess {
   Server peer;                               ///< of the own organisation
   std::string tls_certificate{}, tls_key{};  ///< that it shows to servers

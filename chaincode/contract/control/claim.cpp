@@ -14,7 +14,7 @@
 /// until its claimant's next such call, or until somebody of the drone's organisation who may claim says unclaim.
 ///
 /// A claim of the lease's holder, of whichever organisation, keeps off requests and denials alone: what they read lies
-/// under a key that nothing else reads. It loses to whoever takes the lease, and is over with it.
+/// under a key that nothing else reads. It loses to who takes the lease, and is over with it.
 ///
 /// What no claim keeps off are stops, which win against everything.
 namespace ledgerline::chaincode {

@@ -135,7 +135,7 @@ void Preflight::acquired() {
   for (DroneFacts& drone : facts_.drones) {
     if (!acquires(drone.name)) continue;
     drone.lease = checks::LeaseFacts{.drone = drone.name, .control = Control{}};
-    drone.lease->control->mutable_holder();  // we, whoever that is
+    drone.lease->control->mutable_holder();  // we, under any name
   }
 }
 
