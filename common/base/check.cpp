@@ -5,13 +5,6 @@ namespace {
 
 thread_local CheckLog* log_of_thread = nullptr;
 
-/// Folder and name: whole paths are those of the machine that built it.
-std::string_view short_path(std::string_view file) {
-  const auto name = file.rfind('/');
-  const auto folder = name == std::string_view::npos || name == 0 ? name : file.rfind('/', name - 1);
-  return folder == std::string_view::npos ? file : file.substr(folder + 1);
-}
-
 }  // namespace
 
 CheckScope::CheckScope(CheckLog& log) noexcept : outer_(log_of_thread) { log_of_thread = &log; }
@@ -19,7 +12,7 @@ CheckScope::~CheckScope() { log_of_thread = outer_; }
 
 bool check_failed(std::string_view file, int line, std::string_view condition, std::string_view meaning,
                   std::string_view names, const std::string& values) {
-  std::string text = fmt::format("{}:{}: {} ({})", short_path(file), line, meaning, condition);
+  std::string text = fmt::format("{}:{}: {} ({})", file, line, meaning, condition);
   if (!names.empty()) text += fmt::format(", {} = {}", names, values);
   if (log_of_thread == nullptr) throw CheckFailed(text);
   log_of_thread->add(std::move(text));

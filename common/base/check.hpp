@@ -7,7 +7,7 @@
 
 namespace ledgerline {
 
-/// What the program itself must keep does not hold: "access/access.cpp:312: a record keeps its owner
+/// What the program itself must keep does not hold: "access.cpp:312: a record keeps its owner
 /// (after.has_owner()), drone = tello1". Thrown by LEDGERLINE_CHECK. Who answers calls makes an error of it; elsewhere
 /// it ends the program with these words.
 class CheckFailed : public std::logic_error {
@@ -60,10 +60,10 @@ bool check(bool holds, const Report& report) {
 /// LEDGERLINE_CHECK(plan.until_ns > plan.from_ns, "a plan covers some time", plan.from_ns, plan.until_ns): what must
 /// hold where it is relied on, in release builds, too. Its value says whether it holds, for code under a CheckScope
 /// that cannot go on without. The values are of any type that fmt prints, and are read only when it fails.
-#define LEDGERLINE_CHECK(condition, meaning, ...)                                            \
-  ::ledgerline::check(static_cast<bool>(condition), [&] {                                    \
-    return ::ledgerline::check_failed(__FILE__, __LINE__, #condition, meaning, #__VA_ARGS__, \
-                                      ::ledgerline::check_values(__VA_ARGS__));              \
+#define LEDGERLINE_CHECK(condition, meaning, ...)                                                 \
+  ::ledgerline::check(static_cast<bool>(condition), [&] {                                         \
+    return ::ledgerline::check_failed(__FILE_NAME__, __LINE__, #condition, meaning, #__VA_ARGS__, \
+                                      ::ledgerline::check_values(__VA_ARGS__));                   \
   })
 
 }  // namespace ledgerline

@@ -7,7 +7,7 @@
 #include <set>
 #include <sstream>
 
-#include "common/dds/settings/reach.hpp"
+#include "common/dds/settings/ros_release.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"

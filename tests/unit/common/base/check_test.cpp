@@ -14,7 +14,7 @@ TEST(Check, SaysFilePlaceMeaningAndValues) {
     LEDGERLINE_CHECK(from < until, "a plan covers some time", from, until);
     FAIL() << "nothing was thrown";
   } catch (const CheckFailed& failed) {
-    EXPECT_THAT(failed.what(), MatchesRegex("base/check_test.cpp:[0-9]+: a plan covers some time \\(from < until\\), "
+    EXPECT_THAT(failed.what(), MatchesRegex("check_test.cpp:[0-9]+: a plan covers some time \\(from < until\\), "
                                             "from, until = 3, 2"));
   }
 }
