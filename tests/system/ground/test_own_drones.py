@@ -18,8 +18,8 @@ def test_a_short_square(tmp_path):
     text = printed(tmp_path)
     for well in (r"drone +tello1: 127\.0\.0\.2", r"battery +tello1: \d+ %", r"pose +tello1: /vrpn_mocap/tello1/pose, \d+ ms old",
                  r"lease +tello1: ours", r"fence +x -3 to 3, y -3 to 3, z 0 to 2 m", r"ledger +embedded: reached"):
-        assert re.search(r"  ok +" + well, text), text
-    assert re.search(r"  (ok|warning) +clock ", text), text
+        assert re.search(r"(?m)^ok +" + well, text), text
+    assert re.search(r"(?m)^(ok|warning) +clock ", text), text
     assert "no truth: a real drone" in text
     report = result(tmp_path)
     assert report["ok"] is True and report["asked"]["own_drones"] is True
