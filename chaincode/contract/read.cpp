@@ -68,10 +68,8 @@ class OldFrames {
       if (i == frames.read.size()) {
         if (frames.end) break;
         auto more = stub_.get_history(key, i, history_step);
-        if (!more) {
-          unavailable_ = true;
-          return more.error();
-        }
+        unavailable_ = !more;
+        if (!more) return more.error();
         frames.end = more->size() < history_step;
         looked_ += more->size();
         for (const KeyVersion& version : *more) {
@@ -85,7 +83,7 @@ class OldFrames {
     }
     return std::optional<Asset>{};
   }
-  /// The peer has no history, or does not give it.
+  /// The peer has no history, or did not give it when it was asked last.
   bool unavailable() const { return unavailable_; }
   /// How many were read.
   std::size_t looked() const { return looked_; }
@@ -208,9 +206,8 @@ Result<Streaming> streaming(CountingStub& stub, const std::string& prefix, const
     }
     auto asset = get_streaming(old, *control, id, frames.at(key));
     // A list has what can be read; a question for this one id gets the error.
-    if (!asset && old.unavailable()) continue;
-    if (!asset) return asset.error();
-    if (*asset) found.assets.emplace(id, std::move(**asset));
+    if (!asset && !old.unavailable()) return asset.error();
+    if (asset && *asset) found.assets.emplace(id, std::move(**asset));
     found.upto = id;
   }
   found.upto.reset();

@@ -11,7 +11,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/der.hpp"
 
-/// libcrypto's objects as owners. Inside common/crypto alone.
+/// OpenSSL's objects as owners, for sources that link it.
 namespace ledgerline::crypto {
 
 template <auto Free>

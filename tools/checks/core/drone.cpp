@@ -7,6 +7,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
+#include "onboard/link/core/watch/drone_watches.hpp"
 
 namespace ledgerline::checks {
 namespace {
@@ -14,8 +15,6 @@ namespace {
 // Enough for a flight of minutes and the way home; a Tello loses 1 % in eight seconds. A warning alone: link has the
 // limit that counts.
 constexpr double good_battery = 0.5;
-// On the ground nothing cools it, and users report Tellos that switched themselves off there (docs/sources.md).
-constexpr double warm_c = 85;
 // A Tello sends ten a second. Below half of that every second one is lost, and so are setpoints on the same Wi-Fi.
 constexpr double good_state_hz = 8, least_state_hz = 4;
 // Two poses within the time after which one counts as lost: with fewer a single lost one stops the flight.
@@ -27,8 +26,8 @@ constexpr double max_ahead_ms = 20, max_behind_ms = 1000;
 std::optional<Finding> assess_temperature(const DroneFacts& drone) {
   if (!drone.temperature_c) return std::nullopt;  // not every firmware says it
   const std::string degrees = fmt::format("{:.0f} degrees", *drone.temperature_c);
-  return *drone.temperature_c > warm_c ? found(Problem::drone_hot, "temperature", degrees)
-                                       : fine("temperature", degrees);
+  return *drone.temperature_c > link::HeatWatch::warm_c ? found(Problem::drone_hot, "temperature", degrees)
+                                                        : fine("temperature", degrees);
 }
 
 Finding assess_mocap(const FlightFacts& facts, const DroneFacts& drone) {

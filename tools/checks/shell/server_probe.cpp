@@ -20,21 +20,15 @@
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
+#include "common/crypto/openssl.hpp"
 #include "common/crypto/tls_policy.hpp"
 
 namespace ledgerline::checks {
 namespace {
 
-template <auto Free>
-struct Freed {
-  template <typename T>
-  void operator()(T* p) const {
-    Free(p);
-  }
-};
-using ContextPtr = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
-using SslPtr = std::unique_ptr<SSL, Freed<SSL_free>>;
-using AddressesPtr = std::unique_ptr<addrinfo, Freed<freeaddrinfo>>;
+using ContextPtr = std::unique_ptr<SSL_CTX, crypto::Freed<SSL_CTX_free>>;
+using SslPtr = std::unique_ptr<SSL, crypto::Freed<SSL_free>>;
+using AddressesPtr = std::unique_ptr<addrinfo, crypto::Freed<freeaddrinfo>>;
 
 class Socket {
  public:

@@ -1,4 +1,5 @@
 #include "common/crypto/tls_policy.hpp"
+#include "common/crypto/openssl.hpp"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -27,13 +28,6 @@
 namespace ledgerline::crypto {
 namespace {
 
-template <auto Free>
-struct Freed {
-  template <typename T>
-  void operator()(T* p) const {
-    Free(p);
-  }
-};
 using ContextPtr = std::unique_ptr<SSL_CTX, Freed<SSL_CTX_free>>;
 using SslPtr = std::unique_ptr<SSL, Freed<SSL_free>>;
 

@@ -16,19 +16,25 @@ StateSample sample(std::uint64_t boot, std::uint64_t sequence) {
   return state;
 }
 
-TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
-  const FlightConfig config = config_for(2);
+struct IntakeWorld {
+  explicit IntakeWorld(int drones) : config(config_for(drones)) {}
+
+  const FlightConfig config;
   FlightTransactions counters;
-  const LeaseBook leases(config, counters);
-  StateIntake intake(config, leases, counters);
-  intake.accept(1, sample(9, 5), ns_per_s);
+  const LeaseBook leases{config, counters};
+  StateIntake intake{config, leases, counters};
+};
+
+TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
+  IntakeWorld w(2);
+  w.intake.accept(1, sample(9, 5), ns_per_s);
   SetCall call;
   add_state(call, "tello1", sample(9, 1));
   add_state(call, "tello1", sample(9, 2));
   add_state(call, "tello2", sample(9, 5));
   add_state(call, "tello7", sample(9, 6));
   std::vector<DroneUpdate> news;
-  const auto states = intake.take(event("set", call.SerializeAsString()), 0, news);
+  const auto states = w.intake.take(event("set", call.SerializeAsString()), 0, news);
   ASSERT_EQ(states.size(), 2u);
   EXPECT_EQ(states[1].state.sequence, 2u);
   ASSERT_EQ(news.size(), 1u);
@@ -36,23 +42,17 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
 }
 
 TEST(StateIntake, AnotherBootIsNewAndASignOfLifeIsReported) {
-  const FlightConfig config = config_for(1);
-  FlightTransactions counters;
-  const LeaseBook leases(config, counters);
-  StateIntake intake(config, leases, counters);
-  intake.accept(0, sample(9, 5), ns_per_s);
-  EXPECT_FALSE(intake.is_new(0, sample(9, 5)));
-  EXPECT_TRUE(intake.is_new(0, sample(8, 1)));
-  intake.accept(0, sample(8, 1), std::nullopt);
-  EXPECT_EQ(intake.of(0).received_ns, ns_per_s) << "no sign of life";
-  EXPECT_EQ(intake.of(0).state.boot_id, 8u);
+  IntakeWorld w(1);
+  w.intake.accept(0, sample(9, 5), ns_per_s);
+  EXPECT_FALSE(w.intake.is_new(0, sample(9, 5)));
+  EXPECT_TRUE(w.intake.is_new(0, sample(8, 1)));
+  w.intake.accept(0, sample(8, 1), std::nullopt);
+  EXPECT_EQ(w.intake.of(0).received_ns, ns_per_s) << "no sign of life";
+  EXPECT_EQ(w.intake.of(0).state.boot_id, 8u);
 }
 
 TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
-  const FlightConfig config = config_for(1);
-  FlightTransactions counters;
-  const LeaseBook leases(config, counters);
-  StateIntake intake(config, leases, counters);
+  IntakeWorld w(1);
   std::vector<DroneUpdate> news;
   const auto take = [&](std::uint64_t sequence, TimeNs pose_stamp_ns, std::optional<float> charge) {
     SetCall call;
@@ -71,9 +71,9 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
     add_state(call, "tello1", state);
     fabric::Transaction tx = event("set", call.SerializeAsString());
     tx.event_payload.clear();
-    const auto states = intake.take(tx, 0, news);
+    const auto states = w.intake.take(tx, 0, news);
     EXPECT_EQ(states.size(), 1u);
-    intake.accept(0, states.at(0).state, std::nullopt);
+    w.intake.accept(0, states.at(0).state, std::nullopt);
     return states.at(0).state;
   };
   EXPECT_LT(take(1, 0, std::nullopt).battery, 0) << "who begins to read in the middle";
@@ -88,13 +88,10 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
 }
 
 TEST(StateIntake, WhatIsNoFrameIsCounted) {
-  const FlightConfig config = config_for(1);
-  FlightTransactions counters;
-  const LeaseBook leases(config, counters);
-  StateIntake intake(config, leases, counters);
+  IntakeWorld w(1);
   std::vector<DroneUpdate> news;
-  EXPECT_TRUE(intake.take(event("set", "\xff"), 0, news).empty());
-  EXPECT_EQ(counters.malformed, 1u);
+  EXPECT_TRUE(w.intake.take(event("set", "\xff"), 0, news).empty());
+  EXPECT_EQ(w.counters.malformed, 1u);
 }
 
 }  // namespace
