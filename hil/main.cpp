@@ -121,11 +121,11 @@ Status read_words(const Words& words, hil::SimulatedFlightConfig& config) {
   config.waypoints = std::move(course->waypoints);
   if (!words.ramp.empty()) {
     const auto read = ground::ramp_from(words.ramp);
-    if (!read) return Error{"--ramp: " + read.error().what};
+    if (!read) return Error{"--ramp: " + read.error().message};
     config.ramp = *read;
   }
   const auto added = hil::added_delay_from(words.delay);
-  if (!added) return Error{"--delay: " + added.error().what};
+  if (!added) return Error{"--delay: " + added.error().message};
   config.delays.added = *added;
   config.delays.added.agent_share = words.side == "both" ? 0.5 : words.side == "agent" ? 1.0 : 0.0;
   config.mode = words.mode == "local" ? hil::WorldConfig::Mode::local : hil::WorldConfig::Mode::ledger;

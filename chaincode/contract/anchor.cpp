@@ -11,7 +11,8 @@ namespace {
 Result<AnchorCall> read_anchor(const Arguments& call, const std::string& function) {
   AnchorCall asked;
   if (call.form == Arguments::Form::plain) return Error{function + ": give an AnchorCall in protobuf or JSON"};
-  if (Status status = parse_message(call.message, asked); !status) return Error{function + ": " + status.error().what};
+  if (Status status = parse_message(call.message, asked); !status)
+    return Error{function + ": " + status.error().message};
   if (asked.digest().size() != contract::digest_bytes) {
     return Error{function + ": digest has " + std::to_string(asked.digest().size()) + " bytes; a SHA-256 has " +
                  std::to_string(contract::digest_bytes)};
@@ -108,25 +109,25 @@ Status find_all(Stub& stub, const AnchorCall& asked, AnchorPage& page) {
 
 Response anchor(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::anchor);
-  if (!asked) return refuse(asked.error().what);
+  if (!asked) return refuse(asked.error().message);
   if (asked->signers_size() > 0 || !asked->organisation().empty() || !asked->bookmark().empty())
     return refuse("anchor: signers, organisation and bookmark are of verify alone; leave them out");
   // A key for each who anchors it: nobody is kept out, and nobody changes another's word.
   const std::string key = anchor_key(asked->digest(), stub.caller());
   for (const std::string& one : {key, anchor_key_before(asked->digest(), stub.caller())}) {
     const auto known = read_stored(stub, one);
-    if (!known) return refuse(known.error().what);
+    if (!known) return refuse(known.error().message);
     if (!*known) continue;
     return refuse("anchor: " + to_text(stub.caller()) + " has anchored this digest already; verify says when");
   }
-  if (Status status = write_record(stub, key, *asked); !status) return refuse(status.error().what);
+  if (Status status = write_record(stub, key, *asked); !status) return refuse(status.error().message);
   stub.set_event(contract::anchor, write_form(call, *asked));
   return {};
 }
 
 Response verify(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::verify);
-  if (!asked) return refuse(asked.error().what);
+  if (!asked) return refuse(asked.error().message);
   const auto signers = static_cast<std::size_t>(asked->signers_size());
   if (signers > contract::max_page_anchors) {
     return refuse("verify: it asks for " + std::to_string(signers) + " signers; the limit is " +
@@ -135,11 +136,11 @@ Response verify(Stub& stub, const Arguments& call) {
   if (signers > 0 && (!asked->organisation().empty() || !asked->bookmark().empty()))
     return refuse("verify: signers are answered all at once; leave organisation and bookmark out");
   if (!asked->organisation().empty()) {
-    if (Status status = check_id(asked->organisation()); !status) return refuse("verify: " + status.error().what);
+    if (Status status = check_id(asked->organisation()); !status) return refuse("verify: " + status.error().message);
   }
   AnchorPage page(stub);
   const Status found = signers > 0 ? find_signers(stub, *asked, page) : find_all(stub, *asked, page);
-  if (!found) return refuse(found.error().what);
+  if (!found) return refuse(found.error().message);
   return {200, {}, write_form(call, page.anchors)};
 }
 

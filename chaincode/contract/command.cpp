@@ -84,7 +84,7 @@ Status check_plan(Stub& stub, const DronePlan& plan, const std::string& organisa
 Response command(Stub& stub, const Arguments& call) {
   if (call.form == Arguments::Form::plain) return refuse("command: give plans in protobuf or JSON");
   CommandCall commands;
-  if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().what);
+  if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().message);
   if (commands.plans().empty()) return refuse("command: no plans");
   if (static_cast<std::size_t>(commands.plans_size()) > contract::max_call_assets) {
     return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
@@ -97,15 +97,15 @@ Response command(Stub& stub, const Arguments& call) {
   std::set<std::string> drones;
   Records<Lease> leases(stub);
   for (const DronePlan& plan : commands.plans()) {
-    if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().what);
+    if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().message);
     if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
     if (Status status = check_plan(stub, plan, organisation, leases); !status)
-      return refuse(plan.drone() + ": " + status.error().what);
+      return refuse(plan.drone() + ": " + status.error().message);
   }
   // Written without being read: commands never conflict with each other. The lease's acquire has made the key.
   const Status written =
       write_record(stub, command_key(organisation, stub.caller()), commands, contract::record_version);
-  if (!written) return refuse(written.error().what);
+  if (!written) return refuse(written.error().message);
   stub.set_event(contract::command, write_form(call, commands));
   return {};
 }

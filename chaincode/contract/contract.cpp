@@ -42,7 +42,7 @@ Response invoke(Stub& stub, const std::string& function, const std::vector<std::
   for (const Function& known : functions) {
     if (function != known.name) continue;
     const auto call = read_arguments(args);
-    if (!call) return refuse(function + ": " + call.error().what);
+    if (!call) return refuse(function + ": " + call.error().message);
     try {
       return known.run(stub, *call);
     } catch (const CheckFailed& failed) {  // nothing is written: the call's set is thrown away with its answer

@@ -114,17 +114,17 @@ Result<std::vector<std::string>> keys_of(Stub& stub, const std::string& id) {
 
 Response get_history(Stub& stub, const Arguments& call) {
   const auto query = read_query(call);
-  if (!query) return refuse("history: " + query.error().what);
-  if (Status status = check_id(query->id()); !status) return refuse(status.error().what);
+  if (!query) return refuse("history: " + query.error().message);
+  if (Status status = check_id(query->id()); !status) return refuse(status.error().message);
   const auto keys = keys_of(stub, query->id());
-  if (!keys) return refuse(keys.error().what);
+  if (!keys) return refuse(keys.error().message);
   std::vector<KeyReader> sources;
   for (const std::string& key : *keys) sources.emplace_back(stub, key, query->id());
   std::size_t from = 0;
   for (std::size_t i = 0; i < sources.size() && !query->bookmark().empty(); ++i) {
     const std::size_t to = query->bookmark().find('/', from);
     const std::string place = query->bookmark().substr(from, to - from);
-    if (Status status = sources[i].seek(place); !status) return refuse(query->id() + ": " + status.error().what);
+    if (Status status = sources[i].seek(place); !status) return refuse(query->id() + ": " + status.error().message);
     if (to == std::string::npos) break;
     from = to + 1;
   }
@@ -136,7 +136,7 @@ Response get_history(Stub& stub, const Arguments& call) {
     const Version* best = nullptr;
     for (KeyReader& source : sources) {
       const auto version = source.peek(budget);
-      if (!version) return refuse(version.error().what);
+      if (!version) return refuse(version.error().message);
       if (*version == nullptr && !source.at_end()) {
         newest = nullptr;  // the order is open until the budget of another call
         best = nullptr;

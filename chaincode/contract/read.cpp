@@ -304,21 +304,21 @@ class PageReader {
 
 Response get_assets(Stub& stub, const Arguments& call) {
   const auto query = read_query(call);
-  if (!query) return refuse("get: " + query.error().what);
+  if (!query) return refuse("get: " + query.error().message);
   const std::string& id = query->id();
   const bool all = id.empty() || id == "*";
   if (all || (id.size() > 2 && id.compare(id.size() - 2, 2, "/*") == 0)) {
     const std::string prefix = all ? "" : id.substr(0, id.size() - 1);
     if (!all) {
-      if (Status status = check_id(id.substr(0, id.size() - 2)); !status) return refuse(status.error().what);
+      if (Status status = check_id(id.substr(0, id.size() - 2)); !status) return refuse(status.error().message);
     }
     const auto page = PageReader(stub, call, prefix).read(query->bookmark());
-    if (!page) return refuse(page.error().what);
+    if (!page) return refuse(page.error().message);
     return {200, {}, write_assets(call, *page, false)};
   }
-  if (Status status = check_id(id); !status) return refuse(status.error().what);
+  if (Status status = check_id(id); !status) return refuse(status.error().message);
   auto asset = get_one(stub, id);
-  if (!asset) return refuse(asset.error().what);
+  if (!asset) return refuse(asset.error().message);
   if (!*asset) return refuse(id + ": not found");
   Assets answer;
   *answer.add_assets() = std::move(**asset);

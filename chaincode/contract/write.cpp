@@ -114,7 +114,7 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
 
 Response set_assets(Stub& stub, const Arguments& call) {
   auto set = read_set(call);
-  if (!set) return refuse(set.error().what);
+  if (!set) return refuse(set.error().message);
   if (set->assets().empty()) return refuse("set: no assets");
   if (static_cast<std::size_t>(set->assets_size()) > contract::max_call_assets) {
     return refuse("the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
@@ -122,11 +122,11 @@ Response set_assets(Stub& stub, const Arguments& call) {
   }
   Records<Host> hosts(stub);
   for (Asset& asset : *set->mutable_assets()) {
-    if (Status status = check_asset(asset); !status) return refuse(status.error().what);
-    if (Status status = check_owner(stub, asset.id(), hosts); !status) return refuse(status.error().what);
+    if (Status status = check_asset(asset); !status) return refuse(status.error().message);
+    if (Status status = check_owner(stub, asset.id(), hosts); !status) return refuse(status.error().message);
   }
   Status written = set->stream() ? write_frame(stub, *set, hosts) : write_own_keys(stub, *set, hosts);
-  if (!written) return refuse(written.error().what);
+  if (!written) return refuse(written.error().message);
   // A stream's event names it alone: the transaction has its call and what was written, and this would be a third copy.
   stub.set_event(contract::set, set->stream() ? std::string() : write_form(call, *set));
   return {};
@@ -138,29 +138,29 @@ Response delete_asset(Stub& stub, const Arguments& call) {
     if (call.names.size() != 1) return refuse("delete: give one id");
     target.set_id(call.names[0]);
   } else if (Status status = parse_message(call.message, target); !status) {
-    return refuse(status.error().what);
+    return refuse(status.error().message);
   }
   const std::string& id = target.id();
-  if (Status status = check_id(id); !status) return refuse(status.error().what);
+  if (Status status = check_id(id); !status) return refuse(status.error().message);
   Records<Host> hosts(stub);
-  if (Status status = check_owner(stub, id, hosts); !status) return refuse(status.error().what);
+  if (Status status = check_owner(stub, id, hosts); !status) return refuse(status.error().message);
 
   const auto streams = in_frame(stub, id, hosts);
-  if (!streams) return refuse(streams.error().what);
+  if (!streams) return refuse(streams.error().message);
   if (*streams) {
     // The frame itself is not touched: it is written 50 times a second. What is not in the list does not count.
     erase(*(*hosts.at(host_key(stub.caller())))->mutable_streams(), id);
-    if (Status status = hosts.write(); !status) return refuse(status.error().what);
+    if (Status status = hosts.write(); !status) return refuse(status.error().message);
   } else {
     auto stored = read_stored(stub, asset_key(id));
-    if (!stored) return refuse(stored.error().what);
+    if (!stored) return refuse(stored.error().message);
     if (!*stored || (*stored)->deleted()) return refuse(id + ": not found");
   }
   Asset tombstone;
   tombstone.set_id(id);
   tombstone.set_topic("/" + id);
   if (Status status = write_stored(stub, asset_key(id), {tombstone}, true); !status) {
-    return refuse(status.error().what);
+    return refuse(status.error().message);
   }
   stub.set_event(contract::delete_, write_form(call, target));
   return {};

@@ -43,7 +43,7 @@ Arguments arguments_of(const fabric::ChannelAndContract& where, const Definition
   return out;
 }
 
-bool says(const Error& error, const char* words) { return error.what.find(words) != std::string::npos; }
+bool says(const Error& error, const char* words) { return error.message.find(words) != std::string::npos; }
 
 }  // namespace
 

@@ -188,7 +188,7 @@ Status commit(const Options& options, Lifecycle& lifecycle) {
   if (Status s = lifecycle.commit(definition); !s) {
     const auto approvals = lifecycle.approvals(definition);
     if (!approvals) return s;
-    return Error{fmt::format("{}\n{} is approved by {}; not by {}", s.error().what, described(definition),
+    return Error{fmt::format("{}\n{} is approved by {}; not by {}", s.error().message, described(definition),
                              approvers(*approvals, true), approvers(*approvals, false))};
   }
   fmt::print("committed {}\n", described(definition));
@@ -219,7 +219,7 @@ Status status(const Options& options, Lifecycle& lifecycle) {
     out["installed"] = nlohmann::json::array();
     for (const Installed& one : *installed) out["installed"].push_back(one.package_id);
   } else {
-    out["installed_unknown"] = installed.error().what;  // an administrator's question
+    out["installed_unknown"] = installed.error().message;  // an administrator's question
   }
   const auto definition = wanted(options, *committed);
   const bool open = !*committed || (*committed)->definition.sequence < definition.sequence;
@@ -245,7 +245,7 @@ Status status(const Options& options, Lifecycle& lifecycle) {
   }
   for (const auto& one : out.value("installed", nlohmann::json::array()))
     fmt::print("installed   {}\n", one.get<std::string>());
-  if (!installed) fmt::print("installed   not known: {}\n", installed.error().what);
+  if (!installed) fmt::print("installed   not known: {}\n", installed.error().message);
   if (*committed) {
     const auto& it = out["committed"];
     fmt::print("committed   {}, approved by {}; not by {}\n", described((*committed)->definition),

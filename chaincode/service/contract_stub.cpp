@@ -16,7 +16,7 @@ Result<Caller> caller_of(const std::string& creator) {
   msp::SerializedIdentity identity;
   if (!identity.ParseFromString(creator)) return Error{"the creator is no SerializedIdentity"};
   const auto certificate = crypto::parse_certificate(identity.id_bytes());
-  if (!certificate) return Error{"the creator's certificate: " + certificate.error().what};
+  if (!certificate) return Error{"the creator's certificate: " + certificate.error().message};
   const bool admin =
       std::find(certificate->units.begin(), certificate->units.end(), "admin") != certificate->units.end();
   return Caller{{identity.mspid(), certificate->subject}, admin};
@@ -59,7 +59,7 @@ class ContractStub final : public Stub {
 
 shim::Response invoke_on_fabric(shim::Stub& stub) {
   auto caller = caller_of(stub.creator());
-  if (!caller) return {500, caller.error().what, {}};
+  if (!caller) return {500, caller.error().message, {}};
   ContractStub contract_stub(stub, std::move(*caller));
   const auto& args = stub.args();
   const std::string function = args.empty() ? "" : args.front();

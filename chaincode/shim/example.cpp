@@ -14,7 +14,7 @@ using namespace ledgerline;
 
 constexpr std::size_t max_listed = 1000;  // counters, and values of one, that an answer shows
 
-shim::Response refuse(const Error& why) { return {500, why.what, ""}; }
+shim::Response refuse(const Error& why) { return {500, why.message, ""}; }
 
 shim::Response add(shim::Stub& stub, const std::vector<std::string>& keys) {
   std::string counts;
@@ -69,9 +69,9 @@ int main() {
   sigaddset(&signals, SIGTERM);
   pthread_sigmask(SIG_BLOCK, &signals, nullptr);
   const auto options = shim::options_from_environment();
-  if (!options) return std::fprintf(stderr, "%s\n", options.error().what.c_str()), 2;
+  if (!options) return std::fprintf(stderr, "%s\n", options.error().message.c_str()), 2;
   const auto server = shim::Server::start(*options, count);
-  if (!server) return std::fprintf(stderr, "%s\n", server.error().what.c_str()), 1;
+  if (!server) return std::fprintf(stderr, "%s\n", server.error().message.c_str()), 1;
   std::printf("%s\n", (*server)->endpoint().c_str());
   std::fflush(stdout);
   int signal = 0;

@@ -102,8 +102,8 @@ class Service final : public protos::Chaincode::Service {
     grpc::Status end = grpc::Status::OK;
     for (protos::ChaincodeMessage message; stream->Read(&message);) {
       if (Status status = session->on_message(std::move(message)); !status) {
-        spdlog::warn("peer {}: {}", context->peer(), status.error().what);
-        end = {grpc::StatusCode::INVALID_ARGUMENT, status.error().what};
+        spdlog::warn("peer {}: {}", context->peer(), status.error().message);
+        end = {grpc::StatusCode::INVALID_ARGUMENT, status.error().message};
         break;
       }
     }

@@ -6,9 +6,16 @@
 
 namespace ledgerline {
 
-/// What went wrong, in words for a person: what happened, to which drone, file or key, and what to do.
+/// What a caller may have to decide by; everything else is `failed`.
+enum class ErrorCode {
+  failed,
+  cancelled,  ///< by the function that was called back
+};
+
+/// What went wrong. `message` is for a person: what happened, to which drone, file or key, and what to do.
 struct Error {
-  std::string what;
+  std::string message;
+  ErrorCode code = ErrorCode::failed;
 };
 
 /// A value or an Error; used across module edges instead of exceptions and bare bools.

@@ -117,7 +117,7 @@ Result<std::string> read_certificate_file(const std::string& path) {
   auto pem = read_file(path);
   if (!pem) return pem.error();
   if (const auto certificate = read_certificate(*pem); !certificate)
-    return Error{path + ": " + certificate.error().what};
+    return Error{path + ": " + certificate.error().message};
   return pem;
 }
 

@@ -161,7 +161,7 @@ class CachingRegistry final : public MspRegistry {
       validity.to_s = std::min(validity.to_s, link->not_after_s);
       if (i == 0) continue;
       if (Status s = check_lists(authorities, sk_X509_value(chain, i - 1), sk_X509_value(chain, i)); !s) {
-        return Error{"the supplied identity is not valid: " + s.error().what};
+        return Error{"the supplied identity is not valid: " + s.error().message};
       }
     }
     return validity;

@@ -91,7 +91,7 @@ Result<ParticipantPtr> Participant::create(const ParticipantOptions& options) {
   }
   const auto made = make_participant(domain, *reach, qos.get());
   if (!made) {
-    return Error{made.error().what + (options.security ? " (with DDS Security: look at its files, too)" : "")};
+    return Error{made.error().message + (options.security ? " (with DDS Security: look at its files, too)" : "")};
   }
   // The participant goes before its domain.
   ParticipantPtr participant(new Participant(made->handle), [own = made->domain](const Participant* p) { delete p; });

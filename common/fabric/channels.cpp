@@ -165,7 +165,7 @@ Result<std::vector<ClientConfig>> each_channel(const ClientConfig& ledger, const
     if (!out.empty()) one.config_block.clear();
     if (!table.config_block.empty()) {
       auto block = read_file(table.config_block);
-      if (!block) return Error{fmt::format("config_block of channel {}: {}", table.name, block.error().what)};
+      if (!block) return Error{fmt::format("config_block of channel {}: {}", table.name, block.error().message)};
       one.config_block = std::move(*block);
     }
     out.push_back(std::move(one));
@@ -178,7 +178,7 @@ std::string file_of_channel(const std::string& path, const Channels& channels, s
 }
 
 Error of_channel(const ClientConfig& config, const Error& why) {
-  return Error{fmt::format("channel {}: {}", config.where.channel, why.what)};
+  return Error{fmt::format("channel {}: {}", config.where.channel, why.message)};
 }
 
 bool is_channel_name(const std::string& name) {

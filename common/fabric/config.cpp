@@ -143,7 +143,7 @@ Result<ClientConfig> ledger_config(Config& config, std::chrono::milliseconds dea
   out.identity = std::move(*identity);
   if (config_block.empty()) return out;
   auto block = read_file(config_block);
-  if (!block) return Error{fmt::format("ledger.config_block: {}", block.error().what)};
+  if (!block) return Error{fmt::format("ledger.config_block: {}", block.error().message)};
   out.config_block = std::move(*block);
   return out;
 }
@@ -164,7 +164,7 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
   std::vector<crypto::MspRoot> roots;
   for (const auto& [id, path] : named) {
     auto pem = crypto::read_certificate_file(path);
-    if (!pem) return Error{fmt::format("[[msp]] {}: {}", id, pem.error().what)};
+    if (!pem) return Error{fmt::format("[[msp]] {}: {}", id, pem.error().message)};
     roots.push_back({id, std::move(*pem)});
   }
   return crypto::make_msp_registry(verifier, std::move(roots));

@@ -63,7 +63,7 @@ int submit(Client& client, fabric::Call call) {
 
 int evaluate(Client& client, fabric::Call call) {
   const auto answer = client.evaluate(std::move(call));
-  if (!answer) return std::fprintf(stderr, "%s\n", answer.error().what.c_str()), 1;
+  if (!answer) return std::fprintf(stderr, "%s\n", answer.error().message.c_str()), 1;
   std::printf("%s\n", answer->c_str());
   return 0;
 }
@@ -101,7 +101,7 @@ int main(int argc, char** argv) {
   const std::vector<std::string> words(argv + 1, argv + argc);
   if (words.size() < 6) return std::fprintf(stderr, "see the head of example.cpp for its arguments\n"), 2;
   auto identity = crypto::load_identity(crypto::Library::libcrypto, words[2], words[3]);
-  if (!identity) return std::fprintf(stderr, "%s\n", identity.error().what.c_str()), 1;
+  if (!identity) return std::fprintf(stderr, "%s\n", identity.error().message.c_str()), 1;
   fabric::ClientConfig config;
   config.endpoint = words[0];
   config.tls_ca_file = words[1];
@@ -109,7 +109,7 @@ int main(int argc, char** argv) {
   config.where.channel = from_environment("LEDGER_CHANNEL", config.where.channel);
   config.where.contract = from_environment("LEDGER_CONTRACT", config.where.contract);
   const auto client = Client::create(std::move(config));
-  if (!client) return std::fprintf(stderr, "%s\n", client.error().what.c_str()), 1;
+  if (!client) return std::fprintf(stderr, "%s\n", client.error().message.c_str()), 1;
 
   fabric::Call call{words[5], {words.begin() + 6, words.end()}};
   if (words[4] == "submit") return submit(**client, std::move(call));

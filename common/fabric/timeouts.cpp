@@ -24,7 +24,7 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
 Result<TimeNs> added_timeout(const ClientConfig& config) {
   if (!config.timeouts_of_channel) return TimeNs{0};
   const auto channel = channel_of(config);
-  if (!channel) return Error{"ledger.timeouts: the channel's settings are not known: " + channel.error().what};
+  if (!channel) return Error{"ledger.timeouts: the channel's settings are not known: " + channel.error().message};
   if (!channel->batching) return Error{"ledger.timeouts: the channel's configuration has no BatchTimeout"};
   const TimeNs both_ns = both_ways_ns(channel->batching->timeout_ns, channel->batching->max_messages);
   spdlog::info(

@@ -15,7 +15,7 @@ std::string version_line(const std::string& program) {
 }
 
 int fail(const Error& error, int exit_code) {
-  spdlog::error("{}", error.what);
+  spdlog::error("{}", error.message);
   return exit_code;
 }
 

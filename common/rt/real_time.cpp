@@ -36,7 +36,7 @@ RealTime enter_real_time(int priority, int cpu) {
   if (priority > 0) {
     const Status fifo = schedule_fifo(priority);
     result.scheduled = fifo.ok();
-    if (!fifo) result.notices.push_back(fifo.error().what);
+    if (!fifo) result.notices.push_back(fifo.error().message);
     result.locked = ::mlockall(MCL_CURRENT | MCL_FUTURE) == 0;
     if (!result.locked) {
       result.notices.push_back(

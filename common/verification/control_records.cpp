@@ -38,7 +38,7 @@ Result<Control> read_control(const std::string& drone, const Evaluate& evaluate)
   QueryCall query;
   query.set_id("control/" + drone);
   const auto answer = evaluate({.function = contract::get, .args = {query.SerializeAsString()}});
-  if (!answer) return Error{fmt::format("control/{}: {}", drone, answer.error().what)};
+  if (!answer) return Error{fmt::format("control/{}: {}", drone, answer.error().message)};
   Assets assets;
   Control control;
   if (auto status = parse_message(*answer, assets); !status) return status.error();

@@ -23,7 +23,7 @@ bool is_table_key(std::string_view id, const std::string& msp_id) {
 Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, Roles& roles) {
   bool there = false;
   std::size_t records = 0;
-  const Error enough{"enough"};
+  const Error enough{"enough", ErrorCode::cancelled};
   const Status status = read_all(std::string(kind) + msp_id, evaluate, [&](const Asset& asset) -> Status {
     if (++records > contract::role_tables) {  // what is behind them is none of the contract's
       roles.leave_out(msp_id);
@@ -41,14 +41,14 @@ Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, Ro
       roles.take({to_message({msp_id, entry.subject()}), entry.role()});
     return done;
   });
-  if (!status && status.error().what != enough.what) return status.error();
+  if (!status && status.error().code != ErrorCode::cancelled) return status.error();
   return there || roles.left_out().contains(msp_id);
 }
 
 /// Of organisations that have written no role since the version before.
 Status read_records_before(const Evaluate& evaluate, const Organisations& organisations, Roles& roles) {
   std::size_t records = 0;
-  const Error enough{"enough"};
+  const Error enough{"enough", ErrorCode::cancelled};
   const Status status = read_all("role", evaluate, [&](const Asset& asset) -> Status {
     if (++records > max_records_before) {
       for (const std::string& msp_id : organisations) roles.leave_out(msp_id);
@@ -60,7 +60,7 @@ Status read_records_before(const Evaluate& evaluate, const Organisations& organi
       roles.take({record.identity(), record.role()});
     return done;
   });
-  return status || status.error().what == enough.what ? Status(done) : status;
+  return status || status.error().code == ErrorCode::cancelled ? Status(done) : status;
 }
 
 }  // namespace
@@ -136,12 +136,12 @@ Result<Roles> read_roles(const Evaluate& evaluate, const Organisations& organisa
   for (const std::string& msp_id : organisations) {
     roles.follow(msp_id);
     const auto there = read_tables(evaluate, msp_id, roles);
-    if (!there) return Error{"the roles of " + msp_id + ": " + there.error().what};
+    if (!there) return Error{"the roles of " + msp_id + ": " + there.error().message};
     if (!*there) before.insert(msp_id);
   }
   if (before.empty()) return roles;
   if (const Status status = read_records_before(evaluate, before, roles); !status)
-    return Error{"the roles: " + status.error().what};
+    return Error{"the roles: " + status.error().message};
   return roles;
 }
 

@@ -38,7 +38,7 @@ void Channel::close() {
 Status Channel::read_controls() {
   const auto controls =
       verification::read_controls(names_, [this](const fabric::Call& c) { return client_->evaluate(c); });
-  if (!controls) return Error{label_ + controls.error().what};
+  if (!controls) return Error{label_ + controls.error().message};
   return set_controls(*controls);
 }
 
@@ -51,7 +51,7 @@ Status Channel::set_controls(const std::vector<Control>& controls) {
 
 Result<bool> Channel::take(const fabric::Block& block) {
   const auto next = control_start_.on_block(block);
-  if (!next) return Error{label_ + next.error().what};
+  if (!next) return Error{label_ + next.error().message};
   if (*next == verification::ControlStart::Next::read) {
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
       auto controls = verification::keep_reading_controls(
@@ -63,7 +63,7 @@ Result<bool> Channel::take(const fabric::Block& block) {
 }
 
 Result<std::vector<fabric::Block>> Channel::take(const ControlsRead& read) {
-  if (!read.controls) return Error{label_ + read.controls.error().what};
+  if (!read.controls) return Error{label_ + read.controls.error().message};
   std::vector<fabric::Block> held = control_start_.on_read();
   if (auto status = set_controls(*read.controls); !status) return status.error();
   return held;

@@ -45,7 +45,7 @@ Result<std::string> subject_of(const std::string& path) {
   std::ifstream file(path);
   const std::string pem((std::istreambuf_iterator<char>(file)), {});
   const auto certificate = crypto::parse_certificate(pem);
-  if (!certificate) return Error{path + ": " + certificate.error().what};
+  if (!certificate) return Error{path + ": " + certificate.error().message};
   return certificate->subject;
 }
 
@@ -183,7 +183,7 @@ Status print_anchors(fabric::Client& client, AnchorCall asked, const std::string
   Anchors all;
   for (int page = 0; page < max_pages; ++page) {
     const auto answer = client.evaluate({contract::verify, {asked.SerializeAsString()}});
-    if (!answer) return Error{fmt::format("{}: {}", contract::verify, answer.error().what)};
+    if (!answer) return Error{fmt::format("{}: {}", contract::verify, answer.error().message)};
     Anchors some;
     if (auto status = parse_message(*answer, some); !status) return status;
     asked.set_bookmark(some.bookmark());
@@ -211,7 +211,7 @@ Result<std::vector<Control>> read_records(fabric::Client& client, const Options&
 
 Status show_records(fabric::Client& client, const Options& options) {
   const auto controls = read_records(client, options);
-  if (!controls) return Error{fmt::format("{}: {}", show, controls.error().what)};
+  if (!controls) return Error{fmt::format("{}: {}", show, controls.error().message)};
   if (!options.json) return print_line(ground::control_table(*controls)), done;
   Controls all;
   for (const Control& control : *controls) *all.add_controls() = control;

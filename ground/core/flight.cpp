@@ -119,7 +119,7 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
   }
   drone.fresh = drone.commanded = false;
   if (const Status flown = drone.phases.check_takeoff(now_ns); !flown)
-    refuse(now_ns, index, "no take-off: " + flown.error().what, out);
+    refuse(now_ns, index, "no take-off: " + flown.error().message, out);
   if (const auto note = drone.phases.check_time(now_ns))
     out.notes.push_back(fmt::format("{}: {}", config_.drones[index].name, *note));
   if (drone.status.slowed_to_mps && !std::exchange(drone.slowed_said, true)) {
@@ -224,26 +224,26 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
                                                              : config_.manual ? ""
                                                                               : "landed by its pilot");
     // A stop comes from the ledger, no matter who flies.
-    if (!landed && !stop) refuse(now_ns, command.drone, "no landing: " + landed.error().what, out);
+    if (!landed && !stop) refuse(now_ns, command.drone, "no landing: " + landed.error().message, out);
   } else if (const Status ours = check_holder(command); !ours) {
     if (command.takeoff || command.order || command.pause || command.velocity)
-      refuse(now_ns, command.drone, ours.error().what, out);
+      refuse(now_ns, command.drone, ours.error().message, out);
     return;
   } else if ((command.takeoff || command.order) && stops_.pending(command.drone)) {
     refuse(now_ns, command.drone, "a stop of it is on its way to the ledger", out);
     return;
   } else if (command.takeoff) {
     if (const Status taken = drone.phases.take_off(now_ns, ending_); !taken)
-      refuse(now_ns, command.drone, "no take-off: " + taken.error().what, out);
+      refuse(now_ns, command.drone, "no take-off: " + taken.error().message, out);
   }
   if (command.order && !stop && !command.land) {
     const TimeNs delay_ns = timing_.of(command.drone).delay_ns;
     if (const Status taken = drone.phases.take_order(now_ns, *command.order, delay_ns); !taken)
-      refuse(now_ns, command.drone, taken.error().what, out);
+      refuse(now_ns, command.drone, taken.error().message, out);
   }
   if (command.pause && !stop && !command.land) {
     if (const Status taken = drone.phases.take_pause(now_ns); !taken)
-      refuse(now_ns, command.drone, taken.error().what, out);
+      refuse(now_ns, command.drone, taken.error().message, out);
   }
   PilotCounters& counters = drone.status.pilot;
   counters.replaced += command.replaced;

@@ -231,11 +231,11 @@ void Check::add_other(const DroneNow& now) {
 
 std::vector<Finding> Check::of(const Mission& mission) {
   if (const Status settings = check_settings(config_); !settings) {
-    add("", {}, "not checked: " + settings.error().what);
+    add("", {}, "not checked: " + settings.error().message);
     return findings_;
   }
   if (const Status bounds = check_bounds(mission); !bounds) {
-    add("", {}, bounds.error().what);
+    add("", {}, bounds.error().message);
     return findings_;
   }
   if (!config_.fence) add("", {}, "no fence is known here: nothing is held against it", false);

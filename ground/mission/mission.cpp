@@ -35,7 +35,7 @@ Status check_drone(const MissionDrone& drone) {
       return wrong(
           fmt::format(", waypoint {}: x and y must be from {} to {} m", i + 1, -max_coordinate_m, max_coordinate_m));
     if (const Status checked = motion::check_limits(waypoint); !checked)
-      return wrong(fmt::format(", waypoint {}: {}", i + 1, checked.error().what));
+      return wrong(fmt::format(", waypoint {}: {}", i + 1, checked.error().message));
     if (i > 0 && (waypoint.at_m - drone.waypoints[i - 1].at_m).norm() < motion::min_apart_m)
       return wrong(fmt::format(", waypoint {}: is closer than 1 cm to the one before", i + 1));
   }

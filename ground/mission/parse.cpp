@@ -34,7 +34,7 @@ Result<std::string> text_of(const json& object, const char* key) {
 
 Result<Eigen::Vector2d> start_from(const json& given) {
   const auto place = strict::waypoint_from(given);
-  if (!place) return Error{"start: " + place.error().what};
+  if (!place) return Error{"start: " + place.error().message};
   if (place->height_m || place->speed_mps) return Error{"start: is x and y alone"};
   return place->at_m;
 }
@@ -60,7 +60,7 @@ Result<MissionDrone> drone_from(const json& given) {
     return Error{fmt::format("waypoints must be a list of 1 to {}", motion::max_waypoints)};
   for (const json& one : *waypoints) {
     const auto waypoint = strict::waypoint_from(one);
-    if (!waypoint) return Error{fmt::format("waypoint {}: {}", drone.waypoints.size() + 1, waypoint.error().what)};
+    if (!waypoint) return Error{fmt::format("waypoint {}: {}", drone.waypoints.size() + 1, waypoint.error().message)};
     drone.waypoints.push_back(*waypoint);
   }
   return drone;
@@ -138,10 +138,10 @@ Result<Mission> mission_from_json(const json& given) {
     const std::size_t number = mission.drones.size() + 1;
     if (!one.is_object()) return Error{fmt::format("drone number {} must be an object", number)};
     auto drone_name = text_of(one, "drone");
-    if (!drone_name) return Error{fmt::format("drone number {}: {}", number, drone_name.error().what)};
+    if (!drone_name) return Error{fmt::format("drone number {}: {}", number, drone_name.error().message)};
     auto drone = drone_from(one);
     if (!drone) {
-      const std::string& what = drone.error().what;
+      const std::string& what = drone.error().message;
       return Error{fmt::format("drone {}{}{}", printable(*drone_name, max_name),
                                what.starts_with("waypoint ") ? ", " : ": ", what)};
     }
@@ -173,7 +173,7 @@ Result<Mission> mission_from_csv(std::string_view text, const std::string& name)
     } else {
       taken = reader.take(cells, *then, lines.number());
     }
-    if (!taken) return Error{fmt::format("line {}: {}", lines.number(), taken.error().what)};
+    if (!taken) return Error{fmt::format("line {}: {}", lines.number(), taken.error().message)};
   }
   if (!then) return Error{"the mission has no line"};
   return bounded(std::move(reader.mission));

@@ -293,14 +293,14 @@ void MissionRun::recover() {
   const Status missing = missing_approvals();
   std::string waits = config_.after_restart == AfterRestart::hover ? "the ground station was started again" : "";
   if (phase_ == RunPhase::taking_off) waits = "nobody takes off by itself after a restart";
-  if (!missing) waits = missing.error().what;
+  if (!missing) waits = missing.error().message;
   if (!waits.empty()) hold(waits);
   awaits_check_ = !paused_;
 }
 
 void MissionRun::go_on(const Status& checked) {
   if (!std::exchange(awaits_check_, false)) return;
-  if (!checked) return hold(checked.error().what);
+  if (!checked) return hold(checked.error().message);
   tell(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
 }
 

@@ -90,14 +90,14 @@ Result<SavedRun> saved_run_from(std::string_view text) {
   const auto parsed = strict::object_from(text, "the kept mission", saved_bounds);
   if (!parsed) return parsed.error();
   if (const Status keys = strict::only(*parsed, {"version", "mission", "phase", "paused", "why", "drones"}); !keys)
-    return wrong(keys.error().what);
+    return wrong(keys.error().message);
   if (parsed->value("version", json()) != version) return wrong(fmt::format("version must be {}", version));
   auto mission = mission_from_json(parsed->value("mission", json()));
-  if (!mission) return wrong(mission.error().what);
+  if (!mission) return wrong(mission.error().message);
   SavedRun saved{std::move(*mission), {}};
   sort_by_name(saved.mission);
   const auto phase = phase_from(parsed->value("phase", json()));
-  if (!phase) return wrong(phase.error().what);
+  if (!phase) return wrong(phase.error().message);
   const json paused = parsed->value("paused", json()), why = parsed->value("why", json());
   if (!paused.is_boolean() || !why.is_string()) return wrong("paused must be true or false, why a text");
   const json drones = parsed->value("drones", json());
@@ -105,7 +105,7 @@ Result<SavedRun> saved_run_from(std::string_view text) {
     return wrong(fmt::format("drones must be a list of {}", saved.mission.drones.size()));
   for (std::size_t i = 0; i < drones.size(); ++i) {
     const auto drone = drone_from(drones[i], saved.mission.drones[i]);
-    if (!drone) return wrong(fmt::format("drone number {}: {}", i + 1, drone.error().what));
+    if (!drone) return wrong(fmt::format("drone number {}: {}", i + 1, drone.error().message));
     saved.progress.drones.push_back(*drone);
   }
   saved.progress.phase = *phase;

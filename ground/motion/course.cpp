@@ -77,7 +77,7 @@ Result<std::vector<Waypoint>> waypoints_from_csv(const std::string& text, const 
     const auto cells = cells_of(lines.line());
     if (std::exchange(first, false) && is_heading(cells)) continue;
     const auto point = waypoint_of(cells, max_distance_m);
-    if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().what)};
+    if (!point) return Error{fmt::format("{}:{}: {}", file, number, point.error().message)};
     if (!points.empty() && (point->at_m - points.back().at_m).norm() < min_apart_m)
       return Error{fmt::format("{}:{}: closer than 1 cm to the point before", file, number)};
     if (points.size() == max_waypoints)
@@ -114,7 +114,7 @@ Status check_way(const std::vector<Waypoint>& way, const Eigen::Vector2d& from_m
     return Error{fmt::format("{} waypoints; 1 to {} may be", way.size(), max_waypoints)};
   for (std::size_t i = 0; i < way.size(); ++i) {
     if (const Status checked = check_from(way[i], from_m); !checked)
-      return Error{fmt::format("waypoint {} {}", i + 1, checked.error().what)};
+      return Error{fmt::format("waypoint {} {}", i + 1, checked.error().message)};
     if (i > 0 && (way[i].at_m - way[i - 1].at_m).norm() < min_apart_m)
       return Error{fmt::format("waypoint {} is closer than 1 cm to the one before", i + 1)};
   }

@@ -161,7 +161,7 @@ std::vector<Setpoint> PluginFollower::plan(std::uint64_t, TimeNs first_ns, std::
   guarded("plan", [&] { refused = table().plan(controller_, first_ns, last_ns, &answer); });
   if (refused != 0 || !check_) return {};
   if (const Status checked = check_plan(answer, first_ns, last_ns); !checked) {
-    wrong(checked.error().what);
+    wrong(checked.error().message);
     return {};
   }
   progress_m_ = std::min(answer.progress_m, end_m_);

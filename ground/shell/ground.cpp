@@ -83,10 +83,10 @@ Status Ground::start(const std::atomic<bool>& quit) {
   if (auto status = wait_for_block_streams(quit); !status) return status;
   for (const auto& channel : channels_) {
     if (const Status open = channel->connection(); !open) {  // behind its first block they are read anyway
-      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channel->label(), open.error().what);
+      spdlog::error("{}not reached: {}. Its drones are not flown until it is", channel->label(), open.error().message);
     } else if (auto status = channel->read_controls(); !status) {
       if (channels_.size() == 1) return status;
-      spdlog::error("{}: its drones are not flown until its records are read", status.error().what);
+      spdlog::error("{}: its drones are not flown until its records are read", status.error().message);
     }
   }
   if (missions_) {
@@ -104,7 +104,7 @@ Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
     for (const auto& channel : channels_) {
       const Status open = channel->connection();
       if (open && !first_ns) first_ns = monotonic_ns();
-      if (!open && all) all = Error{channel->label() + open.error().what};
+      if (!open && all) all = Error{channel->label() + open.error().message};
     }
     return first_ns && monotonic_ns() - *first_ns > others_wait_ns ? Status(done) : all;
   };
@@ -128,7 +128,7 @@ Status Ground::open_operators(const service::ServiceSettings& settings,
                                            [this](std::size_t who, bool in) {
                                              inbox_.put(Inbox::SessionChange{who, in});
                                            }});
-  if (!keys) return Error{"[service] operators: " + keys.error().what};
+  if (!keys) return Error{"[service] operators: " + keys.error().message};
   std::vector<verification::Evaluate> evaluate;
   for (const auto& channel : channels_)
     evaluate.push_back([&client = channel->urgent()](const fabric::Call& call) { return client.evaluate(call); });
@@ -259,7 +259,7 @@ Status Ground::dispatch(const Inbox::Event& event, std::vector<FlightInputs>& in
 // The other channels' drones must not lose their commander with it.
 void Ground::fail_channel(std::size_t channel, const Error& why) {
   lost_[channel] = true;
-  std::string words = why.what + ". Its drones are asked to land, and are not flown any more";
+  std::string words = why.message + ". Its drones are asked to land, and are not flown any more";
   spdlog::error("{}", words);
   post_event(Level::alarm, "", std::move(words));
 }

@@ -26,7 +26,7 @@ constexpr const char* accepted = R"({"accepted":true})";
 
 ApiAnswer busy() { return refusal(503, "too many missions wait to be looked at: try again"); }
 ApiAnswer done_or(const Status& status) {
-  return status ? ApiAnswer{202, accepted} : refusal(409, status.error().what);
+  return status ? ApiAnswer{202, accepted} : refusal(409, status.error().message);
 }
 
 std::string bytes_of(const crypto::Digest& digest) { return {digest.begin(), digest.end()}; }
@@ -95,7 +95,7 @@ Status MissionService::restore() {
     const auto text = read_file(file.string());
     const auto id = text ? book_.restore(*text) : Result<std::string>(text.error());
     if (!id) {
-      spdlog::error("{} is no mission that was kept here: {}", file.string(), id.error().what);
+      spdlog::error("{} is no mission that was kept here: {}", file.string(), id.error().message);
       continue;
     }
     spdlog::info("mission {} ({}) is known from before", book_.mission(*id).name, *id);
@@ -115,9 +115,9 @@ void MissionService::ask(MissionAsk asked, Answer answer) {
 // On the worker.
 void MissionService::add(const MissionAsk& asked, const Answer& answer) {
   auto mission = asked.csv ? mission::mission_from_csv(asked.text, asked.name) : mission::mission_from_json(asked.text);
-  if (!mission) return answer(refusal(400, mission.error().what));
+  if (!mission) return answer(refusal(400, mission.error().message));
   auto run = mission::MissionRun::make(std::move(*mission), parts_.settings.run);
-  if (!run) return answer(refusal(400, run.error().what));
+  if (!run) return answer(refusal(400, run.error().message));
   const auto made = std::make_shared<mission::MissionRun>(std::move(*run));
   later([this, made, by = asked.by, answer] { take(std::move(*made), by, answer); });
 }
@@ -125,7 +125,7 @@ void MissionService::add(const MissionAsk& asked, const Answer& answer) {
 void MissionService::take(mission::MissionRun run, const std::optional<crypto::IdentityName>& by,
                           const Answer& answer) {
   const auto id = book_.add(std::move(run), by);
-  if (!id) return answer(refusal(409, id.error().what));
+  if (!id) return answer(refusal(409, id.error().message));
   keep(*id);
   read_signers(*id);
   check(book_.mission(*id), [this, id = *id, answer](Checked checked) {
@@ -157,7 +157,7 @@ void MissionService::read_signers(const std::string& id, std::function<void(cons
       if (signers) {
         book_.set_signers(id, *signers);
       } else {
-        spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().what);
+        spdlog::warn("mission {}: who approved it cannot be read yet: {}", id, signers.error().message);
         unread_.add(id, monotonic_ns());
       }
       if (then) then(signers ? Status(done) : Status(signers.error()));
@@ -210,7 +210,7 @@ void MissionService::answer_on_flight(const MissionAsk& asked, const Answer& ans
 void MissionService::fly(const mission::Mission& part, Begin begin, const MissionAsk& asked, const Answer& answer) {
   // Two persons are two now, not when they clicked: what counts is what the ledger says at the start.
   read_signers(asked.id, [this, part, begin, asked, answer](const Status& read) {
-    if (!read) return answer(refusal(503, "who approves it cannot be read now: " + read.error().what));
+    if (!read) return answer(refusal(503, "who approves it cannot be read now: " + read.error().message));
     check(part, [this, begin, asked, answer](const Checked& checked) {
       if (asked.who && !parts_.signed_in(*asked.who))  // he may have signed out while it was checked
         return answer(refusal(409, "the operator who requested it has signed out"));
@@ -231,7 +231,7 @@ void MissionService::anchor(const MissionAsk& asked, const Answer& answer) {
   call.what = approves ? terms_.approval_words(call.mission, now_s) : terms_.withdrawal_words(call.mission);
   if (asked.who) {
     const Status asked_now = parts_.sign(*asked.who, call);
-    return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().what));
+    return answer(asked_now ? ApiAnswer{202, accepted} : refusal(503, asked_now.error().message));
   }
   parts_.client.submit(service::contract_call(call, "", parts_.core.config().self),
                        [this, words = service::words_of(call)](const fabric::Outcome& outcome) {
@@ -276,7 +276,7 @@ void MissionService::keep(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
   const bool taken = disk_.post([file = file_of(id), text = book_.keep(id)] {
     if (const Status kept = replace_file(file, text, 0600); !kept)
-      spdlog::error("a mission is not kept: {}", kept.error().what);
+      spdlog::error("a mission is not kept: {}", kept.error().message);
   });
   if (!taken) spdlog::error("mission {} is not kept: too much waits for the disk", id);
 }
@@ -302,7 +302,7 @@ void MissionService::write_record(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
   const std::string file = fmt::format("{}/{}.record.json", parts_.settings.folder, id);
   const bool taken = disk_.post([file, text] {
-    if (const Status written = replace_file(file, text, 0644); !written) spdlog::error("{}", written.error().what);
+    if (const Status written = replace_file(file, text, 0644); !written) spdlog::error("{}", written.error().message);
   });
   if (!taken) spdlog::error("{} is not written: too much waits for the disk", file);
 }

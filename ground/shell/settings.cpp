@@ -28,7 +28,7 @@ void read_path(Config& config, FlightConfig& flight) {
     if (waypoints) {
       flight.waypoints = std::move(waypoints).value();
     } else {
-      config.wrong("flight.waypoints", "must be a file of waypoints: " + waypoints.error().what);
+      config.wrong("flight.waypoints", "must be a file of waypoints: " + waypoints.error().message);
     }
   } else if (!flight.manual) {
     flight.shape = *shape_from_name(shape);
@@ -85,7 +85,7 @@ void read_plugin(Config& config, FlightConfig& flight) {
   if (file.empty()) return;
   auto loaded = load_controller(file);
   if (!loaded) {
-    config.wrong("flight.controller", "must be a controller: " + loaded.error().what);
+    config.wrong("flight.controller", "must be a controller: " + loaded.error().message);
   } else if (flight.manual) {
     config.wrong("flight.controller", "must not be there with shape = \"manual\", which has no path");
   } else {
@@ -107,7 +107,7 @@ void read_task(Config& config, const std::string& key, FlightConfig& flight, Fli
     if (waypoints) {
       task.waypoints = std::move(waypoints).value();
     } else {
-      config.wrong(key + "waypoints", "must be a file of waypoints: " + waypoints.error().what);
+      config.wrong(key + "waypoints", "must be a file of waypoints: " + waypoints.error().message);
     }
   } else {
     task.shape = *shape_from_name(shape);

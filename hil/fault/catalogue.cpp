@@ -81,7 +81,7 @@ InMode in_mode(const std::vector<std::string>& examples, bool real, const RealSt
     if (const Status checked = check_example(example, real, stack); checked)
       mode.possible.push_back(example);
     else
-      mode.refused.emplace_back(example, checked.error().what);
+      mode.refused.emplace_back(example, checked.error().message);
   }
   return mode;
 }

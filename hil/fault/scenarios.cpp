@@ -70,7 +70,7 @@ Result<std::vector<std::string>> scripts_named(const std::vector<std::string>& n
       files.push_back(name);
     } else {
       const auto folder = scenario_folder(program_folder);
-      if (!folder) return Error{fmt::format("there is no file {}, and {}", name, folder.error().what)};
+      if (!folder) return Error{fmt::format("there is no file {}, and {}", name, folder.error().message)};
       const auto found = in_library(name, *folder);
       if (!found)
         return Error{

@@ -53,7 +53,7 @@ void read_course(Config& config, const std::string& prefix, const std::string& f
     if (points) {
       task.waypoints = std::move(*points);
     } else {
-      config.wrong(prefix + "waypoints", "must be rows \"x,y[,z[,speed]]\": " + points.error().what);
+      config.wrong(prefix + "waypoints", "must be rows \"x,y[,z[,speed]]\": " + points.error().message);
     }
     return;
   }
@@ -67,7 +67,7 @@ void read_course(Config& config, const std::string& prefix, const std::string& f
   if (course) {
     task.waypoints = std::move(course->waypoints);
   } else {
-    config.wrong(prefix + "shape", course.error().what);
+    config.wrong(prefix + "shape", course.error().message);
   }
 }
 
@@ -185,7 +185,7 @@ void which_tello(Config& config, const std::string& folder, WorldConfig& flight)
     if (day)
       flight.wifi = Impairment::RecordedLink{*day, wifi, 0};
     else
-      config.wrong("flight.wifi", day.error().what);
+      config.wrong("flight.wifi", day.error().message);
   }
   flight.battery = config.number({"flight.battery", "of every drone at the start, as a share"}, flight.battery, 0, 1);
   flight.keeps_rc = config.boolean(
@@ -202,7 +202,7 @@ void which_tello(Config& config, const std::string& folder, WorldConfig& flight)
           "")))
     flight.pads = std::move(*pads);
   else
-    config.wrong("flight.pads", pads.error().what);
+    config.wrong("flight.pads", pads.error().message);
 }
 
 // Of every script that does not say another one.
@@ -281,14 +281,14 @@ void read_fault(Config& config, const std::string& key, const std::vector<DroneF
   if (!fault) {
     // Which of the three it is: the one that is wrong alone.
     const std::string wrong = !parse_fault(what, "", "", real) ? "what" : !parse_trigger(at) ? "at" : "for";
-    config.wrong(key + wrong, fault.error().what);
+    config.wrong(key + wrong, fault.error().message);
   } else if (const auto tried = FaultSchedule::create({*fault}, drones); !tried) {
-    config.wrong(key + "what", tried.error().what);
+    config.wrong(key + "what", tried.error().message);
   } else if (fault->trigger.of_a_path() && !on_path) {
     config.wrong(key + "at", fmt::format("must be no moment of a path: in a flight of kind \"{}\" ground flies none",
                                          name_of(script.kind)));
   } else if (const Status works = fault->acts.check_flight(script.flight); !works) {
-    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, works.error().what));
+    config.wrong(key + "what", fmt::format("\"{}\" does nothing: {}", fault->text, works.error().message));
   } else {
     fault->optional = optional;
     script.faults.push_back(std::move(*fault));
@@ -298,7 +298,7 @@ void read_fault(Config& config, const std::string& key, const std::vector<DroneF
 void read_rule(Config& config, const std::string& sentence, bool faults, Script& script) {
   auto rule = parse_rule(sentence);
   if (!rule) {
-    config.wrong("must", rule.error().what);
+    config.wrong("must", rule.error().message);
     return;
   }
   if (rule->kind->needs_fault && !faults) {

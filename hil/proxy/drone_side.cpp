@@ -169,7 +169,7 @@ DroneSide::~DroneSide() {
 }
 
 void DroneSide::impair(Way way, const Impairment& impairment) {
-  if (const auto set = link_of(way).set(impairment); !set) spdlog::error("{}: {}", route_.name, set.error().what);
+  if (const auto set = link_of(way).set(impairment); !set) spdlog::error("{}: {}", route_.name, set.error().message);
 }
 
 void DroneSide::add_to(std::vector<pollfd>& polled) const {
@@ -238,7 +238,7 @@ DroneSide::Client* DroneSide::client_at(const sockaddr_in& address, TimeNs now) 
   }
   const auto back = bind_udp(place(source_, 0));
   if (!back) {
-    spdlog::error("{}: {}", route_.name, back.error().what);
+    spdlog::error("{}: {}", route_.name, back.error().message);
     ++too_many_clients_;
     return nullptr;
   }

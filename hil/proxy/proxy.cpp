@@ -99,7 +99,7 @@ Status Proxy::run_until_signal() {
   while (!stop_requested) {
     const TimeNs now = monotonic_ns();
     while (const auto command = script_.take(now - start_)) {
-      if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().what);
+      if (const auto acted = act(now, *command); !acted) spdlog::error("{}", acted.error().message);
     }
     polled_.clear();
     if (shared_) polled_.insert(polled_.end(), {{shared_->state(), POLLIN, 0}, {shared_->video(), POLLIN, 0}});

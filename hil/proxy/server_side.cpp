@@ -126,7 +126,7 @@ void ServerSide::impair(Way way, const Impairment& impairment) {
   (way == Way::to ? to_ : from_) = impairment;
   for (const auto& connection : connections_) {
     const auto set = (way == Way::to ? connection->to : connection->from).link.set(impairment);
-    if (!set) spdlog::error("{}: {}", route_.name, set.error().what);
+    if (!set) spdlog::error("{}: {}", route_.name, set.error().message);
   }
 }
 

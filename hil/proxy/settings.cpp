@@ -93,13 +93,13 @@ std::vector<ScriptedFault> read_faults(Config& config, const std::vector<Target>
     fault.command = config.text(table + "do");
     // One by one, so that the error names the line; what was switched before matters to none.
     const auto possible = Script::make({fault}, Switches(targets));
-    if (!fault.command.empty() && !possible) config.wrong(table + "do", possible.error().what);
+    if (!fault.command.empty() && !possible) config.wrong(table + "do", possible.error().message);
     all_possible = all_possible && possible;
     faults.push_back(std::move(fault));
   }
   std::size_t which = 0;
   const auto together = Script::make(faults, Switches(targets), &which);
-  if (all_possible && !together) config.wrong(fmt::format("fault.{}.do", which), together.error().what);
+  if (all_possible && !together) config.wrong(fmt::format("fault.{}.do", which), together.error().message);
   return faults;
 }
 

@@ -77,7 +77,7 @@ Status Switches::apply(std::string_view command) {
                        : first == "sdk"
                            ? apply_fault(sdk_, name, rest, parse_sdk_fault)
                            : apply_to(first == "drone" ? Target::Kind::drone : Target::Kind::server, name, rest);
-  if (!applied) return wrong(command, applied.error().what);
+  if (!applied) return wrong(command, applied.error().message);
   return done;
 }
 

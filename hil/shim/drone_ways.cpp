@@ -40,10 +40,10 @@ void DroneWays::set(const proxy::Switches& switches) {
          {std::pair(Way::to, proxy::Way::to), std::pair(Way::answers, proxy::Way::answers),
           std::pair(Way::state, proxy::Way::state)}) {
       if (const Status set = drone.link_of(way).set(switches.of(i, switched)); !set)
-        spdlog::error("{}", set.error().what);
+        spdlog::error("{}", set.error().message);
     }
     renew(drone.sensors, switches.sensors(i));
-    if (const Status set = sdk_.set(i, switches.sdk(i)); !set) spdlog::error("{}", set.error().what);
+    if (const Status set = sdk_.set(i, switches.sdk(i)); !set) spdlog::error("{}", set.error().message);
   }
 }
 

@@ -66,7 +66,7 @@ int main(int argc, char** argv) {
   std::signal(SIGTERM, [](int) { ended = true; });
   auto end = DronesEnd::open(argv[1]);
   if (!end) {
-    std::fprintf(stderr, "%s\n", end.error().what.c_str());
+    std::fprintf(stderr, "%s\n", end.error().message.c_str());
     return 1;
   }
   std::puts("ready");

@@ -57,7 +57,7 @@ bool BentWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
   const bool waited = wire_->wait(wake, signals_while_waiting);
   const TimeNs then = monotonic_ns();
   while (const auto command = script_.take(then - start_ns_)) {
-    if (const auto acted = act(*command); !acted) spdlog::error("{}", acted.error().what);
+    if (const auto acted = act(*command); !acted) spdlog::error("{}", acted.error().message);
   }
   if (socket_) {
     std::vector<pollfd> polled;

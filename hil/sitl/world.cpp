@@ -46,7 +46,7 @@ Status SimulatedWorld::set_up() {
 
 void SimulatedWorld::say(MissionWord word) {
   if (const Status said = ground_.say(word); !said)
-    note(WorldEvent::Kind::fault, 0, "the mission's operator is refused: " + said.error().what);
+    note(WorldEvent::Kind::fault, 0, "the mission's operator is refused: " + said.error().message);
 }
 
 void SimulatedWorld::say_control(Stopper who, std::size_t drone, ControlWord word) {

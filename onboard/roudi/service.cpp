@@ -59,7 +59,7 @@ int run(const std::string& summary_file) {
   const auto broker = Broker::start();
   if (!broker) return fail(broker.error());
   ::dprintf(results, "{\"ready\":true,\"program\":\"ledgerline-roudi\"}\n");
-  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().what);
+  if (auto status = manager->ready(); !status) spdlog::error("{}", status.error().message);
 
   LeakWatch watch(Broker::kept_by_publishers);
   const int signal = watch_leaks(signals, *broker, watch, results);

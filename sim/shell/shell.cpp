@@ -49,7 +49,7 @@ class MocapOutput {
     message_.orientation = pose.orientation;
     const auto sent = publishers_[pose.drone - 1u].publish(to_cdr(message_));
     if (!sent && !warned_) {
-      spdlog::warn("mocap of {}: {}", drone_name(options_, pose.drone), sent.error().what);
+      spdlog::warn("mocap of {}: {}", drone_name(options_, pose.drone), sent.error().message);
       warned_ = true;
     }
   }

@@ -132,7 +132,7 @@ int main(int argc, char** argv) {
   std::ifstream in(path, std::ios::binary);
   auto chain_audit = audit::ChainAudit::start({"teleop", first});
   if (!chain_audit) {
-    fmt::print(stderr, "{}\n", chain_audit.error().what);
+    fmt::print(stderr, "{}\n", chain_audit.error().message);
     return 1;
   }
   Checks checks;

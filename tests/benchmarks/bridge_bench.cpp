@@ -156,7 +156,7 @@ int main(int argc, char** argv) {
   for (const int per_call : {1, 20, 500}) {
     const auto f = measure_through_dds(domain, messages, per_call, size);
     if (!f) {
-      fmt::print(stderr, "{}\n", f.error().what);
+      fmt::print(stderr, "{}\n", f.error().message);
       return 1;
     }
     fmt::print("{:<10}{:>16}{:>20.2f}{:>22.2f}\n", "", per_call, f->written_us, f->carried_us);

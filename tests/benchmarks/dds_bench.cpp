@@ -88,7 +88,7 @@ double typed(const dds::ParticipantPtr& participant, std::uint64_t messages) {
 double raw(const dds::ParticipantPtr& participant, std::uint64_t messages) {
   auto reader = dds::RawReader::create(participant, topic, type, {},
                                        [](std::span<const std::uint8_t>, const dds::RawInfo&) { ++heard; });
-  if (!reader) throw std::runtime_error(reader.error().what);
+  if (!reader) throw std::runtime_error(reader.error().message);
   return measure(messages);
 }
 
@@ -118,7 +118,7 @@ int main(int argc, char** argv) {
   {
     auto participant = dds::Participant::create({.domain = domain});
     if (!participant) {
-      fmt::print(stderr, "{}\n", participant.error().what);
+      fmt::print(stderr, "{}\n", participant.error().message);
       return 1;
     }
     for (int i = 0; i < turns; ++i) {

@@ -28,7 +28,7 @@ void give_up(const std::string& why) {
 
 std::uint64_t grow(const std::string& dir, std::uint64_t height) {
   auto node = node::Node::open({dir, {}});
-  if (!node) give_up(node.error().what);
+  if (!node) give_up(node.error().message);
   const crypto::SigningIdentity user = user_of(dir);
   std::mutex mutex;
   std::condition_variable done;

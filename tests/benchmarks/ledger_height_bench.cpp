@@ -32,7 +32,7 @@ struct Running {
     config.tls_ca_file = dir + organisation + "/tlsca/tlsca.org1.ledgerline-cert.pem";
     config.identity = user_of(dir);
     auto made = fabric::Client::create(std::move(config));
-    if (!made) give_up(made.error().what);
+    if (!made) give_up(made.error().message);
     client = std::move(*made);
   }
 

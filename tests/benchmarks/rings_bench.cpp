@@ -126,7 +126,7 @@ int main(int argc, char** argv) {
 
   Child roudi;
   if (!roudi.start({roudi_program})) give_up("ledgerline-roudi does not start");
-  if (auto status = ipc::connect("bench-rings"); !status) give_up(status.error().what);
+  if (auto status = ipc::connect("bench-rings"); !status) give_up(status.error().message);
   auto link = ipc::LinkEnd::create();
   auto agent = ipc::AgentEnd::create();
   if (!link || !agent) give_up("no end of the shared memory");

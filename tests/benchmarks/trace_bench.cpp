@@ -72,7 +72,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   auto writer = TraceWriter::create(file);
   if (!writer) {
-    fmt::print(stderr, "{}\n", writer.error().what);
+    fmt::print(stderr, "{}\n", writer.error().message);
     return 1;
   }
   auto ring = std::make_unique<Ring>();

@@ -102,7 +102,7 @@ class Chain {
          .config_block = validates ? ledger_.chain[0] : std::string(),
          .make_registry = fabric::BlockValidator::registry_of(fabric::library),
          .likely_policy = [](const std::string& key) { return verification::likely_policy(key); }});
-    if (!intake) give_up(intake.error().what);
+    if (!intake) give_up(intake.error().message);
     intake->start_at(begin_);
     return std::move(*intake);
   }
@@ -159,7 +159,7 @@ class Chain {
                         one.signature()});
     }
     const auto decoded = fabric::decode_block(block.SerializeAsString());
-    if (!decoded) give_up(decoded.error().what);
+    if (!decoded) give_up(decoded.error().message);
     for (const fabric::Transaction& tx : decoded->transactions) {
       if (tx.code != 0) give_up(fmt::format("a transaction is flagged {}", tx.code));
       checks.push_back({verifier_of(tx.creator), tx.payload, tx.signature});
@@ -203,7 +203,7 @@ class Reader {
     }
     const TimeNs begin = cpu_ns();
     const auto block = intake_.take(step.block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
-    if (!block) give_up(block.error().what);
+    if (!block) give_up(block.error().message);
     const auto checked = check_->check(step.answered_ns, now_s_, *block);
     const TimeNs took_ns = cpu_ns() - begin;
     const std::size_t plans = step.kind == commands ? step.transactions : 0;

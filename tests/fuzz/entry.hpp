@@ -23,7 +23,7 @@ inline Outcome refused(std::string why) { return {Outcome::Verdict::refused, std
 inline Outcome dropped() { return {Outcome::Verdict::dropped, {}}; }
 template <typename T>
 Outcome outcome_of(const Result<T>& result) {
-  return result ? accepted() : refused(result.error().what);
+  return result ? accepted() : refused(result.error().message);
 }
 
 /// What an input is made of: which mutations get beyond the first check.

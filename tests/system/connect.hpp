@@ -18,7 +18,7 @@ namespace ledgerline {
 template <typename T>
 T or_end(const std::string& path, Result<T> made) {
   if (made) return std::move(*made);
-  std::fprintf(stderr, "%s: %s\n", path.c_str(), made.error().what.c_str());
+  std::fprintf(stderr, "%s: %s\n", path.c_str(), made.error().message.c_str());
   std::exit(1);
 }
 

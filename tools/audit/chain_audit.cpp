@@ -142,7 +142,8 @@ void ChainAudit::check_anchor(const common::Block& block) {
     if (next_ != 0 || orderers_) return;
     auto validator = fabric::BlockValidator::from(block.SerializeAsString(), trust_.channel, trust_.library);
     auto config = fabric::read_channel_config(block);
-    if (!validator || !config) return find(std::nullopt, "", validator ? config.error().what : validator.error().what);
+    if (!validator || !config)
+      return find(std::nullopt, "", validator ? config.error().message : validator.error().message);
     orderers_ = std::move(*validator);
     configure(*config);
     return;
@@ -154,7 +155,7 @@ void ChainAudit::check_anchor(const common::Block& block) {
       orderers_ = std::move(*validator);
       configure(*config);
     } else {
-      find(std::nullopt, "", validator ? config.error().what : validator.error().what);
+      find(std::nullopt, "", validator ? config.error().message : validator.error().message);
     }
   }
   if (next_ != anchor_number_) return;
@@ -173,7 +174,7 @@ void ChainAudit::validate_orderers(const common::Block& block) {
   }
   if (const Status status = orderers_->validate(block); !status) {
     const std::string prefix = fmt::format("block {}: ", block.header().number());
-    const std::string& what = status.error().what;
+    const std::string& what = status.error().message;
     find(std::nullopt, "", what.starts_with(prefix) ? what.substr(prefix.size()) : what);
   } else if (has_unsigned_bytes(block)) {
     find(std::nullopt, "", "there are bytes among its signatures that nobody has signed");
@@ -189,9 +190,9 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
   if (decoded) {
     tell(*decoded, verdicts);
   } else if (verdicts.size() == 1 && counts_.findings == found_before) {
-    find(0, verdicts[0].tx_id, decoded.error().what);
+    find(0, verdicts[0].tx_id, decoded.error().message);
   } else {
-    find(std::nullopt, "", decoded.error().what);
+    find(std::nullopt, "", decoded.error().message);
   }
   if (next_ > 0) state_.apply(next_, verdicts);
   counts_.transactions += verdicts.size();
@@ -236,7 +237,7 @@ void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::Verd
     const access::Caller creator = member ? access::Caller{(*member)->name, (*member)->admin}
                                           : access::Caller{{"", "nobody of the channel"}, false};
     const Status status = story_->take({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
-    if (!status) find(i, tx.tx_id, status.error().what);
+    if (!status) find(i, tx.tx_id, status.error().message);
   }
 }
 

@@ -73,9 +73,9 @@ Result<Plan> make_plan(const Options& options) {
 int run(const Options& options) {
   google::protobuf::SetLogHandler(nullptr);  // a line for each string that is no UTF-8: findings say what is wrong
   auto plan = make_plan(options);
-  if (!plan) return give_up(plan.error().what);
+  if (!plan) return give_up(plan.error().message);
   auto audit = ChainAudit::start(plan->trust);
-  if (!audit) return give_up("the trust anchor: " + audit.error().what);
+  if (!audit) return give_up("the trust anchor: " + audit.error().message);
   Status saved = done;
   const OnBlock on_block = [&](std::string_view block) {
     if (!options.save.empty() && saved) saved = save_block(options.save, audit->height(), block);
@@ -84,7 +84,7 @@ int run(const Options& options) {
   const std::chrono::milliseconds timeout(static_cast<int>(1e3 * options.timeout_s));
   const auto reading =
       plan->peer ? read_peer(std::move(*plan->peer), timeout, on_block) : read_copy(options.blocks, on_block);
-  if (!reading) return give_up(reading.error().what);
+  if (!reading) return give_up(reading.error().message);
   if (!reading->problem.empty()) audit->find_at_end(reading->problem);
   audit->end();
 
@@ -97,7 +97,7 @@ int run(const Options& options) {
     written = write_file(options.json, document.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   }
   if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
-  if (!written) return give_up(written.error().what);
+  if (!written) return give_up(written.error().message);
   return audit->counts().findings == 0 ? EXIT_SUCCESS : exit_found;
 }
 

@@ -106,13 +106,13 @@ Status prepare(Options& options) {
 /// `given`: the directory was, so it stays.
 int finish(const Status& status, const Options& options, bool given) {
   if (!status && stop_requests == 0) {
-    spdlog::error("{} (logs and ledgers are left in {})", status.error().what, options.place.dir.string());
+    spdlog::error("{} (logs and ledgers are left in {})", status.error().message, options.place.dir.string());
     return 1;
   }
   std::error_code error;
   for (const auto& entry : fs::directory_iterator(options.place.dir, error)) fs::remove_all(entry.path(), error);
   if (!given) fs::remove(options.place.dir, error);
-  if (!status) spdlog::error("{}", status.error().what);
+  if (!status) spdlog::error("{}", status.error().message);
   return status ? 0 : 1;
 }
 

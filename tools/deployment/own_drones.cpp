@@ -114,7 +114,7 @@ LedgerFile read_ledger_file(Config& config, const std::string& key, const std::s
   if (path.empty()) return out;
   auto file = Config::load(path);
   if (!file) {
-    config.wrong(key, file.error().what);
+    config.wrong(key, file.error().message);
     return out;
   }
   for (const char* table : {"ledger", "orderer", "endorser", "peer"}) out.tables += file->table_text(table);
@@ -124,11 +124,11 @@ LedgerFile read_ledger_file(Config& config, const std::string& key, const std::s
   out.files = {file->text("ledger.certificate", ""), file->text("ledger.private_key", "")};
   if (!msp_dir.empty()) {
     auto files = crypto::identity_files(msp_dir);
-    if (!files) config.wrong(key, path + ": " + files.error().what);
+    if (!files) config.wrong(key, path + ": " + files.error().message);
     if (files) out.files = std::move(*files);
   }
   for (const char* table : {"ledger", "orderer", "endorser", "peer", "msp"}) file->left_to_another(table);
-  if (auto status = file->finish(); !status) config.wrong(key, status.error().what);
+  if (auto status = file->finish(); !status) config.wrong(key, status.error().message);
   return out;
 }
 

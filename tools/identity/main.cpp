@@ -59,7 +59,7 @@ Result<Pair> made_in(const identity::Home& home) {
   auto pair = crypto::read_pair(*files);
   if (!pair) return pair.error();
   if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
-    return Error{"the authority's answer: " + fits.error().what};
+    return Error{"the authority's answer: " + fits.error().message};
   return pair;
 }
 
@@ -109,7 +109,7 @@ Status renew(Options& options) {
   if (!pair) return pair.error();
   crypto::Renewal renewal(options.place.text(), old->certificate.subject, old->certificate.not_after_s);
   if (Status checked = renewal.check(pair, unix_now_s()); !checked)
-    return Error{"the new certificate is not put in place: " + checked.error().what};
+    return Error{"the new certificate is not put in place: " + checked.error().message};
   if (Status placed = identity::put(options.place, *pair); !placed) return placed;
   return tell(*pair);
 }
@@ -142,7 +142,7 @@ Status revoke(Options& options) {
   const auto block = read_file(options.config_block);
   if (!block) return block.error();
   const auto update = fabric_network::revocation_update(*block, options.msp_id, *list);
-  if (!update) return Error{options.config_block + ": " + update.error().what};
+  if (!update) return Error{options.config_block + ": " + update.error().message};
   if (Status written = replace_file(options.update, *update); !written) return written;
   print_line(fmt::format("{}: for an administrator of {}: peer channel update -f {} -c CHANNEL -o ORDERER --tls ...",
                          options.update, options.msp_id, options.update));
@@ -159,12 +159,13 @@ Shown look(const std::string& what, const Place& place) {
   const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
   Shown shown{.what = what, .subject = {}, .problem = {}};
   if (!pair) {
-    shown.problem = pair.error().what;
+    shown.problem = pair.error().message;
     return shown;
   }
   shown.subject = printable(pair->certificate.subject);
   shown.days = crypto::days_left(pair->certificate.not_after_s, unix_now_s());
-  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits) shown.problem = fits.error().what;
+  if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
+    shown.problem = fits.error().message;
   return shown;
 }
 

@@ -133,7 +133,7 @@ void Launcher::take_line(const std::string& name, const std::string& line) {
 void Launcher::tell_page(const std::string& url) {
   auto token = read_file(files_.page_token());
   if (!token) {
-    live_.say(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().what));
+    live_.say(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().message));
     return;
   }
   while (token->ends_with('\n')) token->pop_back();
@@ -143,7 +143,7 @@ void Launcher::tell_page(const std::string& url) {
       fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}", url, files_.page_token()));
   if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
   if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
-    live_.say("Open the page yourself: " + opened.error().what);
+    live_.say("Open the page yourself: " + opened.error().message);
 }
 
 void Launcher::ended_early(const std::string& name) {
@@ -237,7 +237,7 @@ Status Launcher::wait_for_drones() {
     if (monotonic_ns() > until_ns) {
       live_.say(preflight_.list());
       return Error{
-          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().what)};
+          fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().message)};
     }
     children_.poll(watch_ns);
   }
@@ -279,7 +279,7 @@ std::string Launcher::ground_why() const {
 // For ledgerline-timing; the flight does not depend on it.
 void Launcher::write_usage(const timing::UsageRecord& usage) {
   const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
-  if (!written) live_.say(written.error().what);
+  if (!written) live_.say(written.error().message);
 }
 
 Status Launcher::fly() {
@@ -430,7 +430,7 @@ RunRecord Launcher::run() {
   Status status = start_all();
   if (status) status = fly();
   record_.ok = status.ok();
-  if (!status) record_.why = status.error().what;
+  if (!status) record_.why = status.error().message;
   stop_all(children_.ended_well(controller_));
   if (!children_.ended_well("roudi")) remove_roudi_leftovers();
   return record_;

@@ -96,12 +96,12 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
     const auto page = report::to_page(results, report::chart_js_file);
     const Status shown = page ? write_file(files.in("report.html"), *page) : Status(page.error());
     if (shown) std::cout << "  page: " << files.in("report.html") << "\n";
-    if (!shown) fmt::print(stderr, "fly: no page: {}\n", shown.error().what);
+    if (!shown) fmt::print(stderr, "fly: no page: {}\n", shown.error().message);
     if (written) written = shown;
   }
   std::cout.flush();
   if (!results.ok) return fail(results.why);
-  if (!written) return fail(written.error().what);
+  if (!written) return fail(written.error().message);
   return std::cout ? EXIT_SUCCESS : EXIT_FAILURE;
 }
 
@@ -115,7 +115,7 @@ int main(int argc, char** argv) {
   }
   fly::RunFiles files{fs::absolute(asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out))};
   const auto lock = fly::RunLock::take(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
-  if (!lock) return fail(lock.error().what);
+  if (!lock) return fail(lock.error().message);
 
   std::vector<std::string> notes;
   const auto problems = fly::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
@@ -135,10 +135,10 @@ int main(int argc, char** argv) {
   const std::string ledger = asked.options.tmpfs ? MemoryDirectory::path : files.in("ledger");
   std::unique_ptr<MemoryDirectory> memory;
   if (asked.options.tmpfs) {
-    if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().what);
+    if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().message);
   }
   const Status room = check_space(ledger, fly::min_ledger_bytes(asked.options), "the ledger of a flight");
-  if (!room) return fail(room.error().what);
+  if (!room) return fail(room.error().message);
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);
   return fly_and_report(asked.options, files);

@@ -53,7 +53,7 @@ Result<std::vector<MadeOperator>> make_operators(const RunFiles& files, const st
   std::vector<MadeOperator> all;
   for (const std::string& name : names) {
     auto made = make_operator(files, {*key, *certificate}, name);
-    if (!made) return Error{fmt::format("operator {}: {}", name, made.error().what)};
+    if (!made) return Error{fmt::format("operator {}: {}", name, made.error().message)};
     all.push_back(std::move(*made));
   }
   return all;

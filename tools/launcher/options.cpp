@@ -23,7 +23,7 @@ namespace {
 
 std::string check_duration(const std::string& text) {
   const auto duration = parse_duration(text);
-  return duration ? "" : duration.error().what;
+  return duration ? "" : duration.error().message;
 }
 
 constexpr const char* help_about =
@@ -80,7 +80,7 @@ void add_path_options(CommandLine& line, Options& o, Words& words) {
               "ID:X:Y[:DEGREES], in m and counter-clockwise from x, with commas between")
       .checked_by("PADS", [](const std::string& text) {
         const auto pads = sim::parse_pads(text);
-        return pads ? std::string() : pads.error().what;
+        return pads ? std::string() : pads.error().message;
       });
   line.option("--max-age", words.max_age, "Agent and link take no command made from an older state (default: 500ms)")
       .checked_by("TIME", check_duration);
@@ -295,7 +295,7 @@ Status take_tasks(const Words& words, Options& o) {
     if (drone > o.drones) return Error{fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones)};
     DroneTask task = task_of(o, drone);
     while (in >> word) {
-      if (auto taken = take_task_word(word, task); !taken) return Error{"--task: " + taken.error().what};
+      if (auto taken = take_task_word(word, task); !taken) return Error{"--task: " + taken.error().message};
     }
     o.tasks[drone] = std::move(task);
   }
@@ -306,7 +306,7 @@ Status take_tasks(const Words& words, Options& o) {
 Status take_path(const Words& words, Options& o) {
   if (o.manual) return done;
   auto course = ground::course_from(words.shape);
-  if (!course) return Error{"--shape: " + course.error().what};
+  if (!course) return Error{"--shape: " + course.error().message};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
   if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
@@ -314,11 +314,11 @@ Status take_path(const Words& words, Options& o) {
   // Own drones stand where their poses say, before take-off.
   if (!o.own) {
     const Status fits = check_path(o, link::FenceSettings{}, simulated_starts(o));
-    if (!fits) return Error{"--shape: " + fits.error().what};
+    if (!fits) return Error{"--shape: " + fits.error().message};
   }
   if (words.ramp.empty()) return done;
   const auto ramp = ground::ramp_from(words.ramp);
-  if (!ramp) return Error{"--ramp: " + ramp.error().what};
+  if (!ramp) return Error{"--ramp: " + ramp.error().message};
   o.ramp = *ramp;
   return done;
 }
@@ -327,17 +327,17 @@ Status take_path(const Words& words, Options& o) {
 Status take_deployment(const CommandLine& line, Words& words, Options& o) {
   if (words.deployment.empty()) return done;
   auto config = Config::load(words.deployment);
-  if (!config) return Error{"--deployment: " + config.error().what};
+  if (!config) return Error{"--deployment: " + config.error().message};
   if (!deployment::is_of_own_drones(*config)) {
     const auto host = deployment::read_one_host(*config);
-    if (!host) return Error{"--deployment: " + host.error().what};
+    if (!host) return Error{"--deployment: " + host.error().message};
     o.drones = host->drones;
     words.ledger = deployment::name_of(host->ledger);
     o.orderers = host->orderers;
     return done;
   }
   auto own = deployment::read_own_drones(*config);
-  if (!own) return Error{"--deployment: " + own.error().what};
+  if (!own) return Error{"--deployment: " + own.error().message};
   o.drones = static_cast<int>(own->drones.size());
   words.ledger = deployment::name_of(own->ledger);
   const deployment::OwnFlight& flight = own->flight;
@@ -401,7 +401,7 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
   asked.fly = taken.ok();
   if (!asked.fly) {
     asked.exit_code = exit_usage;
-    asked.text = taken.error().what + "\n";
+    asked.text = taken.error().message + "\n";
   }
   return asked;
 }

@@ -55,7 +55,7 @@ Result<std::string> read_lists(const std::vector<std::string>& files, const std:
     const auto pem = read_file(file);
     if (!pem) return pem.error();
     if (const auto lists = crypto::read_revocation_lists(*pem, roots); !lists)
-      return Error{fmt::format("{}: {}", file, lists.error().what)};
+      return Error{fmt::format("{}: {}", file, lists.error().message)};
     all += *pem + "\n";
   }
   return all;
@@ -82,8 +82,8 @@ Status check(const fabric::ReceiptVerifier& verifier, bool as_json, const std::s
     print_line(as_json ? receipt::json(*proven, now_s()) : receipt::words(*proven, now_s()));
     return done;
   }
-  if (as_json) print_line(nlohmann::json{{"proven", false}, {"why", proven.error().what}}.dump());
-  return Error{fmt::format("{}: nothing is proven: {}", name, proven.error().what)};
+  if (as_json) print_line(nlohmann::json{{"proven", false}, {"why", proven.error().message}}.dump());
+  return Error{fmt::format("{}: nothing is proven: {}", name, proven.error().message)};
 }
 
 Status check_all(const fabric::ReceiptVerifier& verifier, bool as_json, const std::vector<std::string>& files) {

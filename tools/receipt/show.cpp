@@ -172,7 +172,7 @@ std::string words(const fabric::Proven& proven, std::int64_t now_s) {
 std::string json(const fabric::Proven& proven, std::int64_t now_s) { return all_of(proven, now_s).dump(); }
 
 std::string line(const std::string& file, const Result<fabric::Proven>& proven) {
-  if (!proven) return fmt::format("{}: nothing is proven: {}", file, proven.error().what);
+  if (!proven) return fmt::format("{}: nothing is proven: {}", file, proven.error().message);
   return fmt::format("{}: proven: transaction {} in block {}: {}, by the word of peers of {} of {} organisations", file,
                      printable(proven->tx_id), proven->block, proven->verdict, proven->peers.size(),
                      proven->organisations);
@@ -180,7 +180,7 @@ std::string line(const std::string& file, const Result<fabric::Proven>& proven) 
 
 std::string json_line(const std::string& file, const Result<fabric::Proven>& proven, std::int64_t now_s) {
   nlohmann::json all =
-      proven ? all_of(*proven, now_s) : nlohmann::json{{"proven", false}, {"why", proven.error().what}};
+      proven ? all_of(*proven, now_s) : nlohmann::json{{"proven", false}, {"why", proven.error().message}};
   all["file"] = printable(file);
   return all.dump();
 }

@@ -47,7 +47,7 @@ int main(int argc, char** argv) {
     if (auto read = checks::read_config(program.name.substr(std::strlen("ledgerline-")), program.config))
       configs.push_back(std::move(*read));
     else
-      status.ledgers.push_back({.config = program.config, .channel = {}, .why = read.error().what});
+      status.ledgers.push_back({.config = program.config, .channel = {}, .why = read.error().message});
   }
   for (checks::ProgramConfig& config : checks::read_configs(dir, "").programs) configs.push_back(std::move(config));
   std::set<std::string> asked;

@@ -116,13 +116,13 @@ int calibrate(const Options& options) {
   const auto record = tello::fly_calibration({*address, options.interface, topic, *dds, options.repeat});
   if (!record) return fail(record.error());
   const auto calibration = tello::estimate(*record);
-  if (!calibration) return fail(Error{options.address + " is down, but: " + calibration.error().what});
+  if (!calibration) return fail(Error{options.address + " is down, but: " + calibration.error().message});
   const std::string text = tello::toml(*calibration);
   if (auto status = replace_file(options.out, text); !status) return fail(status.error());
   print_line(text);
   if (!calibration->velocity)
     spdlog::warn("What vgx and vgy are worth was not measured, so link's wide defaults count: {}",
-                 calibration->velocity.error().what);
+                 calibration->velocity.error().message);
   return 0;
 }
 

@@ -56,14 +56,14 @@ Figures figures_of(Recording& recording, const std::vector<Walk>& walks, const S
     const bool ended = usage->end.t_ns > usage->begin.t_ns;
     figures.load = load_between(usage->begin, ended ? usage->end : newest);
   } else {
-    fmt::print(stderr, "timing: CPU time is not known: {}\n", usage.error().what);
+    fmt::print(stderr, "timing: CPU time is not known: {}\n", usage.error().message);
   }
   return figures;
 }
 
 int lay_open(const Options& options, const std::vector<Limit>& limits, const Snapshot& newest) {
   Recording recording(options.directory);
-  if (auto status = recording.read_new(); !status) return fail(status.error().what);
+  if (auto status = recording.read_new(); !status) return fail(status.error().message);
   for (const auto& file : recording.missing())
     fmt::print(stderr, "timing: {} is missing: its stages are not measured\n", file);
   const std::vector<Walk> walks = recording.walks().take();
@@ -87,7 +87,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
       fmt::print(stderr, "timing: {} has the newest samples; {} are left out\n", options.perfetto, left_out);
   }
   std::cout.flush();
-  if (!written) return fail(written.error().what);
+  if (!written) return fail(written.error().message);
   return document["ok"].get<bool>() ? EXIT_SUCCESS : exit_limit;
 }
 
@@ -96,11 +96,11 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
   Recording recording(options.directory);
   std::deque<Walk> window;
   const auto usage = recording.usage();
-  if (!usage) return fail("no flight to follow: " + usage.error().what);
+  if (!usage) return fail("no flight to follow: " + usage.error().message);
   Snapshot before = usage->begin;
   const TimeNs until_ns = options.seconds > 0 ? monotonic_ns() + from_seconds(options.seconds) : INT64_MAX;
   while (!stop_requested && monotonic_ns() < until_ns) {
-    if (auto status = recording.read_new(); !status) return fail(status.error().what);
+    if (auto status = recording.read_new(); !status) return fail(status.error().message);
     const Snapshot now = read_snapshot(usage->programs);
     if (now.threads.empty()) break;
     const TimeNs newest_ns = now.t_ns - settled_after_ns;
@@ -147,7 +147,8 @@ int self_test(const Options& options) {
                         {"why_no_cyclictest", test.why_no_cyclictest},
                         {"steal_s", test.steal_s},
                         {"good", test.good()}};
-    if (auto written = write_file(options.json, document.dump(2) + "\n"); !written) return fail(written.error().what);
+    if (auto written = write_file(options.json, document.dump(2) + "\n"); !written)
+      return fail(written.error().message);
   }
   std::cout << (test.good() ? "  good enough for link\n" : "  NOT good enough for link: see docs/timing.md\n");
   return test.good() ? EXIT_SUCCESS : exit_limit;
@@ -161,7 +162,7 @@ int transports(const Options& options) {
   asked.priority = options.priority;
   asked.cpu = core_of(options);
   const auto runs = run_transports(asked);
-  if (!runs) return fail(runs.error().what);
+  if (!runs) return fail(runs.error().message);
   std::cout << to_table(*runs) << std::flush;
   if (options.json.empty()) return EXIT_SUCCESS;
   json document = to_json(*runs);
@@ -169,7 +170,7 @@ int transports(const Options& options) {
       {"drones", asked.drones}, {"pairs", asked.pairs}, {"seconds", asked.seconds}, {"cpu", asked.cpu}};
   document["machine"] = machine();
   const Status written = write_file(options.json, document.dump(2) + "\n");
-  return written ? EXIT_SUCCESS : fail(written.error().what);
+  return written ? EXIT_SUCCESS : fail(written.error().message);
 }
 
 constexpr const char* about =
@@ -224,7 +225,7 @@ int main(int argc, char** argv) {
   for (const std::string& text : o.limits) {
     auto limit = parse_limit(text);
     if (!limit) {
-      fmt::print(stderr, "timing: {}\n", limit.error().what);
+      fmt::print(stderr, "timing: {}\n", limit.error().message);
       return exit_usage;
     }
     limits.push_back(std::move(*limit));

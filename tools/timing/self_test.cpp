@@ -108,7 +108,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
   } else if (auto s = children.start(
                  {"cyclictest", cyclictest_command(file, asked, test.real_time), "/dev/stderr", SIGKILL});
              !s) {
-    test.why_no_cyclictest = s.error().what;
+    test.why_no_cyclictest = s.error().message;
   }
   const TimeNs until_ns = begin_ns + from_seconds(asked.seconds) + timeout_ns;
   while (!ended || (children.running("cyclictest") && monotonic_ns() < until_ns)) children.poll(50 * ns_per_ms);
@@ -124,7 +124,7 @@ SelfTest run_self_test(const SelfTestOptions& asked) {
   if (auto parsed = parse_cyclictest(output)) {
     test.cyclictest = std::move(*parsed);
   } else {
-    test.why_no_cyclictest = parsed.error().what;
+    test.why_no_cyclictest = parsed.error().message;
   }
   return test;
 }

@@ -52,20 +52,20 @@ Status write_holders_claim(Stub& stub, const std::string& drone, Role role, bool
 Response change_claims(Stub& stub, const Arguments& call, const std::string& function,
                        const std::function<Status(const std::string& drone)>& write) {
   const auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse(function + ": " + target.error().what);
+  if (!target) return refuse(function + ": " + target.error().message);
   const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().what);
+  if (!role) return refuse(role.error().message);
   Records<Host> hosts(stub);
   for (const std::string& drone : sorted_names(target->drones())) {
     Status status = check_drone_name(drone);
-    if (!status) return refuse(status.error().what);
+    if (!status) return refuse(status.error().message);
     const auto for_owner = claims_for_owner(stub, drone, *role, hosts);
     if (!for_owner) {
       status = for_owner.error();
     } else {
       status = *for_owner ? write(drone) : write_holders_claim(stub, drone, *role, function == contract::claim);
     }
-    if (!status) return refuse(drone + ": " + status.error().what);
+    if (!status) return refuse(drone + ": " + status.error().message);
   }
   stub.set_event(function, write_form(call, *target));
   return {};

@@ -190,21 +190,21 @@ Response change_controls(Stub& stub, const Arguments& call, const access::Call& 
   const access::Caller caller = caller_of(stub);
   access::RuleInputs inputs{.roles = {.all = true}, .new_epoch = 1};
   if (Status status = read_roles(stub, access::roles_needed(asked, caller), inputs.roles); !status)
-    return refuse(status.error().what);
+    return refuse(status.error().message);
   if (const auto why = access::check_call(asked, caller, inputs.roles))
     return refuse(asked.function + ": " + why->text);
   std::vector<ControlState> known;
   for (const std::string& drone : sorted_names(drones)) {
-    if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
+    if (Status status = check_drone_name(drone); !status) return refuse(status.error().message);
     auto control = read_control(stub, drone);
-    if (!control) return refuse(control.error().what);
+    if (!control) return refuse(control.error().message);
     if (!*control) return refuse(drone + ": " + access::not_enrolled_text());
     const Control& before = (*control)->message;
     const auto claimed = check_claims(stub, **control, asked.function, caller);
-    if (!claimed) return refuse(claimed.error().what);
+    if (!claimed) return refuse(claimed.error().message);
     if (*claimed) return refuse(drone + ": " + (*claimed)->text);
     if (Status status = read_roles(stub, access::roles_needed(asked, before), inputs.roles); !status)
-      return refuse(status.error().what);
+      return refuse(status.error().message);
     inputs.new_epoch = std::max(inputs.new_epoch, before.epoch() + 1);
     known.push_back(std::move(**control));
   }
@@ -213,9 +213,9 @@ Response change_controls(Stub& stub, const Arguments& call, const access::Call& 
   std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
   for (const ControlState& before : known) {
     const auto ends_own = end_claim(stub, before, asked.function);
-    if (!ends_own) return refuse(ends_own.error().what);
+    if (!ends_own) return refuse(ends_own.error().message);
     if (Status status = end_holders_claim(stub, before.message, asked.function); !status)
-      return refuse(status.error().what);
+      return refuse(status.error().message);
     Control control = before.message;
     if (!*ends_own || !has_nothing_to_do(before.message, asked.function)) {
       auto after = access::apply(before.message, asked, caller, inputs);
@@ -223,15 +223,15 @@ Response change_controls(Stub& stub, const Arguments& call, const access::Call& 
       control = std::get<Control>(std::move(after));
     }
     if (Status status = write_changes(stub, before.message, control, before.version); !status)
-      return refuse(status.error().what);
+      return refuse(status.error().message);
     if (Status status = follow(leases, before.message, control, new_pilots); !status)
-      return refuse(status.error().what);
+      return refuse(status.error().message);
     *all.add_controls() = std::move(control);
   }
   for (const auto& [keeper, commander] : new_pilots) {
-    if (Status status = make_pilot(stub, keeper, commander); !status) return refuse(status.error().what);
+    if (Status status = make_pilot(stub, keeper, commander); !status) return refuse(status.error().message);
   }
-  if (Status status = leases.write(); !status) return refuse(status.error().what);
+  if (Status status = leases.write(); !status) return refuse(status.error().message);
   const std::string payload = write_form(call, all);
   stub.set_event(asked.function, payload);
   return {200, {}, payload};

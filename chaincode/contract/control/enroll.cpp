@@ -44,7 +44,7 @@ Status add_name(Stub& stub, Records<Drones>& organisations, const Control& contr
 
 Status check_enrolment(Stub& stub, const EnrollCall& call) {
   if (Status status = check_identity("identity", call.identity()); !status)
-    return Error{"enroll: " + status.error().what};
+    return Error{"enroll: " + status.error().message};
   if (const auto why = access::check_call({contract::enroll, call}, caller_of(stub), {}))
     return Error{"enroll: " + why->text};
   if (call.drones().empty() && call.role() == ROLE_NONE) return Error{"enroll: name drones or a role"};
@@ -62,8 +62,8 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
 Response enroll(Stub& stub, const Arguments& call) {
   EnrollCall enrolment;
   if (call.form == Arguments::Form::plain) return refuse("enroll: give an EnrollCall in protobuf or JSON");
-  if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().what);
-  if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().what);
+  if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().message);
+  if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().message);
 
   const access::Call asked{contract::enroll, enrolment};
   const access::Caller caller = caller_of(stub);
@@ -71,14 +71,14 @@ Response enroll(Stub& stub, const Arguments& call) {
   Records<Host> hosts(stub);
   Records<Drones> organisations(stub);
   for (const std::string& drone : sorted_names(enrolment.drones())) {
-    if (Status status = check_drone_name(drone); !status) return refuse(status.error().what);
+    if (Status status = check_drone_name(drone); !status) return refuse(status.error().message);
     const auto old = read_control(stub, drone);
-    if (!old) return refuse(old.error().what);
+    if (!old) return refuse(old.error().message);
     Control before;
     before.set_drone(drone);
     if (*old) before = (*old)->message;
     const auto moved = move_streams(hosts, before, enrolment.identity());
-    if (!moved) return refuse(moved.error().what);
+    if (!moved) return refuse(moved.error().message);
     auto after = access::apply(before, asked, caller, {.roles = {.all = true}, .moves_streams = *moved});
     if (const auto* why = std::get_if<access::Refusal>(&after)) return refuse(drone + ": " + why->text);
     Control& control = *all.add_controls();
@@ -88,18 +88,18 @@ Response enroll(Stub& stub, const Arguments& call) {
     const std::string& keeper = enrolment.identity().msp_id();
     const Status written = *old ? write_record(stub, control_key(drone), stored_part(control), (*old)->version)
                                 : make_record(stub, control_key(drone), stored_part(control), keeper);
-    if (!written) return refuse(written.error().what);
+    if (!written) return refuse(written.error().message);
     if (*old) continue;
-    if (Status status = add_name(stub, organisations, control); !status) return refuse(status.error().what);
+    if (Status status = add_name(stub, organisations, control); !status) return refuse(status.error().message);
   }
   if (!enrolment.drones().empty()) {
     if (Status status = renew_host(stub, hosts, to_name(enrolment.identity())); !status)
-      return refuse(status.error().what);
+      return refuse(status.error().message);
   }
-  if (Status status = hosts.write(); !status) return refuse(status.error().what);
-  if (Status status = organisations.write(); !status) return refuse(status.error().what);
+  if (Status status = hosts.write(); !status) return refuse(status.error().message);
+  if (Status status = organisations.write(); !status) return refuse(status.error().message);
   if (Status status = write_role(stub, to_name(enrolment.identity()), enrolment.role()); !status)
-    return refuse("enroll: " + status.error().what);
+    return refuse("enroll: " + status.error().message);
   *all.mutable_identity() = enrolment.identity();
   all.set_role(enrolment.role());
   const std::string payload = write_form(call, all);
@@ -110,18 +110,19 @@ Response enroll(Stub& stub, const Arguments& call) {
 Response revoke(Stub& stub, const Arguments& call) {
   RevokeCall asked;
   if (call.form == Arguments::Form::plain) return refuse("revoke: give a RevokeCall in protobuf or JSON");
-  if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().what);
+  if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().message);
   const Identity& who = asked.identity();
-  if (Status status = check_identity("identity", who); !status) return refuse("revoke: " + status.error().what);
+  if (Status status = check_identity("identity", who); !status) return refuse("revoke: " + status.error().message);
   if (const auto why = access::check_call({contract::revoke, asked}, caller_of(stub), {}))
     return refuse("revoke: " + why->text);
-  if (Status status = write_role(stub, to_name(who), REVOKED); !status) return refuse("revoke: " + status.error().what);
+  if (Status status = write_role(stub, to_name(who), REVOKED); !status)
+    return refuse("revoke: " + status.error().message);
   Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
   const auto host = hosts.at(host_key(to_name(who)), who.msp_id());
-  if (!host) return refuse(host.error().what);
-  if (Status status = renew_host(stub, hosts, to_name(who)); !status) return refuse(status.error().what);
+  if (!host) return refuse(host.error().message);
+  if (Status status = renew_host(stub, hosts, to_name(who)); !status) return refuse(status.error().message);
   (*host)->clear_drones();
-  if (Status status = hosts.write(); !status) return refuse(status.error().what);
+  if (Status status = hosts.write(); !status) return refuse(status.error().message);
   Controls event;
   *event.mutable_identity() = who;
   event.set_role(REVOKED);

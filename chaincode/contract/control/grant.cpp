@@ -21,8 +21,8 @@ Status check_grant(const Grant& grant) {
 Response grant(Stub& stub, const Arguments& call) {
   if (call.form == Arguments::Form::plain) return refuse("grant: give a GrantCall in protobuf or JSON");
   const auto asked = read_drones<GrantCall>(call);
-  if (!asked) return refuse("grant: " + asked.error().what);
-  if (Status status = check_grant(asked->grant()); !status) return refuse("grant: " + status.error().what);
+  if (!asked) return refuse("grant: " + asked.error().message);
+  if (Status status = check_grant(asked->grant()); !status) return refuse("grant: " + status.error().message);
   return change_controls(stub, call, {contract::grant, *asked}, asked->drones());
 }
 

@@ -13,7 +13,7 @@ Error not_a_priority(const std::string& function) {
 /// acquire or request.
 Result<LeaseCall> read_lease_call(const Arguments& call, const std::string& function) {
   auto lease = read_drones<LeaseCall>(call);
-  if (!lease) return Error{function + ": " + lease.error().what};
+  if (!lease) return Error{function + ": " + lease.error().message};
   const std::string option = call.option("priority", "");
   if (!option.empty()) {
     if (option.size() > 9 || option.find_first_not_of("0123456789") != std::string::npos)
@@ -23,7 +23,7 @@ Result<LeaseCall> read_lease_call(const Arguments& call, const std::string& func
   if (lease->priority() > contract::max_priority) return not_a_priority(function);
   if (lease->has_delegate()) {
     if (Status status = check_identity("delegate", lease->delegate()); !status)
-      return Error{function + ": " + status.error().what};
+      return Error{function + ": " + status.error().message};
   }
   return lease;
 }
@@ -31,7 +31,7 @@ Result<LeaseCall> read_lease_call(const Arguments& call, const std::string& func
 /// acquire or request.
 Response change_lease(Stub& stub, const Arguments& call, const std::string& function) {
   const auto lease = read_lease_call(call, function);
-  if (!lease) return refuse(lease.error().what);
+  if (!lease) return refuse(lease.error().message);
   return change_controls(stub, call, {function, *lease}, lease->drones());
 }
 
@@ -39,7 +39,7 @@ Response change_lease(Stub& stub, const Arguments& call, const std::string& func
 Response answer(Stub& stub, const Arguments& call, const std::string& function) {
   if (call.form == Arguments::Form::plain) return refuse(function + ": give an AnswerCall in protobuf or JSON");
   const auto asked = read_drones<AnswerCall>(call);
-  if (!asked) return refuse(function + ": " + asked.error().what);
+  if (!asked) return refuse(function + ": " + asked.error().message);
   if (asked->to().msp_id().empty() || asked->to().subject().empty())
     return refuse(function + ": to needs mspId and subject");
   return change_controls(stub, call, {function, *asked}, asked->drones());
@@ -54,16 +54,16 @@ Response deny(Stub& stub, const Arguments& call) { return answer(stub, call, con
 
 Response release(Stub& stub, const Arguments& call) {
   const auto lease = read_drones<LeaseCall>(call);
-  if (!lease) return refuse("release: " + lease.error().what);
+  if (!lease) return refuse("release: " + lease.error().message);
   if (lease->has_delegate()) return refuse("release: a delegate is of acquire and request alone; leave it out");
   return change_controls(stub, call, {contract::release, *lease}, lease->drones());
 }
 
 Response evict(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse("evict: " + target.error().what);
+  if (!target) return refuse("evict: " + target.error().message);
   if (Status status = check_beside("epochs", target->epochs_size(), target->drones_size()); !status)
-    return refuse("evict: " + status.error().what);
+    return refuse("evict: " + status.error().message);
   return change_controls(stub, call, {contract::evict, *target}, target->drones());
 }
 

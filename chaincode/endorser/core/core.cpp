@@ -61,7 +61,7 @@ std::optional<node::Version> Core::defined_at() const { return definition_ ? def
 std::string Core::not_a_peer(const crypto::SigningIdentity& identity) const {
   const auto registry = setup_.make_registry(organisations_);
   const auto self = registry->member(identity.serialized, std::nullopt);
-  return !self ? self.error().what : (*self)->peer ? "" : "its certificate has not OU=peer";
+  return !self ? self.error().message : (*self)->peer ? "" : "its certificate has not OU=peer";
 }
 
 Status Core::renew(crypto::SigningIdentity next) {
@@ -138,7 +138,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     const bool valid = counts(transaction, block.number);
     if (transaction.config) {
       if (!valid) continue;
-      if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().what};
+      if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().message};
       config_block_ = raw;
       continue;
     }

@@ -26,7 +26,7 @@ Result<PeerSnapshot> read_first_state_folder(const FirstStateSettings& settings,
                                              const fabric::ChannelAndContract& where) {
   const auto refused = [](const std::string& why) { return Error{refused_first_state(why)}; };
   const auto folder = OwnedFolder::open(settings.folder);
-  if (!folder) return refused(folder.error().what);
+  if (!folder) return refused(folder.error().message);
   PeerSnapshotFiles files;
   for (const auto& [name, content] : {std::pair{file::description, &files.description},
                                       {file::description_hash, &files.description_hash},
@@ -35,11 +35,11 @@ Result<PeerSnapshot> read_first_state_folder(const FirstStateSettings& settings,
                                       {file::ids, &files.ids},
                                       {file::ids_count, &files.ids_count}}) {
     auto read = folder->read(std::string(name), max_file_bytes);
-    if (!read) return refused(read.error().what);
+    if (!read) return refused(read.error().message);
     *content = std::move(*read);
   }
   auto said = read_peer_snapshot(files, where, settings.hash);
-  if (!said) return refused(settings.folder + "/" + said.error().what);
+  if (!said) return refused(settings.folder + "/" + said.error().message);
   return said;
 }
 

@@ -121,7 +121,7 @@ Status Service::restore(const std::string& path, const fabric::ChannelAndContrac
   const Status restored = core_.restore(kept_.last->records);
   if (!restored || core_.height() != kept_.last->number + 1 || core_.hash() != kept_.last->hash)
     return Error{fmt::format("{}: {}; without it the chain is read from its first block", path,
-                             restored ? "its state is of another block" : restored.error().what)};
+                             restored ? "its state is of another block" : restored.error().message)};
   counts_.restored = core_.height();
   kept_.last->records.clear();
   return done;
@@ -150,14 +150,14 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
     if (bytes && block.ParseFromString(*bytes)) return block;
     reached = false;
     return Error{fmt::format("the peer does not give block {}: {}", number,
-                             bytes ? "its answer is no block" : bytes.error().what)};
+                             bytes ? "its answer is no block" : bytes.error().message)};
   };
   lock.unlock();
   const auto config_block = confirm(first_state_->said, first_state_->validator, fetch);
   lock.lock();
   if (!config_block && !reached) {
-    if (std::exchange(first_state_->problem, config_block.error().what) != config_block.error().what)
-      spdlog::warn("endorser: first_state is not begun with yet: {}", config_block.error().what);
+    if (std::exchange(first_state_->problem, config_block.error().message) != config_block.error().message)
+      spdlog::warn("endorser: first_state is not begun with yet: {}", config_block.error().message);
     return false;
   }
   const Status taken = config_block ? take_first_state(*config_block) : config_block.error();
@@ -168,7 +168,7 @@ bool Service::begin_with_first_state(std::unique_lock<std::mutex>& lock) {
   } else {
     stop_signing();  // before another block can come: there is no stream to take it
     lock.unlock();
-    tell_failure(refused_first_state(taken.error().what));
+    tell_failure(refused_first_state(taken.error().message));
     lock.lock();
   }
   return true;
@@ -239,7 +239,7 @@ void Service::on_block(Feed::Source from, const fabric::Block& block, std::strin
     ready_wakes_.notify_all();
   }
   if (begins) tell_connection(true, "");
-  if (!taken) tell_failure(taken.error().what);
+  if (!taken) tell_failure(taken.error().message);
 }
 
 void Service::on_connection(Feed::Source from, bool connected, const std::string& why) {
@@ -268,7 +268,7 @@ node::Reply Service::process_proposal(const std::string& signed_proposal, Caller
   node::Reply reply = process_locked(signed_proposal, caller, renewed);
   if (!renewed)
     spdlog::error("endorser: it goes on signing with its old certificate, the renewed one is refused: {}",
-                  renewed.error().what);
+                  renewed.error().message);
   return reply;
 }
 
@@ -335,7 +335,7 @@ void Service::run_checks() {
       const std::uint64_t connection = readiness_.connection();
       lock.unlock();
       const auto height = peer_->height();
-      if (!height) spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().what);
+      if (!height) spdlog::warn("endorser: the peer does not say how many blocks it has: {}", height.error().message);
       lock.lock();
       if (connection != readiness_.connection()) {
         // It is of before.

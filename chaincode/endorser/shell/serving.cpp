@@ -89,7 +89,7 @@ class EndorserServer final : public Served {
         served_ = std::move(*served);
         problem.clear();
         spdlog::info("endorser: serves at {} with its renewed TLS certificate", endpoint_);
-      } else if (std::exchange(problem, served.error().what) != served.error().what) {
+      } else if (std::exchange(problem, served.error().message) != served.error().message) {
         spdlog::error("endorser: does not serve with its renewed TLS certificate, tried again each {} s: {}",
                       look_period.count(), problem);
       }
@@ -112,13 +112,13 @@ class EndorserServer final : public Served {
 Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& settings, const std::string& table,
                                       std::shared_ptr<const fabric::TlsPairsInUse> tls) {
   auto certificate = read_file(settings.tls_certificate);
-  if (!certificate) return Error{table + "tls_certificate: " + certificate.error().what};
+  if (!certificate) return Error{table + "tls_certificate: " + certificate.error().message};
   auto key = crypto::read_key_file(settings.tls_key);
-  if (!key) return Error{table + "tls_key: " + key.error().what};
+  if (!key) return Error{table + "tls_key: " + key.error().message};
   std::vector<std::string> authorities;
   if (!settings.tls_client_ca.empty()) authorities.push_back(settings.tls_client_ca);
   auto client_authorities = fabric::read_client_authorities(authorities);
-  if (!client_authorities) return Error{table + "tls_client_ca: " + client_authorities.error().what};
+  if (!client_authorities) return Error{table + "tls_client_ca: " + client_authorities.error().message};
   auto server = std::make_unique<EndorserServer>(service, settings.tls_certificate, std::move(tls));
   if (Status s = server->start({.name = "endorser",
                                 .listen = settings.listen,

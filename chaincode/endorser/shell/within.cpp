@@ -23,7 +23,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
     served_.reset();
     if (summary_.empty()) return;
     if (const Status s = write_summary(summary_, service_->counts()); !s)
-      spdlog::error("own_endorser.summary: {}", s.error().what);
+      spdlog::error("own_endorser.summary: {}", s.error().message);
   }
   Within(const Within&) = delete;
   Within& operator=(const Within&) = delete;
@@ -91,7 +91,7 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   fabric::ClientConfig own = ledger;
   own.blocks = fabric::BlockSource::peer;
   auto identity = crypto::load_identity(crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir);
-  if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().what};
+  if (!identity) return Error{"own_endorser.msp_dir: " + identity.error().message};
   own.identity = std::move(*identity);
   own.identity_place = {crypto::Library::libcrypto, own.identity.name.msp_id, settings.msp_dir, {}};
   // The TLS pairs of [ledger] are watched by who made `ledger`.
@@ -101,11 +101,11 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   std::vector<fabric::ClientConfig::TlsPair> served;
   if (!settings.serve.listen.empty()) served.push_back({settings.serve.tls_certificate, settings.serve.tls_key});
   auto certificates = fabric::CertificateWatch::create(watched, nullptr, served);
-  if (!certificates) return Error{"own_endorser.tls_certificate and tls_key: " + certificates.error().what};
+  if (!certificates) return Error{"own_endorser.tls_certificate and tls_key: " + certificates.error().message};
   own.identity = watched.identity;
   auto service = Service::start(std::move(own), {settings.check_one_in, settings.checkpoint, settings.first_state},
                                 [](const std::string&) {});
-  if (!service) return Error{"own_endorser: " + service.error().what};
+  if (!service) return Error{"own_endorser: " + service.error().message};
   auto within = std::make_shared<Within>(std::move(*service), settings.summary, std::move(*certificates));
   if (!settings.serve.listen.empty()) {
     if (Status s = within->serve(settings.serve, watched.tls_in_use); !s) return s;

@@ -147,7 +147,7 @@ Result<ListenAddresses> choose_places(const Options& options) {
   const ListenAddresses wanted{options.orderer_places, options.organisation_places, {}};
   if (const auto kept = read_file(file); kept) {
     auto places = places_in(nlohmann::json::parse(*kept, nullptr, false));
-    if (!places) return Error{file + ": " + places.error().what};
+    if (!places) return Error{file + ": " + places.error().message};
     if (static_cast<int>(places->orderers.size()) != options.orderers || (given && *places != wanted)) {
       return Error{file + " is of a network with other places: begin in an empty directory"};
     }

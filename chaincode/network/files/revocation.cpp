@@ -265,7 +265,7 @@ Result<std::string> read_list(const Options& options, int organisation, const st
   if (!ca) return ca.error();
   // Fabric ignores a list that no authority of the organisation has signed, and says nothing.
   const auto lists = crypto::read_revocation_lists(*list, {{identities::msp_id_of(organisation), *ca}});
-  if (!lists) return Error{file + ": " + lists.error().what};
+  if (!lists) return Error{file + ": " + lists.error().message};
   if (lists->size() > 1) return Error{file + ": it holds several lists, of which Fabric would read the first alone"};
   // With such a list in the configuration peers and orderers refuse everybody of the organisation, its administrator
   // too.

@@ -113,7 +113,7 @@ Status Processes::run_until_good(const std::string& what, const std::vector<std:
   const TimeNs until = monotonic_ns() + limit;
   for (TimeNs wait = 20 * ns_per_ms;; wait = std::min(2 * wait, ns_per_s / 2)) {
     const auto printed = run(what, command, environment);
-    if (printed || (!good_too.empty() && printed.error().what.find(good_too) != std::string::npos)) return done;
+    if (printed || (!good_too.empty() && printed.error().message.find(good_too) != std::string::npos)) return done;
     if (Status s = tend(wait); !s) return s;
     if (monotonic_ns() > until) return printed.error();
   }

@@ -227,7 +227,7 @@ Status Deployment::wait_for_endorser(fabric::Client& client, int k, std::optiona
     if (found) return done;
     if (monotonic_ns() > until) {
       spdlog::warn("peer {} does not find {} to endorse yet: {}", k,
-                   other ? fmt::format("peer {}", *other) : "a majority", found.error().what);
+                   other ? fmt::format("peer {}", *other) : "a majority", found.error().message);
       return done;
     }
     if (Status s = site_.tend(ns_per_s / 10); !s) return s;

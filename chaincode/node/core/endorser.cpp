@@ -54,7 +54,7 @@ kvrwset::KVRead read_of_sequence(const std::string& contract, const Definition& 
 
 Result<protos::Endorsement> endorse_by(const crypto::SigningIdentity& peer, const std::string& payload) {
   auto signature = peer.signer->sign(payload + peer.serialized);
-  if (!signature) return Error{"signing with the key of " + peer.name.subject + ": " + signature.error().what};
+  if (!signature) return Error{"signing with the key of " + peer.name.subject + ": " + signature.error().message};
   protos::Endorsement endorsement;
   endorsement.set_endorser(peer.serialized);
   endorsement.set_signature(std::move(*signature));
@@ -126,7 +126,7 @@ std::optional<std::string> Endorser::over_share(const Simulation& simulation, co
 }
 
 std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Result<SignedProposalParts> read, Now now) {
-  if (!read) return Unanswered{Kind::malformed, read.error().what};
+  if (!read) return Unanswered{Kind::malformed, read.error().message};
   ProposalParts* const proposal = &read->proposal;
   // Of the peer's own contracts some are asked without a channel.
   const bool of_peer = proposal->channel_header.channel_id().empty() && is_system_contract(proposal->contract);
@@ -135,7 +135,7 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Resul
                       "channel '" + printable(proposal->channel_header.channel_id(), max_name) + "' not found"};
   }
   auto member = members_.check(proposal->signature_header.creator(), read->proposal_bytes, read->signature, now);
-  if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().what};
+  if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().message};
   if (auto answer = ask_system_contract(ledger_, config_.channel, *proposal))
     return Simulated{std::move(*proposal), std::move(*answer), {}};
   if (proposal->contract != config_.contract) {
@@ -190,7 +190,7 @@ Reply Endorser::endorse(std::string_view signed_proposal, Now now) {
   std::vector<protos::Endorsement> endorsements;
   for (const crypto::SigningIdentity& peer : peers_) {
     auto endorsement = endorse_by(peer, simulated.payload);
-    if (!endorsement) return {Code::aborted, failed, endorsement.error().what, {}};
+    if (!endorsement) return {Code::aborted, failed, endorsement.error().message, {}};
     endorsements.push_back(std::move(*endorsement));
   }
   return {Code::ok, {}, {}, make_envelope(simulated.proposal, simulated.payload, endorsements)};
@@ -250,7 +250,7 @@ Reply Endorser::reply_of_peer(const std::variant<Simulated, Unanswered>& answer,
     payload = system_payload(proposal, simulated.response);
   if (!payload.empty() && simulated.response.status < 400) {
     auto endorsement = endorse_by(peers_.at(peer), payload);
-    if (!endorsement) return {Code::unknown, endorsement.error().what, {}, {}};
+    if (!endorsement) return {Code::unknown, endorsement.error().message, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
   }
   response.set_payload(std::move(payload));

@@ -8,7 +8,7 @@ Result<std::shared_ptr<const crypto::MspRegistry::Member>> MemberCheck::check(st
                                                                               Now now) const {
   auto member = registry_->member(serialized, now.real_ns / ns_per_s);
   if (!member) {
-    return Error{"access denied: channel [" + channel_ + "] creator org unknown: " + member.error().what};
+    return Error{"access denied: channel [" + channel_ + "] creator org unknown: " + member.error().message};
   }
   if (!(*member)->verifier->verify(message, signature)) {
     return Error{"access denied: channel [" + channel_ + "] creator org [" + (*member)->name.msp_id +

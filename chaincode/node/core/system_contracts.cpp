@@ -35,7 +35,7 @@ std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, con
   if (argument(0) != channel) return refuse("Invalid chain ID, " + argument(0));
   const auto block_answer = [&](std::uint64_t number) {
     const auto block = ledger.block_at(number);
-    return block ? answer(*block) : refuse(block.error().what);
+    return block ? answer(*block) : refuse(block.error().message);
   };
   if (proposal.contract == "cscc") {
     if (function == "GetConfigBlock") return block_answer(0);
@@ -44,7 +44,7 @@ std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, con
     info.set_height(ledger.height());
     info.set_currentblockhash(ledger.end().hash);
     const auto newest = ledger.block_at(ledger.height() - 1);
-    if (!newest) return refuse(newest.error().what);
+    if (!newest) return refuse(newest.error().message);
     info.set_previousblockhash(newest->header().previous_hash());
     return answer(info);
   } else if (function == "GetBlockByNumber") {
@@ -60,7 +60,7 @@ std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, con
     if (!known) return refuse("Failed to get transaction with id " + argument(1) + ": there is none");
     if (function == "GetBlockByTxID") return block_answer(known->block);
     const auto block = ledger.block_at(known->block);
-    if (!block) return refuse(block.error().what);
+    if (!block) return refuse(block.error().message);
     for (const std::string& bytes : block->data().data()) {
       if (fabric::read_form(bytes).channel_header.tx_id() != argument(1)) continue;
       protos::ProcessedTransaction transaction;

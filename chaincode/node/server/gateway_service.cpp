@@ -143,7 +143,7 @@ class GatewayService final : public RawGateway {
              const gateway::SignedCommitStatusRequest& signed_request, grpc::ByteBuffer* response) {
     const auto signer =
         core.check_signer(request.identity(), signed_request.request(), signed_request.signature(), read_now());
-    if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
+    if (!signer) return reactor->Finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().message});
     if (request.channel_id() != node_.config().channel) {
       return reactor->Finish(
           {grpc::StatusCode::PERMISSION_DENIED, "channel " + printable(request.channel_id(), max_name) + " not found"});

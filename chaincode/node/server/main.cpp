@@ -68,7 +68,7 @@ int main(int argc, char** argv) {
   options.core.batch_timeout_ns = static_cast<TimeNs>(batch_timeout_ms * ns_per_ms);
 
   auto authorities = fabric::read_client_authorities(client_authorities);
-  if (!authorities) return fail(Error{"--tls-client-ca: " + authorities.error().what}, exit_usage);
+  if (!authorities) return fail(Error{"--tls-client-ca: " + authorities.error().message}, exit_usage);
   // Before any thread is made, so that all inherit it and the signal waits for us below.
   const sigset_t signals = block_signals({SIGINT, SIGTERM, SIGUSR1});
   outlive_readers();

@@ -184,7 +184,7 @@ EventStream* EventStream::start(Node& node, Limit& limit, ViewCache& events, con
   const bool taken = node.post(
       [stream, request, message = signed_request.request(), signature = signed_request.signature()](NodeCore& core) {
         const auto signer = core.check_signer(request.identity(), message, signature, read_now());
-        if (!signer) return stream->finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().what});
+        if (!signer) return stream->finish({grpc::StatusCode::PERMISSION_DENIED, signer.error().message});
         stream->begin(core, request);
       });
   if (!taken) stream->finish(overloaded());
@@ -220,7 +220,7 @@ void EventStream::pump() {
     // A checkpoint speaks of the first block alone.
     auto message = after_.empty() ? events_.read(next_)
                                   : ViewCache(node_.feed(), view_of(node_.config().contract, after_)).read(next_);
-    if (!message) return finish_locked({grpc::StatusCode::INTERNAL, message.error().what});
+    if (!message) return finish_locked({grpc::StatusCode::INTERNAL, message.error().message});
     after_.clear();
     ++next_;
     if (message->Length() == 0) continue;

@@ -281,7 +281,7 @@ Status Node::store(const CutBlock& block) {
   for (bool reported = false; !stored && store_->full(); stored = store_->append(block.bytes)) {
     if (!std::exchange(reported, true))
       spdlog::error("block {} waits for room on the disk, and nothing is confirmed meanwhile: {}", block.number,
-                    stored.error().what);
+                    stored.error().message);
     std::unique_lock lock(mutex_);
     if (writer_wakes_.wait_for(lock, again_after, [&] { return stopping_; })) break;
   }
@@ -307,8 +307,8 @@ void Node::run_writer() {
     } else {
       // The block stays in progress for ever: nothing is announced that is not on disk.
       failed_ = true;
-      spdlog::error("the ledger stops: {}", stored.error().what);
-      if (on_failure_) on_failure_(stored.error().what);
+      spdlog::error("the ledger stops: {}", stored.error().message);
+      if (on_failure_) on_failure_(stored.error().message);
     }
     core_wakes_.notify_one();
   }

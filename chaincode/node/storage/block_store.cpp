@@ -86,7 +86,7 @@ Status BlockStore::load(const OnBlock& on_block, const OnMessage& on_message) {
     const auto content = read_record(*file_, salt_, end_, *size);
     if (!content) return content.error();
     if (!*content) break;
-    if (Status status = on_block(**content); !status) return Error{name_ + ": " + status.error().what};
+    if (Status status = on_block(**content); !status) return Error{name_ + ": " + status.error().message};
     places_.push_back({end_ + header_size, (*content)->size()});
     end_ += header_size + (*content)->size();
   }

@@ -62,8 +62,8 @@ Status DownlinkWriters::read_latched(const verification::Evaluate& evaluate) {
       publish(deliveries_);
       return done;
     });
-    if (!read && !read.error().what.ends_with(": not found"))
-      return Error{fmt::format("latched values of {} cannot be read: {}", id, read.error().what)};
+    if (!read && !read.error().message.ends_with(": not found"))
+      return Error{fmt::format("latched values of {} cannot be read: {}", id, read.error().message)};
   }
   return done;
 }
@@ -88,7 +88,7 @@ DownlinkWriters::Output* DownlinkWriters::output_for(const Downlink::Delivery& d
   auto writer = dds::RawWriter::create(participant_, topic.name, output.type, qos_of(*topic.rule));
   if (!writer) {
     output.try_again_ns = now + try_again_after_ns;
-    spdlog::warn("{} of {}: {}", topic.name, topic.id, writer.error().what);
+    spdlog::warn("{} of {}: {}", topic.name, topic.id, writer.error().message);
     return nullptr;
   }
   spdlog::info("{}: {} comes from the ledger ({})", topic.name, output.type, topic.id);
@@ -242,7 +242,7 @@ void Bridge::choose_type(const std::string& topic) {
   dds::Qos wanted = qos_of(*rule_up(rules_, topic));
   wanted.reliable = wanted.reliable && qos.reliable;
   wanted.transient_local = wanted.transient_local && qos.transient_local;
-  if (auto status = open_reader(topic, type, wanted); !status) spdlog::warn("{}", status.error().what);
+  if (auto status = open_reader(topic, type, wanted); !status) spdlog::warn("{}", status.error().message);
 }
 
 Status Bridge::open_reader(const std::string& topic, const std::string& type, const dds::Qos& qos) {

@@ -37,7 +37,7 @@ Result<std::string> anchor_of(const std::string& channel, const BridgeConfig& co
   }
   if (file.empty()) return std::string();
   auto block = read_file(file);
-  if (!block) return Error{fmt::format("config_block of channel {}: {}", channel, block.error().what)};
+  if (!block) return Error{fmt::format("config_block of channel {}: {}", channel, block.error().message)};
   return block;
 }
 
@@ -156,7 +156,7 @@ void BesideBridges::carry() {
     auto bridges = Bridges::create(config_, ledgers_, *trusted_, participant_);
     const Status status = bridges ? (*bridges)->run(quit_, [](const std::string&) {}) : Status(bridges.error());
     if (status || quit_) continue;
-    spdlog::error("the bridge starts again: {}", status.error().what);
+    spdlog::error("the bridge starts again: {}", status.error().message);
     if (monotonic_ns() - begin_ns > max_pause_ns) pause.succeeded();  // a start gives up before
     wait(quit_, monotonic_ns() + pause.next(random));
   }

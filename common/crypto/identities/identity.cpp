@@ -82,9 +82,9 @@ Result<Named> read_named(const fs::path& file) {
   Named named{.file = file, .pem = {}, .certificate = {}, .subject = {}};
   if (auto s = read_file(file, false, named.pem); !s) return s.error();
   auto parsed = read_certificate(named.pem);
-  if (!parsed) return Error{file.string() + ": " + parsed.error().what};
+  if (!parsed) return Error{file.string() + ": " + parsed.error().message};
   auto description = describe(parsed->get());
-  if (!description) return Error{file.string() + ": " + description.error().what};
+  if (!description) return Error{file.string() + ": " + description.error().message};
   named.certificate = std::move(*parsed);
   named.subject = description->subject;
   return named;
@@ -118,13 +118,13 @@ Result<SigningIdentity> load(Library library, const std::string& msp_id, const I
   if (auto s = read_file(files.private_key, true, key.text); !s) return s.error();
   if (pass_phrase != nullptr) {
     auto unlocked = unlock_key(key.text, *pass_phrase);
-    if (!unlocked) return Error{files.private_key + ": " + unlocked.error().what};
+    if (!unlocked) return Error{files.private_key + ": " + unlocked.error().message};
     key.text.swap(*unlocked);
   }
   auto signer = make_signer(library, key.text);
-  if (!signer) return Error{files.private_key + ": " + signer.error().what};
+  if (!signer) return Error{files.private_key + ": " + signer.error().message};
   auto verifier = make_verifier(library, named->certificate.get());
-  if (!verifier) return Error{named->file.string() + ": " + verifier.error().what};
+  if (!verifier) return Error{named->file.string() + ": " + verifier.error().message};
   auto probe = (*signer)->sign("");
   if (!probe) return probe.error();
   if (!(*verifier)->verify("", *probe)) {

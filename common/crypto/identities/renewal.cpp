@@ -106,7 +106,7 @@ Result<Renewal::Pair> read_pair(const IdentityFiles& files) {
   auto certificate_pem = ledgerline::read_file(files.certificate);
   if (!certificate_pem) return certificate_pem.error();
   auto certificate = parse_certificate(*certificate_pem);
-  if (!certificate) return Error{fmt::format("{}: {}", files.certificate, certificate.error().what)};
+  if (!certificate) return Error{fmt::format("{}: {}", files.certificate, certificate.error().message)};
   auto key_pem = read_key_file(files.private_key);
   if (!key_pem) return key_pem.error();
   return Renewal::Pair{std::move(*certificate), std::move(*key_pem), std::move(*certificate_pem)};

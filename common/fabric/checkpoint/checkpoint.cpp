@@ -77,7 +77,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
   const auto text = read_file(path);
   if (!text) return unusable("it cannot be read, or is empty");
   auto read = checkpoint_from(*text);
-  if (!read) return unusable(read.error().what);
+  if (!read) return unusable(read.error().message);
   if (read->channel != channel)
     return unusable(fmt::format("it is of channel {}, not of {}", printable(read->channel), channel));
   return std::optional(std::move(*read));
@@ -85,7 +85,7 @@ Result<std::optional<Checkpoint>> read_checkpoint(const std::string& path, const
 
 Status write_checkpoint(const std::string& path, const Checkpoint& checkpoint) {
   if (auto status = replace_file(path, to_text(checkpoint), 0600); !status)
-    return Error{fmt::format("output.checkpoint: {}", status.error().what)};
+    return Error{fmt::format("output.checkpoint: {}", status.error().message)};
   return done;
 }
 

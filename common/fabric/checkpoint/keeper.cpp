@@ -42,7 +42,7 @@ void CheckpointKeeper::run() {
 
 void CheckpointKeeper::write(const Checkpoint& checkpoint) {
   const Status status = write_checkpoint(path_, checkpoint);
-  if (!status && !problem_reported_ && on_problem_) on_problem_(status.error().what);
+  if (!status && !problem_reported_ && on_problem_) on_problem_(status.error().message);
   problem_reported_ = !status;
 }
 

@@ -36,7 +36,7 @@ Result<TlsPairsInUse::Pair> read_pair(const ClientConfig::TlsPair& files, const 
   auto pair = crypto::read_pair({files.certificate_file, files.key_file});
   if (!pair) return pair.error();
   if (Status fits = crypto::check_fits(pair->key_pem, pair->certificate_pem); !fits)
-    return Error{fmt::format("{} and {}: {}", files.certificate_file, files.key_file, fits.error().what)};
+    return Error{fmt::format("{} and {}: {}", files.certificate_file, files.key_file, fits.error().message)};
   return TlsPairsInUse::Pair{std::move(pair->certificate_pem), std::move(pair->key_pem)};
 }
 
@@ -69,7 +69,7 @@ Result<std::vector<std::string>> tls_hashes(const std::vector<ClientConfig::Serv
 Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server, const TlsPairsInUse* in_use) {
   if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
   auto authorities = crypto::read_certificate_file(server.tls_ca_file);
-  if (!authorities) return Error{fmt::format("tls_ca of {}: {}", server.endpoint, authorities.error().what)};
+  if (!authorities) return Error{fmt::format("tls_ca of {}: {}", server.endpoint, authorities.error().message)};
   grpc::SslCredentialsOptions tls;
   tls.pem_root_certs = std::move(*authorities);
   const ClientConfig::TlsPair& own = server.tls_pair;
@@ -158,7 +158,7 @@ Result<std::shared_ptr<const Connection>> make_connection(ClientConfig config) {
     return Error{"ledger.blocks: an orderer's blocks cannot be validated without ledger.config_block"};
   if (!config.config_block.empty()) {
     const auto validator = BlockValidator::from(config.config_block, config.where.channel, config.verifier);
-    if (!validator) return Error{"ledger.config_block: " + validator.error().what};
+    if (!validator) return Error{"ledger.config_block: " + validator.error().message};
   }
   if (!config.identity.in_use) config.identity.in_use = std::make_shared<crypto::IdentityInUse>(config.identity);
   auto channels = make_channels(config);
@@ -182,7 +182,7 @@ std::shared_ptr<const GrpcChannels> Connection::channels() const {
   } else {
     // Such as an authority's file that is just being written.
     renew_from_ns_ = monotonic_ns() + renew_again_ns;
-    if (std::exchange(problem_, next.error().what) != next.error().what)
+    if (std::exchange(problem_, next.error().message) != next.error().message)
       spdlog::error("the ledger's connections keep their old TLS certificates, tried again each second: {}", problem_);
   }
   return channels_;

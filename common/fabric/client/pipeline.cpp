@@ -160,7 +160,7 @@ void Pipeline::begin(Job job) {
   p->self = connection_->signing();
   auto proposal = make_proposal(*p->self, connection_->config.where, p->call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) {
-    finish(p, Outcome::Kind::refused, proposal.error().what);
+    finish(p, Outcome::Kind::refused, proposal.error().message);
     return;
   }
   p->proposal = std::move(*proposal);
@@ -175,7 +175,7 @@ void Pipeline::begin(Job job) {
 
 void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
   if (!unsigned_envelope) {
-    finish(p, Outcome::Kind::refused, unsigned_envelope.error().what);
+    finish(p, Outcome::Kind::refused, unsigned_envelope.error().message);
     return;
   }
   EventCheck event_check;
@@ -183,12 +183,12 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
     event_check = [&](std::string_view name, std::string_view payload) { return check(p->call, name, payload); };
   auto prepared = check_prepared(p->proposal, *unsigned_envelope, event_check);
   if (!prepared) {
-    finish(p, Outcome::Kind::refused, prepared.error().what);
+    finish(p, Outcome::Kind::refused, prepared.error().message);
     return;
   }
   auto envelope = sign_envelope(*p->self, *unsigned_envelope);
   if (!envelope) {
-    finish(p, Outcome::Kind::refused, envelope.error().what);
+    finish(p, Outcome::Kind::refused, envelope.error().message);
     return;
   }
   p->answer = std::move(prepared->answer);
@@ -305,7 +305,7 @@ void Pipeline::ask_status(const PendingPtr& p) {
   request.set_request(question.SerializeAsString());
   auto signature = who.signer->sign(request.request());
   if (!signature) {
-    finish(p, Outcome::Kind::unavailable, "submitted, but its status is not known: " + signature.error().what);
+    finish(p, Outcome::Kind::unavailable, "submitted, but its status is not known: " + signature.error().message);
     return;
   }
   request.set_signature(std::move(*signature));

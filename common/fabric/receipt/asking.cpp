@@ -42,7 +42,7 @@ Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id
   auto client = Client::create(config);
   if (!client) return client.error();
   const auto block = (*client)->evaluate({"GetBlockByTxID", {channel, tx_id}});
-  if (!block) return Error{fmt::format("transaction {}: its block: {}", tx_id, block.error().what)};
+  if (!block) return Error{fmt::format("transaction {}: its block: {}", tx_id, block.error().message)};
 
   const auto connection = make_connection(std::move(config));
   if (!connection) return connection.error();
@@ -57,13 +57,13 @@ Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id
     if (answer) {
       answers.push_back(std::move(*answer));
     } else {
-      out.unheard.push_back(fmt::format("{}: {}", peer.name, answer.error().what));
+      out.unheard.push_back(fmt::format("{}: {}", peer.name, answer.error().message));
     }
   }
   if (answers.empty())
     return Error{fmt::format("transaction {}: no peer has answered; {}", tx_id, fmt::join(out.unheard, "; "))};
   auto receipt = make_receipt(channel, tx_id, *block, proposal->signed_proposal, answers);
-  if (!receipt) return Error{fmt::format("transaction {}: {}", tx_id, receipt.error().what)};
+  if (!receipt) return Error{fmt::format("transaction {}: {}", tx_id, receipt.error().message)};
   out.receipt = std::move(*receipt);
   return out;
 }

@@ -43,7 +43,7 @@ Result<ParsedAnswer> read_response(const PeerAnswer& from, const std::string& ha
   if (response.response().status() != 200) return wrong("is a refusal: " + printable(response.response().message()));
   if (!response.has_endorsement() || !parse(identity, response.endorsement().endorser())) return wrong("is not signed");
   const auto said = read_answer(response.payload(), hash);
-  if (!said) return wrong(said.error().what);
+  if (!said) return wrong(said.error().message);
   return ParsedAnswer{from.peer,
                       identity.mspid(),
                       said->validationcode(),

@@ -67,7 +67,7 @@ Status read_orderers(const Receipt::Block& block, const Members& members, Proven
     common::SignatureHeader who;
     if (!who.ParseFromString(one.signer)) return wrong("who signed it cannot be read");
     const auto found = members.find(who.creator());
-    if (!found) return wrong("who signed it is no orderer that you named: " + found.error().what);
+    if (!found) return wrong("who signed it is no orderer that you named: " + found.error().message);
     const crypto::IdentityName& name = found->member->name;
     if (!found->member->orderer) return wrong(fmt::format("{} signed it and is no orderer", name.subject));
     if (std::ranges::find(all, name) != all.end()) return wrong(fmt::format("{} signed it twice", name.subject));
@@ -122,7 +122,7 @@ Status read_call(const Transaction& transaction, const OpenedTransaction& opened
   if (!header.ParseFromString(opened.payload.header().signature_header())) return wrong("its creator cannot be read");
   if (out.tx_id != transaction_id(header)) return wrong("its id is not of its creator");
   const auto creator = members.find(header.creator());
-  if (!creator) return wrong("its creator is nobody of the organisations that you named: " + creator.error().what);
+  if (!creator) return wrong("its creator is nobody of the organisations that you named: " + creator.error().message);
   if (!creator->member->verifier->verify(opened.envelope.payload(), opened.envelope.signature()))
     return wrong("its creator's signature is wrong");
   out.creator = creator->member->name;
@@ -142,7 +142,7 @@ Status read_verdict(const Receipt& receipt, const common::Envelope& envelope, co
   std::string last;  // organisation
   for (const Receipt::Answer& answer : receipt.answers) {
     const auto found = members.find(answer.endorsement.signer);
-    if (!found) return Error{"who answered is no peer of the organisations that you named: " + found.error().what};
+    if (!found) return Error{"who answered is no peer of the organisations that you named: " + found.error().message};
     const crypto::IdentityName& name = found->member->name;
     const auto wrong = [&](const std::string& why) {
       return Error{fmt::format("the answer of {}: it {}", text_of(name), why)};
@@ -152,7 +152,7 @@ Status read_verdict(const Receipt& receipt, const common::Envelope& envelope, co
     if (!found->member->verifier->verify(answer.payload + answer.endorsement.signer, answer.endorsement.signature))
       return wrong("has a signature that is not its own");
     const auto said = read_answer(answer.payload, question->hash);
-    if (!said) return wrong(said.error().what);
+    if (!said) return wrong(said.error().message);
     const common::Envelope& shown = said->transactionenvelope();
     if (shown.payload() != envelope.payload() || shown.signature() != envelope.signature())
       return wrong("is about another transaction than the one in the block");
@@ -182,7 +182,7 @@ Status check_roots(const std::vector<crypto::MspRoot>& roots, const char* whose)
   for (const crypto::MspRoot& root : roots) {
     if (root.msp_id.empty()) return Error{fmt::format("an authority of {} has no MSP id", whose)};
     if (auto certificate = crypto::parse_certificate(root.ca_pem); !certificate)
-      return Error{fmt::format("the authority of {}: {}", root.msp_id, certificate.error().what)};
+      return Error{fmt::format("the authority of {}: {}", root.msp_id, certificate.error().message)};
   }
   return done;
 }
@@ -240,7 +240,7 @@ Result<Proven> ReceiptVerifier::verify(std::string_view bytes) const {
   if (auto status = read_orderers(receipt->block, *orderers_, out); !status) return status.error();
   if (!at) return at.error();
   const auto opened = open_transaction(receipt->block.data[*at]);
-  if (!opened) return Error{fmt::format("transaction {}: {}", out.tx_id, opened.error().what)};
+  if (!opened) return Error{fmt::format("transaction {}: {}", out.tx_id, opened.error().message)};
   if (auto status = read_call(block->transactions[*at], *opened, *organisations_, out); !status) return status.error();
   if (auto status = read_verdict(*receipt, opened->envelope, *organisations_, out); !status) return status.error();
   for (std::size_t i = 0; i < block->transactions.size(); ++i) {

@@ -114,7 +114,7 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
   if (!found) return found.error();
   if (trusted_) {
     if (const auto member = trusted_->member(found->serialized, now_s); !member)
-      return Error{fmt::format("it is no member of {}: {}", found->name.msp_id, member.error().what)};
+      return Error{fmt::format("it is no member of {}: {}", found->name.msp_id, member.error().message)};
   }
   auto read = crypto::read_serialized(found->serialized);
   if (!read) return read.error();
@@ -129,7 +129,7 @@ std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const s
   if (!found) return std::nullopt;
   if (!*found) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
-                                     found->error().what));
+                                     found->error().message));
     return std::nullopt;
   }
   if ((*found)->certificate_pem == in_use) return std::nullopt;

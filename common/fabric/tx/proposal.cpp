@@ -80,7 +80,7 @@ Status check_event(const Proposal& proposal, const std::string& asked_channel_he
   }
   if (!event_check) return done;
   if (const Status checked = event_check(event.event_name(), event.payload()); !checked)
-    return Error{"the peer's result is not what was asked for: " + checked.error().what + "; it was not signed"};
+    return Error{"the peer's result is not what was asked for: " + checked.error().message + "; it was not signed"};
   return done;
 }
 
@@ -180,7 +180,7 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
     return Error{"the proposal is malformed"};
   }
   auto opened = open_transaction(unsigned_envelope);
-  if (!opened) return Error{"the endorsed transaction that came back is malformed: " + opened.error().what};
+  if (!opened) return Error{"the endorsed transaction that came back is malformed: " + opened.error().message};
   const common::Header& header = opened->payload.header();
   if (header.channel_header() != asked_header.channel_header() ||
       header.signature_header() != asked_header.signature_header() ||

@@ -110,8 +110,9 @@ Status BlockValidator::validate(const common::Block& block) {
                                                        : wrong("it is not the configuration that is known");
   if (number < config_.block) return wrong("it is older than the configuration that is known");
   const auto said = read_signed(block);
-  if (!said) return wrong(said.error().what);
-  if (Status status = check_signatures(block, *said, config_, *orderers_); !status) return wrong(status.error().what);
+  if (!said) return wrong(said.error().message);
+  if (Status status = check_signatures(block, *said, config_, *orderers_); !status)
+    return wrong(status.error().message);
   if (is_config(block)) return follow(block);
   if (said->last_config == config_.block) return done;
   return wrong(
@@ -127,7 +128,7 @@ Status BlockValidator::catch_up(const common::Block& newest, const Fetch& fetch)
   const auto said = read_signed(newest);
   const std::uint64_t height = newest.header().number();
   if (!said)
-    return height <= config_.block ? Status(done) : Error{fmt::format("block {}: {}", height, said.error().what)};
+    return height <= config_.block ? Status(done) : Error{fmt::format("block {}: {}", height, said.error().message)};
   if (said->last_config > height)
     return Error{fmt::format("block {} names a later configuration, {}", height, said->last_config)};
   // Back from the newest: each block before a config block says which one came before that.
@@ -145,7 +146,7 @@ Status BlockValidator::catch_up(const common::Block& newest, const Fetch& fetch)
     std::uint64_t earlier = config_.block;
     if (number - 1 > config_.block) {
       const auto signed_before = read_signed(*before);
-      if (!signed_before) return Error{fmt::format("block {}: {}", number - 1, signed_before.error().what)};
+      if (!signed_before) return Error{fmt::format("block {}: {}", number - 1, signed_before.error().message)};
       earlier = signed_before->last_config;
     }
     if (earlier >= number) return Error{fmt::format("block {} names a later configuration", number - 1)};

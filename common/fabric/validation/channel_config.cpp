@@ -51,7 +51,7 @@ Result<crypto::MspRoot> read_msp(const std::string& name, const common::ConfigGr
   }
   for (const std::string& entry : fabric.revocation_list()) {
     const auto list = crypto::list_of_entry(entry);
-    if (!list) return Error{fmt::format("organisation {}: {}", printable(name), list.error().what)};
+    if (!list) return Error{fmt::format("organisation {}: {}", printable(name), list.error().message)};
     root.revocation_lists_pem += *list;
   }
   return root;
@@ -212,8 +212,8 @@ Result<ChannelConfig> read_channel_config(const common::Block& block) {
   out.channel = header.channel_id();
   const common::ConfigGroup& group = config.config().channel_group();
   read_capabilities(group, "channel", out);
-  if (Status status = read_orderers(group, out); !status) return wrong(status.error().what);
-  if (Status status = read_application(group, out); !status) return wrong(status.error().what);
+  if (Status status = read_orderers(group, out); !status) return wrong(status.error().message);
+  if (Status status = read_application(group, out); !status) return wrong(status.error().message);
   return out;
 }
 

@@ -120,7 +120,7 @@ bool CommandSocket::serve(Connection& connection, const Do& act) {
   for (std::size_t end; (end = connection.line.find('\n')) != std::string::npos;) {
     const auto result = act(connection.line.substr(0, end));
     connection.line.erase(0, end + 1);
-    const std::string answer = result ? "ok\n" + *result : "error: " + result.error().what + "\n";
+    const std::string answer = result ? "ok\n" + *result : "error: " + result.error().message + "\n";
     // An answer fits the socket's buffer; who lets several of them lie there is let go.
     if (!send_all(connection.fd, answer + "\n")) return false;
   }

@@ -31,10 +31,10 @@ Status keep_trying(const std::string& what, const TryLimits& limits, const std::
     const TimeNs now = world.now();
     if (now - begin_ns > limits.within_ns) {
       return Error{fmt::format("gave up after {:.0f} s waiting until {}: {}", to_seconds(limits.within_ns), what,
-                               status.error().what)};
+                               status.error().message)};
     }
     if (now >= next_message_ns) {
-      world.warn(fmt::format("waiting until {}: {}", what, status.error().what));
+      world.warn(fmt::format("waiting until {}: {}", what, status.error().message));
       next_message_ns = now + limits.say_again_after_ns;
     }
     world.sleep(pause.next(random));

@@ -25,7 +25,7 @@ std::string revoked_words(const Lease& lease) {
 }
 
 Status named(const char* what, const Status& checked) {
-  return checked ? checked : Status(Error{what + checked.error().what});
+  return checked ? checked : Status(Error{what + checked.error().message});
 }
 
 }  // namespace
@@ -165,7 +165,7 @@ void Phases::advance_waiting(TimeNs now) {
   if (grounded && (!may_take_off(s, config_.manual) || !timing_.check_delay())) return;
   status_.origin_m = {s.position_m[0], s.position_m[1]};
   if (const Status begun = planner_.begin_path(status_.origin_m, s.yaw_rad); !begun) {
-    status_.why = begun.error().what;
+    status_.why = begun.error().message;
     enter(now, DronePhase::failed);
     return;
   }
@@ -268,17 +268,18 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
   if (const Follower* follower = planner_.follower(); in_air() && follower) {
     const Status checked = follower->check();
     if (!checked && !config_.manual) {
-      land(now, checked.error().what);
+      land(now, checked.error().message);
       return std::nullopt;
     }
-    if (!checked && status_.phase == DronePhase::path) return give_up_path(now, checked.error().what);
+    if (!checked && status_.phase == DronePhase::path) return give_up_path(now, checked.error().message);
   }
   switch (status_.phase) {
     case DronePhase::waiting: {
       if (config_.manual || in_phase_ns <= config_.limits.wait_ns) return std::nullopt;
       const Status ready = check_ready(now);
-      status_.why = fmt::format("{} within {:.0f} s", ready ? "it never was ready on the ground" : ready.error().what,
-                                to_seconds(config_.limits.wait_ns));
+      status_.why =
+          fmt::format("{} within {:.0f} s", ready ? "it never was ready on the ground" : ready.error().message,
+                      to_seconds(config_.limits.wait_ns));
       enter(now, DronePhase::failed);
       return std::nullopt;
     }

@@ -80,7 +80,7 @@ Result<PilotOrder> path_from(const json& body) {
   PilotOrder order{.kind = PilotOrder::Kind::path, .land_behind = *land_behind};
   for (const json& given : waypoints) {
     auto waypoint = strict::waypoint_from(given);
-    if (!waypoint) return Error{fmt::format("waypoint {}: {}", order.waypoints.size() + 1, waypoint.error().what)};
+    if (!waypoint) return Error{fmt::format("waypoint {}: {}", order.waypoints.size() + 1, waypoint.error().message)};
     order.waypoints.push_back(*waypoint);
   }
   return order;
@@ -131,27 +131,27 @@ ApiAnswer answer_call(const ApiRequest& request, OperatorCall call, const ApiCon
     return refusal(404, "nobody signs in here: [service] operators is not set; ledgerline control does that");
   if (!request.who) return refusal(403, "sign in first: who clicks is who signs");
   const auto body = object_from(request.body);
-  if (!body) return refusal(400, body.error().what);
+  if (!body) return refusal(400, body.error().message);
   if (call.kind == Kind::hand_over || call.kind == Kind::deny) {
     auto to = identity_from(*body);
-    if (!to) return refusal(400, to.error().what);
+    if (!to) return refusal(400, to.error().message);
     call.to = std::move(*to);
   } else if (call.kind == Kind::acquire || call.kind == Kind::request) {
-    if (const Status keys = only(*body, {"priority"}); !keys) return refusal(400, keys.error().what);
+    if (const Status keys = only(*body, {"priority"}); !keys) return refusal(400, keys.error().message);
     const json priority = body->value("priority", json(0U));
     if (!priority.is_number_unsigned() || priority.get<std::uint64_t>() > contract::max_priority)
       return refusal(400, fmt::format("priority must be a number up to {}", contract::max_priority));
     call.priority = priority.get<std::uint32_t>();
   } else if (call.kind == Kind::release) {
-    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
+    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().message);
     const auto confirmed = flag_in(*body, "confirmed");
-    if (!confirmed) return refusal(400, confirmed.error().what);
+    if (!confirmed) return refusal(400, confirmed.error().message);
     if (has(known.aloft, *call.drone) && !*confirmed)
       return refusal(409, fmt::format("{} is in the air: nobody commands it then, and it lands by its failsafe; say "
                                       "\"confirmed\":true if that is meant",
                                       known.names[*call.drone]));
   } else if (const Status keys = only(*body, {}); !keys) {
-    return refusal(400, keys.error().what);
+    return refusal(400, keys.error().message);
   }
   call.ground_too = call.kind == Kind::clear_stop && has(known.stopped_by_ground, *call.drone);
   return {.status = 202, .body = taken, .call = std::move(call)};
@@ -164,7 +164,7 @@ ApiAnswer answer_session(const ApiRequest& request, const ApiContext& known) {
   }
   if (request.method != "POST") return refusal(405, "POST it, or DELETE it");
   auto body = object_from(request.body, {"operator", "passphrase"});
-  if (!body) return refusal(400, body.error().what);
+  if (!body) return refusal(400, body.error().message);
   const json name = body->value("operator", json());
   const auto phrase = body->find("passphrase");
   if (!name.is_string() || phrase == body->end() || !phrase->is_string())
@@ -237,7 +237,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
   const auto verb = mission_verb(rest.substr(slash + 1));
   if (!verb) return refusal(404, "a mission knows approve, withdraw, start, pause, resume, land");
   if (request.method != "POST") return refusal(405, "POST it");
-  if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().what);
+  if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().message);
   asked.kind = *verb;
   return ask_mission(request, std::move(asked), known);
 }
@@ -271,18 +271,18 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const A
   }
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body);
-  if (!body) return refusal(400, body.error().what);
+  if (!body) return refusal(400, body.error().message);
   if (verb == "path") {
     auto order = path_from(*body);
-    if (!order) return refusal(400, order.error().what);
+    if (!order) return refusal(400, order.error().message);
     command.order = std::move(*order);
   } else if (verb == "cut") {
-    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().what);
+    if (const Status keys = only(*body, {"confirmed"}); !keys) return refusal(400, keys.error().message);
     const auto confirmed = flag_in(*body, "confirmed");
-    if (!confirmed) return refusal(400, confirmed.error().what);
+    if (!confirmed) return refusal(400, confirmed.error().message);
     return accepted({std::move(command)}, *confirmed);
   } else if (const Status keys = only(*body, {}); !keys) {
-    return refusal(400, keys.error().what);
+    return refusal(400, keys.error().message);
   }
   return accepted({std::move(command)});
 }
@@ -290,9 +290,9 @@ ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const A
 ApiAnswer answer_stop(const ApiRequest& request, const ApiContext& known) {
   if (request.method != "POST") return refusal(405, "POST it");
   const auto body = object_from(request.body, {"cut", "confirmed"});
-  if (!body) return refusal(400, body.error().what);
+  if (!body) return refusal(400, body.error().message);
   const auto cut = flag_in(*body, "cut"), confirmed = flag_in(*body, "confirmed");
-  if (!cut || !confirmed) return refusal(400, (cut ? confirmed : cut).error().what);
+  if (!cut || !confirmed) return refusal(400, (cut ? confirmed : cut).error().message);
   std::vector<PilotCommand> commands;
   for (std::size_t drone = 0; drone < known.names.size(); ++drone)
     commands.push_back({.drone = drone, .stop = true, .cut = *cut});
@@ -320,8 +320,8 @@ ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
   if (!known.faults->why.empty()) return refusal(503, known.faults->why);
   if (request.method == "GET") return {200, faults_text(*known.faults)};
   const auto body = strict::object_from(request.body, "the body", {max_body_bytes, 2, 8});
-  if (!body) return refusal(400, body.error().what);
-  if (const Status keys = only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().what);
+  if (!body) return refusal(400, body.error().message);
+  if (const Status keys = only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().message);
   const json name = body->value("name", json()), on = body->value("on", json());
   if (!name.is_string() || !on.is_boolean()) return refusal(400, "needs name, and on: true or false");
   FaultAsk asked{.name = name.get<std::string>(), .on = on.get<bool>()};

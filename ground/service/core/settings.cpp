@@ -9,7 +9,7 @@ using web::HostKind;
 
 std::string fault_of_listen(const ServiceSettings& settings) {
   const auto at = web::host_port_from(settings.listen);
-  if (!at) return at.error().what;
+  if (!at) return at.error().message;
   if (web::host_kind(at->host) == HostKind::name) return "must begin with an address of this computer, no name";
   if (!settings.has_tls() && !web::is_loopback(at->host))
     return "must be of this computer alone (127.0.0.1:PORT) without TLS: set tls_certificate and tls_key, or take an "

@@ -63,7 +63,7 @@ Result<std::vector<FaultSwitch>> faults_from(std::string_view text) {
   std::set<std::string> names;
   for (const json& given : list) {
     auto one = switch_from(given);
-    if (!one) return Error{fmt::format("fault {}: {}", all.size() + 1, one.error().what)};
+    if (!one) return Error{fmt::format("fault {}: {}", all.size() + 1, one.error().message)};
     if (!names.insert(one->name).second) return Error{fmt::format("there are two faults {}", one->name)};
     all.push_back(std::move(*one));
   }

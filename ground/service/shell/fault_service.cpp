@@ -77,7 +77,7 @@ void FaultService::look() { take(tell_command(socket_, "list", fault_timeout_ns)
 
 void FaultService::switch_one(const FaultAsk& asked, const Answer& answer) {
   const auto answered = tell_command(socket_, command_of(asked), fault_timeout_ns);
-  if (!answered) return answer(refusal(503, "not switched: " + answered.error().what));
+  if (!answered) return answer(refusal(503, "not switched: " + answered.error().message));
   take(answered);
   const auto what = std::find_if(list_.switches.begin(), list_.switches.end(),
                                  [&](const FaultSwitch& one) { return one.name == asked.name; });
@@ -94,7 +94,7 @@ void FaultService::take(const Result<std::string>& answered) {
   if (list)
     now.switches = *list;
   else
-    now.why = "the faults' switches are not reached: " + list.error().what;
+    now.why = "the faults' switches are not reached: " + list.error().message;
   if (published_ && faults_message(now) == faults_message(list_)) return;
   if (!now.why.empty()) spdlog::warn("{}", now.why);
   published_ = true;

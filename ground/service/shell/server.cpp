@@ -118,7 +118,7 @@ class BeastServer final : public Server {
       if (*news)
         say(Level::info, "ground's page has a new TLS certificate");
       else
-        say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().what);
+        say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
     }
     // A user who cannot open the page cannot press its stop.
     if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
@@ -176,11 +176,11 @@ Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, s
   if (const auto faults = faults_of(settings); !faults.empty())
     return Error{fmt::format("[service] {} {}", faults[0].key, faults[0].what)};
   const auto token = read_token(settings.token_file);
-  if (!token) return Error{"[service] token_file: " + token.error().what};
+  if (!token) return Error{"[service] token_file: " + token.error().message};
   std::optional<web::RenewedTls> tls;
   if (settings.has_tls()) {
     auto opened = web::RenewedTls::open(settings.tls);
-    if (!opened) return Error{"[service] TLS: " + opened.error().what};
+    if (!opened) return Error{"[service] TLS: " + opened.error().message};
     tls = std::move(*opened);
   }
   auto server =

@@ -206,11 +206,11 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     // A budget is no reason to keep a drone in the air.
     if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
     for (const PilotCommand& command : made.commands) {
-      if (const Status taken = hub_.take(command); !taken) return respond(request, refusal(503, taken.error().what));
+      if (const Status taken = hub_.take(command); !taken) return respond(request, refusal(503, taken.error().message));
     }
     if (made.call) {
       const Status signed_now = hub_.keys().submit(*asked.who, *made.call);
-      if (!signed_now) return respond(request, refusal(503, signed_now.error().what));
+      if (!signed_now) return respond(request, refusal(503, signed_now.error().message));
     }
     if (made.sign_out) {
       hub_.sign_ins().end(*admission.session);
@@ -273,7 +273,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
 
   void signed_in(std::size_t who, const Status& unlocked) {
     const TimeNs now = monotonic_ns();
-    if (!unlocked) return write(respond(parser_->get(), refusal(403, unlocked.error().what)));
+    if (!unlocked) return write(respond(parser_->get(), refusal(403, unlocked.error().message)));
     if (hub_.sign_ins().is_dismissed(who)) {  // while his key was unlocked
       hub_.keys().leave(who);
       return write(respond(parser_->get(), refusal(403, role_taken)));

@@ -108,13 +108,13 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     StreamClient client{.over = session_ && !in_session};
     if (in_session) client.who = session_->who;
     auto said = read_stream_message(text, client, hub_.known(), now);
-    if (!said) return close(said.error().what);
+    if (!said) return close(said.error().message);
     // A budget is no reason to keep a drone in the air.
     if (!in_budget && !(said->command && lands(said->command->made))) return close("more than 100 messages a second");
     if (said->command) {
       bring_down(*said->command);
     } else if (const Status flown = fly(client, std::move(*said->velocity)); !flown) {
-      return close(flown.error().what);
+      return close(flown.error().message);
     }
     read();
   }
@@ -135,7 +135,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
 
   void bring_down(StreamCommand& command) {
     for (const PilotCommand& one : std::exchange(command.made.commands, {})) {
-      if (const Status taken = hub_.take(one); !taken) command.made = refusal(503, taken.error().what);
+      if (const Status taken = hub_.take(one); !taken) command.made = refusal(503, taken.error().message);
     }
     if (!command.id) return;
     if (answers_.size() == max_answers) answers_.pop_front();

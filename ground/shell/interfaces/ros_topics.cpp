@@ -35,7 +35,7 @@ void RosTopics::publish(const DroneUpdate& news) {
     ++unpublished_[news.drone];
     if (monotonic_ns() < next_warning_ns_) continue;
     next_warning_ns_ = monotonic_ns() + warning_gap_ns;
-    spdlog::warn("{}: {}", topic_of(topic, drone), published.error().what);
+    spdlog::warn("{}: {}", topic_of(topic, drone), published.error().message);
   }
 }
 

@@ -32,7 +32,7 @@ Result<std::unique_ptr<OperatorService>> OperatorService::create(Parts parts) {
   std::sort(found.begin(), found.end());
   for (const fs::path& folder : found) {
     const auto name = crypto::read_identity_name(own.ledgers.front().identity.name.msp_id, folder.string());
-    if (!name) return Error{name.error().what};
+    if (!name) return Error{name.error().message};
     if (*name == own.ledgers.front().identity.name)
       return Error{fmt::format("{}: is ground's own identity, which no operator may sign with", folder.string())};
     service->operators_.push_back({folder.filename().string(), *name});
@@ -95,7 +95,7 @@ Status OperatorService::open_key(std::size_t who, const crypto::WipingString& pa
   crypto::wipe(phrase);
   const service::Operator& one = operators_[who];
   if (!identity) {
-    spdlog::warn("operator {} does not sign in: {}", one.name, identity.error().what);
+    spdlog::warn("operator {} does not sign in: {}", one.name, identity.error().message);
     return Error{"the key is not unlocked: a wrong pass phrase, or else ground's log says why"};
   }
   Clients clients;
@@ -118,7 +118,7 @@ void OperatorService::sign(std::size_t who, const OperatorCall& call) {
   const std::string& name = operators_[who].name;
   const Status may = service::check_key({.unlocked = !clients.of_channel.empty(), .left = clients.left}, call.kind);
   if (!may) {
-    service::CallUpdate refused = service::news_of(name, call, may.error().what);
+    service::CallUpdate refused = service::news_of(name, call, may.error().message);
     return parts_.tell(refused.level, drone, std::move(refused.words));
   }
   const fabric::Call contract = service::contract_call(call, drone, parts_.ledgers.front().identity.name);

@@ -24,7 +24,7 @@ const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
     if (roles) {
       dismissed_ = service::dismissed(parts_.operators, *roles);
     } else {
-      spdlog::warn("whether the operators' roles still hold cannot be read yet: {}", roles.error().what);
+      spdlog::warn("whether the operators' roles still hold cannot be read yet: {}", roles.error().message);
       wanted_.want();
     }
   }

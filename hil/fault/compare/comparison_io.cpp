@@ -79,7 +79,7 @@ Result<Runs> parse_results(std::string_view text, const std::string& file) {
   for (std::size_t i = 0; i < rows->size(); ++i) {
     FlownRun run;
     if (const Status read = run_in((*rows)[i], run); !read)
-      return Error{fmt::format("{}: figures.{}: {}", file, i, read.error().what)};
+      return Error{fmt::format("{}: figures.{}: {}", file, i, read.error().message)};
     if (!known.emplace(run.script, run.seed).second)
       return Error{fmt::format("{}: figures.{}: {} seed {} is there twice", file, i, run.script, run.seed)};
     runs.runs.push_back(std::move(run));

@@ -222,7 +222,7 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
   if (!kind) return kind.error();
   const FaultKind::ParsedWords said = said_in(fault.text, **kind);
   auto acts = (*kind)->make(said);
-  if (!acts) return wrong(fault.text, acts.error().what);
+  if (!acts) return wrong(fault.text, acts.error().message);
   fault.drone = said.drone;
   fault.acts = std::move(*acts);
   if (!at.empty()) {

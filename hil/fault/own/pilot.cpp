@@ -64,7 +64,7 @@ std::vector<PilotRow> read_pilot(Config& config, int drones) {
     if (!parse_do(text, row)) config.wrong(prefix + "do", std::string(pilot_words));
     const auto trigger = parse_trigger(row.at);
     if (!trigger) {
-      config.wrong(prefix + "at", trigger.error().what);
+      config.wrong(prefix + "at", trigger.error().message);
     } else if (trigger->of_a_path()) {
       config.wrong(prefix + "at", "must be no moment of a path: a pilot flies none");
     } else {

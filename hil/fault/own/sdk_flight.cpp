@@ -63,7 +63,8 @@ std::vector<NotReal> not_by_sdk(const Script& script) {
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
     const Fault& fault = script.faults[i];
     if (const Status by_sdk = check_fault_by_sdk(fault, flight.drones); !by_sdk)
-      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, by_sdk.error().what)});
+      reasons.push_back(
+          {fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, by_sdk.error().message)});
     if (fault.trigger.kind == Trigger::Kind::landing)
       reasons.push_back({fmt::format("fault.{}.at", i), "link says when it lands; use `landed`, or a time"});
   }

@@ -165,14 +165,14 @@ Status RealFaults::step_faults(TimeNs now) {
       };
       const auto acts = acts_at_begin(fault, active(nullptr), drones_, where_.stack);
       if (auto acted = act(acts, true, begun); !acted)
-        return Error{fmt::format("\"{}\": {}", fault.text, acted.error().what)};
+        return Error{fmt::format("\"{}\": {}", fault.text, acted.error().message)};
     }
     const bool lasts = planned.begun_ns != 0 && planned.ended_ns == 0 && fault.for_ns > 0;
     if (lasts && !planned.stop_requested && now - planned.begun_ns >= fault.for_ns) {
       planned.stop_requested = true;
       const auto acts = acts_at_end(fault, active(&planned), drones_, where_.stack);
       if (auto acted = act(acts, false, [&planned] { planned.ended_ns = monotonic_ns(); }); !acted)
-        return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().what)};
+        return Error{fmt::format("the end of \"{}\": {}", fault.text, acted.error().message)};
     }
   }
   return done;

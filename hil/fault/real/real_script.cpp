@@ -105,7 +105,7 @@ std::vector<NotReal> not_real(const Script& script, const RealStack& stack) {
   for (std::size_t i = 0; i < script.faults.size(); ++i) {
     const Fault& fault = script.faults[i];
     if (const Status real = fault.acts.check_real(fault, stack); !real)
-      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, real.error().what)});
+      reasons.push_back({fmt::format("fault.{}.what", i), fmt::format("\"{}\": {}", fault.text, real.error().message)});
   }
   for (const Rule& rule : script.must) {
     if (const auto why = rule.kind->not_real; !why.empty())

@@ -23,7 +23,7 @@ struct CheckOptions {
 
 int check_scripts(const CheckOptions& options) {
   const auto files = scripts_named(options.scripts, program_folder());
-  if (!files) return usage_error(files.error().what);
+  if (!files) return usage_error(files.error().message);
   std::optional<RealStack> real;
   if (options.real) real = RealStack{options.ledger == "fabric", options.shim};
   std::size_t wrong = 0;
@@ -36,7 +36,7 @@ int check_scripts(const CheckOptions& options) {
                  demanded, check_sitl(*script) ? "" : "; in real time alone, by --program");
       continue;
     }
-    fmt::print(stderr, "{}\n", script.error().what);
+    fmt::print(stderr, "{}\n", script.error().message);
     ++wrong;
   }
   fmt::print("{} scripts, {} wrong\n", files->size(), wrong);

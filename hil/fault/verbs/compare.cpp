@@ -19,11 +19,11 @@ struct CompareOptions {
 
 int compare_files(const CompareOptions& asked) {
   const auto old_runs = comparing::read_results(asked.old_file);
-  if (!old_runs) return usage_error(old_runs.error().what);
+  if (!old_runs) return usage_error(old_runs.error().message);
   const auto new_runs = comparing::read_results(asked.new_file);
-  if (!new_runs) return usage_error(new_runs.error().what);
+  if (!new_runs) return usage_error(new_runs.error().message);
   const auto comparison = comparing::compare(*old_runs, *new_runs, asked.options);
-  if (!comparison) return usage_error(comparison.error().what);
+  if (!comparison) return usage_error(comparison.error().message);
   fmt::print("{}", comparing::table_text(*comparison, asked.options, asked.all));
   const bool written = asked.json.empty() || write(asked.json, comparing::json_text(*comparison));
   if (comparison->regression() || !written) return exit_broken;

@@ -96,14 +96,14 @@ Result<std::vector<std::string>> files_asked(const std::string& asked, std::stri
 int list_scenarios(const std::string& asked, bool as_json) {
   std::string folder;
   const auto files = files_asked(asked, folder);
-  if (!files) return usage_error(files.error().what);
+  if (!files) return usage_error(files.error().message);
   json rows = json::array();
   std::string group_before;
   int code = 0;
   for (const std::string& file : *files) {
     const auto script = load_script(file, true);  // with what the real processes alone have
     if (!script) {
-      fmt::print(stderr, "{}\n", script.error().what);
+      fmt::print(stderr, "{}\n", script.error().message);
       code = exit_usage;
       continue;
     }
@@ -119,7 +119,7 @@ int list_scenarios(const std::string& asked, bool as_json) {
                       {"file", file},
                       {"sitl", simulated},
                       {"real", real.ok()},
-                      {"why_not_real", real ? "" : real.error().what}});
+                      {"why_not_real", real ? "" : real.error().message}});
       continue;
     }
     if (group != group_before) fmt::print("{}{}:\n", group_before.empty() ? "" : "\n", group);

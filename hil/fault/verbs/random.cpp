@@ -33,7 +33,7 @@ bool tell_shortest(const Flight& flight, const RandomOptions& options) {
 
 int fly_random(const RandomOptions& options) {
   const auto seeds = parse_seeds(options.seeds.empty() ? "1" : options.seeds);
-  if (!seeds) return usage_error(seeds.error().what);
+  if (!seeds) return usage_error(seeds.error().message);
   const std::size_t count = seeds->second - seeds->first + 1;
   RunPrinter printer(count, true, "sitl");
   std::vector<Flight> broken;
@@ -46,7 +46,7 @@ int fly_random(const RandomOptions& options) {
       },
       [&](std::size_t, const Flight& flight, Result<RunResult> result) {
         if (!result) {
-          printer.print_failure(flight, result.error().what);
+          printer.print_failure(flight, result.error().message);
           return true;
         }
         if (!result->held()) broken.push_back(flight);

@@ -63,8 +63,8 @@ Result<Wanted> read_all(const RunOptions& options) {
     if (auto put = put_into(*script, options.own); !put) return put.error();
     if (const auto flown = check_sitl(*script); !flown && !options.real) {
       if (named.contains(file)) return flown.error();
-      fmt::print(stderr, "not flown: {}\n", flown.error().what);
-      wanted.passed_over.push_back({script->name, std::nullopt, flown.error().what, false});
+      fmt::print(stderr, "not flown: {}\n", flown.error().message);
+      wanted.passed_over.push_back({script->name, std::nullopt, flown.error().message, false});
       continue;
     }
     wanted.sources[script->name] = source_of(*text);
@@ -105,7 +105,7 @@ void fly_really(const Wanted& wanted, const RunOptions& options, RunPrinter& pri
         fmt::format("{}/{}-{}", std::filesystem::absolute(options.out).string(), script.name, seed);
     auto result = run_really(script, seed, {programs, directory, stack_of(options), options.own});
     if (!result) {
-      printer.print_failure(flight, result.error().what);
+      printer.print_failure(flight, result.error().message);
       continue;
     }
     const std::string agreed = script.faults.empty() && options.own.program.empty() ? agree(script, seed, *result) : "";
@@ -120,7 +120,7 @@ void fly_simulated(const Wanted& wanted, const RunOptions& options, RunPrinter& 
         if (result) {
           printer.print_run(std::move(*result), wanted.sources.at(flight.script.name));
         } else {
-          printer.print_failure(flight, result.error().what);
+          printer.print_failure(flight, result.error().message);
         }
         return true;
       });
@@ -136,17 +136,17 @@ std::string mode_of(const RunOptions& options) {
 int run_scripts(RunOptions& options) {
   if (!options.program.empty()) {
     auto words = words_of_command(options.program);
-    if (!words) return usage_error("--program: " + words.error().what);
+    if (!words) return usage_error("--program: " + words.error().message);
     options.own.program = std::move(*words);
   }
   if (options.real && (!options.out_given || options.jobs != 1))
     return usage_error("--real goes with --out FOLDER, and without --jobs: there is one flight at a time");
   const auto wanted = read_all(options);
-  if (!wanted) return usage_error(wanted.error().what);
+  if (!wanted) return usage_error(wanted.error().message);
   for (const auto& [script, seed] : wanted->flights) {  // before any of them flies
     if (!options.real) break;
     if (const auto possible = check_real(script, stack_of(options), options.own); !possible)
-      return usage_error(possible.error().what);
+      return usage_error(possible.error().message);
   }
   RunPrinter printer(wanted->flights.size(), options.quiet, mode_of(options));
   for (const NotFlown& script : wanted->passed_over) printer.add_passed_over(script);

@@ -45,7 +45,7 @@ int usage_error(const std::string& what) {
 
 bool write(const std::string& path, const std::string& text) {
   const Status written = write_file(path, text);
-  if (!written) spdlog::error("{}", written.error().what);
+  if (!written) spdlog::error("{}", written.error().message);
   return written.ok();
 }
 

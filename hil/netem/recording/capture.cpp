@@ -251,7 +251,7 @@ Result<std::vector<CapturedLink>> read_capture(const std::string& path) {
     const auto datagram = datagram_in(link_type, {reinterpret_cast<const char*>(bytes), header->caplen});
     if (!datagram) continue;
     if (const Status taken = listener.take(last, *datagram); !taken)
-      return Error{fmt::format("{}: {}", path, taken.error().what)};
+      return Error{fmt::format("{}: {}", path, taken.error().message)};
   }
   auto links = listener.links();
   if (links.empty())

@@ -152,10 +152,10 @@ Result<MeasuredDay> measured(const std::string& path, const RecordingOptions& as
   const auto links = read_capture(path);
   if (!links) return links.error();
   const auto link = link_of(*links, asked.drone);
-  if (!link) return Error{fmt::format("{}: {}", path, link.error().what)};
+  if (!link) return Error{fmt::format("{}: {}", path, link.error().message)};
   drone = link->drone;
   auto day = asked.answers ? day_of_answers(link->asked) : day_of_states(link->states);
-  if (!day) return Error{fmt::format("{}: {}: {}", path, drone, day.error().what)};
+  if (!day) return Error{fmt::format("{}: {}: {}", path, drone, day.error().message)};
   return day;
 }
 
@@ -167,7 +167,7 @@ Result<Day> read_day(const std::string& path) {
     auto day = measured(path, {}, drone);
     if (!day) return day.error();
     auto made = RecordedDay::make(std::move(day->moments));
-    if (!made) return Error{fmt::format("{}: {}", path, made.error().what)};
+    if (!made) return Error{fmt::format("{}: {}", path, made.error().message)};
     return made;
   }
   const auto content = read_file(path);

@@ -57,7 +57,7 @@ Result<SdkFault> parse_sdk_fault(std::string_view text) {
   std::size_t i = 2;
   if (i < words.size() && may_have_time && !words[i].ends_with('%') && words[i] != "to") {
     const auto time = parse_time(words[i]);
-    if (!time) return wrong(text, time.error().what);
+    if (!time) return wrong(text, time.error().message);
     fault.time_ns = *time;
     time_there = true;
     ++i;

@@ -59,13 +59,13 @@ Status BlockReader::read(TimeNs now) {
     if (intake_->confirms_next()) {
       if (const auto confirmed = intake_->confirm(*message); !confirmed) {
         refuse(*message);
-        return leave_peer(confirmed.error().what);
+        return leave_peer(confirmed.error().message);
       }
     } else {
       auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
       if (!block) {
         refuse(*message);
-        return leave_peer(block.error().what);
+        return leave_peer(block.error().message);
       }
       keep(std::move(*block));
     }
@@ -81,7 +81,7 @@ Status BlockReader::find_place(TimeNs now) {
   if (!newest) return done;
   const auto on = intake_->continue_chain({*checkpoint_, max_absence_blocks}, *newest,
                                           [this](std::uint64_t number) { return peer_.fetch(number); });
-  if (!on) return leave_peer(on.error().what);
+  if (!on) return leave_peer(on.error().message);
   checkpoint_.reset();
   return done;
 }
@@ -116,7 +116,7 @@ void BlockReader::read_ordered(TimeNs now) {
     if (!message) return;
     if (const Status added = intake_->add_ordered(*message); !added) {
       refuse(*message);
-      return leave_orderer(now, added.error().what);
+      return leave_orderer(now, added.error().message);
     }
     if (!take_ordered(now)) return;
   }
@@ -127,7 +127,7 @@ bool BlockReader::take_ordered(TimeNs now) {
   while (true) {
     auto ordered = intake_->take_ordered();
     if (!ordered) {
-      leave_orderer(now, ordered.error().what);
+      leave_orderer(now, ordered.error().message);
       return false;
     }
     if (!*ordered) return true;

@@ -150,7 +150,7 @@ void SimulatedLedger::submit(TimeNs now, Client client, std::uint64_t id, const 
   if (asked_) asked_(call);
   const auto proposal = propose(now, members_[client], call);
   if (!proposal) {
-    end(now, pending, {node::Code::invalid_argument, proposal.error().what, {}, {}});
+    end(now, pending, {node::Code::invalid_argument, proposal.error().message, {}, {}});
     return;
   }
   pending.tx_id = proposal->tx_id;
@@ -188,7 +188,7 @@ void SimulatedLedger::advance(TimeNs now, Pending pending) {
     node::Reply reply = core_->endorse(pending.bytes, at(now));
     if (reply.code != node::Code::ok) return end(now, pending, reply);
     const auto envelope = sign(pending, reply.bytes);
-    if (!envelope) return end(now, pending, {node::Code::invalid_argument, envelope.error().what, {}, {}});
+    if (!envelope) return end(now, pending, {node::Code::invalid_argument, envelope.error().message, {}, {}});
     pending.bytes = *envelope;
     pending.endorsed = true;
     due_.emplace(later(now, delays_.submit_ns), std::move(pending));

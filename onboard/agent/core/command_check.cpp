@@ -121,7 +121,7 @@ CommandCheck::Checked CommandCheck::check(TimeNs now, std::int64_t now_s, const 
   if (const Status linked = chain_.add(block); !linked) {
     ++broken_blocks_;
     out.chain_ok = false;
-    out.chain_error = linked.error().what;
+    out.chain_error = linked.error().message;
   }
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.config) continue;

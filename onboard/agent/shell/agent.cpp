@@ -69,7 +69,7 @@ Status Agent::reach_channels() {
       if (status) continue;
       if (!first) first = status.error();
       spdlog::error("channel {}: {}. Its drones are not flown until it is reached", slot.shell->channel(),
-                    status.error().what);
+                    status.error().message);
     }
     if (reached > 0) begin();
     wait();
@@ -84,7 +84,7 @@ Status Agent::reach_channels() {
 void Agent::begin() {
   if (std::exchange(is_begun_, true)) return;
   raise_priority(settings_.priority, "the main loop");
-  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().what);
+  if (auto status = manager_->ready(); !status) spdlog::error("{}", status.error().message);
 }
 
 // The wakeup is cleared before the states are taken: one that comes after that notifies the next turn.
@@ -144,7 +144,7 @@ void Agent::run_periodic_tasks(TimeNs now) {
       if (!slot.reaching.valid()) slot.shell->write_status(now, days);  // else another thread has it
     }
   }
-  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().what);
+  if (auto status = manager_->alive(now, ++turns_); !status) spdlog::warn("{}", status.error().message);
 }
 
 Status Agent::run() {

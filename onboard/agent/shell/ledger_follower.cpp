@@ -29,7 +29,7 @@ std::optional<FirstRecords> records_in(const fabric::KeptCheckpoint& kept, const
   auto records = records_from(kept.last->records, names_of(drones));
   if (records) return std::move(*records);
   spdlog::warn("{}the checkpoint at block {}: {}: the control records are read again", label, kept.last->number,
-               records.error().what);
+               records.error().message);
   return std::nullopt;
 }
 
@@ -83,7 +83,7 @@ Status RecordReader::confirm(const FirstRecords& records) {
     return Error{
         fmt::format("another organisation's peer does not report the control records, which a start after a "
                     "long absence needs of two: {}",
-                    theirs.error().what)};
+                    theirs.error().message)};
   const auto differences = SecondOpinion::differences(records, *theirs);
   if (!differences.empty())
     return Error{fmt::format(
@@ -121,7 +121,7 @@ void RecordReader::read_roles(verification::Organisations organisations) {
 void RecordReader::on_roles(const RolesRead& read) {
   role_reader_.reset();  // its last act was this event
   if (read.roles) return;
-  spdlog::warn("{}{}; tried again with the next block", label_, read.roles.error().what);
+  spdlog::warn("{}{}; tried again with the next block", label_, read.roles.error().message);
   unread_.insert(read.organisations.begin(), read.organisations.end());
 }
 
@@ -145,7 +145,7 @@ void RecordReader::wait(const std::stop_token& stop, bool may_be_shortened) cons
 
 void raise_priority(int priority, const char* thread) {
   if (priority == 0) return;
-  if (const Status status = schedule_fifo(priority); !status) spdlog::warn("{}: {}", thread, status.error().what);
+  if (const Status status = schedule_fifo(priority); !status) spdlog::warn("{}: {}", thread, status.error().message);
 }
 
 LedgerFollower::LedgerFollower(Parts parts)
@@ -300,7 +300,7 @@ Status LedgerFollower::take_records(const RecordsRead& read) {
   if (!read.records || control_start_.is_useless()) {
     spdlog::error(
         "{}{}. Its drones are not flown until they are read, which is tried again at its next block", label_,
-        read.records ? "too many blocks came while the control records were read" : read.records.error().what);
+        read.records ? "too many blocks came while the control records were read" : read.records.error().message);
     control_start_.restart();
     return done;
   }
@@ -310,7 +310,7 @@ Status LedgerFollower::take_records(const RecordsRead& read) {
 }
 
 void LedgerFollower::take_second_reading(const SecondReading& reading) {
-  const std::string problem = reading.records ? "" : reading.records.error().what;
+  const std::string problem = reading.records ? "" : reading.records.error().message;
   if (problem != witness_problem_ && !problem.empty())
     spdlog::warn("{}the control records of another organisation's peer cannot be read: {}", label_, problem);
   witness_problem_ = problem;

@@ -405,13 +405,13 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   const std::size_t colon = listen.rfind(':');
   auto state_listen = colon == std::string::npos ? parse_address(listen, "")
                                                  : parse_address(listen.substr(0, colon), listen.substr(colon + 1));
-  if (!state_listen) return Error{fmt::format("{}: state.listen: {}", path, state_listen.error().what)};
+  if (!state_listen) return Error{fmt::format("{}: state.listen: {}", path, state_listen.error().message)};
   settings.state_listen = *state_listen;
   for (const DroneTable& table : tables) {
     settings.link.drones.push_back(table.drone);
     if (!udp) continue;
     auto address = parse_address(table.address, port);
-    if (!address) return Error{fmt::format("{}: drone {}: {}", path, table.drone.name, address.error().what)};
+    if (!address) return Error{fmt::format("{}: drone {}: {}", path, table.drone.name, address.error().message)};
     settings.addresses.push_back(*address);
     settings.interfaces.push_back(table.interface);
   }

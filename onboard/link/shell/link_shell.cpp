@@ -152,7 +152,7 @@ class Housekeeping {
     if (now < next_stops_ns_) return;
     if (const Status status = stops_.keep(stopped); !status) {
       next_stops_ns_ = now + stops_retry_ns;
-      spdlog::error("{}: a link that restarts would not know who is stopped", status.error().what);
+      spdlog::error("{}: a link that restarts would not know who is stopped", status.error().message);
     }
   }
 
@@ -193,7 +193,7 @@ bool wait_for_clear(const sigset_t& clear) {
 DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
   auto stopped = file.read();
   if (stopped) return *stopped;
-  spdlog::error("{}: every drone counts as stopped at this host, until that is cleared", stopped.error().what);
+  spdlog::error("{}: every drone counts as stopped at this host, until that is cleared", stopped.error().message);
   DroneSet all;
   for (const DroneSettings& drone : settings.link.drones) all.set(drone.number);
   return all;
@@ -205,7 +205,7 @@ std::optional<int> recent_starts(const ShellSettings& settings) {
   if (settings.starts.empty()) return std::nullopt;
   const auto starts = note_start(settings.starts, monotonic_ns());
   if (!starts) {
-    spdlog::error("{}: a link that dies repeatedly would keep its drones in the air", starts.error().what);
+    spdlog::error("{}: a link that dies repeatedly would keep its drones in the air", starts.error().message);
     return std::nullopt;
   }
   if (*starts >= settings.link.session.many_starts)
@@ -307,7 +307,7 @@ int run_link(const ShellSettings& settings) {
   const RealTime real_time = real_time_result.get();
   for (const std::string& notice : real_time.notices) spdlog::warn("{}", notice);
   print_line(fmt::format(R"({{"ready":true,"program":"ledgerline-link","drones":{}}})", settings.link.drones.size()));
-  if (auto status = parts->manager.ready(); !status) spdlog::error("{}", status.error().what);
+  if (auto status = parts->manager.ready(); !status) spdlog::error("{}", status.error().message);
   // By the loop's own turns: a loop that hangs is not spoken for.
   const WatchdogThread watchdog(
       parts->manager, [&loop] { return loop->turns(); }, publisher_priority);

@@ -58,7 +58,7 @@ Result<DroneSet> LocalStopsFile::read() {
   if (path_.empty() || missing) return DroneSet{};
   kept_.clear();  // to be rewritten, if it is not whole
   const auto text = read_file(path_);
-  if (!text) return Error{fmt::format("output.local_stops: {}", text.error().what)};
+  if (!text) return Error{fmt::format("output.local_stops: {}", text.error().message)};
   const auto names = names_in(*text);
   if (!names) return Error{fmt::format("output.local_stops: {} is damaged", path_)};
   DroneSet stopped;
@@ -89,7 +89,7 @@ Status LocalStopsFile::keep(const DroneSet& stopped) {
   std::string text = text_of(stopped);
   if (text == kept_) return done;
   if (auto status = replace_file(path_, text, 0600); !status)
-    return Error{fmt::format("output.local_stops: {}", status.error().what)};
+    return Error{fmt::format("output.local_stops: {}", status.error().message)};
   kept_ = std::move(text);
   return done;
 }

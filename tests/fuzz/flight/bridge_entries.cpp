@@ -101,7 +101,7 @@ class ValuesEntry final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     Assets values;
-    if (const Status status = parse_message(bytes, values); !status) return refused(status.error().what);
+    if (const Status status = parse_message(bytes, values); !status) return refused(status.error().message);
     Downlink downlink(config(), *registry_);
     std::vector<Downlink::Delivery> out;
     downlink.on_values(real_now, values, out);
@@ -124,7 +124,7 @@ const Registration config_file(
                "\"robot7\"\n[[topic]]\nname = \"/robot7/*\"\nfrom = \"robot7\"\nstream = true\npriority = 9\n"},
            [](std::string_view text) {
              auto parsed = Config::parse(text, "bridge.toml");
-             if (!parsed) return refused(parsed.error().what);
+             if (!parsed) return refused(parsed.error().message);
              (void)read_bridge(*parsed);
              return outcome_of(parsed->finish());
            });
@@ -139,7 +139,7 @@ const Registration status(
                R"("age_ms":{"median":1.0,"p99":2.0},"drops":{"rate":3}}]}]})"},
            [](std::string_view text) {
              const auto read = topics::parse_status(text, "status", 5);
-             if (!read) return refused(read.error().what);
+             if (!read) return refused(read.error().message);
              return topics::table(*read, *read).empty() ? refused("") : accepted();
            });
      }});

@@ -21,7 +21,7 @@ std::vector<DroneNow> drones() {
 }
 
 Outcome outcome_of_mission(const Result<Mission>& mission) {
-  if (!mission) return refused(mission.error().what);
+  if (!mission) return refused(mission.error().message);
   const auto again = mission_from_json(canonical(*mission));
   if (!again || digest(*again) != digest(*mission)) return refused("");  // another mission than was approved
   CheckConfig config;
@@ -68,7 +68,7 @@ class KeptEntry final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     auto run = MissionRun::restore(bytes, {.after_restart = AfterRestart::go_on});
-    if (!run) return refused(run.error().what);
+    if (!run) return refused(run.error().message);
     std::vector<DroneNow> now = drones();
     for (DroneNow& drone : now) {
       drone.on_ground = false;

@@ -62,7 +62,7 @@ class StreamEntry final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     const auto onlookers = read_stream_message(bytes, {}, known_, ns_per_s);
-    if (!onlookers) return refused(onlookers.error().what);
+    if (!onlookers) return refused(onlookers.error().message);
     if (!onlookers->command) return accepted();
     // An onlooker lands, and does nothing else.
     const auto& commands = onlookers->command->made.commands;

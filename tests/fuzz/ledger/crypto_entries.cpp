@@ -87,7 +87,7 @@ Outcome read_both(const std::string& pem) {
   for (const Library library : {Library::mbedtls, Library::libcrypto}) {
     const auto verifier = make_verifier(library, pem);
     if (verifier && (*verifier)->verify("x", "y")) return refused("");
-    if (certificate && !verifier) return refused(verifier.error().what);
+    if (certificate && !verifier) return refused(verifier.error().message);
   }
   return outcome_of(certificate);
 }
@@ -108,7 +108,7 @@ std::unique_ptr<Entry> private_key() {
   return std::make_unique<Function>(std::vector<std::string>{material().user.key_pem}, [](std::string_view bytes) {
     const auto first = make_signer(Library::mbedtls, std::string(bytes));
     const auto second = make_signer(Library::libcrypto, std::string(bytes));
-    if (!first) return refused(first.error().what);
+    if (!first) return refused(first.error().message);
     return outcome_of(second);
   });
 }
@@ -131,7 +131,7 @@ class IdentityEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     const std::string identity = der_ ? serialized(pem_of(bytes)) : std::string(bytes);
     const auto member = registry_->member(identity, material().now_s);
-    if (!member) return refused(member.error().what);
+    if (!member) return refused(member.error().message);
     const bool right = (*member)->name == IdentityName{"Org1MSP", "CN=User1@org1.ledgerline,OU=client"};
     return right && !(*member)->admin && !(*member)->peer ? accepted() : refused("");
   }

@@ -51,7 +51,7 @@ class SnapshotEntry final : public Entry {
   Outcome feed(std::string_view bytes) override {
     endorser::Core core(setup());
     if (const Status restored = core.restore(bytes); !restored)
-      return core.height() == 0 && core.hash().empty() ? refused(restored.error().what) : refused("");
+      return core.height() == 0 && core.hash().empty() ? refused(restored.error().message) : refused("");
     const std::string again = core.snapshot();
     const auto first = endorser::snapshot_from(bytes), second = endorser::snapshot_from(again);
     // The one of before did not say since when its history is.

@@ -23,7 +23,7 @@ common::Block sample_block(const std::string& flags) {
 
 /// Whatever is taken must be whole: numbers of a chain can be worked out, and a valid transaction has its parts.
 Outcome check(const Result<Block>& block) {
-  if (!block) return refused(block.error().what);
+  if (!block) return refused(block.error().message);
   ChainCheck chain;
   if (!chain.add(*block) || chain.hash().size() != 32) return refused("");
   for (const Transaction& transaction : block->transactions) {

@@ -47,7 +47,7 @@ class StoreEntry final : public Entry {
     auto store = BlockStore::open(files, on_block, [&](const std::string& m) { message += m; });
     // A splice of two of our files may hold blocks twice, whole: that is a file that was written, and it is for the
     // chain's own hashes to refuse it.
-    if (!store) return refused(store.error().what);
+    if (!store) return refused(store.error().message);
     if ((*store)->height() != given) return refused("");
     const bool cut_off = files.content(file_name).bytes.size() < bytes.size();
     if (!(*store)->append("new")) return refused("");

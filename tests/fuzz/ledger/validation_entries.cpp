@@ -52,7 +52,7 @@ std::unique_ptr<Entry> block() {
         BlockValidator validator =
             std::move(BlockValidator::from(chain().block(0).SerializeAsString(), "teleop", library)).value();
         const Status verdict = validator.validate(parsed(bytes));
-        return verdict ? accepted() : refused(verdict.error().what);
+        return verdict ? accepted() : refused(verdict.error().message);
       });
 }
 
@@ -67,7 +67,7 @@ std::unique_ptr<Entry> caught_up() {
         const Status verdict = validator.catch_up(chain().block(2), [&](std::uint64_t number) -> Result<common::Block> {
           return number == block.header().number() ? block : chain().block(std::min<std::uint64_t>(number, 2));
         });
-        return verdict ? accepted() : refused(verdict.error().what);
+        return verdict ? accepted() : refused(verdict.error().message);
       });
 }
 
@@ -105,7 +105,7 @@ Outcome take_in(const Transactions& channel, std::string_view bytes) {
                                            come.metadata().metadata(common::TRANSACTIONS_FILTER));
   BlockIntake intake = channel.intake();
   const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
-  if (!taken) return refused(taken.error().what);
+  if (!taken) return refused(taken.error().message);
   for (const Transaction& transaction : taken->transactions) {
     if (transaction.code == protos::VALID) return accepted();
   }

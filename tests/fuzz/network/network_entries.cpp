@@ -36,7 +36,7 @@ class LinkEntry final : public Entry {
     const std::string path = directory_.path + "/link.toml";
     std::ofstream(path, std::ios::binary).write(bytes.data(), static_cast<std::streamsize>(bytes.size()));
     const auto settings = link::load_settings(path);
-    if (!settings) return refused(settings.error().what);
+    if (!settings) return refused(settings.error().message);
     const auto& fence = settings->link.fence;
     for (std::size_t i = 0; i < 3; ++i) {
       if (!(fence.max_m[i] > fence.min_m[i])) return refused("");
@@ -67,12 +67,12 @@ std::unique_ptr<Entry> agent_settings() {
           "[[drone]]\nname = \"tello1\"\n"},
       [](std::string_view bytes) {
         auto config = Config::parse(bytes, "agent.toml");
-        if (!config) return refused(config.error().what);
+        if (!config) return refused(config.error().message);
         const agent::Settings settings = agent::read_settings(*config, "Org1MSP", {});
         (void)agent::read_bridge(*config, settings.core.drones);
         (void)dds::participant_options(*config, "ledgerline_agent");
         const Status status = config->finish();
-        if (!status) return refused(status.error().what);
+        if (!status) return refused(status.error().message);
         const bool sane = settings.core.heartbeat_period_ns > 0 && settings.core.check.max_age_ns > 0 &&
                           settings.core.check.stamps_kept > 0 && settings.start_wait_ns > 0;
         return sane ? accepted() : refused("");
@@ -102,13 +102,13 @@ class LedgerEntry final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     auto config = Config::parse(bytes, "agent.toml");
-    if (!config) return refused(config.error().what);
+    if (!config) return refused(config.error().message);
     const auto client = fabric::ledger_config(*config);
     const auto registry = fabric::msp_registry(*config);
     const Status status = config->finish();
-    if (!status) return refused(status.error().what);
-    if (!client) return refused(client.error().what);
-    if (!registry) return refused(registry.error().what);
+    if (!status) return refused(status.error().message);
+    if (!client) return refused(client.error().message);
+    if (!registry) return refused(registry.error().message);
     return client->endpoint.empty() ? refused("") : accepted();
   }
 

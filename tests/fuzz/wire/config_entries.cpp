@@ -16,7 +16,7 @@ const std::string bridged = "[[topic]]\nname = \"/tello1/*\"\ndirection = \"from
 
 Outcome every_type(std::string_view bytes) {
   auto config = Config::parse(bytes, "x.toml");
-  if (!config) return refused(config.error().what);
+  if (!config) return refused(config.error().message);
   (void)config->text("flight.shape");
   (void)config->text("output.trace", "");
   (void)config->text("output.summary", "");
@@ -34,7 +34,7 @@ Outcome every_type(std::string_view bytes) {
     (void)config->integer("drone." + std::to_string(i) + ".number", 1, 1, 16);
   }
   const Status status = config->finish();
-  if (!status) return refused(status.error().what);
+  if (!status) return refused(status.error().message);
   for (const double value : corner) {
     if (!std::isfinite(value)) return refused("");
   }
@@ -43,12 +43,12 @@ Outcome every_type(std::string_view bytes) {
 
 Outcome ground_settings(std::string_view bytes) {
   auto config = Config::parse(bytes, "ground.toml");
-  if (!config) return refused(config.error().what);
+  if (!config) return refused(config.error().message);
   const ground::FlightConfig flight = ground::flight_config(*config);
   (void)ground::output_settings(*config);
   (void)ground::read_bridge(*config, flight.drones);
   const Status status = config->finish();
-  if (!status) return refused(status.error().what);
+  if (!status) return refused(status.error().message);
   return flight.side_m > 0 && flight.controller.speed_mps > 0 ? accepted() : refused("");
 }
 

@@ -39,7 +39,7 @@ const std::vector<std::string> commands{
 Outcome command(std::string_view bytes) {
   const std::vector<Target> targets{{Target::Kind::drone, "tello1"}, {Target::Kind::server, "agent"}};
   Switches switches(targets);
-  if (const auto applied = switches.apply(bytes); !applied) return refused(applied.error().what);
+  if (const auto applied = switches.apply(bytes); !applied) return refused(applied.error().message);
   const std::string list = switches.list();
   Switches again(targets);
   for (std::size_t begin = 0, end; (end = list.find('\n', begin)) != std::string::npos; begin = end + 1) {
@@ -104,7 +104,7 @@ class Datagrams final : public Entry {
     auto side = hil::proxy::DroneSide::open({"tello1", own_address(1, 0).sin_addr, own_address(2, 0).sin_addr},
                                             own_address(4, 0).sin_addr, 1);
     auto shared = hil::proxy::SharedPorts::open(own_address(4, 0).sin_addr);
-    if (!side || !shared) throw std::runtime_error(side ? shared.error().what : side.error().what);
+    if (!side || !shared) throw std::runtime_error(side ? shared.error().message : side.error().message);
     sides_.push_back(std::move(*side));
     shared_.emplace(std::move(*shared));
     talk(client_, own_address(1, hil::proxy::command_port), "command");
@@ -156,13 +156,13 @@ class DayFile final : public Entry {
     for (int i = 0; i < 6; ++i) packets.push_back(hil::state_at((10 + i * 100) * ns_per_ms));
     hil::write_capture(path_, packets);
     auto capture = read_file(path_);
-    if (!capture) throw std::runtime_error(capture.error().what);
+    if (!capture) throw std::runtime_error(capture.error().message);
     return {*capture, "seconds,delay_s\n0,0.1\n0.1,lost\n0.2,0.3\n"};
   }
   Outcome feed(std::string_view bytes) override {
-    if (const Status written = write_file(path_, bytes); !written) throw std::runtime_error(written.error().what);
+    if (const Status written = write_file(path_, bytes); !written) throw std::runtime_error(written.error().message);
     const auto day = hil::read_day(path_);
-    if (!day) return refused(day.error().what);
+    if (!day) return refused(day.error().message);
     for (const TimeNs at : {TimeNs{0}, (*day)->length_ns() / 2, (*day)->length_ns()}) {
       if ((*day)->at(at).delay_ns < 0 || (*day)->at(at).delay_ns > hil::max_delay) return refused("");
     }
@@ -233,7 +233,7 @@ const Registration sdk_entry({"sdk.calls", Kind::bytes, [] { return std::make_un
 
 Outcome sdk_fault(std::string_view bytes) {
   const auto fault = hil::parse_sdk_fault(bytes);
-  if (!fault) return refused(fault.error().what);
+  if (!fault) return refused(fault.error().message);
   const auto again = hil::parse_sdk_fault(hil::text_of(*fault));
   return again && hil::text_of(*again) == hil::text_of(*fault) ? accepted() : refused("");
 }

@@ -56,7 +56,7 @@ std::unique_ptr<Entry> link_status() {
       std::vector<std::string>{link_status_to_cdr(sample(), 0), link_status_to_cdr(StateSample{}, 0)},
       [odometry = to_cdr(odometry_of(sample(), "tello1", 0))](std::string_view bytes) {
         const auto state = state_from_cdr(bytes, odometry);
-        if (!state) return refused(state.error().what);
+        if (!state) return refused(state.error().message);
         const StateSample* read = &state->sample;
         // What comes out goes into a controller: nothing that arithmetic could trip over.
         for (const auto& values : {read->position_m, read->velocity_mps}) {
@@ -110,7 +110,7 @@ bool add_forms(const std::string& name, const std::vector<const char*>& texts) {
   const auto feed = [](std::string_view bytes) {
     Message message;
     const Status parsed = parse_message(bytes, message);
-    if (!parsed) return refused(parsed.error().what);
+    if (!parsed) return refused(parsed.error().message);
     // What was taken can be said again in either form and means the same.
     Message again;
     if (!parse_message(to_json(message), again) || again.SerializeAsString() != message.SerializeAsString()) {

@@ -93,7 +93,7 @@ class TraceEntry final : public Entry {
     const std::string path = directory_.path + "/t";
     write(path, bytes);
     const auto records = read_trace(path);
-    if (!records) return refused(records.error().what);
+    if (!records) return refused(records.error().message);
     return records->size() <= bytes.size() / sizeof(TraceRecord) ? accepted() : refused("");
   }
 
@@ -121,7 +121,7 @@ class WalksEntry final : public Entry {
     const std::string path = directory_.path + "/t";
     write(path, bytes);
     const auto records = read_trace(path);
-    if (!records) return refused(records.error().what);
+    if (!records) return refused(records.error().message);
     timing::Walks open;
     for (const auto writer : {timing::Writer::link, timing::Writer::agent, timing::Writer::ground})
       open.add(writer, *records);
@@ -147,7 +147,7 @@ class UsageEntry final : public Entry {
   }
   Outcome feed(std::string_view bytes) override {
     const auto record = timing::usage_from_json(std::string(bytes));
-    if (!record) return refused(record.error().what);
+    if (!record) return refused(record.error().message);
     (void)timing::load_between(record->begin, record->end);
     return accepted();
   }

@@ -14,7 +14,7 @@ int main(int argc, char** argv) {
   using namespace ledgerline;
   if (argc != 4) return 2;
   const auto fail = [](const Error& error) {
-    fmt::print(stderr, "{}\n", error.what);
+    fmt::print(stderr, "{}\n", error.message);
     return 1;
   };
   auto participant = dds::Participant::create({.node = "raw_dds"});

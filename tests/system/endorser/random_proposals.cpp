@@ -134,7 +134,7 @@ class Asking {
       // An id is used up at each of the two from its block on.
       if (kind == Kind::used_id && mine.ok() != theirs.ok()) continue;
       // At its start it waits until the peer has answered the same once.
-      if (!mine && mine.error().what.find("has not yet answered as the peer") != std::string::npos) continue;
+      if (!mine && mine.error().message.find("has not yet answered as the peer") != std::string::npos) continue;
       const endorser::Comparison found =
           mine && theirs ? endorser::compare(*mine, *theirs) : unanswered(mine, theirs, kind, function);
       if (found == endorser::Comparison::other_state) continue;
@@ -157,16 +157,16 @@ class Asking {
     Tally& tally = reported_.of[kind];
     if (mine) return endorser::Comparison::differ;
     if (theirs) {
-      if (mine.error().what.find("a peer answers that") == std::string::npos) return endorser::Comparison::differ;
+      if (mine.error().message.find("a peer answers that") == std::string::npos) return endorser::Comparison::differ;
       ++tally.left_to_the_peer;
       ++reported_.left[function];
       return endorser::Comparison::same;
     }
     ++tally.unanswered;
     reported_.words.try_emplace(endorser::name_of(kind),
-                                mine.error().what.substr(0, 200) + " | " + theirs.error().what.substr(0, 200));
-    return reason_in(mine.error().what) == reason_in(theirs.error().what) ? endorser::Comparison::same
-                                                                          : endorser::Comparison::differ;
+                                mine.error().message.substr(0, 200) + " | " + theirs.error().message.substr(0, 200));
+    return reason_in(mine.error().message) == reason_in(theirs.error().message) ? endorser::Comparison::same
+                                                                                : endorser::Comparison::differ;
   }
 
   void differ(const std::string& function, const Answer& mine, const Answer& theirs) {
@@ -174,7 +174,7 @@ class Asking {
     if (!reported_.first_difference.empty()) return;
     const auto words = [](const Answer& answer) {
       protos::ProposalResponse response;
-      if (!answer) return answer.error().what;
+      if (!answer) return answer.error().message;
       response.ParseFromString(*answer);
       return std::to_string(response.response().status()) + " " + response.response().message() + "\n" +
              crypto::hex(response.payload());

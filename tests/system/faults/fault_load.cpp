@@ -279,11 +279,11 @@ int main(int argc, char** argv) {
   app.add_option("--rate", rate_hz, "Transactions a second")->check(CLI::Range(1.0, 1000.0));
   CLI11_PARSE(app, argc, argv);
   const auto client = connect(config);
-  if (!client) return std::fprintf(stderr, "%s\n", client.error().what.c_str()), 1;
+  if (!client) return std::fprintf(stderr, "%s\n", client.error().message.c_str()), 1;
   std::vector<std::unique_ptr<fabric::Client>> readers;
   for (const std::string& peer : peers) {
     auto reader = connect(peer);
-    if (!reader) return std::fprintf(stderr, "%s\n", reader.error().what.c_str()), 1;
+    if (!reader) return std::fprintf(stderr, "%s\n", reader.error().message.c_str()), 1;
     readers.push_back(std::move(*reader));
   }
   Load load(**client, rate_hz);

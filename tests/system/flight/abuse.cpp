@@ -86,7 +86,7 @@ template <typename NextCall>
 json submit(const fabric::ClientConfig& config, TimeNs end_ns, std::uint64_t max_calls, NextCall next) {
   constexpr std::uint64_t at_once = 4;
   auto client = fabric::Client::create(config);
-  if (!client) throw std::runtime_error(client.error().what);
+  if (!client) throw std::runtime_error(client.error().message);
   std::atomic<std::uint64_t> committed{0}, refused{0};
   std::mutex mutex;
   std::string refusal;  // the newest
@@ -145,7 +145,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   auto loaded = Config::load(file);
   auto config = loaded ? fabric::ledger_config(*loaded) : Result<fabric::ClientConfig>(loaded.error());
-  if (!config) return std::fprintf(stderr, "%s\n", config.error().what.c_str()), 2;
+  if (!config) return std::fprintf(stderr, "%s\n", config.error().message.c_str()), 2;
   const TimeNs end_ns = monotonic_ns() + from_seconds(seconds);
   const json reported = what == "silent"    ? silent(*config, end_ns)
                         : what == "garbage" ? garbage(*config, end_ns)

@@ -34,7 +34,7 @@ constexpr TimeNs timeout_ns = 60 * ns_per_s;
 
 template <typename T>
 T value_of(Result<T> result, const std::string& what) {
-  if (!result) fail(what + ": " + result.error().what);
+  if (!result) fail(what + ": " + result.error().message);
   return std::move(*result);
 }
 

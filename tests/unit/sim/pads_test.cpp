@@ -148,9 +148,9 @@ TEST(Pads, AreReadFromText) {
        {"1", "1:0", "0:0:0", "9:0:0", "1.5:0:0", "1:a:0", "1:0:0:0:0", "1:0:0:0:1:1", "1:0:0,", "1:nan:0"}) {
     const auto refused = parse_pads(wrong);
     ASSERT_FALSE(refused) << wrong;
-    EXPECT_THAT(refused.error().what, HasSubstr("is no mission pad")) << wrong;
+    EXPECT_THAT(refused.error().message, HasSubstr("is no mission pad")) << wrong;
   }
-  EXPECT_THAT(parse_pads("1:0:0,1:2:2").error().what, HasSubstr("twice"));
+  EXPECT_THAT(parse_pads("1:0:0,1:2:2").error().message, HasSubstr("twice"));
 }
 
 }  // namespace

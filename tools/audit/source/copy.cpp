@@ -79,7 +79,7 @@ Result<Reading> read_store(const std::string& path, const OnBlock& on_block) {
       [&](const std::string&) { reading.problem = "the copy ends in the middle of this block"; });
   if (store) return reading;
   if (reading.blocks == 0) return store.error();
-  reading.problem = store.error().what;
+  reading.problem = store.error().message;
   return reading;
 }
 
@@ -105,7 +105,7 @@ Result<Reading> read_folder(const std::string& folder, std::uint64_t newest, con
     const auto block = read_file((fs::path(folder) / name_of(number)).string());
     if (!block) {
       if (number == 0) return block.error();
-      reading.problem = fmt::format("{}, and the copy goes on to block {}", block.error().what, newest);
+      reading.problem = fmt::format("{}, and the copy goes on to block {}", block.error().message, newest);
       return reading;
     }
     ++reading.blocks;

@@ -64,7 +64,7 @@ Result<std::uint64_t> height_of(fabric::ClientConfig config) {
   auto client = fabric::Client::create(std::move(config));
   if (!client) return client.error();
   const auto answer = (*client)->evaluate({.function = "GetChainInfo", .args = {channel}});
-  if (!answer) return Error{"the chain's height: " + answer.error().what};
+  if (!answer) return Error{"the chain's height: " + answer.error().message};
   common::BlockchainInfo info;
   if (!info.ParseFromString(*answer)) return Error{"the peer's answer of the chain's height cannot be read"};
   return info.height();

@@ -239,7 +239,7 @@ Status Story::take_control(const fabric::Transaction& tx, const access::Caller& 
   const auto follows = [&](const std::string& drone_name, const Status& status) {
     if (!status && problem)
       problem = Error{fmt::format("{} of {} does not follow: {}", event->call.function, printable(drone_name, max_name),
-                                  status.error().what)};
+                                  status.error().message)};
     return status.ok();
   };
   const auto role = verification::role_change(*event);

@@ -137,7 +137,7 @@ Finding assess_fence(const FlightFacts& facts) {
     return found(Problem::outside_fence, check,
                  fmt::format("{}: {} at {:.2f}, {:.2f} m", box, drone.name, at_m[0], at_m[1]));
   }
-  if (!facts.path) return found(Problem::path_beyond_fence, check, facts.path.error().what);
+  if (!facts.path) return found(Problem::path_beyond_fence, check, facts.path.error().message);
   return fine(check, box + (facts.pose_source == "none" ? ": of these the ceiling alone holds" : ""));
 }
 

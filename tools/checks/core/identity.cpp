@@ -26,7 +26,7 @@ std::string outsider(const IdentityFacts& facts, const std::vector<AuthorityFact
   for (const AuthorityFacts& one : authorities) roots.push_back({one.msp_id, one.pem});
   const auto registry = crypto::make_msp_registry(crypto::Library::libcrypto, std::move(roots));
   const auto member = registry->member(serialized(facts.msp_id, facts.certificate_pem), now_s);
-  return member ? "" : member.error().what;
+  return member ? "" : member.error().message;
 }
 
 /// Each without its line breaks.
@@ -77,7 +77,7 @@ void assess_pair(IdentityFacts& facts, const std::string& who, Findings& out) {
   }
   auto in_order = crypto::own_first(facts.key_pem, facts.certificate_pem);
   if (!in_order) {
-    out.push_back(found(Problem::key_misfit, check, who + ": " + in_order.error().what));
+    out.push_back(found(Problem::key_misfit, check, who + ": " + in_order.error().message));
   } else if (*in_order != facts.certificate_pem) {
     out.push_back(found(Problem::certificate_order, check, facts.certificate_file, cure_of_order(facts)));
     facts.certificate_pem = std::move(*in_order);
@@ -113,13 +113,13 @@ Findings assess(IdentityFacts facts, const std::vector<AuthorityFacts>& authorit
     return out;
   }
   if (const auto parsed = crypto::parse_certificate(facts.certificate_pem); !parsed) {
-    out.push_back(found(Problem::certificate_wrong, check, who + ": " + parsed.error().what));
+    out.push_back(found(Problem::certificate_wrong, check, who + ": " + parsed.error().message));
     return out;
   }
   assess_pair(facts, who, out);
   const auto certificate = crypto::parse_certificate(facts.certificate_pem);
   if (!certificate) {
-    out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().what));
+    out.push_back(found(Problem::certificate_wrong, check, who + ": " + certificate.error().message));
     return out;
   }
   const std::int64_t left_days = crypto::days_left(certificate->not_after_s, now_s);

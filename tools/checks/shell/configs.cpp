@@ -141,7 +141,7 @@ void read_as_program(const ProgramConfig& one, Findings& findings) {
     findings.push_back(fine("config", one.path));
     return;
   }
-  std::istringstream lines(read.error().what);
+  std::istringstream lines(read.error().message);
   for (std::string line; std::getline(lines, line);) findings.push_back(found(Problem::config_wrong, "config", line));
 }
 

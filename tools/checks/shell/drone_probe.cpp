@@ -62,7 +62,7 @@ Findings ask_drones(const ProgramConfig& link) {
     const auto states = listen_to_states(link.state_listen, drone.interface);
     std::vector<tello::Found> asked{{*address, tello::Asking({"battery?"})}};
     if (auto status = tello::ask(asked, drone.interface); !status) {
-      out.push_back(of_drone(drone.name, found(Problem::drone_silent, check, status.error().what)));
+      out.push_back(of_drone(drone.name, found(Problem::drone_silent, check, status.error().message)));
       continue;
     }
     DroneFacts facts{.name = drone.name, .address = drone.address, .interface = drone.interface};
@@ -98,9 +98,9 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   dds::ParticipantPtr participant;
   std::string why;
   if (auto config = Config::load(agent.path); !config) {
-    why = config.error().what;
+    why = config.error().message;
   } else if (auto made = dds::Participant::create(dds::participant_options(*config, "")); !made) {
-    why = made.error().what;
+    why = made.error().message;
   } else {
     participant = std::move(*made);
   }
@@ -116,7 +116,7 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
     if (reader)
       one.reader = std::move(*reader);
     else
-      one.facts.why = reader.error().what;
+      one.facts.why = reader.error().message;
   }
   if (participant) std::this_thread::sleep_for(listen_for);
   Findings out;

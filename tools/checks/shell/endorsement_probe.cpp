@@ -45,9 +45,9 @@ class Asking {
     const auto proposal =
         fabric::make_proposal(client_.identity, client_.where, note_, realtime_ns(), crypto::random_bytes(24));
     if (!questions || !proposal) {
-      peer.why = questions ? proposal.error().what : questions.error().what;
+      peer.why = questions ? proposal.error().message : questions.error().message;
     } else if (auto answer = (*questions)->propose(proposal->signed_proposal); !answer) {
-      peer.why = answer.error().what;
+      peer.why = answer.error().message;
     } else {
       take_answer(*answer, peer);
     }
@@ -71,7 +71,7 @@ class Asking {
     fabric::Call call = note_;
     call.need = fabric::EndorsementNeed{.count = fabric::EndorsementNeed::Count::one, .organisation = msp_id};
     EndorsingPeer peer{.msp_id = msp_id, .place = "the gateway at " + client_.endpoint, .identity = msp_id};
-    if (auto found = endorsable(std::move(call)); !found) peer.why = found.error().what;
+    if (auto found = endorsable(std::move(call)); !found) peer.why = found.error().message;
     return peer;
   }
 
@@ -116,7 +116,7 @@ Finding assess_records(const ProgramConfig& one, const NeededSignatures& needed,
   const Finding finding = assess(facts);
   if (finding.problem) return finding;
   return found(Problem::ledger_refuses, "endorsement",
-               fmt::format("{}: {}: {}", one.file, facts.what, found_by_gateway.error().what));
+               fmt::format("{}: {}: {}", one.file, facts.what, found_by_gateway.error().message));
 }
 
 /// What needs the signature of one organisation; one of one's own may be the peer of [ledger].

@@ -181,7 +181,7 @@ SharedMemoryFacts look_at_shared_memory() {
       break;
   }
   if (facts.roudi == Roudi::alive) facts.program = program_of(path);
-  if (auto room = roudi::check_shared_memory(); !room) facts.no_room = room.error().what;
+  if (auto room = roudi::check_shared_memory(); !room) facts.no_room = room.error().message;
   return facts;
 }
 

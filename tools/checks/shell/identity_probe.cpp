@@ -36,8 +36,8 @@ IdentityFacts read_identity(const LedgerKeys& keys) {
   crypto::IdentityFiles files{keys.certificate, keys.private_key};
   if (!keys.msp_dir.empty()) {
     const auto certificate = crypto::certificate_file(keys.msp_dir), key = crypto::key_file(keys.msp_dir);
-    if (!certificate) facts.no_certificate = certificate.error().what;
-    if (!key) facts.no_key = key.error().what;
+    if (!certificate) facts.no_certificate = certificate.error().message;
+    if (!key) facts.no_key = key.error().message;
     for (const std::string& folder : {keys.msp_dir + "/signcerts", keys.msp_dir + "/keystore"})
       if (is_forbidden(folder)) facts.forbidden = keys.msp_dir;
     if (!certificate || !key) return facts;
@@ -50,12 +50,12 @@ IdentityFacts read_identity(const LedgerKeys& keys) {
   if (auto certificate = read_file(files.certificate))
     facts.certificate_pem = std::move(*certificate);
   else
-    facts.no_certificate = certificate.error().what;
+    facts.no_certificate = certificate.error().message;
   facts.key_is_open = is_open(files.private_key);
   if (auto key = read_file(files.private_key))
     facts.key_pem = std::move(*key);
   else
-    facts.no_key = key.error().what;
+    facts.no_key = key.error().message;
   return facts;
 }
 
@@ -72,10 +72,10 @@ AnchorFacts read_anchor(const LedgerKeys& keys, const std::string& program, Find
   };
   auto bytes = read_file(keys.config_block);
   common::Block block;
-  if (!bytes) return wrong(bytes.error().what), facts;
+  if (!bytes) return wrong(bytes.error().message), facts;
   if (!block.ParseFromString(*bytes)) return wrong("it is no block"), facts;
   const auto config = fabric::read_channel_config(block);
-  if (!config) return wrong(config.error().what), facts;
+  if (!config) return wrong(config.error().message), facts;
   if (config->channel != keys.channel)
     return wrong(fmt::format("it is of channel {}, not {}", config->channel, keys.channel)), facts;
   for (const crypto::MspRoot& one : config->organisations) facts.organisations.push_back({one.msp_id, one.ca_pem});
@@ -94,13 +94,13 @@ TrustFacts read_trust(const LedgerKeys& keys, const std::string& program, const 
       msp.why = file;
       msp.cure = let_all_read(file);
     } else if (!pem) {
-      msp.why = pem.error().what;
+      msp.why = pem.error().message;
     } else if (is_der(*pem)) {
       msp.problem = Problem::not_pem;
       msp.why = file;
       msp.cure = cure_of_der(file);
     } else if (auto certificate = crypto::parse_certificate(*pem); !certificate) {
-      msp.why = fmt::format("{}: {}", file, certificate.error().what);
+      msp.why = fmt::format("{}: {}", file, certificate.error().message);
     } else {
       msp.pem = std::move(*pem);
     }

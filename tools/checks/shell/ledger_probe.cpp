@@ -82,7 +82,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
                                                      : Result<fabric::ChannelConfig>(Error{"it is no block"});
   if (!channel || !channel->batching) {
     out.push_back(found(Problem::ledger_refuses, ledger_check,
-                        "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().what)));
+                        "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().message)));
   } else if (one.program == "agent" || one.program == "ground") {
     TimeoutInputs facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
     if (one.program == "agent") {
@@ -102,7 +102,7 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
       contract.version = definition->version();
       contract.weak = channel && is_weak(policy, *channel);
     } else {
-      contract.refused = definition.error().what;
+      contract.refused = definition.error().message;
     }
     add(out, assess(contract));
   }
@@ -126,7 +126,7 @@ std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const cr
       owners.insert(control->owner().msp_id());
       facts.control = std::move(*control);
     } else if (!roles) {
-      out.push_back(found(Problem::ledger_refuses, ledger_check, control.error().what));
+      out.push_back(found(Problem::ledger_refuses, ledger_check, control.error().message));
       return owners;
     }
     add(out, assess(facts));
@@ -140,16 +140,16 @@ Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool em
                     const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
   Findings out;
   auto config = Config::load(one.path);
-  if (!config) return {found(Problem::config_wrong, ledger_check, config.error().what)};
+  if (!config) return {found(Problem::config_wrong, ledger_check, config.error().message)};
   auto ledger = client_of_channel(*config, one);
-  if (!ledger) return {found(Problem::ledger_refuses, ledger_check, ledger.error().what)};
+  if (!ledger) return {found(Problem::ledger_refuses, ledger_check, ledger.error().message)};
   ledger->deadline = timeout;
   auto peer = Peer::create(*ledger);
-  if (!peer) return {found(Problem::ledger_refuses, ledger_check, peer.error().what)};
+  if (!peer) return {found(Problem::ledger_refuses, ledger_check, peer.error().message)};
   const auto height = peer->height();
   if (!height)
     return {found(Problem::ledger_refuses, ledger_check,
-                  fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().what))};
+                  fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().message))};
   auto needed = ask_configuration(*peer, one, anchor, embedded, out);
   const std::set<std::string> owners = ask_records(*peer, one, ledger->identity.name, drones, out);
   if (needed) {

@@ -196,7 +196,7 @@ class Files {
     if (text)
       files_.push_back({file, std::move(*text)});
     else
-      failed_ = Error{fmt::format("{}: {}", program, text.error().what)};
+      failed_ = Error{fmt::format("{}: {}", program, text.error().message)};
   }
 
   const HostPlan& plan_;

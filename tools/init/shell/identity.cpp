@@ -45,15 +45,15 @@ Result<std::string> take_certificate(const std::string& msp_dir, const std::stri
   const auto delivered = read_file(certificate_file);
   if (!delivered) return delivered.error();
   if (const auto any = crypto::parse_certificate(*delivered); !any)
-    return Error{certificate_file + ": " + any.error().what};
+    return Error{certificate_file + ": " + any.error().message};
   const auto key_file = crypto::key_file(msp_dir);
-  if (!key_file) return Error{key_file.error().what + ": make one with `ledgerline init --request NAME`"};
+  if (!key_file) return Error{key_file.error().message + ": make one with `ledgerline init --request NAME`"};
   auto key = read_file(*key_file);
   if (!key) return key.error();
   const auto pem = crypto::own_first(*key, *delivered);
-  if (!pem) return Error{fmt::format("{} and {}: {}", certificate_file, *key_file, pem.error().what)};
+  if (!pem) return Error{fmt::format("{} and {}: {}", certificate_file, *key_file, pem.error().message)};
   const auto certificate = crypto::parse_certificate(*pem);
-  if (!certificate) return Error{certificate_file + ": " + certificate.error().what};
+  if (!certificate) return Error{certificate_file + ": " + certificate.error().message};
   if (certificate->not_after_s < realtime_ns() / ns_per_s) return Error{certificate_file + " has expired"};
   const fs::path folder = fs::path(msp_dir) / "signcerts";
   if (auto status = replace_file((folder / "cert.pem").string(), *pem); !status) return status.error();

@@ -38,7 +38,7 @@ Result<Place> place_from_url(const std::string& url) {
   if (place.find_first_of("/#?@") != std::string::npos)
     return wrong("must end behind its port; the token is in a file of its own");
   auto parsed = place_from(place, tls);
-  if (!parsed) return wrong(parsed.error().what);
+  if (!parsed) return wrong(parsed.error().message);
   if (parsed->at.port == 0) return wrong("must end in a port from 1 to 65535");
   return parsed;
 }

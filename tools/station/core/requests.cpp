@@ -56,7 +56,7 @@ Result<std::string> path_body(const std::string& csv, const std::string& file, b
     const auto cells = motion::cells_of(lines.line());
     if (std::exchange(first, false) && is_heading(cells)) continue;
     const auto point = motion::waypoint_of(cells, ground::mission::max_coordinate_m);
-    if (!point) return Error{fmt::format("{}:{}: {}", file, lines.number(), point.error().what)};
+    if (!point) return Error{fmt::format("{}:{}: {}", file, lines.number(), point.error().message)};
     if (waypoints.size() == motion::max_waypoints)
       return Error{fmt::format("{}:{}: more than {} points", file, lines.number(), motion::max_waypoints)};
     waypoints.push_back(json_of(*point));

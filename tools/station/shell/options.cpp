@@ -44,7 +44,7 @@ std::string session_in(const Target& target) {
   if (!there && !target.session_named) return "";
   const auto session = read_secret(target.session_file);
   if (session && is_token(*session)) return *session;
-  spdlog::warn("without a session: {}", session ? target.session_file + " holds none" : session.error().what);
+  spdlog::warn("without a session: {}", session ? target.session_file + " holds none" : session.error().message);
   return "";
 }
 
@@ -85,7 +85,7 @@ Result<Target> target_of(const Options& options, const Environment& environment)
     return Error{
         fmt::format("which station? --url http://127.0.0.1:8800, --config ground.toml, or {}", station_variable)};
   auto place = url.empty() ? place_from_service(service) : place_from_url(url);
-  if (!place && url.empty()) return Error{fmt::format("{}: service.listen {}", options.config, place.error().what)};
+  if (!place && url.empty()) return Error{fmt::format("{}: service.listen {}", options.config, place.error().message)};
   if (!place) return place.error();
   target.place = std::move(*place);
   target.token_file = !options.token_file.empty()   ? options.token_file

@@ -135,7 +135,7 @@ Result<std::string> Station::ask(const Request& request) {
   if (!answer) return answer.error();
   const Status taken = check_answer(*answer);
   if (taken) return std::move(answer->body);
-  std::string refusal = taken.error().what;
+  std::string refusal = taken.error().message;
   if (over && !request.anybodys)
     refusal += fmt::format("; the session in {} is over: ledgerline drones login", credentials_.session_file);
   return Error{std::move(refusal)};

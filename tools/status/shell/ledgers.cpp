@@ -34,7 +34,7 @@ Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate)
   Drone drone{.name = name};
   const auto control = verification::read_control(name, evaluate);
   if (!control) {
-    drone.why = control.error().what;
+    drone.why = control.error().message;
     return drone;
   }
   drone.owner = text_of(control->owner());
@@ -49,11 +49,11 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
   Peer peer{.endpoint = config.endpoint, .msp_id = msp_id};
   auto questions = fabric::PeerQuestions::create(config);
   const auto height = questions ? (*questions)->height() : Result<std::uint64_t>(questions.error());
-  peer.endorser = !height && height.error().what == endorser::for_its_contract_alone;
+  peer.endorser = !height && height.error().message == endorser::for_its_contract_alone;
   if (height)
     peer.height = *height;
   else if (!peer.endorser)
-    peer.why = height.error().what;
+    peer.why = height.error().message;
   return peer;
 }
 
@@ -67,7 +67,7 @@ Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds ti
   auto questions =
       client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
   if (!questions) {
-    ledger.why = questions.error().what;
+    ledger.why = questions.error().message;
     return ledger;
   }
   ledger.peers.push_back(height_of(*client, client->identity.name.msp_id));

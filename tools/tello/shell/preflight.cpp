@@ -177,7 +177,7 @@ void look_at_ledger(const PreflightOptions& options, checks::FlightFacts& facts)
   if (!options.flight.own->network) return;
   const Status status = read_records(options, facts);
   facts.ledger.state = status ? checks::LedgerFacts::State::reached : checks::LedgerFacts::State::failed;
-  if (!status) facts.ledger.what = status.error().what;
+  if (!status) facts.ledger.what = status.error().message;
 }
 
 }  // namespace

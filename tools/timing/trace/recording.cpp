@@ -57,7 +57,7 @@ Result<UsageRecord> Recording::usage() const {
   const auto text = read_file(path);
   if (!text) return text.error();
   auto record = usage_from_json(*text);
-  if (!record) return Error{path + ": " + record.error().what};
+  if (!record) return Error{path + ": " + record.error().message};
   return record;
 }
 

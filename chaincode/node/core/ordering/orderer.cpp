@@ -85,7 +85,7 @@ Reply Orderer::order(std::string_view bytes, Now now) {
   if (!member && has_expired(signature_header.creator(), now)) {
     return refuse_order(Code::invalid_argument, "BAD_REQUEST", "broadcast client identity expired");
   }
-  if (!member) return refuse_order(Code::permission_denied, "FORBIDDEN", member.error().what);
+  if (!member) return refuse_order(Code::permission_denied, "FORBIDDEN", member.error().message);
   const std::string& tx_id = channel_header.tx_id();
   const bool again = is_committed_(tx_id);
   Sender sender{again ? sent_again() : (*member)->name, again ? Urgency::none : claimed_urgency(payload)};
@@ -117,7 +117,7 @@ std::optional<TimeNs> Orderer::next_cut() const {
 
 OrderedBlock Orderer::sign(common::Block block) const {
   const Status status = sign_block(block, identity_);
-  return {std::move(block), status ? "" : status.error().what};
+  return {std::move(block), status ? "" : status.error().message};
 }
 
 std::optional<OrderedBlock> Orderer::cut(Now now, const ChainEnd& end) {

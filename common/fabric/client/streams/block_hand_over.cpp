@@ -80,8 +80,8 @@ BlockHandOver::TakeResult BlockHandOver::take(const common::Block& message, Time
   NotedFetch noted(fetch);
   auto block = intake_.take(message, std::ref(noted));
   if (!block) {
-    if (!noted.failed()) report_contradiction(block.error().what);
-    return {.problem = block.error().what};
+    if (!noted.failed()) report_contradiction(block.error().message);
+    return {.problem = block.error().message};
   }
   if (wanted) {
     hand_over(*block, message, now);
@@ -97,8 +97,8 @@ BlockHandOver::TakeResult BlockHandOver::take(const common::Block& message, Time
 BlockHandOver::TakeResult BlockHandOver::confirm(const common::Block& message, TimeNs now) {
   const auto confirmed = intake_.confirm(message);
   if (!confirmed) {
-    report_contradiction(confirmed.error().what);
-    return {.problem = confirmed.error().what};
+    report_contradiction(confirmed.error().message);
+    return {.problem = confirmed.error().message};
   }
   if (*confirmed > 0 && handlers_.on_unverified)
     handlers_.on_unverified(fmt::format(
@@ -147,9 +147,9 @@ std::string BlockHandOver::on_ordered_block(common::Block message, TimeNs now) {
     return {};
   }
   if (const Status added = intake_.add_ordered(message); !added) {
-    report_contradiction(added.error().what);
+    report_contradiction(added.error().message);
     refuse(message);
-    return added.error().what;
+    return added.error().message;
   }
   std::string problem = take_ordered(now);
   if (!problem.empty()) refuse(message);
@@ -160,8 +160,8 @@ std::string BlockHandOver::take_ordered(TimeNs now) {
   while (true) {
     auto ordered = intake_.take_ordered();
     if (!ordered) {
-      report_contradiction(ordered.error().what);
-      return ordered.error().what;
+      report_contradiction(ordered.error().message);
+      return ordered.error().message;
     }
     if (!*ordered) return {};
     ordered_at_[(*ordered)->block.number] = now;

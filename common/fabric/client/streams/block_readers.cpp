@@ -76,15 +76,15 @@ std::string BlockReader::follow(Follower& follower) {
 std::string BlockReader::continue_chain(Follower& follower) {
   if (!verified_) return {};
   const auto newest = fetch_block(*connection_, follower, std::nullopt);
-  if (!newest) return newest.error().what;
+  if (!newest) return newest.error().message;
   NotedFetch noted(fetcher(*connection_, follower));
   const auto on = blocks_->continue_chain(*verified_, *newest, std::ref(noted));
   if (!on) {
     // A peer that lags behind may be honest, for a moment.
     const bool lags = newest->header().number() < verified_->last.number;
     lagged_ = lags ? lagged_ + 1 : 0;
-    if ((!lags || lagged_ >= max_lags) && !noted.failed()) blocks_->contradicted(on.error().what);
-    return on.error().what;
+    if ((!lags || lagged_ >= max_lags) && !noted.failed()) blocks_->contradicted(on.error().message);
+    return on.error().message;
   }
   verified_.reset();
   if (on_continued_) on_continued_(*on);
@@ -121,7 +121,7 @@ BlockReader::DefinitionAnswer BlockReader::definition_of_peer(Follower& follower
   const auto proposal = make_proposal(*connection_->signing(), {connection_->config.where.channel, "_lifecycle"},
                                       {"QueryChaincodeDefinition", {question.SerializeAsString()}}, realtime_ns(),
                                       crypto::random_bytes(24));
-  if (!proposal) return {.problem = proposal.error().what};
+  if (!proposal) return {.problem = proposal.error().message};
   protos::SignedProposal message;
   if (!message.ParseFromString(proposal->signed_proposal)) return {.problem = "the question is malformed"};
   grpc::ClientContext context;

@@ -47,7 +47,7 @@ class EventReader {
   /// The position must be known before the first event, else what comes during a lost connection would be lost as well.
   std::string find_start(Follower& follower) {
     const auto newest = fetch_block(*connection_, follower, std::nullopt);
-    if (!newest) return newest.error().what;
+    if (!newest) return newest.error().message;
     block_ = newest->header().number() + 1;
     return {};
   }
@@ -62,7 +62,7 @@ class EventReader {
     if (!handed_over_.empty()) question.set_after_transaction_id(handed_over_.back());
     request.set_request(question.SerializeAsString());
     auto signature = self->signer->sign(request.request());
-    if (!signature) return signature.error().what;
+    if (!signature) return signature.error().message;
     request.set_signature(std::move(*signature));
     return {};
   }

@@ -89,7 +89,7 @@ std::string seek(const Connection& connection, DeliverStream& stream, const std:
                  std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
   auto envelope = make_seek(*connection.signing(), connection.config.where.channel, start, realtime_ns(),
                             crypto::random_bytes(24), stop, tls_hash);
-  if (!envelope) return envelope.error().what;
+  if (!envelope) return envelope.error().message;
   common::Envelope message;
   message.ParseFromString(*envelope);
   return stream.Write(message) ? "" : text_of(stream.Finish());

@@ -40,7 +40,7 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
     drone.interface = settings.interfaces[i];
     auto commands = open_udp(drone.interface);
     if (!commands) {
-      if (!missing) missing = Error{fmt::format("drone {}: {}", drone.name, commands.error().what)};
+      if (!missing) missing = Error{fmt::format("drone {}: {}", drone.name, commands.error().message)};
       continue;
     }
     drone.commands = std::move(*commands);
@@ -50,7 +50,7 @@ Result<TelloSockets> TelloSockets::create(const ShellSettings& settings) {
                                   [&](const StateText& states) { return states.interface == drone.interface; });
     if (!open) {
       auto socket = open_states(drone.interface, settings.state_listen, sockets.state_fds());
-      if (!socket) return Error{fmt::format("drone {}: {}", drone.name, socket.error().what)};
+      if (!socket) return Error{fmt::format("drone {}: {}", drone.name, socket.error().message)};
       sockets.states_.push_back({drone.interface, std::move(*socket)});
     }
     sockets.drones_.push_back(std::move(drone));
@@ -178,7 +178,7 @@ std::vector<std::string> TelloSockets::tend() {
 void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
   auto probe = open_udp(drone.interface);
   const bool found = probe && connect_to(*probe, drone.address);
-  const std::string trouble = !probe ? probe.error().what : found ? "" : "no route leads to " + text(drone.address);
+  const std::string trouble = !probe ? probe.error().message : found ? "" : "no route leads to " + text(drone.address);
   if (trouble != drone.reported) {
     if (!trouble.empty()) news.push_back(fmt::format("{}: {}; tried again each second", drone.name, trouble));
     drone.reported = trouble;
@@ -189,7 +189,7 @@ void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
   if (stamps_) (void)stamp_sends(*probe);  // a figure that the trace is then without
   const Status replaced = put_in_place_of(commands, std::move(*probe));
   drone.reached = static_cast<bool>(replaced);
-  news.push_back(fmt::format("{}: {}", drone.name, replaced ? "there is a new way to it" : replaced.error().what));
+  news.push_back(fmt::format("{}: {}", drone.name, replaced ? "there is a new way to it" : replaced.error().message));
 }
 
 void TelloSockets::tend(StateText& states, std::vector<std::string>& news) {
@@ -198,7 +198,7 @@ void TelloSockets::tend(StateText& states, std::vector<std::string>& news) {
   if (!fresh || same_interface(states.socket.get(), fresh->get())) return;
   auto listening = listen_beside(state_fds(), *fresh, state_listen_);
   if (listening) listening = put_in_place_of(states.socket.get(), std::move(*fresh));
-  if (!listening) news.push_back(fmt::format("interface {}: {}", states.interface, listening.error().what));
+  if (!listening) news.push_back(fmt::format("interface {}: {}", states.interface, listening.error().message));
 }
 
 }  // namespace ledgerline::link

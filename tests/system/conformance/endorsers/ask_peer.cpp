@@ -16,7 +16,7 @@ int main(int argc, char** argv) {
   const auto client = ledgerline::connect(config);
   const auto answer = client->evaluate_at_peer({function, {argument}});
   if (!answer) {
-    std::fprintf(stderr, "%s\n", answer.error().what.c_str());
+    std::fprintf(stderr, "%s\n", answer.error().message.c_str());
     return 1;
   }
   std::fwrite(answer->data(), 1, answer->size(), stdout);

@@ -245,7 +245,7 @@ class World {
   void order(const Member& who, const fabric::Proposal& proposal, const Reply& reply, bool by_endorser,
              Client* client) {
     const auto envelope = fabric::assemble(proposal, {reply.bytes});
-    ASSERT_TRUE(envelope.ok()) << envelope.error().what;
+    ASSERT_TRUE(envelope.ok()) << envelope.error().message;
     Ordered one;
     one.payload = payload_of(reply);
     const std::string oracle = payload_of(channel_.peer.process_proposal(proposal.signed_proposal, now_));

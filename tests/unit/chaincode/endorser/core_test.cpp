@@ -43,7 +43,7 @@ class OwnEndorserTest : public ::testing::Test {
     while (core.height() < net.chain.size()) {
       const std::string& raw = net.chain[core.height()];
       const Status taken = core.take(*fabric::decode_block(raw), raw);
-      ASSERT_TRUE(taken.ok()) << taken.error().what;
+      ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
   Reply ask(const fabric::Proposal& proposal) { return core.process_proposal(proposal.signed_proposal, net.now); }
@@ -69,7 +69,7 @@ TEST_F(OwnEndorserTest, AnswersAsThePeerAndSignsItself) {
   protos::ProposalResponse second;
   second.ParseFromString(net.core->process_proposal(proposal.signed_proposal, net.now, 1).bytes);
   const auto envelope = fabric::assemble(proposal, {response.SerializeAsString(), second.SerializeAsString()});
-  ASSERT_TRUE(envelope.ok()) << envelope.error().what;
+  ASSERT_TRUE(envelope.ok()) << envelope.error().message;
   EXPECT_EQ(net.core->order(*fabric::sign_envelope(net.host, *envelope), net.now).code, Code::ok);
   EXPECT_EQ(net.commit(), std::vector<int>{0});
 }
@@ -139,7 +139,7 @@ TEST_F(OwnEndorserTest, ABlockOutOfTurnIsRefused) {
   const std::string& last = net.chain.back();
   const Status taken = core.take(*fabric::decode_block(last), last);
   ASSERT_FALSE(taken.ok());
-  EXPECT_THAT(taken.error().what, HasSubstr("where 2 was due"));
+  EXPECT_THAT(taken.error().message, HasSubstr("where 2 was due"));
   follow();
 }
 
@@ -151,7 +151,7 @@ TEST_F(OwnEndorserTest, ABlockOfAnotherChainIsRefused) {
   const std::string raw = other.SerializeAsString();
   const Status taken = core.take(*fabric::decode_block(raw), raw);
   ASSERT_FALSE(taken.ok());
-  EXPECT_THAT(taken.error().what, HasSubstr("of another chain"));
+  EXPECT_THAT(taken.error().message, HasSubstr("of another chain"));
   EXPECT_FALSE(core.take(*fabric::decode_block(net.chain.back()), net.chain.front()).ok()) << "bytes of another block";
   follow();
 }

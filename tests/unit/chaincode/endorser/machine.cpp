@@ -20,7 +20,7 @@ bool Machine::show(const std::string& raw) {
   if (status) status = core_->take(*block, raw);
   if (status) return true;
   readiness_.fail();
-  why_ = status.error().what;
+  why_ = status.error().message;
   return false;
 }
 

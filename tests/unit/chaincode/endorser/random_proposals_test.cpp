@@ -53,7 +53,7 @@ class RandomProposals : public ::testing::Test {
     for (; core_->height() < channel_.blocks.size();) {
       const std::string& raw = channel_.blocks[core_->height()];
       const Status taken = core_->take(*fabric::decode_block(raw), raw);
-      ASSERT_TRUE(taken.ok()) << taken.error().what;
+      ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
   static std::unique_ptr<Core> make_core() {
@@ -63,14 +63,14 @@ class RandomProposals : public ::testing::Test {
   /// With what the peer's snapshot of now says, in place of all blocks.
   void restart() {
     const auto said = read_peer_snapshot(snapshot_of(*snapshot_from(core_->snapshot())), {}, {});
-    ASSERT_TRUE(said.ok()) << said.error().what;
+    ASSERT_TRUE(said.ok()) << said.error().message;
     auto validator = fabric::BlockValidator::from(channel_.blocks[0], "teleop", library);
     const auto config = confirm(*said, *validator, [this](std::uint64_t number) {
       common::Block block;
       block.ParseFromString(channel_.blocks.at(number));
       return block;
     });
-    ASSERT_TRUE(config.ok()) << config.error().what;
+    ASSERT_TRUE(config.ok()) << config.error().message;
     core_ = make_core();
     ASSERT_TRUE(core_->restore({said->end, *config, said->contract, said->lifecycle}).ok());
   }

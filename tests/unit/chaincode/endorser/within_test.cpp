@@ -77,7 +77,7 @@ class WithinTest : public ::testing::Test {
     fabric::ClientConfig with = config();
     with.blocks = blocks;
     const Status begun = endorse_within({msp_dir, 10, summary, checkpoint, {}, first_state}, with);
-    EXPECT_TRUE(begun.ok()) << begun.error().what;
+    EXPECT_TRUE(begun.ok()) << begun.error().message;
     {
       const auto client = fabric::Client::create(std::move(with)).value();
       std::atomic<int> seen{0};
@@ -130,9 +130,9 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   checkpoint.records.pop_back();
   ASSERT_TRUE(fabric::write_checkpoint(file, checkpoint).ok());
   fabric::ClientConfig with = config();
-  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("is not whole"));
+  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().message, HasSubstr("is not whole"));
   ::chmod(file.c_str(), 0640);
-  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().what, HasSubstr("chmod 600"));
+  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().message, HasSubstr("chmod 600"));
 }
 
 /// As a peer of Fabric would write it that has what is in this checkpoint.
@@ -156,7 +156,7 @@ TEST_F(WithinTest, AFirstStartGoesOnBehindAPeersSnapshot) {
   const auto refused = [&](const FirstStateSettings& first_state, const std::string& checkpoint = "") {
     fabric::ClientConfig with = config();
     const Status begun = endorse_within({identity, 10, "", checkpoint, {}, first_state}, with);
-    return begun ? "it begins" : begun.error().what;
+    return begun ? "it begins" : begun.error().message;
   };
   (void)send_states(identity, fabric::BlockSource::peer, file);
   write_snapshot(folder, file);
@@ -204,10 +204,10 @@ TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
   const std::filesystem::path peer = organisation() / "peers/peer0.org1.ledgerline";
   fabric::ClientConfig with = config();
   const Status nowhere = endorse_within({peer / "msp", 1, "", "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
-  EXPECT_THAT(nowhere.error().what, HasSubstr("own_endorser.tls_certificate"));
+  EXPECT_THAT(nowhere.error().message, HasSubstr("own_endorser.tls_certificate"));
   const ServeSettings no_authority{"127.0.0.1:0", peer / "tls/server.crt", peer / "tls/server.key",
                                    peer / "tls/none.crt"};
-  EXPECT_THAT(endorse_within({peer / "msp", 1, "", "", no_authority}, with).error().what,
+  EXPECT_THAT(endorse_within({peer / "msp", 1, "", "", no_authority}, with).error().message,
               HasSubstr("own_endorser.tls_client_ca"));
   const std::string at = "127.0.0.1:" + std::to_string(free_port());
   const std::filesystem::path summary = organisation() / "serving.json";
@@ -226,10 +226,10 @@ TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
   fabric::ClientConfig none = config();
   EXPECT_TRUE(endorse_within({}, none).ok());
   EXPECT_EQ(none.own_endorser, nullptr);
-  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", "", {}}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", "", {}}, none).error().message,
               HasSubstr("own_endorser.msp_dir"));
   none.orderers.clear();
-  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().what,
+  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().message,
               HasSubstr("no [[orderer]]"));
   none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
   EXPECT_FALSE(fabric::Client::create(none).ok());

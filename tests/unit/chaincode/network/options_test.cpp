@@ -52,7 +52,7 @@ port = 7060
 
 TEST(FabricOptions, AFileSaysWhereThePartsAre) {
   auto options = options_of(three_hosts);
-  ASSERT_TRUE(options.ok()) << options.error().what;
+  ASSERT_TRUE(options.ok()) << options.error().message;
   EXPECT_EQ(options->orderers, 3);
   EXPECT_EQ(options->batch_timeout_ns, 5 * ns_per_ms);
   EXPECT_THAT(options->channels, ElementsAre("teleop", "yard"));
@@ -69,7 +69,7 @@ TEST(FabricOptions, AFileSaysWhereThePartsAre) {
 
 TEST(FabricOptions, AddressesOfAllHostsAreInTheChannel) {
   const auto options = options_of(three_hosts);
-  ASSERT_TRUE(options.ok()) << options.error().what;
+  ASSERT_TRUE(options.ok()) << options.error().message;
   const std::string yaml = configtx_yaml(*options, {options->orderer_places, options->organisation_places, {}});
   for (const char* part : {"- 10.0.0.3:7060", "{Host: 10.0.0.2, Port: 7060,", "{Host: 10.0.0.3, Port: 7051}"}) {
     EXPECT_THAT(yaml, HasSubstr(part));
@@ -82,7 +82,7 @@ TEST(FabricOptions, WhatDoesNotFitTogetherIsRefusedByName) {
     Options options = *options_of(three_hosts);
     change(options);
     const Status status = check(options);
-    return status ? std::string("good") : status.error().what;
+    return status ? std::string("good") : status.error().message;
   };
   EXPECT_EQ(why([](Options&) {}), "good");
   EXPECT_THAT(why([](Options& o) { o.only = {"org4"}; }), HasSubstr("\"org4\""));
@@ -123,7 +123,7 @@ TEST(FabricOptions, ThePartsThatNobodyWaitsForAreInTheBackgroundAndTheOthersMayH
 TEST(FabricOptions, KeysThatNobodyKnowsAreRefused) {
   const auto options = options_of("batch_cuont = 3\n");
   ASSERT_FALSE(options.ok());
-  EXPECT_THAT(options.error().what, HasSubstr("batch_cuont"));
+  EXPECT_THAT(options.error().message, HasSubstr("batch_cuont"));
 }
 
 TEST(FabricOptions, APlaceIsHostAndPort) {

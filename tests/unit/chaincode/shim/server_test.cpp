@@ -14,7 +14,7 @@ using ::testing::HasSubstr;
 
 std::string why_not(const Options& options) {
   const auto server = Server::start(options, {});
-  return server ? "" : server.error().what;
+  return server ? "" : server.error().message;
 }
 
 TEST(ShimServer, RefusesAKeyThatOthersMayRead) {

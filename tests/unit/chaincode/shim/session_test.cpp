@@ -201,7 +201,7 @@ TEST(ShimSession, TransactionsDoNotWaitForEachOther) {
 TEST(ShimSession, AnErrorOfThePeerReachesTheChaincode) {
   FakePeer peer([](Stub& stub) {
     const Status status = stub.put_state("forbidden", "x");
-    return Response{500, status ? "written" : status.error().what, ""};
+    return Response{500, status ? "written" : status.error().message, ""};
   });
   peer.transaction("tx1", {"set"});
   EXPECT_EQ(response_in(peer.end_of("tx1")).message(), "no such luck");
@@ -211,7 +211,7 @@ TEST(ShimSession, TheEndOfTheStreamReleasesWhoWaits) {
   std::promise<std::string> said;
   FakePeer peer([&](Stub& stub) {
     const auto value = stub.get_state("key");
-    said.set_value(value ? "a value" : value.error().what);
+    said.set_value(value ? "a value" : value.error().message);
     return ok("");
   });
   peer.held = {"tx1"};

@@ -247,7 +247,7 @@ TEST(Access, WhatTheContractWritesFollowsAndNothingElseDoes) {
     event.call = draw.call;
     ++followed;
     const Status follows = verification::control_follows(event, draw.record, *after, draw.caller);
-    EXPECT_TRUE(follows) << seed << " " << draw.call.function << ": " << follows.error().what;
+    EXPECT_TRUE(follows) << seed << " " << draw.call.function << ": " << follows.error().message;
     for (const Control& other : others_than(*after)) {
       const std::string bytes = other.SerializeAsString();
       if (bytes == after->SerializeAsString() || bytes == draw.record.SerializeAsString()) continue;

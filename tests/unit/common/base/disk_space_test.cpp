@@ -36,7 +36,7 @@ TEST(Space, TooLittleIsRefusedWithThePlaceAndBothFigures) {
   const Status status = enough_space("/somewhere", 99'000'000, 100'000'000, "a flight");
   ASSERT_FALSE(status.ok());
   for (const char* part : {"/somewhere", "99 MB free", "a flight needs 100 MB"}) {
-    EXPECT_THAT(status.error().what, HasSubstr(part));
+    EXPECT_THAT(status.error().message, HasSubstr(part));
   }
 }
 

@@ -23,7 +23,7 @@ TEST(WriteFile, MakesTheWayThereAndWritesOver) {
   EXPECT_EQ(info.st_mode & 0777U, 0600U);
   const auto below_a_file = write_file(path + "/d", "x");
   ASSERT_FALSE(below_a_file.ok());
-  EXPECT_THAT(below_a_file.error().what, ::testing::HasSubstr("cannot write " + path + "/d: Not a directory"));
+  EXPECT_THAT(below_a_file.error().message, ::testing::HasSubstr("cannot write " + path + "/d: Not a directory"));
   std::filesystem::remove_all(dir);
 }
 
@@ -53,7 +53,7 @@ TEST(ReplaceFile, IsWholeOrAsBeforeAndLeavesNothingBeside) {
   std::filesystem::create_directory(path + ".new");
   const auto blocked = replace_file(path, "third", 0600);
   ASSERT_FALSE(blocked.ok());
-  EXPECT_THAT(blocked.error().what, ::testing::HasSubstr("cannot write " + path));
+  EXPECT_THAT(blocked.error().message, ::testing::HasSubstr("cannot write " + path));
   EXPECT_EQ(*read_file(path), "second");
   std::filesystem::remove_all(dir);
 }

@@ -25,9 +25,9 @@ class OwnedFolderTest : public ::testing::Test {
   /// What is read, or why not.
   std::string read(std::int64_t max_bytes = 100) const {
     const auto opened = OwnedFolder::open(folder);
-    if (!opened) return opened.error().what;
+    if (!opened) return opened.error().message;
     const auto text = opened->read("states", max_bytes);
-    return text ? *text : text.error().what;
+    return text ? *text : text.error().message;
   }
   bool says(const std::string& word) const { return read().find(word) != std::string::npos; }
 

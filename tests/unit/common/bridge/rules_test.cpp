@@ -13,7 +13,7 @@ std::string problem_of(const std::string& toml, const Host* host = nullptr) {
   EXPECT_TRUE(config.ok());
   (void)read_bridge(*config, host);
   const Status status = config->finish();
-  return status ? "" : status.error().what;
+  return status ? "" : status.error().message;
 }
 
 TEST(BridgeRules, AStarStandsForAnyCharacters) {
@@ -52,7 +52,7 @@ TEST(BridgeRules, WhatTheConfigSaysComesOut) {
       "from = \"Org2MSP\"\n",
       "bridge.toml");
   const BridgeConfig bridge = read_bridge(*config);
-  ASSERT_TRUE(config->finish().ok()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish().ok()) << config->finish().error().message;
   EXPECT_EQ(bridge.min_gap_ns, 5 * ns_per_ms);
   ASSERT_EQ(bridge.rules.size(), 2U);
   EXPECT_TRUE(bridge.rules[0].to_ledger && bridge.rules[0].from_ledger && bridge.rules[0].stream);

@@ -19,7 +19,7 @@ class UplinkTest : public ::testing::Test {
   void make(std::vector<Rule> rules) { uplink.emplace(uplink_config(std::move(rules))); }
   std::size_t open(const std::string& topic, const std::string& type = "p/msg/A") {
     auto opened = uplink->open(topic, type);
-    EXPECT_TRUE(opened.ok()) << opened.error().what;
+    EXPECT_TRUE(opened.ok()) << opened.error().message;
     return *opened;
   }
   void add(std::size_t topic, const std::string& text) { uplink->add(++now, topic, 7, bytes(cdr(text))); }
@@ -360,13 +360,13 @@ TEST_F(UplinkTest, TopicsThatNoRuleWantsOrOfAnotherTypeOrTooManyAreRefused) {
   Rule down = rule("/down");
   down.to_ledger = false;
   make({typed, down, rule("/some/*")});
-  EXPECT_THAT(uplink->open("/typed", "p/msg/B").error().what,
+  EXPECT_THAT(uplink->open("/typed", "p/msg/B").error().message,
               HasSubstr("its type is p/msg/B, its [[topic]] says p/msg/A"));
   EXPECT_FALSE(uplink->open("/down", "p/msg/A").ok());
   EXPECT_FALSE(uplink->open("/other", "p/msg/A").ok());
   EXPECT_FALSE(uplink->open("/some/x", "no type").ok());
   for (std::size_t i = 0; i < Uplink::max_topics; ++i) open("/some/" + std::to_string(i));
-  EXPECT_THAT(uplink->open("/some/more", "p/msg/A").error().what, HasSubstr("256 topics are carried already"));
+  EXPECT_THAT(uplink->open("/some/more", "p/msg/A").error().message, HasSubstr("256 topics are carried already"));
   open("/some/7");
 }
 

@@ -12,7 +12,7 @@ namespace {
 Config config_of(const std::string& text) { return Config::parse(text, "link.toml").value(); }
 std::string problems(Config& config) {
   const auto status = config.finish();
-  return status ? "" : status.error().what;
+  return status ? "" : status.error().message;
 }
 
 TEST(Config, GivesWhatIsThereAndDefaultsForTheRest) {
@@ -156,7 +156,7 @@ TEST(Config, ATableForAnotherProgramMeansTheSameThere) {
 TEST(Config, SyntaxErrorsHaveTheLineToo) {
   auto config = Config::parse("a = 1\nb = = 2\n", "link.toml");
   ASSERT_FALSE(config);
-  EXPECT_EQ(config.error().what.find("link.toml:2: "), 0U) << config.error().what;
+  EXPECT_EQ(config.error().message.find("link.toml:2: "), 0U) << config.error().message;
 }
 
 TEST(Config, FilesAreReadAndMissingOnesNamed) {
@@ -170,7 +170,7 @@ TEST(Config, FilesAreReadAndMissingOnesNamed) {
   std::filesystem::remove(path);
   auto gone = Config::load(path);
   ASSERT_FALSE(gone);
-  EXPECT_NE(gone.error().what.find(path), std::string::npos);
+  EXPECT_NE(gone.error().message.find(path), std::string::npos);
 }
 
 TEST(Config, ADescribingOneListsWhatWasAskedForOnceInTheReadersOrder) {

@@ -37,7 +37,7 @@ class Msp : public testing::Test {
 
   std::string refusal(const std::string& bytes) {
     auto member = registry_->member(bytes, now_);
-    return member ? "accepted" : member.error().what;
+    return member ? "accepted" : member.error().message;
   }
 };
 
@@ -226,7 +226,7 @@ class LoadIdentity : public testing::Test {
   std::string key_file() const { return dir_ + "/keystore/priv_sk"; }
   std::string error() const {
     auto identity = load_identity(Library::mbedtls, "Org1MSP", dir_);
-    return identity ? "loaded" : identity.error().what;
+    return identity ? "loaded" : identity.error().message;
   }
 
   KeyAndCertificate ca_ = make_ca("ca.test", "test").value();
@@ -288,7 +288,7 @@ TEST_F(LoadIdentity, TwoFilesAreAnIdentityToo) {
 TEST_F(LoadIdentity, ALockedKeyNeedsItsPassPhraseAndAnOpenOneIsRefused) {
   const auto load = [&](const std::string& phrase) {
     auto identity = load_locked_identity(Library::mbedtls, "Org1MSP", dir_, phrase);
-    return identity ? "loaded" : identity.error().what;
+    return identity ? "loaded" : identity.error().message;
   };
   EXPECT_NE(load("open").find("not locked"), std::string::npos) << "anybody who reads the disk could sign with it";
   const std::string locked = lock_key(user_.key_pem, "open sesame").value();

@@ -50,7 +50,7 @@ class Intermediate : public testing::Test {
     identity.set_id_bytes(pem("user.pem"));
     const auto registry = make_msp_registry(library, {{"Org2MSP", authorities, lists}});
     const auto member = registry->member(identity.SerializeAsString(), std::time(nullptr));
-    if (!member) return member.error().what;
+    if (!member) return member.error().message;
     const auto signature = make_signer(library, pem("user.key")).value()->sign("message").value();
     return (*member)->verifier->verify("message", signature) ? "signs" : "does not sign";
   }

@@ -29,7 +29,7 @@ class RenewalOfACertificate : public testing::Test {
   }
   std::string refusal(const Result<Renewal::Pair>& found, std::int64_t at_s) {
     const Status checked = renewal_.check(found, at_s);
-    return checked ? "taken" : checked.error().what;
+    return checked ? "taken" : checked.error().message;
   }
 
   const KeyAndCertificate ca_ = make_ca("ca.org1", "org1").value();
@@ -137,12 +137,13 @@ TEST_F(RenewalOfACertificate, OfSeveralKeysInAFolderTheOneThatFitsCounts) {
   for (const KeyAndCertificate& one : {old_, next}) {
     ASSERT_TRUE(write_file(dir + "/signcerts/cert.pem", one.certificate_pem));
     const auto loaded = load_identity(Library::libcrypto, "Org1MSP", dir);
-    ASSERT_TRUE(loaded) << loaded.error().what;
+    ASSERT_TRUE(loaded) << loaded.error().message;
     EXPECT_EQ(read_serialized(loaded->serialized).value().certificate.not_after_s,
               parse_certificate(one.certificate_pem).value().not_after_s);
   }
   ASSERT_TRUE(write_file(dir + "/signcerts/cert.pem", issued("raven", 3).certificate_pem));
-  EXPECT_NE(load_identity(Library::libcrypto, "Org1MSP", dir).error().what.find("does not belong"), std::string::npos);
+  EXPECT_NE(load_identity(Library::libcrypto, "Org1MSP", dir).error().message.find("does not belong"),
+            std::string::npos);
   fs::remove_all(dir);
 }
 

@@ -17,7 +17,7 @@ class Revocation : public testing::Test {
     identity.set_mspid("Org1MSP");
     identity.set_id_bytes(user.certificate_pem);
     const auto member = registry->member(identity.SerializeAsString(), std::nullopt);
-    return member ? "accepted" : member.error().what;
+    return member ? "accepted" : member.error().message;
   }
   static KeyAndCertificate user_of(const KeyAndCertificate& ca, const std::string& name) {
     return *issue(ca, {.common_name = name, .organization = "", .unit = "peer", .sans = {}});
@@ -91,7 +91,7 @@ zj0EAwIDSQAwRgIhAIqXzWXI4uXGf6k9Zfqa/4AFk3zfTWTXBra0nrDDJlA1AiEA
 7FSc1MtxqEpXAeoOjnUxGU3rIp2xdMVYo4ZKjymbONk=
 -----END CERTIFICATE-----
 )");
-  ASSERT_TRUE(number) << number.error().what;
+  ASSERT_TRUE(number) << number.error().message;
   EXPECT_EQ(number->serial, "0abcde0123456789abcdef00");
   EXPECT_EQ(number->authority_key, "6e48f4a5a8bcab42588417f502945288cf6c8884");
   EXPECT_NE(certificate_number(peer_.certificate_pem)->serial, certificate_number(next_.certificate_pem)->serial);
@@ -111,16 +111,16 @@ TEST_F(Revocation, AnEntryOfAConfigurationIsReadAsFabricReadsIt) {
        {std::string(), std::string("no list"), "\n" + list, ca_.certificate_pem, list.substr(0, list.size() / 2)}) {
     const auto refused = list_of_entry(none);
     ASSERT_FALSE(refused) << none;
-    EXPECT_NE(refused.error().what.find("cannot be read"), std::string::npos);
+    EXPECT_NE(refused.error().message.find("cannot be read"), std::string::npos);
   }
 }
 
 TEST_F(Revocation, WhoHandsListsOverIsReportedWhoseTheyAreAndWhichIsNone) {
   const std::vector<MspRoot> roots{{"Org2MSP", other_ca_.certificate_pem}, {"Org1MSP", ca_.certificate_pem}};
-  const auto why = [&](const std::string& text) { return read_revocation_lists(text, roots).error().what; };
+  const auto why = [&](const std::string& text) { return read_revocation_lists(text, roots).error().message; };
   const std::string list = list_of(ca_, peer_.certificate_pem), other = list_of(other_ca_, peer_.certificate_pem);
   const auto both = read_revocation_lists(list + other, roots);
-  ASSERT_TRUE(both) << both.error().what;
+  ASSERT_TRUE(both) << both.error().message;
   ASSERT_EQ(both->size(), 2U);
   EXPECT_EQ((*both)[0].msp_id, "Org1MSP");
   EXPECT_EQ((*both)[1].msp_id, "Org2MSP");

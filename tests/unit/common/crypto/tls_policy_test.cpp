@@ -113,7 +113,7 @@ class TlsPolicy : public testing::Test {
                                           .certificate_file = own_.certificate,
                                           .client_ca_file = authorities},
                                          {});
-    EXPECT_TRUE(chaincode) << chaincode.error().what;
+    EXPECT_TRUE(chaincode) << chaincode.error().message;
     const std::uint16_t chaincode_port = port_of((*chaincode)->endpoint());
     all.push_back({"chaincode", http2, chaincode_port, std::shared_ptr<shim::Server>(std::move(*chaincode))});
 
@@ -125,7 +125,7 @@ class TlsPolicy : public testing::Test {
                                                   {"tello1"}, {},
                                                   {.take = [](const ground::PilotCommand&) { return Status(done); },
                                                    .tell = [](ground::service::Level, const std::string&) {}});
-    EXPECT_TRUE(station) << station.error().what;
+    EXPECT_TRUE(station) << station.error().message;
     const std::uint16_t station_port = port_of((*station)->url().substr(0, (*station)->url().find('/', 8)));
     all.push_back({"station", "GET / HTTP/1.1\r\nHost: localhost\r\n\r\n", station_port,
                    std::shared_ptr<ground::service::Server>(std::move(*station))});
@@ -150,7 +150,7 @@ class TlsPolicy : public testing::Test {
     running->service = std::move(*endorser::Service::start(config, {}, [](const std::string&) {}));
     auto served = endorser::serve(*running->service, {"127.0.0.1:0", own_.certificate, own_.private_key, authorities},
                                   "serve.", nullptr);
-    EXPECT_TRUE(served) << served.error().what;
+    EXPECT_TRUE(served) << served.error().message;
     running->served = std::move(*served);
     return {"endorser", hello, port_of(running->served->endpoint()), running};
   }

@@ -20,7 +20,7 @@ std::string problem_of(const std::string& toml) {
   EXPECT_TRUE(config.ok());
   (void)participant_options(*config, "ledgerline_ground");
   const Status status = config->finish();
-  return status ? "" : status.error().what;
+  return status ? "" : status.error().message;
 }
 
 TEST(DdsConfig, WithoutItAProgramIsOnLoopbackAndInsecure) {
@@ -36,7 +36,7 @@ TEST(DdsConfig, WithoutItAProgramIsOnLoopbackAndInsecure) {
 TEST(DdsConfig, WhatTheConfigSaysComesOut) {
   auto config = Config::parse(std::string(all_files) + "domain = 7\nlocal_only = false\n", "ground.toml");
   const ParticipantOptions options = participant_options(*config, "ledgerline_ground");
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   EXPECT_EQ(options.local_only, false);
   EXPECT_EQ(options.domain, 7U);
   ASSERT_TRUE(options.security);
@@ -72,14 +72,14 @@ Reach reach_with(const std::string& dds, const std::string& uri = {}) {
   const ParticipantOptions options = participant_options(*config, "ledgerline_ground");
   EXPECT_TRUE(config->finish()) << dds;
   auto reach = reach_of(options, uri, host);
-  EXPECT_TRUE(reach) << reach.error().what;
+  EXPECT_TRUE(reach) << reach.error().message;
   return reach ? *reach : Reach{};
 }
 
 std::string error_with(const std::string& dds) {
   auto config = Config::parse("[dds]\n" + dds, "ground.toml");
   const auto reach = reach_of(participant_options(*config, "ledgerline_ground"), "", host);
-  return reach ? "" : reach.error().what;
+  return reach ? "" : reach.error().message;
 }
 
 constexpr const char* discovery_here =
@@ -167,7 +167,7 @@ TEST(DdsConfig, AnInterfaceThatCannotBeUsedIsNamedWithItsCure) {
   down.front().up = false;
   const auto alone = reach_of(ParticipantOptions{}, "", down);
   ASSERT_FALSE(alone);
-  EXPECT_EQ(alone.error().what, "DDS: the network interface 'lo' is down; run: ip link set lo up");
+  EXPECT_EQ(alone.error().message, "DDS: the network interface 'lo' is down; run: ip link set lo up");
 }
 
 TEST(DdsConfig, ADomainThatDoesNotStartReportsWhy) {

@@ -32,13 +32,13 @@ class Raw : public testing::Test {
   void SetUp() override {
     for (ParticipantPtr* p : {&says_, &hears_}) {
       auto made = Participant::create(on_own_domain());
-      ASSERT_TRUE(made) << made.error().what;
+      ASSERT_TRUE(made) << made.error().message;
       *p = *made;
     }
   }
   RawWriter writer(const std::string& topic, const Qos& qos = {}, const char* type = made_up) {
     auto made = RawWriter::create(says_, topic, type, qos);
-    if (!made) throw std::runtime_error(made.error().what);
+    if (!made) throw std::runtime_error(made.error().message);
     return std::move(*made);
   }
   RawReader reader(const std::string& topic, const Qos& qos = {}, const char* type = made_up) {
@@ -46,7 +46,7 @@ class Raw : public testing::Test {
         RawReader::create(hears_, topic, type, qos, [this](std::span<const std::uint8_t> cdr, const RawInfo& i) {
           inbox_.add({copy_of(cdr), i});
         });
-    if (!made) throw std::runtime_error(made.error().what);
+    if (!made) throw std::runtime_error(made.error().message);
     return std::move(*made);
   }
   static bool matched(const RawWriter& w, const RawReader& r) {
@@ -130,7 +130,7 @@ TEST_F(Raw, WhatIsNoPlainCdrOrTooLongIsRefusedAndCounted) {
   for (const Bytes& wrong : {Bytes{}, Bytes{0, 1, 0}, Bytes{0, 7, 0, 0, 1}, Bytes{1, 0, 0, 0, 1}}) {
     const auto refused = w.publish(wrong);
     ASSERT_FALSE(refused);
-    EXPECT_THAT(refused.error().what, HasSubstr("encapsulation header"));
+    EXPECT_THAT(refused.error().message, HasSubstr("encapsulation header"));
   }
   EXPECT_FALSE(w.publish(message_of(max_message_bytes + 1, 1)));
   EXPECT_TRUE(w.publish(message_of(max_message_bytes, 1)));
@@ -217,14 +217,14 @@ TEST(Domain, ComesFromRosAndANonsenseOneIsAnError) {
   setenv("ROS_DOMAIN_ID", "300", 1);
   auto refused = Participant::create();
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, HasSubstr("ROS_DOMAIN_ID"));
+  EXPECT_THAT(refused.error().message, HasSubstr("ROS_DOMAIN_ID"));
   setenv("ROS_DOMAIN_ID", "4x", 1);
   EXPECT_FALSE(Participant::create());
 
   setenv("ROS_DOMAIN_ID", "97", 1);
   auto by_name = Participant::create();
   unsetenv("ROS_DOMAIN_ID");
-  ASSERT_TRUE(by_name) << by_name.error().what;
+  ASSERT_TRUE(by_name) << by_name.error().message;
   ParticipantOptions same;
   same.domain = 97;
   auto by_number = Participant::create(same);
@@ -255,7 +255,7 @@ TEST(Domain, LoopbackThatTheConfigSaysBeatsTheEnvironment) {
   ParticipantOptions options = on_domain(94);
   options.local_only = true;
   const auto participant = Participant::create(options);
-  EXPECT_TRUE(participant) << participant.error().what;
+  EXPECT_TRUE(participant) << participant.error().message;
 }
 
 TEST(Domain, WithoutAWordInTheConfigTheEnvironmentDecides) {
@@ -269,7 +269,7 @@ TEST(Domain, AFileOfCyclonesThatTheConfigNamesBeatsTheEnvironment) {
   options.cyclonedds = file;
   const auto without = Participant::create(options);
   ASSERT_FALSE(without);
-  EXPECT_THAT(without.error().what, HasSubstr("cannot read '" + file + "'"));
+  EXPECT_THAT(without.error().message, HasSubstr("cannot read '" + file + "'"));
 
   const NonsenseInEnvironment nonsense;
   std::ofstream(file) << "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\" multicast=\"true\"/>"
@@ -285,9 +285,9 @@ std::vector<Bytes> said() { return {message_of(56, 1), message_of(101, 2, false)
 
 TEST(DdsChild, DISABLED_PublishesUntilItIsEnded) {
   auto participant = Participant::create();
-  ASSERT_TRUE(participant) << participant.error().what;
+  ASSERT_TRUE(participant) << participant.error().message;
   auto w = RawWriter::create(*participant, "/between_processes", made_up, {});
-  ASSERT_TRUE(w) << w.error().what;
+  ASSERT_TRUE(w) << w.error().message;
   for (int i = 0; i < 6000; ++i) {
     for (const Bytes& cdr : said()) (void)w->publish(cdr);
     std::this_thread::sleep_for(std::chrono::milliseconds(10));

@@ -21,7 +21,7 @@ class Topics : public testing::Test {
   void SetUp() override {
     for (ParticipantPtr* p : {&own_, &other_}) {
       auto made = Participant::create(on_own_domain());
-      ASSERT_TRUE(made) << made.error().what;
+      ASSERT_TRUE(made) << made.error().message;
       *p = *made;
     }
   }
@@ -32,17 +32,17 @@ class Topics : public testing::Test {
           if (seen.topic.starts_with("/seen/")) seen_.add(seen);
         },
         bound);
-    if (!made) throw std::runtime_error(made.error().what);
+    if (!made) throw std::runtime_error(made.error().message);
     return std::move(*made);
   }
   static RawWriter writer(const ParticipantPtr& p, const char* topic, const char* type = nested, const Qos& qos = {}) {
     auto made = RawWriter::create(p, topic, type, qos);
-    if (!made) throw std::runtime_error(made.error().what);
+    if (!made) throw std::runtime_error(made.error().message);
     return std::move(*made);
   }
   static RawReader reader(const ParticipantPtr& p, const char* topic, const char* type = nested, const Qos& qos = {}) {
     auto made = RawReader::create(p, topic, type, qos, ignore);
-    if (!made) throw std::runtime_error(made.error().what);
+    if (!made) throw std::runtime_error(made.error().message);
     return std::move(*made);
   }
   /// The n-th notification.
@@ -232,7 +232,7 @@ TEST(NodeOfRos, ANameThatRosDoesNotAllowIsAnError) {
   options.node = "two words";
   auto refused = Participant::create(options);
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, testing::HasSubstr("two words"));
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("two words"));
 }
 
 }  // namespace

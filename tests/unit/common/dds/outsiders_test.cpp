@@ -33,9 +33,9 @@ bool shell(const std::string& command) { return std::system(command.c_str()) == 
 TEST(Outsiders, DISABLED_Sayer) {
   const auto size = static_cast<std::size_t>(std::atoi(std::getenv("SIZE_TO_SAY")));
   auto participant = Participant::create({.domain = domain});
-  ASSERT_TRUE(participant) << participant.error().what;
+  ASSERT_TRUE(participant) << participant.error().message;
   auto writer = RawWriter::create(*participant, topic, type, {});
-  ASSERT_TRUE(writer) << writer.error().what;
+  ASSERT_TRUE(writer) << writer.error().message;
   for (int i = 0; i < 6000; ++i) {
     (void)writer->publish(message_of(size, 1));
     std::this_thread::sleep_for(std::chrono::milliseconds(20));
@@ -83,13 +83,13 @@ TEST(Outsiders, BehindANetworkInterfaceAreNotHeardAndNeighboursOnThisHostAre) {
                     " sh -c 'ip link set lo up && ip address add 10.88.1.2/24 dev eth0 && ip link set eth0 up'"));
 
   auto participant = Participant::create({.local_only = true, .ros_release = "jazzy", .domain = domain});
-  ASSERT_TRUE(participant) << participant.error().what;
+  ASSERT_TRUE(participant) << participant.error().message;
   std::atomic<int> of_neighbour{0}, of_outsider{0};
   auto reader =
       RawReader::create(*participant, topic, type, {}, [&](std::span<const std::uint8_t> cdr, const RawInfo&) {
         ++(cdr.size() == size_of_outsiders ? of_outsider : of_neighbour);
       });
-  ASSERT_TRUE(reader) << reader.error().what;
+  ASSERT_TRUE(reader) << reader.error().message;
 
   ASSERT_TRUE(start_sayer(outsider, street.pid(), "10.88.1.1", size_of_outsiders));
   // A participant that is heard once is answered, and then announces its topics.

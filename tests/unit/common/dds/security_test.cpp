@@ -39,7 +39,7 @@ void make_members(const fs::path& folder, const std::vector<std::string>& names)
         .push_back(members.back().certificate_pem);
   }
   const auto documents = make_security_documents(ca, lists);
-  ASSERT_TRUE(documents) << documents.error().what;
+  ASSERT_TRUE(documents) << documents.error().message;
   for (std::size_t i = 0; i < names.size(); ++i) {
     const Security files = files_in(folder / names[i]);
     ASSERT_TRUE(write_file(files.identity_ca, documents->identity_ca));
@@ -58,7 +58,7 @@ TEST(SecurityChild, DISABLED_SaysAndHears) {
   ParticipantOptions options;
   if (!files.empty()) options.security = files_in(files);
   auto participant = Participant::create(options);
-  ASSERT_TRUE(participant) << participant.error().what;
+  ASSERT_TRUE(participant) << participant.error().message;
   std::atomic<int> got{0};
   auto r = RawReader::create(*participant, "/from_parent", type, {.depth = 1000},
                              [&](std::span<const std::uint8_t>, const RawInfo&) { ++got; });
@@ -102,7 +102,7 @@ class SecurityOfDds : public testing::Test {
     ParticipantOptions options = on_own_domain();
     if (!own.empty()) options.security = files_in(own);
     auto participant = Participant::create(options);
-    if (!participant) throw std::runtime_error(participant.error().what);
+    if (!participant) throw std::runtime_error(participant.error().message);
     std::map<std::string, Inbox<Bytes>> inboxes;
     std::vector<RawReader> readers;
     for (const auto& [who, files] : children)
@@ -110,7 +110,7 @@ class SecurityOfDds : public testing::Test {
           *participant, "/from_" + who, type, {.depth = 1000},
           [&inbox = inboxes[who]](std::span<const std::uint8_t> cdr, const RawInfo&) { inbox.add(copy_of(cdr)); })));
     auto w = RawWriter::create(*participant, "/from_parent", type, {.depth = 1000});
-    if (!w) throw std::runtime_error(w.error().what);
+    if (!w) throw std::runtime_error(w.error().message);
     for (const auto& [who, files] : children)
       EXPECT_TRUE(eventually([&] { return fs::exists(folder_ / (who + ".ready")); })) << who;
     const bool met = eventually([&] { return w->readers() == static_cast<int>(members.size()); });
@@ -161,7 +161,7 @@ TEST_F(SecurityOfDds, PilotsWriteWhatPilotsSayMotionCaptureWritesPosesAndNobodyE
     ParticipantOptions options = on_own_domain();
     options.security = files_in(folder_ / who);
     const auto participant = Participant::create(options);
-    ASSERT_TRUE(participant) << participant.error().what;
+    ASSERT_TRUE(participant) << participant.error().message;
     for (const auto& [other, topics] : topics_of) {
       for (const std::string& topic : topics) {
         EXPECT_EQ(static_cast<bool>(RawWriter::create(*participant, topic, type, {})), own.contains(topic))
@@ -186,11 +186,11 @@ TEST_F(SecurityOfDds, AFileThatIsMissingOrAKeyThatOthersMayReadIsNamed) {
   ASSERT_EQ(chmod(options.security->private_key.c_str(), 0644), 0);
   auto refused = Participant::create(options);
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, testing::HasSubstr("chmod 600"));
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("chmod 600"));
   options.security->governance += ".not";
   refused = Participant::create(options);
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, testing::HasSubstr("governance.p7s.not"));
+  EXPECT_THAT(refused.error().message, testing::HasSubstr("governance.p7s.not"));
 }
 
 TEST_F(SecurityOfDds, DocumentsThatTheAuthorityDidNotSignAreRefused) {

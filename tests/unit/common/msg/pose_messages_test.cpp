@@ -24,7 +24,7 @@ std::string named_poses(const std::vector<std::string>& names) {
 
 TEST(PoseMessages, OfAnArrayTheDronesOwnPoseIsTaken) {
   const auto pose = pose_from_message(PoseMessage::named_pose_array, named_poses({"cf1", "tello2", "x"}), "tello2");
-  ASSERT_TRUE(pose) << pose.error().what;
+  ASSERT_TRUE(pose) << pose.error().message;
   ASSERT_TRUE(*pose);
   EXPECT_EQ((*pose)->position_m[0], 2);
   EXPECT_EQ((*pose)->header.stamp_ns, 12 * ns_per_s + 500);

@@ -409,7 +409,7 @@ TEST(Ros, TruncatedMessagesAreErrorsThatNameTheType) {
   for (std::size_t cut = 0; cut < status.size(); ++cut)
     ASSERT_FALSE(state_from_cdr(status.substr(0, cut), odometry)) << cut;
   for (std::size_t cut = 0; cut < 40; ++cut) ASSERT_FALSE(battery_from_cdr(battery.substr(0, cut))) << cut;
-  EXPECT_NE(odometry_from_cdr("").error().what.find("nav_msgs/msg/Odometry"), std::string::npos);
+  EXPECT_NE(odometry_from_cdr("").error().message.find("nav_msgs/msg/Odometry"), std::string::npos);
 }
 
 TEST(Ros, HostileBytesNeverCrash) {

@@ -42,7 +42,7 @@ TEST_F(CommandSocketTest, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
   GTEST_SKIP() << "ubsan looks at an object through a pipe, for which there is no file left";
 #endif
   auto socket = CommandSocket::open(in("f.sock"));
-  ASSERT_TRUE(socket) << socket.error().what;
+  ASSERT_TRUE(socket) << socket.error().message;
   sockaddr_un address{};
   address.sun_family = AF_UNIX;
   in("f.sock").copy(address.sun_path, sizeof address.sun_path - 1);
@@ -69,11 +69,11 @@ TEST_F(CommandSocketTest, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
 TEST_F(CommandSocketTest, CarriesACommandAndItsAnswerOrError) {
   const std::string path = in("f.sock");
   auto socket = CommandSocket::open(path);
-  ASSERT_TRUE(socket) << socket.error().what;
+  ASSERT_TRUE(socket) << socket.error().message;
   struct stat mode {};
   ASSERT_EQ(::stat(path.c_str(), &mode), 0);
   EXPECT_EQ(mode.st_mode & 0777, 0600u);
-  EXPECT_THAT(CommandSocket::open(path).error().what, HasSubstr("another program's"));
+  EXPECT_THAT(CommandSocket::open(path).error().message, HasSubstr("another program's"));
   {
     const ServedSocket served(std::move(*socket), [](const std::string& command) -> Result<std::string> {
       if (command == "bad") return Error{"no such thing"};
@@ -81,26 +81,26 @@ TEST_F(CommandSocketTest, CarriesACommandAndItsAnswerOrError) {
     });
     for (int i = 0; i < 20; ++i) EXPECT_EQ(*tell_command(path, "list"), "one\ntwo\n");
     EXPECT_EQ(*tell_command(path, "do"), "");
-    EXPECT_EQ(tell_command(path, "bad").error().what, "no such thing");
-    EXPECT_THAT(tell_command(path, std::string(1'000, 'x')).error().what, HasSubstr("less than 1000 bytes"));
-    EXPECT_THAT(tell_command(path, "two\nlines").error().what, HasSubstr("one line"));
+    EXPECT_EQ(tell_command(path, "bad").error().message, "no such thing");
+    EXPECT_THAT(tell_command(path, std::string(1'000, 'x')).error().message, HasSubstr("less than 1000 bytes"));
+    EXPECT_THAT(tell_command(path, "two\nlines").error().message, HasSubstr("one line"));
   }
-  EXPECT_THAT(tell_command(path, "list").error().what, HasSubstr("does not answer"));
+  EXPECT_THAT(tell_command(path, "list").error().message, HasSubstr("does not answer"));
   EXPECT_NE(::access(path.c_str(), F_OK), 0) << "it removes its socket";
 }
 
 TEST_F(CommandSocketTest, SaysWhatIsInTheWay) {
   ASSERT_TRUE(write_file(in("file"), "x"));
-  EXPECT_THAT(CommandSocket::open(in(std::string(120, 'x'))).error().what, HasSubstr("at most 107 bytes"));
-  EXPECT_THAT(CommandSocket::open(in("file")).error().what, HasSubstr("is no socket"));
-  EXPECT_THAT(CommandSocket::open(in("no/such/folder")).error().what, HasSubstr("cannot make the socket"));
+  EXPECT_THAT(CommandSocket::open(in(std::string(120, 'x'))).error().message, HasSubstr("at most 107 bytes"));
+  EXPECT_THAT(CommandSocket::open(in("file")).error().message, HasSubstr("is no socket"));
+  EXPECT_THAT(CommandSocket::open(in("no/such/folder")).error().message, HasSubstr("cannot make the socket"));
 }
 
 TEST_F(CommandSocketTest, IsWaitedForNoLongerThanAsked) {
   auto socket = CommandSocket::open(in("f.sock"));
-  ASSERT_TRUE(socket) << socket.error().what;
+  ASSERT_TRUE(socket) << socket.error().message;
   const TimeNs before = monotonic_ns();
-  EXPECT_THAT(tell_command(in("f.sock"), "list", 100 * ns_per_ms).error().what, HasSubstr("does not answer"));
+  EXPECT_THAT(tell_command(in("f.sock"), "list", 100 * ns_per_ms).error().message, HasSubstr("does not answer"));
   EXPECT_GE(monotonic_ns() - before, 100 * ns_per_ms);
   EXPECT_LT(monotonic_ns() - before, 3 * ns_per_s);
 }

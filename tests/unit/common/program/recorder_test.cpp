@@ -40,7 +40,7 @@ TEST(Recorder, AFileThatCannotBeWrittenIsAnErrorThatNamesIt) {
   EXPECT_FALSE(recorder.open("/dev/null/trace"));
   const auto ended = recorder.end("/dev/null/summary", [] { return "{}"; });
   ASSERT_FALSE(ended);
-  EXPECT_EQ(ended.error().what, "cannot write /dev/null/summary: Not a directory");
+  EXPECT_EQ(ended.error().message, "cannot write /dev/null/summary: Not a directory");
 }
 
 }  // namespace

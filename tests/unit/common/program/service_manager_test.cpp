@@ -64,7 +64,7 @@ class ServiceManagerTest : public ::testing::Test {
 
   static std::string why_not() {
     const auto manager = ServiceManager::from_environment();
-    return manager ? "" : manager.error().what;
+    return manager ? "" : manager.error().message;
   }
 
   int fd_ = -1;
@@ -75,7 +75,7 @@ TEST_F(ServiceManagerTest, IsReportedByOneDatagramEach) {
   listen(::testing::TempDir() + "/notify_" + std::to_string(::getpid()));
   ::setenv("WATCHDOG_USEC", "2000000", 1);
   auto manager = ServiceManager::from_environment();
-  ASSERT_TRUE(manager.ok()) << manager.error().what;
+  ASSERT_TRUE(manager.ok()) << manager.error().message;
   EXPECT_TRUE(manager->ready().ok());
   EXPECT_EQ(heard(), "READY=1");
   EXPECT_TRUE(manager->alive(10 * ns_per_s, 1).ok());
@@ -88,7 +88,7 @@ TEST_F(ServiceManagerTest, IsReportedByOneDatagramEach) {
 TEST_F(ServiceManagerTest, IsFoundByAnAbstractNameToo) {
   listen("@ledgerline/notify/" + std::to_string(::getpid()));
   auto manager = ServiceManager::from_environment();
-  ASSERT_TRUE(manager.ok()) << manager.error().what;
+  ASSERT_TRUE(manager.ok()) << manager.error().message;
   EXPECT_TRUE(manager->ready().ok());
   EXPECT_EQ(heard(), "READY=1");
 }
@@ -137,7 +137,7 @@ TEST_F(ServiceManagerTest, ThatIsGoneIsAnErrorThatNamesTheMessage) {
   ASSERT_TRUE(manager.ok());
   const Status reported = manager->ready();
   ASSERT_FALSE(reported.ok());
-  EXPECT_THAT(reported.error().what, HasSubstr("not sent READY=1: No such file"));
+  EXPECT_THAT(reported.error().message, HasSubstr("not sent READY=1: No such file"));
 }
 
 TEST_F(ServiceManagerTest, VariablesThatCannotBeMeantAreRefused) {

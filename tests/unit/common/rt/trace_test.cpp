@@ -27,13 +27,13 @@ class Trace : public testing::Test {
   }
   void write(std::uint64_t count, std::uint64_t max = 1'000'000) {
     auto writer = TraceWriter::create(path_, max);
-    ASSERT_TRUE(writer) << writer.error().what;
+    ASSERT_TRUE(writer) << writer.error().message;
     for (std::uint64_t i = 0; i < count; ++i) writer->add(record(i));
     dropped_ = writer->dropped();
   }
   void expect_records(std::uint64_t count) const {
     const auto records = read_trace(path_);
-    ASSERT_TRUE(records) << records.error().what;
+    ASSERT_TRUE(records) << records.error().message;
     ASSERT_EQ(records->size(), count);
     for (std::uint64_t i = 0; i < count; ++i) {
       const TraceRecord wanted = record(i);
@@ -66,7 +66,7 @@ TEST_F(Trace, AReaderFollowsWhileItGrows) {
   auto writer = TraceWriter::create(path_);
   ASSERT_TRUE(writer);
   auto reader = TraceReader::open(path_);
-  ASSERT_TRUE(reader) << reader.error().what;
+  ASSERT_TRUE(reader) << reader.error().message;
   EXPECT_TRUE(reader->read_new()->empty());
   for (std::uint64_t i = 0; i < 5; ++i) {
     writer->add(record(i));
@@ -102,7 +102,7 @@ TEST_F(Trace, BeyondItsBoundRecordsAreOnlyCounted) {
 
 TEST_F(Trace, AnotherFileIsRefusedByName) {
   std::ofstream(path_) << "this is not a trace, but it is long enough for a header";
-  EXPECT_NE(read_trace(path_).error().what.find(path_), std::string::npos);
+  EXPECT_NE(read_trace(path_).error().message.find(path_), std::string::npos);
   std::filesystem::resize_file(path_, 3);
   EXPECT_FALSE(read_trace(path_));
   EXPECT_FALSE(read_trace(path_ + ".none"));
@@ -111,7 +111,7 @@ TEST_F(Trace, AnotherFileIsRefusedByName) {
 TEST_F(Trace, AFileThatCannotBeMadeIsAnErrorThatNamesIt) {
   auto writer = TraceWriter::create("/nowhere/agent.trace");
   ASSERT_FALSE(writer);
-  EXPECT_NE(writer.error().what.find("/nowhere/agent.trace"), std::string::npos);
+  EXPECT_NE(writer.error().message.find("/nowhere/agent.trace"), std::string::npos);
 }
 
 TEST_F(Trace, AFullDiskIsReportedAndTheRestCounted) {
@@ -119,7 +119,7 @@ TEST_F(Trace, AFullDiskIsReportedAndTheRestCounted) {
   auto writer = TraceWriter::create("/dev/full");
   // The header goes out at once.
   ASSERT_FALSE(writer);
-  EXPECT_NE(writer.error().what.find("No space left"), std::string::npos);
+  EXPECT_NE(writer.error().message.find("No space left"), std::string::npos);
 }
 
 TEST_F(Trace, AMovedWriterWritesOn) {

@@ -51,15 +51,15 @@ TEST(ControlRecords, PagesAreReadToTheirEndAndAPeerThatGoesInCirclesIsSeen) {
   EXPECT_TRUE(read_pages("a/*", pages, take));
   EXPECT_EQ(taken, 3);
   bookmarks = {"a/1", "a/2"};
-  EXPECT_THAT(read_pages("a/*", pages, take).error().what, HasSubstr("do not end"));
+  EXPECT_THAT(read_pages("a/*", pages, take).error().message, HasSubstr("do not end"));
   EXPECT_EQ(taken, 5);
 }
 
 TEST(ControlRecords, WhatIsNoRecordOfThisDroneIsAnError) {
-  EXPECT_THAT(read_control("tello2", ledger_with("tello1")).error().what, HasSubstr("of another"));
-  EXPECT_THAT(read_control("tello1", ledger_with("tello1", 0)).error().what, HasSubstr("not enrolled"));
+  EXPECT_THAT(read_control("tello2", ledger_with("tello1")).error().message, HasSubstr("of another"));
+  EXPECT_THAT(read_control("tello1", ledger_with("tello1", 0)).error().message, HasSubstr("not enrolled"));
   const auto silent = [](const fabric::Call&) -> Result<std::string> { return Error{"not reached"}; };
-  EXPECT_THAT(read_control("tello1", silent).error().what, HasSubstr("control/tello1: not reached"));
+  EXPECT_THAT(read_control("tello1", silent).error().message, HasSubstr("control/tello1: not reached"));
   EXPECT_FALSE(read_control("tello1", [](const fabric::Call&) { return Result<std::string>(std::string("\xff")); }));
 }
 
@@ -85,8 +85,8 @@ TEST(ControlRecords, OfALedgerThatNeverAnswersAreGivenUp) {
   const auto silent = [](const fabric::Call&) -> Result<std::string> { return Error{"not reached"}; };
   const auto read = keep_reading_controls(std::stop_token(), {"tello1"}, silent, world);
   ASSERT_FALSE(read);
-  EXPECT_THAT(read.error().what, HasSubstr("gave up after 60 s"));
-  EXPECT_THAT(read.error().what, HasSubstr("not reached"));
+  EXPECT_THAT(read.error().message, HasSubstr("gave up after 60 s"));
+  EXPECT_THAT(read.error().message, HasSubstr("not reached"));
   EXPECT_GT(now_ns, max_controls_wait_ns);
 }
 

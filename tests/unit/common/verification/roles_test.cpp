@@ -85,7 +85,7 @@ TEST(RolesTest, AnOverfullOrganisationIsLeftOutAndNobodyElseFails) {
   ledger.add("role/Org3MSP/0", "\xff\xff damaged");
   for (int i = 0; i < 10'050; ++i) ledger.add("role/Org4MSP/forged" + std::to_string(i), "");
   const auto roles = read_roles(ledger.evaluate(), {"Org1MSP", "Org2MSP", "Org3MSP", "Org4MSP"});
-  ASSERT_TRUE(roles) << roles.error().what;
+  ASSERT_TRUE(roles) << roles.error().message;
   EXPECT_EQ(roles->of(guard), SUPERVISOR);
   EXPECT_EQ(roles->all().size(), 1U);
   EXPECT_THAT(roles->left_out(), UnorderedElementsAre("Org2MSP", "Org3MSP", "Org4MSP"));
@@ -120,7 +120,7 @@ TEST(RolesTest, RecordsOfTheVersionBeforeAreReadWhereThereAreNoTables) {
 
 TEST(RolesTest, ALedgerThatDoesNotAnswerIsAnError) {
   const auto silent = [](const fabric::Call&) -> Result<std::string> { return Error{"not reached"}; };
-  EXPECT_THAT(read_roles(silent, {"Org1MSP"}).error().what, HasSubstr("not reached"));
+  EXPECT_THAT(read_roles(silent, {"Org1MSP"}).error().message, HasSubstr("not reached"));
 }
 
 TEST(RolesTest, EventsOfOneOrganisationFillItsOwnBoundAlone) {

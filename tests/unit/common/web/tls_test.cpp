@@ -29,7 +29,7 @@ class TlsFromFiles : public testing::Test {
     EXPECT_TRUE(replace_file(files.certificate, one.certificate_pem));
     EXPECT_TRUE(replace_file(files.key, one.key_pem, 0600));
   }
-  std::string refused() { return server_tls(files).error().what; }
+  std::string refused() { return server_tls(files).error().message; }
 
   fuzz::Directory directory;
   const crypto::KeyAndCertificate authority = *crypto::make_ca("ca", "Org");
@@ -38,7 +38,7 @@ class TlsFromFiles : public testing::Test {
 
 TEST_F(TlsFromFiles, IsOneDotTwoAtLeastAndKeepsNoSessions) {
   for (const auto& context : {server_tls(files), client_tls(files)}) {
-    ASSERT_TRUE(context) << context.error().what;
+    ASSERT_TRUE(context) << context.error().message;
     SSL_CTX* const native = (*context)->native_handle();
     EXPECT_EQ(SSL_CTX_get_min_proto_version(native), TLS1_2_VERSION);
     EXPECT_EQ(SSL_CTX_get_session_cache_mode(native), SSL_SESS_CACHE_OFF);
@@ -51,7 +51,7 @@ TEST_F(TlsFromFiles, IsOneDotTwoAtLeastAndKeepsNoSessions) {
 TEST_F(TlsFromFiles, RefusesAKeyThatOthersMayRead) {
   ASSERT_EQ(::chmod(files.key.c_str(), 0644), 0);
   EXPECT_THAT(refused(), HasSubstr("chmod 600 " + files.key));
-  EXPECT_THAT(client_tls(files).error().what, HasSubstr("chmod 600"));
+  EXPECT_THAT(client_tls(files).error().message, HasSubstr("chmod 600"));
 }
 
 TEST_F(TlsFromFiles, TakesAKeyThatRootGivesToAGroupOfOurs) {
@@ -99,7 +99,7 @@ TEST_F(TlsFromFiles, AreKeptWhereTheNewOnesAreBad) {
   EXPECT_FALSE(tls.look());
   const auto news = tls.look();
   ASSERT_TRUE(news && !*news);
-  EXPECT_THAT(news->error().what, HasSubstr(files.key));
+  EXPECT_THAT(news->error().message, HasSubstr(files.key));
   EXPECT_FALSE(tls.look()) << "said once";
   EXPECT_EQ(&tls.context(), first);
   ASSERT_EQ(std::remove(files.certificate.c_str()), 0);

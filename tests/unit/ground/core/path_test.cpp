@@ -59,7 +59,7 @@ TEST(Path, AnUnknownShapeIsRefusedWithTheKnownOnes) {
   EXPECT_EQ(*shape_from_name("triangle"), Shape::triangle);
   const auto circle = shape_from_name("circle");
   ASSERT_FALSE(circle);
-  EXPECT_NE(circle.error().what.find("square, triangle, x or eight"), std::string::npos);
+  EXPECT_NE(circle.error().message.find("square, triangle, x or eight"), std::string::npos);
 }
 
 }  // namespace

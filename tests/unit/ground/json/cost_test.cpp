@@ -130,11 +130,11 @@ TEST(CostOfReading, EndsAtTheFirstValueTooMany) {
     const std::uint64_t before = steps;
     const auto read = json::object_from(long_one, "the body", bounds);
     EXPECT_FALSE(read);
-    EXPECT_THAT(read.error().what, HasSubstr("the body has more than 1000 values"));
+    EXPECT_THAT(read.error().message, HasSubstr("the body has more than 1000 values"));
     return steps - before;
   };
   EXPECT_EQ(cost(10'000), cost(900'000));
-  EXPECT_THAT(json::object_from(text(1'000'100), "the body", bounds).error().what, HasSubstr("1000000 may be"));
+  EXPECT_THAT(json::object_from(text(1'000'100), "the body", bounds).error().message, HasSubstr("1000000 may be"));
   EXPECT_TRUE(json::object_from(text(2'900), "the body", bounds));
 }
 
@@ -150,9 +150,9 @@ TEST(CostOfReading, TheLargestMissionAndPathAreWithinTheBounds) {
   }
   const std::string text = fmt::format(R"({{"name":"m","drones":[{}]}})", drones);
   const auto mission = mission::mission_from_json(std::string_view(text));
-  ASSERT_TRUE(mission) << mission.error().what;
+  ASSERT_TRUE(mission) << mission.error().message;
   const auto run = mission::MissionRun::make(*mission, {});
-  ASSERT_TRUE(run) << run.error().what;
+  ASSERT_TRUE(run) << run.error().message;
   EXPECT_TRUE(mission::MissionRun::restore(run->saved(), {}));
   EXPECT_EQ(
       service::answer({"POST", "/api/v1/drones/tello1/path", fmt::format(R"({{"waypoints":[{}]}})", waypoints)}, known)

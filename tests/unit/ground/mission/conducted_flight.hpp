@@ -83,7 +83,7 @@ struct Flight {
   void restart(AfterRestart rule) {
     config.after_restart = rule;
     auto restored = MissionRun::restore(run.saved(), config);
-    ASSERT_TRUE(restored) << restored.error().what;
+    ASSERT_TRUE(restored) << restored.error().message;
     run = std::move(*restored);
     ordered.clear();
     for (DroneNow& one : drones) {

@@ -98,7 +98,7 @@ TEST(MissionFlown, AGroundThatIsStartedAgainGoesOnWithTheRest) {
   ASSERT_TRUE(killed.conducts_to(RunPhase::flying));
   for (int i = 0; i < 10; ++i) killed.conduct();
   auto restored = MissionRun::restore(killed.mission.saved(), rule);
-  ASSERT_TRUE(restored) << restored.error().what;
+  ASSERT_TRUE(restored) << restored.error().message;
 
   Conducted again(std::move(*restored));
   again.drones = killed.drones;

@@ -26,18 +26,18 @@ constexpr auto csv_text =
 
 Mission survey() {
   auto mission = mission_from_json(json_text);
-  EXPECT_TRUE(mission) << mission.error().what;
+  EXPECT_TRUE(mission) << mission.error().message;
   return *mission;
 }
 
 std::string refused_json(std::string_view text) {
   const auto mission = mission_from_json(text);
-  return mission ? "taken" : mission.error().what;
+  return mission ? "taken" : mission.error().message;
 }
 
 std::string refused_csv(std::string_view text) {
   const auto mission = mission_from_csv(text, "survey");
-  return mission ? "taken" : mission.error().what;
+  return mission ? "taken" : mission.error().message;
 }
 
 std::string json_with(std::string_view drone) { return fmt::format(R"({{"name":"m","drones":[{}]}})", drone); }
@@ -46,7 +46,7 @@ std::string csv_with(std::string_view lines) { return "drone,x,y,z,speed\n" + st
 
 TEST(MissionParse, JsonAndCsvOfOneMissionHaveOneDigest) {
   const auto csv = mission_from_csv(csv_text, "survey");
-  ASSERT_TRUE(csv) << csv.error().what;
+  ASSERT_TRUE(csv) << csv.error().message;
   EXPECT_EQ(canonical(*csv), canonical(survey()));
   EXPECT_EQ(digest(*csv), digest(survey()));
   EXPECT_EQ(
@@ -59,10 +59,10 @@ TEST(MissionParse, ByteOrderMarkAndCarriageReturnsChangeNothing) {
   std::string text = "\xef\xbb\xbf" + std::string(csv_text);
   for (std::size_t at = 0; (at = text.find('\n', at)) != std::string::npos; at += 2) text.insert(at, "\r");
   const auto csv = mission_from_csv(text, "survey");
-  ASSERT_TRUE(csv) << csv.error().what;
+  ASSERT_TRUE(csv) << csv.error().message;
   EXPECT_EQ(digest(*csv), digest(survey()));
   const auto json = mission_from_json("\xef\xbb\xbf" + std::string(json_text));
-  ASSERT_TRUE(json) << json.error().what;
+  ASSERT_TRUE(json) << json.error().message;
   EXPECT_EQ(digest(*json), digest(survey()));
 }
 
@@ -120,7 +120,7 @@ TEST(MissionParse, TheCanonicalTextIsReadAsTheSameMission) {
       mission.drones.push_back(drone);
     }
     const auto again = mission_from_json(canonical(mission));
-    ASSERT_TRUE(again) << again.error().what << "\n" << canonical(mission);
+    ASSERT_TRUE(again) << again.error().message << "\n" << canonical(mission);
     ASSERT_EQ(canonical(*again), canonical(mission));
     for (std::size_t k = 0; k < mission.drones.size(); ++k)
       ASSERT_EQ(again->drones[k].waypoints[0].at_m, mission.drones[k].waypoints[0].at_m);
@@ -138,7 +138,7 @@ TEST(MissionParse, TheLargestMissionIsTaken) {
   const std::string text = canonical(mission);
   EXPECT_LT(text.size(), max_mission_bytes);
   const auto again = mission_from_json(text);
-  ASSERT_TRUE(again) << again.error().what;
+  ASSERT_TRUE(again) << again.error().message;
   mission.drones.push_back({"one_more", {}, {{{0, 0}}}});
   EXPECT_THAT(refused_json(canonical(mission)), HasSubstr("drones must be a list of 1 to 64"));
 }
@@ -215,13 +215,13 @@ TEST(MissionParse, CsvErrorsNameTheirLine) {
   EXPECT_THAT(refused_csv(csv_with(many)), HasSubstr("line 502: more than 500 waypoints of drone a"));
   for (int i = 0; i < 65; ++i) swarm += fmt::format("a{},0,0,,\n", i);
   EXPECT_THAT(refused_csv(csv_with(swarm)), HasSubstr("line 66: more than 64 drones"));
-  EXPECT_THAT(mission_from_csv(csv_with("a,0,0,,\n"), "a b").error().what, HasSubstr("the mission's name"));
+  EXPECT_THAT(mission_from_csv(csv_with("a,0,0,,\n"), "a b").error().message, HasSubstr("the mission's name"));
 }
 
 TEST(MissionParse, ADronesSpeedIsThatOfItsWaypointsThatSayNone) {
   const auto mission = mission_from_json(
       json_with(R"({"drone":"a","speed":0.7,"waypoints":[{"x":0,"y":0},{"x":1,"y":0,"speed":0.4}]})"));
-  ASSERT_TRUE(mission) << mission.error().what;
+  ASSERT_TRUE(mission) << mission.error().message;
   const auto way = mission->drones[0].way();
   EXPECT_EQ(way[0].speed_mps, 0.7);
   EXPECT_EQ(way[1].speed_mps, 0.4);

@@ -29,7 +29,7 @@ TEST(MissionRestored, InEveryPhaseItIsThereAsItWas) {
     flight.step();
     EXPECT_EQ(flight.run.phase(), phase);
     const auto restored = MissionRun::restore(flight.run.saved(), {});
-    ASSERT_TRUE(restored) << restored.error().what << "\n" << flight.run.saved();
+    ASSERT_TRUE(restored) << restored.error().message << "\n" << flight.run.saved();
     EXPECT_EQ(restored->phase(), phase == RunPhase::approved ? RunPhase::checked : phase) << "approvals are not kept";
     EXPECT_EQ(restored->digest(), flight.run.digest());
     EXPECT_EQ(restored->paused(), flight.run.paused());
@@ -129,7 +129,7 @@ TEST(MissionRestored, NothingIsFlownBeforeTheCheckIsThere) {
 TEST(MissionRestored, ItHoversUntilSomebodyResumesIt) {
   Killed flight(AfterRestart::hover);
   flight.step();
-  EXPECT_THAT(flight.run.resume().error().what, HasSubstr("not paused"));
+  EXPECT_THAT(flight.run.resume().error().message, HasSubstr("not paused"));
   flight.rises("tello1");
   flight.rises("tello2");
   flight.step();
@@ -191,7 +191,7 @@ TEST(MissionRestored, WhatIsNotApprovedHovers) {
   EXPECT_THAT(flight.commands, IsEmpty());
   EXPECT_TRUE(flight.run.paused());
   EXPECT_THAT(flight.reported(), Contains(HasSubstr("all hover: mission survey has 0 of 1 approvals")));
-  EXPECT_THAT(flight.run.resume().error().what, HasSubstr("0 of 1 approvals"));
+  EXPECT_THAT(flight.run.resume().error().message, HasSubstr("0 of 1 approvals"));
   flight.approve();
   EXPECT_TRUE(flight.run.resume());
 }
@@ -300,12 +300,12 @@ TEST(MissionRestored, WhatIsNoKeptMissionIsRefusedWithItsPlace) {
     EXPECT_NE(found, std::string::npos) << from << " in " << good;
     if (found != std::string::npos) text.replace(found, from.size(), to);
     const auto restored = MissionRun::restore(text, {});
-    return restored ? "taken" : restored.error().what;
+    return restored ? "taken" : restored.error().message;
   };
   EXPECT_EQ(refused("{", "{"), "taken");
-  EXPECT_THAT(MissionRun::restore("", {}).error().what, HasSubstr("version must be 1"));
-  EXPECT_THAT(MissionRun::restore(std::string(max_saved_bytes + 1, ' '), {}).error().what, HasSubstr("bytes; "));
-  EXPECT_THAT(MissionRun::restore(good, {.required_approvals = 0}).error().what, HasSubstr("1 or 2 approvals"));
+  EXPECT_THAT(MissionRun::restore("", {}).error().message, HasSubstr("version must be 1"));
+  EXPECT_THAT(MissionRun::restore(std::string(max_saved_bytes + 1, ' '), {}).error().message, HasSubstr("bytes; "));
+  EXPECT_THAT(MissionRun::restore(good, {.required_approvals = 0}).error().message, HasSubstr("1 or 2 approvals"));
   EXPECT_THAT(refused("\"version\":1", "\"version\":2"), HasSubstr("version must be 1"));
   EXPECT_THAT(refused("\"version\":1", "\"version\":1,\"more\":1"), HasSubstr("unknown key \"more\""));
   EXPECT_THAT(refused("\"phase\":\"flying\"", "\"phase\":\"diving\""), HasSubstr("phase must be one"));

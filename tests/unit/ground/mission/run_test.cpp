@@ -68,7 +68,7 @@ TEST(MissionRun, StartNeedsApprovalsOfThisDigestByDifferentSigners) {
     flight.run.set_approvals(approvals);
     EXPECT_EQ(flight.run.phase(), RunPhase::checked);
     const Status started = flight.run.start({});
-    return started ? "started" : started.error().what;
+    return started ? "started" : started.error().message;
   };
   EXPECT_THAT(refused({}), HasSubstr("mission survey has 0 of 2 approvals of " + crypto::hex(digest)));
   EXPECT_THAT(refused({{first_signer, digest}}), HasSubstr("1 of 2"));
@@ -87,26 +87,26 @@ TEST(MissionRun, AChangedMissionMustBeApprovedAgain) {
   changed.drones[0].waypoints[2].at_m.x() += 1e-9;
   ASSERT_TRUE(flight.run.change(changed));
   EXPECT_EQ(flight.run.phase(), RunPhase::checked);
-  EXPECT_THAT(flight.run.start({}).error().what, HasSubstr("0 of 1"));
+  EXPECT_THAT(flight.run.start({}).error().message, HasSubstr("0 of 1"));
   ASSERT_TRUE(flight.run.change(two_drones()));
   EXPECT_EQ(flight.run.phase(), RunPhase::approved) << "the same again";
   ASSERT_TRUE(flight.run.start({}));
-  EXPECT_THAT(flight.run.change(changed).error().what, HasSubstr("is started"));
+  EXPECT_THAT(flight.run.change(changed).error().message, HasSubstr("is started"));
 }
 
 TEST(MissionRun, AFindingThatForbidsItIsNotStarted) {
   Flight flight;
   EXPECT_THAT(flight.run.start(std::vector<Finding>{{"", {}, "a warning", false}, {"tello1", {}, "no pose", true}})
                   .error()
-                  .what,
+                  .message,
               HasSubstr("mission survey: no pose"));
   EXPECT_TRUE(flight.run.start(std::vector<Finding>{{"", {}, "a warning", false}}));
-  EXPECT_THAT(flight.run.start({}).error().what, HasSubstr("started already: taking_off"));
+  EXPECT_THAT(flight.run.start({}).error().message, HasSubstr("started already: taking_off"));
 }
 
 TEST(MissionRun, SettingsAndMissionsOutOfBoundsAreRefused) {
-  EXPECT_THAT(MissionRun::make(two_drones(), {.required_approvals = 3}).error().what, HasSubstr("1 or 2"));
-  EXPECT_THAT(MissionRun::make({"m", {}}, {}).error().what, HasSubstr("0 drones"));
+  EXPECT_THAT(MissionRun::make(two_drones(), {.required_approvals = 3}).error().message, HasSubstr("1 or 2"));
+  EXPECT_THAT(MissionRun::make({"m", {}}, {}).error().message, HasSubstr("0 drones"));
 }
 
 TEST(MissionRun, PausedAllHoverAndResumedAllFlyTheRestInTheSameStep) {
@@ -115,10 +115,11 @@ TEST(MissionRun, PausedAllHoverAndResumedAllFlyTheRestInTheSameStep) {
   flight.drone("tello1").reached = 2;
   flight.drone("tello2").reached = 1;
   ASSERT_TRUE(flight.run.pause());
-  EXPECT_THAT(flight.run.pause().error().what, HasSubstr("is paused"));
+  EXPECT_THAT(flight.run.pause().error().message, HasSubstr("is paused"));
   flight.step();
   EXPECT_THAT(flight.commanded(), ElementsAre("tello1 pause", "tello2 pause"));
-  EXPECT_THAT(flight.run.resume().error().what, HasSubstr("tello1 does not hover yet")) << "nobody has seen it hover";
+  EXPECT_THAT(flight.run.resume().error().message, HasSubstr("tello1 does not hover yet"))
+      << "nobody has seen it hover";
   flight.step(60);
   EXPECT_THAT(flight.commands, IsEmpty());
   ASSERT_TRUE(flight.run.resume());

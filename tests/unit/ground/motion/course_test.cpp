@@ -10,13 +10,13 @@ using testing::HasSubstr;
 
 std::string refused(const std::string& text) {
   const auto points = waypoints_from_csv(text, "way.csv");
-  return points.ok() ? "taken" : points.error().what;
+  return points.ok() ? "taken" : points.error().message;
 }
 
 TEST(Course, WaypointsComeWithHeightAndSpeedWhereTheyAreGiven) {
   const auto points =
       waypoints_from_csv("x,y,z,speed\n# the start\n1,2\n2, 2, 1.5 # higher\r\n2,3,,0.4\n1,3,1,1\n", "f");
-  ASSERT_TRUE(points.ok()) << points.error().what;
+  ASSERT_TRUE(points.ok()) << points.error().message;
   ASSERT_EQ(points->size(), 4u);
   EXPECT_EQ((*points)[0].at_m, Eigen::Vector2d(0, 0));
   EXPECT_EQ((*points)[2].at_m, Eigen::Vector2d(1, 1));

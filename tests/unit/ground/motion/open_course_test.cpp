@@ -74,7 +74,7 @@ TEST(OpenCourse, TheFirstWaypointsSpeedHoldsOnTheWayToIt) {
 
 std::string way_refused(const std::vector<Waypoint>& way) {
   const Status checked = check_way(way, {50, 0});
-  return checked.ok() ? "taken" : checked.error().what;
+  return checked.ok() ? "taken" : checked.error().message;
 }
 
 TEST(Way, AWaypointThatCannotBeIsNamedWithWhatIsAllowed) {

@@ -23,9 +23,9 @@ FollowerTask task_for(const std::string& drone) {
 
 std::unique_ptr<Follower> odd(const std::string& which) {
   const auto load = load_controller(ODD_CONTROLLER);
-  EXPECT_TRUE(load) << load.error().what;
+  EXPECT_TRUE(load) << load.error().message;
   auto made = (*load)(task_for(which), ControllerConfig{});
-  EXPECT_TRUE(made) << made.error().what;
+  EXPECT_TRUE(made) << made.error().message;
   return std::move(*made);
 }
 
@@ -75,8 +75,8 @@ TEST(Plugin, NonsenseIsNotFlownAndSaysWhatItIs) {
     follower->observe(state_at(1));
     follower->start(first_ns, 12);
     EXPECT_TRUE(follower->plan(1, first_ns, 20).empty()) << which;
-    EXPECT_THAT(follower->check().error().what, AllOf(HasSubstr("odd_controller"), HasSubstr(what))) << which;
-    EXPECT_EQ(follower->check().error().what.find('\x1b'), std::string::npos) << "its name is somebody else's text";
+    EXPECT_THAT(follower->check().error().message, AllOf(HasSubstr("odd_controller"), HasSubstr(what))) << which;
+    EXPECT_EQ(follower->check().error().message.find('\x1b'), std::string::npos) << "its name is somebody else's text";
     EXPECT_TRUE(follower->plan(2, first_ns, 20).empty()) << which << ": it is not asked again";
   }
 }
@@ -86,7 +86,7 @@ TEST(Plugin, AProgressWithoutEndIsRefusedWhereTheFlightHasNone) {
   follower->observe(state_at(1));
   follower->start(first_ns, std::numeric_limits<double>::infinity());
   EXPECT_TRUE(follower->plan(1, first_ns, 20).empty());
-  EXPECT_THAT(follower->check().error().what, HasSubstr("a progress of inf m; 0 to 50 may be"));
+  EXPECT_THAT(follower->check().error().message, HasSubstr("a progress of inf m; 0 to 50 may be"));
 }
 
 TEST(Plugin, OneThatHasNoPlanIsNoProblem) {
@@ -109,17 +109,17 @@ TEST(Plugin, WhatIsNoControllerIsRefusedByName) {
   for (const auto& [file, why] : cases) {
     const auto loaded = load_controller(file);
     ASSERT_FALSE(loaded) << file;
-    EXPECT_THAT(loaded.error().what, HasSubstr(why));
+    EXPECT_THAT(loaded.error().message, HasSubstr(why));
   }
   const auto load = load_controller(ODD_CONTROLLER);
-  EXPECT_THAT((*load)(task_for("refuses"), {}).error().what, HasSubstr("does not fly refuses (6.0 m a lap)"));
-  EXPECT_THAT((*load)(task_for("throws in create"), {}).error().what, HasSubstr("create() threw an exception"));
+  EXPECT_THAT((*load)(task_for("refuses"), {}).error().message, HasSubstr("does not fly refuses (6.0 m a lap)"));
+  EXPECT_THAT((*load)(task_for("throws in create"), {}).error().message, HasSubstr("create() threw an exception"));
 }
 
 FlightConfig config_with(const std::string& file) {
   FlightConfig config = config_for(1);
   auto load = load_controller(file);
-  EXPECT_TRUE(load) << load.error().what;
+  EXPECT_TRUE(load) << load.error().message;
   config.follower = std::move(*load);
   return config;
 }

@@ -48,7 +48,7 @@ class Book : public testing::Test {
   }
   std::string approved(const std::string& name, const std::vector<std::string>& drones) {
     const auto id = add(mission_of(name, drones));
-    EXPECT_TRUE(id) << id.error().what;
+    EXPECT_TRUE(id) << id.error().message;
     book.set_signers(*id, {operator_name});
     return *id;
   }
@@ -100,7 +100,7 @@ TEST_F(Book, WithoutApprovalsByTheRightOrganisationNothingStarts) {
   world.run(1);
   const auto id = add(mission_of("survey", {"tello1"}));
   ASSERT_TRUE(id);
-  EXPECT_THAT(start(*id).error().what, HasSubstr("0 of 1 approvals"));
+  EXPECT_THAT(start(*id).error().message, HasSubstr("0 of 1 approvals"));
   book.set_signers(*id, {outsider_name});
   EXPECT_FALSE(start(*id)) << "anybody may anchor a digest";
   EXPECT_TRUE(one(*id)["approvals"].empty());
@@ -111,9 +111,9 @@ TEST_F(Book, WithoutApprovalsByTheRightOrganisationNothingStarts) {
 TEST_F(Book, WhoStartsItHoldsAllOfItsDrones) {
   world.run(1);
   const std::string id = approved("survey", {"tello1", "tello2"});
-  EXPECT_THAT(start(id, alice).error().what, HasSubstr("tello1: its lease is held by CN=User1@org2: take control"));
+  EXPECT_THAT(start(id, alice).error().message, HasSubstr("tello1: its lease is held by CN=User1@org2: take control"));
   (void)world.core.set_control(control_record("tello2", outsider_name, 2).SerializeAsString());
-  EXPECT_THAT(start(id).error().what, HasSubstr("tello2: its lease is held by"));
+  EXPECT_THAT(start(id).error().message, HasSubstr("tello2: its lease is held by"));
 }
 
 TEST_F(Book, ADroneFliesInOneMissionAtATime) {
@@ -121,8 +121,8 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   const std::string first = approved("first", {"tello1", "tello2"}), second = approved("second", {"tello2", "tello3"});
   ASSERT_TRUE(start(first));
   run(1);
-  EXPECT_THAT(start(second).error().what, HasSubstr("tello2 flies in mission first"));
-  EXPECT_THAT(book.remove(first, {}).error().what, HasSubstr("is flown"));
+  EXPECT_THAT(start(second).error().message, HasSubstr("tello2 flies in mission first"));
+  EXPECT_THAT(book.remove(first, {}).error().message, HasSubstr("is flown"));
   ASSERT_TRUE(book.land(first, "test"));
   run(15);
   EXPECT_EQ(one(first)["phase"], "aborted");
@@ -131,7 +131,7 @@ TEST_F(Book, ADroneFliesInOneMissionAtATime) {
   run(5);
   ASSERT_TRUE(book.land(second, "test"));
   run(0.2);
-  EXPECT_THAT(book.remove(second, {}).error().what, HasSubstr("landing"));
+  EXPECT_THAT(book.remove(second, {}).error().message, HasSubstr("landing"));
   run(15);
   EXPECT_TRUE(book.remove(second, {}));
   EXPECT_TRUE(book.remove(first, {}));
@@ -144,7 +144,7 @@ TEST_F(Book, WhatForbidsItIsReportedAndForbidsIt) {
   mission::Finding finding;
   finding.drone = "tello1";
   finding.words = "drone tello1: it is too far";
-  EXPECT_THAT(start(id, {}, {finding}).error().what, HasSubstr("too far"));
+  EXPECT_THAT(start(id, {}, {finding}).error().message, HasSubstr("too far"));
   EXPECT_EQ(one(id)["findings"][0]["words"], finding.words);
   finding.forbids = false;
   EXPECT_TRUE(start(id, {}, {finding}));
@@ -157,10 +157,10 @@ TEST_F(Book, OnlyWhoStartedItResumesIt) {
   run(1);
   ASSERT_TRUE(book.pause(id, {}));
   run(10);
-  EXPECT_THAT(resume(id, alice).error().what, HasSubstr("CN=User1@org2's, who alone may"));
+  EXPECT_THAT(resume(id, alice).error().message, HasSubstr("CN=User1@org2's, who alone may"));
   mission::Finding finding;
   finding.words = "something stands in its way by now";
-  EXPECT_THAT(resume(id, {}, {finding}).error().what, HasSubstr("stands in its way"));
+  EXPECT_THAT(resume(id, {}, {finding}).error().message, HasSubstr("stands in its way"));
   EXPECT_TRUE(resume(id)) << book.list();
 }
 
@@ -172,8 +172,8 @@ TEST_F(Book, WhateverIsAskedOfAMissionButItsLandingIsItsOwnersToAsk) {
   ASSERT_TRUE(id);
   book.set_signers(*id, {operator_name});
   for (const Status& refused : {book.pause(*id, bob), resume(*id, bob), start(*id, bob), book.remove(*id, bob)})
-    EXPECT_THAT(refused.error().what, HasSubstr("Org2MSP CN=alice's, who alone may"));
-  EXPECT_THAT(start(*id, alice).error().what, HasSubstr("its lease is held by")) << "hers it is";
+    EXPECT_THAT(refused.error().message, HasSubstr("Org2MSP CN=alice's, who alone may"));
+  EXPECT_THAT(start(*id, alice).error().message, HasSubstr("its lease is held by")) << "hers it is";
   Control record = control_record("tello1", alice, 2);
   record.mutable_delegate()->set_msp_id(operator_name.msp_id);
   record.mutable_delegate()->set_subject(operator_name.subject);
@@ -221,7 +221,7 @@ TEST_F(Book, ADroneThatHasMovedSinceItWasCheckedIsCheckedAgain) {
   const std::string id = approved("survey", {"tello1"});
   MissionBook::Checked before = checked();
   before.then[1].at_m->x() += 0.6;
-  EXPECT_THAT(book.start(id, {}, before, world.core).error().what, HasSubstr("tello2 has moved"));
+  EXPECT_THAT(book.start(id, {}, before, world.core).error().message, HasSubstr("tello2 has moved"));
   EXPECT_TRUE(start(id));
 }
 
@@ -248,10 +248,10 @@ TEST_F(Book, AnAbortedMissionOfBeforeLandsNobody) {
 
 TEST_F(Book, TheSameMissionIsThereOnceAndThereAreNotTooMany) {
   ASSERT_TRUE(add(mission_of("m", {"tello1"})));
-  EXPECT_THAT(add(mission_of("m", {"tello1"})).error().what, HasSubstr("is here already"));
+  EXPECT_THAT(add(mission_of("m", {"tello1"})).error().message, HasSubstr("is here already"));
   for (std::size_t i = 1; i < MissionBook::max_missions; ++i)
     ASSERT_TRUE(add(mission_of("m" + std::to_string(i), {"tello1"})));
-  EXPECT_THAT(add(mission_of("more", {"tello1"})).error().what, HasSubstr("remove one"));
+  EXPECT_THAT(add(mission_of("more", {"tello1"})).error().message, HasSubstr("remove one"));
 }
 
 TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
@@ -264,7 +264,7 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
   settings.run.after_restart = mission::AfterRestart::go_on;
   MissionBook other(settings, operator_name);
   const auto again = other.restore(book.keep(id));
-  ASSERT_TRUE(again) << again.error().what;
+  ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(*again, id);
   EXPECT_TRUE(other.busy()) << "it has drones to find";
   MissionBook forbidden(settings, operator_name);
@@ -304,7 +304,7 @@ TEST_F(Book, WhatWasNotKeptByABookIsRefused) {
 TEST_F(Book, OfAnUnknownMissionEverythingIsRefused) {
   for (const Status& status :
        {start("0a"), book.pause("0a", {}), resume("0a"), book.land("0a", ""), book.remove("0a", {})})
-    EXPECT_THAT(status.error().what, HasSubstr("there is no mission"));
+    EXPECT_THAT(status.error().message, HasSubstr("there is no mission"));
 }
 
 }  // namespace

@@ -78,7 +78,7 @@ class StationServer : public testing::Test {
     };
     auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
                                  {.take = take, .keys = keys, .ask_missions = ask_missions, .ask_faults = ask_faults});
-    if (!started) throw std::runtime_error(started.error().what);
+    if (!started) throw std::runtime_error(started.error().message);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());
     token = read_file(settings.token_file)->substr(0, token_digits);
@@ -549,7 +549,7 @@ TEST(StationToken, IsMadeOnceForItsOwnerAloneAndAnOpenOneIsRefused) {
   ASSERT_EQ(::chmod(file.c_str(), 0640), 0);
   const auto open = read_token(file);
   ASSERT_FALSE(open);
-  EXPECT_THAT(open.error().what, HasSubstr("chmod 600"));
+  EXPECT_THAT(open.error().message, HasSubstr("chmod 600"));
   ASSERT_TRUE(replace_file(file, "short", 0600));
   EXPECT_FALSE(read_token(file));
   EXPECT_FALSE(read_token(""));
@@ -564,7 +564,7 @@ TEST(StationPlace, IsThisComputerAlone) {
     settings.token_file = directory.path + "/" + "token";
     const auto server = Server::start(settings, {}, {}, {.take = [](const PilotCommand&) { return Status(done); }});
     ASSERT_FALSE(server) << listen;
-    EXPECT_THAT(server.error().what, HasSubstr("[service] listen"));
+    EXPECT_THAT(server.error().message, HasSubstr("[service] listen"));
   }
 }
 

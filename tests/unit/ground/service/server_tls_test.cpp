@@ -56,7 +56,7 @@ class StationServerWithTls : public testing::Test {
                                         const std::lock_guard lock(mutex);
                                         reported.emplace_back(level, words);
                                       }});
-    ASSERT_TRUE(started) << started.error().what;
+    ASSERT_TRUE(started) << started.error().message;
     server = std::move(*started);
     const std::string url = server->url();
     EXPECT_THAT(url, testing::StartsWith("https://ground.example.org:"));
@@ -275,7 +275,7 @@ TEST_F(StationServerWithTls, DoesNotStartWithAKeyThatOthersMayRead) {
   ASSERT_EQ(::chmod(settings.tls.key.c_str(), 0644), 0);
   const auto refused = Server::start(settings, {}, {}, {.take = [](const PilotCommand&) { return Status(done); }});
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, HasSubstr("chmod 600"));
+  EXPECT_THAT(refused.error().message, HasSubstr("chmod 600"));
 }
 
 }  // namespace

@@ -18,7 +18,7 @@ TEST(GroundSettings, AWholeConfigIsReadAndDefaultsFillTheRest) {
   ASSERT_TRUE(config);
   const FlightConfig flight = flight_config(*config);
   const OutputSettings output = output_settings(*config);
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   EXPECT_EQ(flight.shape, Shape::x);
   EXPECT_EQ(flight.controller.speed_mps, 0.8);
   EXPECT_EQ(flight.laps, 2);
@@ -37,7 +37,7 @@ TEST(GroundSettings, ADroneMayFlyACourseOfItsOwn) {
       "speed_mps = 0.3\n",
       "ground.toml");
   const FlightConfig flight = flight_config(*config);
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   EXPECT_FALSE(flight.drones[0].task);
   ASSERT_TRUE(flight.drones[1].task);
   EXPECT_EQ(flight.drones[1].task->shape, Shape::triangle);
@@ -49,14 +49,14 @@ TEST(GroundSettings, ADroneMayFlyACourseOfItsOwn) {
   auto odd =
       Config::parse("[flight]\nshape = \"manual\"\n[[drone]]\nname = \"tello1\"\nshape = \"x\"\n", "ground.toml");
   (void)flight_config(*odd);
-  EXPECT_THAT(odd->finish().error().what, testing::HasSubstr("ground.toml:5: drone.0.shape: must not be there"));
+  EXPECT_THAT(odd->finish().error().message, testing::HasSubstr("ground.toml:5: drone.0.shape: must not be there"));
 }
 
 TEST(GroundSettings, AControllerThatIsNoneIsRefusedByFile) {
   auto config = Config::parse("[flight]\ncontroller = \"/nowhere/my.so\"\n", "ground.toml");
   (void)flight_config(*config);
   EXPECT_THAT(
-      config->finish().error().what,
+      config->finish().error().message,
       testing::HasSubstr("ground.toml:2: flight.controller: must be a controller: there is no file /nowhere/my.so"));
 }
 
@@ -72,8 +72,8 @@ TEST(GroundSettings, APilotFliesWhereTheShapeIsManual) {
   EXPECT_FALSE(flight_config(*stone).cmd_timeout_ns < 0);
   const auto status = stone->finish();
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.cmd_timeout_ms"));
-  EXPECT_THAT(status.error().what, testing::HasSubstr("500"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:3: flight.cmd_timeout_ms"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("500"));
 }
 
 TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
@@ -85,7 +85,7 @@ TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
                               "ground.toml");
   ASSERT_TRUE(config);
   const FlightConfig flight = flight_config(*config);
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   EXPECT_EQ(flight.waypoints.size(), 3u);
   EXPECT_FALSE(flight.controller.predict);
   EXPECT_EQ(flight.controller.ramp.start_mps, 0.5);
@@ -97,15 +97,15 @@ TEST(GroundSettings, PredictionRampAndWaypointsAreRead) {
   (void)flight_config(*lost);
   const auto status = lost->finish();
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.waypoints"));
-  EXPECT_THAT(status.error().what, testing::HasSubstr("there is no file /nowhere/way.csv"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:3: flight.waypoints"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("there is no file /nowhere/way.csv"));
 }
 
 TEST(GroundSettings, WhatGroundBringsToROS2ItselfIsNotBridged) {
   auto config = Config::parse("[[drone]]\nname = \"tello1\"\n[[topic]]\nname = \"/*\"\nfrom = \"*\"\n", "ground.toml");
   const FlightConfig flight = flight_config(*config);
   const bridge::BridgeConfig bridged = read_bridge(*config, flight.drones);
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   for (const char* own : {"/tello1/odom", "/tello1/imu", "/tf", "/diagnostics", "/tello1/cmd_vel", "/tello1/stop"}) {
     EXPECT_EQ(bridge::rule_up(bridged.rules, own), nullptr) << own;
     EXPECT_EQ(bridge::rule_down(bridged.rules, own, std::string(own).substr(1)), nullptr) << own;
@@ -125,7 +125,7 @@ TEST(GroundSettings, EveryTopicOfDronesAndPilotsIsGuarded) {
 std::vector<std::string> topics_of_pilots(const std::string& toml, bool has_operators, bool has_dds_security) {
   auto config = Config::parse(toml, "ground.toml");
   const PilotSettings pilot = pilot_settings(*config, has_operators, has_dds_security);
-  if (const Status read = config->finish(); !read) return {read.error().what};
+  if (const Status read = config->finish(); !read) return {read.error().message};
   std::vector<std::string> names;
   for (const PilotTopic* topic : topics_read(pilot)) names.emplace_back(topic->name);
   return names;
@@ -156,9 +156,9 @@ TEST(GroundSettings, EveryWrongKeyIsReportedWithItsLine) {
   (void)output_settings(*config);
   const auto status = config->finish();
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:2: flight.shape"));
-  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:3: flight.speed_mps"));
-  EXPECT_THAT(status.error().what, testing::HasSubstr("ground.toml:4: flight.lapse"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:2: flight.shape"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:3: flight.speed_mps"));
+  EXPECT_THAT(status.error().message, testing::HasSubstr("ground.toml:4: flight.lapse"));
 }
 
 TEST(GroundSettings, StatusAndSummarySayWhatTheContractOfTheProcessesAsksFor) {

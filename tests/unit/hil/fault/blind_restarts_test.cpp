@@ -55,7 +55,7 @@ BlindRestart blind_restart(std::uint64_t seed, int kind) {
   text += fmt::format("[[fault]]\nwhat = \"drone tello1 {} partition\"\nat = \"{} + {:.0f}ms\"\n",
                       deaf_lines[static_cast<std::size_t>(made.deaf)], moment, after_ms);
   auto script = parse_script(text, fmt::format("blind-{}-{}.toml", seed, kind));
-  EXPECT_TRUE(script.ok()) << script.error().what;
+  EXPECT_TRUE(script.ok()) << script.error().message;
   if (script) made.script = std::move(*script);
   return made;
 }

@@ -18,7 +18,7 @@ std::map<std::size_t, crypto::Digest> digests(unsigned jobs) {
         std::string toml = "title = \"t\"\n[[fault]]\nwhat = \"operator stop tello1\"\nat = \"height 0.5\"\n";
         if (i % 2 == 1) toml += "[[fault]]\nwhat = \"drone tello1 to loss 10%, jitter 5ms\"\nat = \"takeoff\"\n";
         auto script = parse_script(toml, "x.toml");
-        EXPECT_TRUE(script.ok()) << script.error().what;
+        EXPECT_TRUE(script.ok()) << script.error().message;
         return Flight{*script, i + 1};
       },
       [&](std::size_t i, const Flight&, Result<RunResult> result) {

@@ -43,7 +43,7 @@ TEST(KindModes, InSimulatedTimeEachFaultActsOrIsRefusedByName) {
       }
       const auto script = check_script(script_of(example, true), "x.toml");
       ASSERT_FALSE(script.ok()) << example;
-      EXPECT_THAT(script.error().what, HasSubstr("x.toml:6: fault.0.what: \"" + example + "\"")) << example;
+      EXPECT_THAT(script.error().message, HasSubstr("x.toml:6: fault.0.what: \"" + example + "\"")) << example;
     }
   }
 }
@@ -67,7 +67,7 @@ TEST(KindModes, WithTheRealProcessesEachFaultActsOrIsRefusedByName) {
           continue;
         }
         ASSERT_FALSE(script.ok()) << example << " is refused by its kind and taken in a script";
-        EXPECT_THAT(script.error().what, HasSubstr("x.toml:3: fault.0.what: \"" + example + "\"")) << example;
+        EXPECT_THAT(script.error().message, HasSubstr("x.toml:3: fault.0.what: \"" + example + "\"")) << example;
       }
     }
   }
@@ -77,7 +77,7 @@ TEST(KindModes, WhatTheFlightHasNotIsRefusedByName) {
   const auto error_of = [](const std::string& flight, const std::string& fault) {
     const auto script =
         check_script("title = \"t\"\n[flight]\n" + flight + "\n[[fault]]\nwhat = \"" + fault + "\"\n", "x.toml");
-    return script ? "" : script.error().what;
+    return script ? "" : script.error().message;
   };
   for (const char* fault : {"mocap tello1 frozen", "mocap * jump 1 0 0", "mocap * turn 90", "mocap * noise 0.1",
                             "mocap tello1 every 100ms", "mocap tello1 loss 50%"}) {

@@ -44,7 +44,7 @@ TEST(Course, AFileOfWaypointsLiesBesideTheScript) {
   const std::string folder = testing::TempDir();
   std::ofstream(folder + "/my_way.csv") << "x,y\n0,0\n2,0\n2,2\n";
   const auto script = parse_script("title = \"t\"\n[flight]\nshape = \"my_way.csv\"\n", folder + "/my.toml");
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   EXPECT_EQ(script->flight.waypoints.size(), 3U);
   const std::string text = text_of(*script);
   EXPECT_EQ(text_of(scripted(text)), text) << "the file is not needed any more";
@@ -82,7 +82,7 @@ TEST(Course, LimitsReachAsFarAsTheCourseDoes) {
 TEST(Course, ACornerThatIsNotFlownBreaksItsRule) {
   const std::string must = "title = \"t\"\nmust = [\"finishes\", \"corners within 0.3 m\"]\n";
   const auto held = run_script(scripted(must + "[flight]\nside_m = 1\nlaps = 2\n"), 1);
-  ASSERT_TRUE(held) << held.error().what;
+  ASSERT_TRUE(held) << held.error().message;
   EXPECT_TRUE(held->held());
   const auto missed = run_script(
       scripted(must + "[flight]\nside_m = 1\n[[fault]]\nwhat = \"operator stop tello1\"\nat = \"path + 1s\"\n"), 1);

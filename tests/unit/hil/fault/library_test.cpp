@@ -17,7 +17,7 @@ TEST(FaultLibrary, EveryScenarioHolds) {
   std::vector<Flight> flights;
   for (std::size_t i = 0; i < files.size(); i += slow ? 25 : 1) {
     auto script = load_script(files[i]);
-    ASSERT_TRUE(script.ok()) << script.error().what;
+    ASSERT_TRUE(script.ok()) << script.error().message;
     if (!check_sitl(*script)) continue;  // somebody's own program flies it: tests/system/own
     for (int seed = 1; seed <= seeds(1, 20); ++seed) flights.push_back({*script, static_cast<std::uint64_t>(seed)});
   }

@@ -74,7 +74,7 @@ TEST(FaultRandom, DrawsEverySenseAndWhatBecomesOfIt) {
     }
     const std::string text = text_of(script);
     const auto read = parse_script(text, script.name + ".toml");
-    ASSERT_TRUE(read.ok()) << read.error().what << text;
+    ASSERT_TRUE(read.ok()) << read.error().message << text;
     EXPECT_EQ(text_of(*read), text);  // the shortest scripts of what breaks are kept as text
   }
   EXPECT_NEAR(static_cast<double>(by_own + by_pads) / 600, 1. / 3, 0.08);
@@ -93,7 +93,7 @@ TEST(FaultRandom, AFailingScriptIsShrunkToWhatMakesItFail) {
   script.flight.laps = 8;
   const auto add = [&](const char* what, const char* at, const char* lasts) {
     auto fault = parse_fault(what, at, lasts);
-    ASSERT_TRUE(fault.ok()) << fault.error().what;
+    ASSERT_TRUE(fault.ok()) << fault.error().message;
     script.faults.push_back(*fault);
   };
   add("mocap tello1 frozen", "path + 1600ms", "800ms");

@@ -30,7 +30,7 @@ class Scenarios : public testing::Test {
 
 TEST_F(Scenarios, AreBesideTheProgramElseInTheTreeItWasBuiltIn) {
   fs::create_directories(at("tree/build/release/bin"));
-  EXPECT_THAT(scenario_folder(at("tree/build/release/bin")).error().what, HasSubstr("neither in"));
+  EXPECT_THAT(scenario_folder(at("tree/build/release/bin")).error().message, HasSubstr("neither in"));
   file("tree/hil/scenarios/flight/a.toml");
   EXPECT_EQ(*scenario_folder(at("tree/build/release/bin")), at("tree/hil/scenarios"));
   file("tree/build/release/share/ledgerline/scenarios/flight/a.toml");
@@ -50,10 +50,10 @@ TEST_F(Scenarios, AreNamedByFileFolderScenarioOrGroup) {
   EXPECT_THAT(*scripts_named({mine, "a", "flight"}, bin), ElementsAre(mine, a, b));
   const auto none = scripts_named({"wings"}, bin);
   ASSERT_FALSE(none.ok());
-  EXPECT_THAT(none.error().what, HasSubstr("there is no file wings, and no scenario or group of this name in"));
-  EXPECT_THAT(scripts_named({"wings"}, at("bin")).error().what, HasSubstr("neither in"));
+  EXPECT_THAT(none.error().message, HasSubstr("there is no file wings, and no scenario or group of this name in"));
+  EXPECT_THAT(scripts_named({"wings"}, at("bin")).error().message, HasSubstr("neither in"));
   fs::create_directories(at("empty"));
-  EXPECT_THAT(scripts_named({at("empty")}, bin).error().what, HasSubstr("there is no *.toml in"));
+  EXPECT_THAT(scripts_named({at("empty")}, bin).error().message, HasSubstr("there is no *.toml in"));
   EXPECT_EQ(group_of(c, at("opt/share/ledgerline/scenarios")), "ledger");
   EXPECT_EQ(name_of_script(c), "c");
 }

@@ -92,7 +92,7 @@ TEST(Schema, TakesTheFaultsMomentsAndRulesOfTheLibrary) {
   const Patterns what(fault["what"]["anyOf"]), must(root["properties"]["must"]["items"]["anyOf"]);
   for (const std::string& file : library()) {
     const auto script = load_script(file);
-    ASSERT_TRUE(script.ok()) << script.error().what;
+    ASSERT_TRUE(script.ok()) << script.error().message;
     for (const Fault& one : script->faults) {
       EXPECT_TRUE(what.match(one.text)) << file << ": " << one.text;
       EXPECT_TRUE(std::regex_search(one.at, at)) << file << ": " << one.at;

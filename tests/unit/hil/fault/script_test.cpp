@@ -100,7 +100,7 @@ TEST(FaultScript, APlansFaultIsCheckedByWhatItDoesNotByItsWords) {
   const std::string file = testing::TempDir() + "generated-rate.txt";
   std::ofstream(file) << "0.01\n0.02\n";
   const auto fault = parse_fault("drone tello1 plans delay recorded " + file, "path", "");
-  EXPECT_TRUE(fault.ok()) << fault.error().what;
+  EXPECT_TRUE(fault.ok()) << fault.error().message;
   std::filesystem::remove(file);
 }
 
@@ -122,16 +122,16 @@ TEST(FaultScript, IsReadAgainAsItWasWritten) {
     const Script drawn = draw_script(number);
     const std::string text = text_of(drawn);
     const auto again = parse_script(text, drawn.name + ".toml");
-    ASSERT_TRUE(again.ok()) << again.error().what << "\n" << text;
+    ASSERT_TRUE(again.ok()) << again.error().message << "\n" << text;
     EXPECT_EQ(text_of(*again), text);
     texts.insert(text);
   }
   EXPECT_EQ(texts.size(), drawn_scripts);
   for (const std::string& file : library()) {
     const auto script = load_script(file);
-    ASSERT_TRUE(script.ok()) << script.error().what;
+    ASSERT_TRUE(script.ok()) << script.error().message;
     const auto again = parse_script(text_of(*script), file);
-    ASSERT_TRUE(again.ok()) << again.error().what;
+    ASSERT_TRUE(again.ok()) << again.error().message;
     EXPECT_EQ(text_of(*again), text_of(*script));
   }
 }

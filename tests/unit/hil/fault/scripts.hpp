@@ -22,12 +22,12 @@ inline std::vector<std::string> library() {
 
 inline std::string error_of(const std::string& toml) {
   const auto script = parse_script(toml, "x.toml");
-  return script ? "" : script.error().what;
+  return script ? "" : script.error().message;
 }
 
 inline Script scripted(const std::string& toml) {
   auto script = parse_script(toml, "x.toml");
-  EXPECT_TRUE(script.ok()) << script.error().what;
+  EXPECT_TRUE(script.ok()) << script.error().message;
   return *script;
 }
 

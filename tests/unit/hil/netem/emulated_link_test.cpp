@@ -16,7 +16,7 @@ EmulatedLink link_with(const std::string& effects, std::uint64_t seed = 1, Kind 
   EmulatedLink link(kind, seed);
   Impairment impairment;
   const auto applied = apply_effects(effects, impairment);
-  EXPECT_TRUE(applied) << (applied ? "" : applied.error().what);
+  EXPECT_TRUE(applied) << (applied ? "" : applied.error().message);
   EXPECT_TRUE(link.set(impairment));
   return link;
 }

@@ -78,7 +78,7 @@ TEST(Distribution, PlaysARecordingInItsOrderAndAround) {
     EXPECT_EQ(next, last % (3 * ns_per_ms) + ns_per_ms);
     last = next;
   }
-  EXPECT_THAT(parse_distribution("recorded other.txt", read).error().what, HasSubstr("cannot read other.txt"));
+  EXPECT_THAT(parse_distribution("recorded other.txt", read).error().message, HasSubstr("cannot read other.txt"));
 }
 
 TEST(Distribution, ReadsARecordingOnceWhateverBecomesOfTheFile) {
@@ -100,7 +100,7 @@ TEST(Distribution, ReadsARecordingOnceWhateverBecomesOfTheFile) {
 TEST(Distribution, NamesFileAndLineOfARecordingThatIsNone) {
   const auto error_of = [](const std::string& content) {
     const auto parsed = parse_recording("f", content);
-    return parsed ? "no error" : parsed.error().what;
+    return parsed ? "no error" : parsed.error().message;
   };
   EXPECT_THAT(error_of("0.1\nabc\n"), HasSubstr("f:2: \"abc\" is no number of seconds from 0 to 60"));
   EXPECT_THAT(error_of("0.1\n-1\n"), HasSubstr("f:2:"));
@@ -127,7 +127,7 @@ TEST(Impairment, IsReadAndWrittenAsTheSameText) {
        }) {
     Impairment impairment;
     const auto applied = apply_effects(text, impairment);
-    EXPECT_TRUE(applied) << text << ": " << applied.error().what;
+    EXPECT_TRUE(applied) << text << ": " << applied.error().message;
     EXPECT_EQ(text_of(impairment), text);
     EXPECT_TRUE(impairment.any()) << text;
     Impairment again;
@@ -191,7 +191,7 @@ TEST(Impairment, RefusesWhatItDoesNotKnowAndChangesNothingThen) {
     ASSERT_TRUE(apply_effect("delay 7ms", impairment));
     const auto applied = apply_effects(text, impairment);
     ASSERT_FALSE(applied) << text;
-    EXPECT_THAT(applied.error().what, HasSubstr(why)) << text;
+    EXPECT_THAT(applied.error().message, HasSubstr(why)) << text;
     EXPECT_EQ(text_of(impairment), "delay 7ms") << text;
   }
 }
@@ -205,7 +205,7 @@ TEST(Impairment, OfAStreamIsOnlyWhatTcpLetsThrough) {
     ASSERT_TRUE(apply_effect(effect, with));
     const auto possible = check_for_stream(with);
     ASSERT_FALSE(possible) << effect;
-    EXPECT_THAT(possible.error().what, HasSubstr(std::string(effect).substr(0, std::string(effect).find(' '))));
+    EXPECT_THAT(possible.error().message, HasSubstr(std::string(effect).substr(0, std::string(effect).find(' '))));
   }
 }
 

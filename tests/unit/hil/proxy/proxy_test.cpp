@@ -83,7 +83,7 @@ TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
     ASSERT_TRUE(s.apply("drone tello1 to delay 7ms"));
     const auto applied = s.apply(command);
     ASSERT_FALSE(applied) << command;
-    EXPECT_THAT(applied.error().what, AllOf(HasSubstr(why), HasSubstr(command))) << command;
+    EXPECT_THAT(applied.error().message, AllOf(HasSubstr(why), HasSubstr(command))) << command;
     EXPECT_EQ(s.list(), "drone tello1 to delay 7ms\n") << command;
   }
 }
@@ -104,7 +104,7 @@ TEST(Script, SwitchesInTheOrderOfTimeAndOffAgainAfterAWhile) {
       {4 * ns_per_s, ns_per_s, "server * both stall"},
   };
   auto script = Script::make(faults, switches());
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   using testing::ElementsAre;
   using testing::Pair;
   EXPECT_THAT(all_of(*script), ElementsAre(Pair(ns_per_s, "server agent cut"),
@@ -126,10 +126,10 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
   ASSERT_TRUE(s.apply(*opposite("sensor tello1 bat bias -5")));
   EXPECT_EQ(s.list(), "sensor tello1 bat bias -5\nsensor tello2 bat bias -5\n");
   EXPECT_NE(s.sensors(0)[0].item, s.sensors(1)[0].item);
-  EXPECT_THAT(s.apply("sensor tello3 h stuck").error().what, HasSubstr("there is no such drone"));
-  EXPECT_THAT(s.apply("sensor tello1 speed stuck").error().what, HasSubstr("must be `FIELD|all stuck|garbage`"));
+  EXPECT_THAT(s.apply("sensor tello3 h stuck").error().message, HasSubstr("there is no such drone"));
+  EXPECT_THAT(s.apply("sensor tello1 speed stuck").error().message, HasSubstr("must be `FIELD|all stuck|garbage`"));
   for (std::size_t i = 1; i < Switches::max_faults; ++i) ASSERT_TRUE(s.apply("sensor tello1 all garbage"));
-  EXPECT_THAT(s.apply("sensor * h stuck").error().what, HasSubstr("tello1 has 16 such faults already"));
+  EXPECT_THAT(s.apply("sensor * h stuck").error().message, HasSubstr("tello1 has 16 such faults already"));
   EXPECT_EQ(s.sensors(1).size(), 1U) << "a command that is refused for one changes none";
   ASSERT_TRUE(s.apply("clear"));
   EXPECT_EQ(s.list(), "");
@@ -138,7 +138,7 @@ TEST(Switches, SensorsAreOneMoreAndOneLess) {
 TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
   const std::vector<Target> one{{Kind::drone, "tello1", true}},
       two{{Kind::drone, "tello1", true}, {Kind::drone, "tello2", true}};
-  EXPECT_THAT(Switches({{Kind::drone, "tello1"}}).apply("sdk tello1 answers late 300ms").error().what,
+  EXPECT_THAT(Switches({{Kind::drone, "tello1"}}).apply("sdk tello1 answers late 300ms").error().message,
               HasSubstr("only the shim knows"));
   Switches s(two);
   ASSERT_TRUE(s.apply("sdk * answers late  300ms to takeoff"));
@@ -152,12 +152,12 @@ TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
   EXPECT_NE(s.sdk(1)[0].item, s.sdk(1)[1].item);
   ASSERT_TRUE(s.apply(*opposite("sdk tello2 states other 30%")));
   EXPECT_EQ(s.sdk(1).size(), 1U);
-  EXPECT_THAT(s.apply("sdk tello1 answers lost").error().what, HasSubstr("must be `answers late TIME"));
-  EXPECT_THAT(s.apply("sdk tello9 states torn").error().what, HasSubstr("there are tello1, tello2"));
+  EXPECT_THAT(s.apply("sdk tello1 answers lost").error().message, HasSubstr("must be `answers late TIME"));
+  EXPECT_THAT(s.apply("sdk tello9 states torn").error().message, HasSubstr("there are tello1, tello2"));
   ASSERT_TRUE(s.apply("clear"));
   EXPECT_EQ(s.list(), "");
   Switches alone(one);
-  EXPECT_THAT(alone.apply("sdk tello1 states other").error().what, HasSubstr("no other drone"));
+  EXPECT_THAT(alone.apply("sdk tello1 states other").error().message, HasSubstr("no other drone"));
 }
 
 TEST(Script, ReadsARecordingOnce) {
@@ -167,7 +167,7 @@ TEST(Script, ReadsARecordingOnce) {
                return parse_recording(path, "0.01");
              }));
   const auto script = Script::make({{0, ns_per_s, "drone tello1 to delay recorded f"}}, s);
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 to delay recorded f"));
   EXPECT_EQ(reads, 1);
 }
@@ -180,20 +180,20 @@ TEST(Script, ReadsARecordedDayOnce) {
                return parse_day(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
              }));
   const auto script = Script::make({{0, ns_per_s, "drone tello1 state recorded-day f at 1s"}}, s);
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   for (int i = 0; i < 3; ++i) ASSERT_TRUE(s.apply("drone tello1 state recorded-day f at 1s"));
   EXPECT_EQ(reads, 1);
   EXPECT_EQ(s.list(), "drone tello1 state recorded-day f at 1s\n");
   ASSERT_TRUE(s.apply(*opposite("drone tello1 state recorded-day f at 1s")));
   EXPECT_EQ(s.list(), "");
-  EXPECT_THAT(s.apply("server agent both recorded-day f").error().what, HasSubstr("a recorded day with losses"));
+  EXPECT_THAT(s.apply("server agent both recorded-day f").error().message, HasSubstr("a recorded day with losses"));
   EXPECT_TRUE(s.apply("server agent both recorded-day lossless"));
 }
 
 TEST(Script, RefusesWhoseEndWouldEndAnother) {
   const auto error_of = [](std::vector<ScriptedFault> faults) {
     const auto script = Script::make(faults, switches());
-    return script ? "" : script.error().what;
+    return script ? "" : script.error().message;
   };
   constexpr TimeNs s = ns_per_s;
   const char* why = "and the end of one would end both";
@@ -219,7 +219,7 @@ TEST(Script, RefusesWhoseEndWouldEndAnother) {
 TEST(Script, RefusesAtOnceWhatCouldNotBeSwitchedLater) {
   const auto error_of = [](ScriptedFault fault) {
     const auto script = Script::make({fault}, switches());
-    return script ? "no error" : script.error().what;
+    return script ? "no error" : script.error().message;
   };
   EXPECT_THAT(error_of({ns_per_s, {}, "server agent to loss 5%"}), HasSubstr("loss is of datagrams"));
   EXPECT_THAT(error_of({ns_per_s, ns_per_s, "server agent cut"}), HasSubstr("only effects last for a time"));
@@ -273,7 +273,7 @@ at_s = 2.5
 for_s = 1
 do = "drone tello1 to delay 200ms"
 )"));
-  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_TRUE(settings) << settings.error().message;
   EXPECT_EQ(settings->seed, 7u);
   EXPECT_EQ(settings->faults_socket, "f.sock");
   ASSERT_EQ(settings->drones.size(), 1u);
@@ -291,7 +291,7 @@ TEST_F(ProxySettings, NameFileAndKeyOfWhatIsWrong) {
     std::string text = good;
     if (!from.empty()) text.replace(text.find(from), from.size(), to);
     const auto settings = read_settings(write("proxy.toml", text), script.empty() ? "" : write("script.toml", script));
-    return settings ? "no error" : settings.error().what;
+    return settings ? "no error" : settings.error().message;
   };
   EXPECT_EQ(error_of("", ""), "no error");
   EXPECT_THAT(error_of("127.0.1.2", "here"), HasSubstr("drone.0.listen: must be an IPv4 address"));
@@ -313,7 +313,7 @@ TEST_F(ProxySettings, NameFileAndKeyOfWhatIsWrong) {
               AllOf(HasSubstr("script.toml:8: fault.1.do"), HasSubstr("the end of one would end both")));
   EXPECT_THAT(error_of("", "", "[[fault]]\ndo = \"clear\"\n"), HasSubstr("fault.0.at_s: is missing"));
   const auto empty = read_settings(write("empty.toml", ""), "");
-  EXPECT_THAT(empty.error().what, HasSubstr("what to stand before"));
+  EXPECT_THAT(empty.error().message, HasSubstr("what to stand before"));
 }
 
 bool readable(const pollfd& one) {
@@ -336,7 +336,7 @@ TEST(ServerSide, ThatMayOpenNoMoreFilesWaitsAWhileAndDoesNotSpin) {
   route.listen.sin_addr.s_addr = route.address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   route.address.sin_port = htons(9);
   auto side = ServerSide::open(route, 1);
-  ASSERT_TRUE(side) << side.error().what;
+  ASSERT_TRUE(side) << side.error().message;
   const int client = connected_to(side->listening());
   const TimeNs now = 5 * ns_per_s;
   std::vector<pollfd> polled;

@@ -11,7 +11,7 @@ class Ways : public ::testing::Test {
  protected:
   void apply(const std::string& command) {
     const Status applied = switches.apply(command);
-    ASSERT_TRUE(applied) << applied.error().what;
+    ASSERT_TRUE(applied) << applied.error().message;
     ways.set(switches);
   }
   std::vector<std::string> heard_by_drones(TimeNs now) {
@@ -57,7 +57,7 @@ TEST(RecordedDay, IsPlayedBehindTheShimAsByTheProxy) {
   const auto day = [](const std::string& path) { return parse_day(path, "0,0.2\n1,lost\n2,0.1\n"); };
   proxy::Switches switches(DroneWays::targets(1), reading_once(), reading_days_once(day));
   const Status applied = switches.apply("drone tello1 state recorded-day f");
-  ASSERT_TRUE(applied) << applied.error().what;
+  ASSERT_TRUE(applied) << applied.error().message;
   DroneWays ways(1, 1);
   ways.set(switches);
   const auto came = [&](TimeNs now) {
@@ -95,7 +95,7 @@ TEST_F(Ways, KnowsTheSdksCalls) {
 TEST_F(Ways, TheSwitchesSayWhatIsWrong) {
   const auto why = [&](const std::string& command) {
     const Status applied = switches.apply(command);
-    return applied ? std::string("nothing") : applied.error().what;
+    return applied ? std::string("nothing") : applied.error().message;
   };
   EXPECT_NE(why("server agent cut").find("no such server"), std::string::npos);
   EXPECT_NE(why("sdk tello3 answers missing").find("no such drone"), std::string::npos);
@@ -106,7 +106,7 @@ TEST_F(Ways, TheSwitchesSayWhatIsWrong) {
   proxy::Switches of_proxy({{proxy::Target::Kind::drone, "tello1"}});
   const Status refused = of_proxy.apply("sdk tello1 answers missing");
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("only the shim"), std::string::npos);
+  EXPECT_NE(refused.error().message.find("only the shim"), std::string::npos);
 }
 
 }  // namespace

@@ -15,9 +15,9 @@ namespace ledgerline::hil {
 inline void expect_held(const std::string& text, const std::string& name, std::uint64_t seed) {
   SCOPED_TRACE(name + ", seed " + std::to_string(seed));
   const auto script = parse_script(text, name);
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   const auto result = run_script(*script, seed);
-  ASSERT_TRUE(result) << result.error().what;
+  ASSERT_TRUE(result) << result.error().message;
   for (const Verdict& verdict : result->verdicts)
     EXPECT_TRUE(verdict.held) << verdict.rule.text << ": " << verdict.what;
 }

@@ -39,7 +39,7 @@ Report fly(const WorldConfig& config) {
   auto world = SimulatedWorld::create(config);
   Report sent;
   if (!world) {
-    sent.why = world.error().what;
+    sent.why = world.error().message;
     return sent;
   }
   TimeNs last_ns = 0;

@@ -18,7 +18,7 @@ class PilotPathTest : public testing::Test {
     WorldConfig config;
     config.manual = true;
     auto made = SimulatedWorld::create(config);
-    ASSERT_TRUE(made) << made.error().what;
+    ASSERT_TRUE(made) << made.error().message;
     world_ = std::move(*made);
     run(2);
     world_->post_command({.drone = 0, .takeoff = true});

@@ -44,7 +44,7 @@ std::vector<SimulatedFlightResult> fly(SimulatedFlightConfig config, int count) 
   for (int seed = 1; seed <= count; ++seed) {
     config.seed = static_cast<std::uint64_t>(seed);
     auto flight = fly_simulated(config);
-    EXPECT_TRUE(flight.ok()) << flight.error().what;
+    EXPECT_TRUE(flight.ok()) << flight.error().message;
     if (flight.ok()) flights.push_back(*flight);
   }
   return flights;
@@ -264,7 +264,7 @@ TEST(AddedDelay, WhatIsMeasuredHasThePublishedBoxAndATailBeyondItsWhisker) {
 TEST(AddedDelay, BothWaysTogetherAreOneDrawAndARecordingKeepsItsOrder) {
   const ReadRecording file = [](const std::string& path) { return parse_recording(path, "0.2\n0.3\n0.38\n0.25\n"); };
   const auto added = added_delay_from("a file.txt", file);
-  ASSERT_TRUE(added.ok()) << added.error().what;
+  ASSERT_TRUE(added.ok()) << added.error().message;
   WayDelay there(*added, WayDelay::Way::there, 0.5, 7), back(*added, WayDelay::Way::back, 0.5, 7);
   std::vector<TimeNs> halves;
   for (TimeNs sent = 0; sent < 20 * 100 * ns_per_ms; sent += 100 * ns_per_ms) {
@@ -288,8 +288,8 @@ TEST(AddedDelay, IsReadOrRefusedByName) {
     return added_delay_from("delays.txt", [=](const std::string& path) { return parse_recording(path, text); });
   };
   EXPECT_EQ(recorded("# two-way\n0.5\n3\n")->own->values->size(), 2U);
-  EXPECT_EQ(recorded("0.5\n3.1\n").error().what, "delays.txt: 3.1 s is longer than the 3 s that can be added");
-  EXPECT_EQ(recorded("0.5\nsoon\n").error().what, "delays.txt:2: \"soon\" is no number of seconds from 0 to 60");
+  EXPECT_EQ(recorded("0.5\n3.1\n").error().message, "delays.txt: 3.1 s is longer than the 3 s that can be added");
+  EXPECT_EQ(recorded("0.5\nsoon\n").error().message, "delays.txt:2: \"soon\" is no number of seconds from 0 to 60");
 }
 
 }  // namespace

@@ -11,7 +11,7 @@ namespace {
 
 SimulatedFlightResult fly(const SimulatedFlightConfig& config) {
   auto flight = fly_simulated(config);
-  EXPECT_TRUE(flight.ok()) << flight.error().what;
+  EXPECT_TRUE(flight.ok()) << flight.error().message;
   if (!flight) return {};
   EXPECT_EQ(flight->violations, 0U) << "nobody lies here";
   return *flight;

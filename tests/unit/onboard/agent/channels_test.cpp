@@ -26,7 +26,7 @@ TEST(AgentChannels, EachHasItsDronesAndFilesOfItsOwn) {
   ASSERT_TRUE(config);
   const fabric::Channels channels = fabric::read_channels(*config);
   const Settings process = read_settings(*config, "Org1MSP", {"teleop", "c"});
-  ASSERT_TRUE(config->finish()) << config->finish().error().what;
+  ASSERT_TRUE(config->finish()) << config->finish().error().message;
   const auto each = settings_of_channels(process, channels);
   ASSERT_EQ(each.size(), 2U);
   EXPECT_THAT(numbers(each[0]), ElementsAre(1, 7));

@@ -65,14 +65,14 @@ TEST(Ipc, NobodyRegistersWithARouDiOfAnotherUserOrTakesANameThatAnotherUserHas) 
     const TakenName foreign(65534);
     const Status with = connect("ipc-test");
     ASSERT_FALSE(with);
-    EXPECT_NE(with.error().what.find("another user"), std::string::npos) << with.error().what;
+    EXPECT_NE(with.error().message.find("another user"), std::string::npos) << with.error().message;
     EXPECT_FALSE(roudi_lives());
   }
   const TakenName own(::geteuid());
   ASSERT_EQ(::symlink("/tmp/elsewhere", "/tmp/ipc-test.lock"), 0);
   const Status with = connect("ipc-test");
   ASSERT_FALSE(with);
-  EXPECT_NE(with.error().what.find("rm /tmp/ipc-test.lock"), std::string::npos) << with.error().what;
+  EXPECT_NE(with.error().message.find("rm /tmp/ipc-test.lock"), std::string::npos) << with.error().message;
   ::unlink("/tmp/ipc-test.lock");
 }
 
@@ -82,7 +82,7 @@ TEST(Ipc, WhoWaitsForARouDiThatNeverAnswersHearsThatItIsToEnd) {
   if (waiting == 0) {
     int looks = 0;
     const Status with = connect("ipc-test", [&] { return ++looks > 3; });
-    ::_exit(!with && with.error().what.find("asked to end") != std::string::npos ? 0 : 1);
+    ::_exit(!with && with.error().message.find("asked to end") != std::string::npos ? 0 : 1);
   }
   int status = 0;
   ::waitpid(waiting, &status, 0);
@@ -94,12 +94,12 @@ TEST(Ipc, WhoWaitsForARouDiThatNeverAnswersHearsThatItIsToEnd) {
 TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   const Status without = connect("ipc-test");
   ASSERT_FALSE(without);
-  EXPECT_NE(without.error().what.find("ledgerline-roudi"), std::string::npos);  // says the cure, and did not wait
+  EXPECT_NE(without.error().message.find("ledgerline-roudi"), std::string::npos);  // says the cure, and did not wait
 
   Child roudi;
   ASSERT_TRUE(roudi.start({roudi_program, "--summary", "/tmp/roudi.json"}));
   const Status with = connect("ipc-test");
-  ASSERT_TRUE(with) << with.error().what;
+  ASSERT_TRUE(with) << with.error().message;
   EXPECT_TRUE(roudi_lives());
 
   auto agent = AgentEnd::create();

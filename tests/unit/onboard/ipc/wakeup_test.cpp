@@ -26,7 +26,7 @@ class Wakeups : public ::testing::Test {
   }
   std::unique_ptr<WakeupSink> make_sink() const {
     auto wakeup = WakeupSink::create(path);
-    EXPECT_TRUE(wakeup) << wakeup.error().what;
+    EXPECT_TRUE(wakeup) << wakeup.error().message;
     return wakeup ? std::move(*wakeup) : nullptr;
   }
   WakeupSource make_source() const { return WakeupSource::create(path).value(); }
@@ -97,7 +97,7 @@ TEST_F(Wakeups, APathThatIsTakenIsNamed) {
   const auto taken = WakeupSink::create(path);
   ::rmdir(path.c_str());
   ASSERT_FALSE(taken);
-  EXPECT_NE(taken.error().what.find(path), std::string::npos) << taken.error().what;
+  EXPECT_NE(taken.error().message.find(path), std::string::npos) << taken.error().message;
   EXPECT_FALSE(WakeupSink::create(std::string(200, 'x')));
   EXPECT_FALSE(WakeupSource::create(std::string(200, 'x')));
 }

@@ -15,14 +15,14 @@ TEST(SharedMemory, AServiceHasRoom) { EXPECT_TRUE(check_shared_memory(96 * mb, 7
 TEST(SharedMemory, AContainersDefaultIsTooSmallAndTheCureIsReported) {
   const Status room = check_shared_memory(64 * mb, 64 * mb);
   ASSERT_FALSE(room);
-  EXPECT_THAT(room.error().what, HasSubstr("/dev/shm has 64 MB, 96 MB are needed"));
-  EXPECT_THAT(room.error().what, HasSubstr("--shm-size=128m"));
+  EXPECT_THAT(room.error().message, HasSubstr("/dev/shm has 64 MB, 96 MB are needed"));
+  EXPECT_THAT(room.error().message, HasSubstr("--shm-size=128m"));
 }
 
 TEST(SharedMemory, WhatOthersLeftThereMayBeTooMuch) {
   const Status room = check_shared_memory(128 * mb, 71 * mb);
   ASSERT_FALSE(room);
-  EXPECT_THAT(room.error().what, HasSubstr("71 MB free of 128 MB, 72 MB are needed"));
+  EXPECT_THAT(room.error().message, HasSubstr("71 MB free of 128 MB, 72 MB are needed"));
 }
 
 }  // namespace

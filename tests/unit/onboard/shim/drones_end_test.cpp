@@ -12,7 +12,7 @@ class ShimDronesEnd : public ::testing::Test {
  protected:
   void SetUp() override {
     auto opened = DronesEnd::open(path);
-    ASSERT_TRUE(opened) << opened.error().what;
+    ASSERT_TRUE(opened) << opened.error().message;
     drones.emplace(std::move(*opened));
   }
   DronesEnd::Turn turn(TimeNs now, TimeNs max_ns = 10 * ns_per_s) {

@@ -21,14 +21,14 @@ class ShimMapping : public ::testing::Test {
 TEST_F(ShimMapping, TheDronesEndMakesAFileOfItsUserAloneAndRemovesIt) {
   {
     const auto drones = Mapping::open(path, End::drones);
-    ASSERT_TRUE(drones) << drones.error().what;
+    ASSERT_TRUE(drones) << drones.error().message;
     struct stat info {};
     ASSERT_EQ(::stat(path.c_str(), &info), 0);
     EXPECT_EQ(info.st_mode & 0777U, 0600U);
     EXPECT_FALSE(drones->other_lives());
     {
       const auto link = Mapping::open(path, End::link);
-      ASSERT_TRUE(link) << link.error().what;
+      ASSERT_TRUE(link) << link.error().message;
       EXPECT_TRUE(drones->other_lives());
       EXPECT_TRUE(link->other_lives());
       EXPECT_NE(&link->memory(), &drones->memory());
@@ -47,7 +47,7 @@ TEST_F(ShimMapping, EachEndIsOfOneProcess) {
   for (const End end : {End::drones, End::link}) {
     const auto second = Mapping::open(path, end);
     ASSERT_FALSE(second);
-    EXPECT_NE(second.error().what.find("another process holds"), std::string::npos) << second.error().what;
+    EXPECT_NE(second.error().message.find("another process holds"), std::string::npos) << second.error().message;
   }
   EXPECT_TRUE(read_file(path)) << "a second one removed the first one's file";
 }
@@ -78,7 +78,7 @@ TEST_F(ShimMapping, ANewEndJoinsTheOtherAndHearsNothingOfBefore) {
   Other killed(path);
   for (int i = 0; i < 5000 && !Mapping::open(path, End::link); ++i) ::usleep(1000);
   const auto link = Mapping::open(path, End::link);
-  ASSERT_TRUE(link) << link.error().what;
+  ASSERT_TRUE(link) << link.error().message;
   EXPECT_TRUE(link->other_lives());
   for (int i = 0; i < 5000 && link->memory().turns.now_ns != 5; ++i) ::usleep(1000);  // before it is killed
   Datagram said;
@@ -88,7 +88,7 @@ TEST_F(ShimMapping, ANewEndJoinsTheOtherAndHearsNothingOfBefore) {
   EXPECT_FALSE(link->other_lives());
 
   const auto again = Mapping::open(path, End::drones);
-  ASSERT_TRUE(again) << again.error().what;
+  ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(again->memory().turns.now_ns, 5) << "another memory than the link's";
   Datagram heard;
   EXPECT_FALSE(again->memory().to_drones.pop(heard)) << "an old take-off";
@@ -104,7 +104,7 @@ TEST_F(ShimMapping, ASimulatorThatEndsUnderALinkLeavesTheFileForTheNextOne) {
   ASSERT_TRUE(link);
   first.reset();
   const auto second = Mapping::open(path, End::drones);
-  ASSERT_TRUE(second) << second.error().what;
+  ASSERT_TRUE(second) << second.error().message;
   second->memory().turns.now_ns = 9;
   EXPECT_EQ(link->memory().turns.now_ns, 9);
 }
@@ -114,7 +114,7 @@ TEST_F(ShimMapping, BothEndsMustMeanTheSameClock) {
   ASSERT_TRUE(drones);
   const auto link = Mapping::open(path, End::link);
   ASSERT_FALSE(link);
-  EXPECT_NE(link.error().what.find("lockstep"), std::string::npos) << link.error().what;
+  EXPECT_NE(link.error().message.find("lockstep"), std::string::npos) << link.error().message;
   EXPECT_TRUE(Mapping::open(path, End::link, true));
 }
 
@@ -124,14 +124,14 @@ TEST_F(ShimMapping, WithoutALinkAnOldFileIsRecreated) {
   killed.kill();
   ASSERT_TRUE(read_file(path)) << "the killed one left nothing behind";
   const auto drones = Mapping::open(path, End::drones);
-  ASSERT_TRUE(drones) << drones.error().what;
+  ASSERT_TRUE(drones) << drones.error().message;
   EXPECT_EQ(drones->memory().turns.now_ns, 0);
 }
 
 TEST_F(ShimMapping, SaysWhatIsWrong) {
   const auto why = [&](const std::string& file, End end) {
     const auto mapping = Mapping::open(file, end);
-    return mapping ? std::string("nothing") : mapping.error().what;
+    return mapping ? std::string("nothing") : mapping.error().message;
   };
   EXPECT_NE(why(path, End::link).find("there is no shim"), std::string::npos);
   EXPECT_NE(why("/proc/shim", End::drones).find("must lie in memory"), std::string::npos);

@@ -24,10 +24,10 @@ class CopyTest : public ::testing::Test {
 
   void make_store(const std::vector<std::string>& all) {
     const auto files = node::open_directory(folder);
-    ASSERT_TRUE(files) << files.error().what;
+    ASSERT_TRUE(files) << files.error().message;
     const auto store = node::BlockStore::open(
         **files, [](std::string_view) -> Status { return done; }, [](const std::string&) {});
-    ASSERT_TRUE(store) << store.error().what;
+    ASSERT_TRUE(store) << store.error().message;
     for (const std::string& block : all) ASSERT_TRUE((*store)->append(block));
   }
   Result<Reading> read(const std::string& path) {
@@ -44,7 +44,7 @@ TEST_F(CopyTest, ANodesFileIsReadAndNotTouched) {
   for (const std::string& path : {folder, folder + "/blocks"}) {
     blocks.clear();
     const auto reading = read(path);
-    ASSERT_TRUE(reading) << reading.error().what;
+    ASSERT_TRUE(reading) << reading.error().message;
     EXPECT_EQ(reading->blocks, 2U);
     EXPECT_EQ(reading->problem, "");
     EXPECT_THAT(blocks, ElementsAre("one", "two"));

@@ -35,7 +35,7 @@ class PeerTest : public ::testing::Test {
 TEST_F(PeerTest, AllBlocksComeInOrderAndThenItEnds) {
   serve({});
   const auto reading = read(std::chrono::seconds(60));
-  ASSERT_TRUE(reading) << reading.error().what;
+  ASSERT_TRUE(reading) << reading.error().message;
   EXPECT_EQ(reading->problem, "");
   ASSERT_EQ(numbers_.size(), height);
   for (std::size_t i = 0; i < height; ++i) EXPECT_EQ(numbers_[i], i);
@@ -56,7 +56,7 @@ TEST_F(PeerTest, AChainThatBreaksIsReportedWhereItDoes) {
     return other;
   }});
   const auto reading = read(std::chrono::seconds(1));
-  ASSERT_TRUE(reading) << reading.error().what;
+  ASSERT_TRUE(reading) << reading.error().message;
   EXPECT_EQ(reading->blocks, 5U);
   EXPECT_THAT(reading->problem, HasSubstr("block 5"));
 }

@@ -76,7 +76,7 @@ class SignedLedger : public fabric::SignedNode {
 
 inline ChainAudit audited(const std::vector<std::string>& chain, Trust trust) {
   auto audit = ChainAudit::start(std::move(trust));
-  EXPECT_TRUE(audit) << audit.error().what;
+  EXPECT_TRUE(audit) << audit.error().message;
   for (const std::string& block : chain) audit->add(block);
   audit->end();
   return std::move(*audit);

@@ -212,7 +212,7 @@ TEST_F(LiesTest, ALeaseForSomebodyWhoDidNotAskForItIsFoundAndNotReported) {
   ASSERT_TRUE(take("acquire", "CN=pilot", record("CN=pilot", 1)));
   const Status status = take("release", "CN=other", record("", 2));
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what,
+  EXPECT_THAT(status.error().message,
               HasSubstr("release of tello1 does not follow: holder: Org1MSP CN=other does not hold the lease"));
   EXPECT_FALSE(take("acquire", "CN=other", record("CN=third", 2)));
   ASSERT_EQ(story.drones().at("tello1").holders.all().size(), 1U);

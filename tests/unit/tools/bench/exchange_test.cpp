@@ -46,7 +46,7 @@ TEST(Schedule, AStreamIsADroneOfAtMost35Hz) {
 TEST(Schedule, ComesBackFromItsText) {
   const Schedule s = make_schedule(250, 3.5, 20, 5);
   const auto read = read_schedule(write_schedule(s));
-  ASSERT_TRUE(read) << read.error().what;
+  ASSERT_TRUE(read) << read.error().message;
   EXPECT_EQ(read->streams, s.streams);
   EXPECT_EQ(read->first, s.first);
   EXPECT_EQ(read->count, s.count);

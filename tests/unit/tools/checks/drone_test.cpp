@@ -250,7 +250,7 @@ TEST(PreflightCheck, LinesForPeopleAndForPrograms) {
   EXPECT_THAT(words(lines),
               AllOf(HasSubstr("\nbroken   battery     battery_low: d1: 10 %"),
                     HasSubstr("\n                     cure: charge"), HasSubstr("\nok       battery     d2: 90 %")));
-  EXPECT_THAT(check(lines).error().what, testing::StartsWith("d1's battery: 10 %"));
+  EXPECT_THAT(check(lines).error().message, testing::StartsWith("d1's battery: 10 %"));
   const auto json = nlohmann::json::parse(to_json(lines));
   EXPECT_EQ(json["ok"], false);
   ASSERT_EQ(json["checks"].size(), lines.size());

@@ -22,9 +22,9 @@ void expect_read(const fly::Options& options) {
                                       {"operator", "control"},
                                       {"endorser", "endorser"}}) {
     auto config = Config::load(files.config(file));
-    ASSERT_TRUE(config) << config.error().what;
+    ASSERT_TRUE(config) << config.error().message;
     const Status read = check(program, *config);
-    EXPECT_TRUE(read) << read.error().what;
+    EXPECT_TRUE(read) << read.error().message;
   }
   std::filesystem::remove_all(folder);
 }

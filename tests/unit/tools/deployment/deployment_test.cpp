@@ -18,7 +18,7 @@ Result<Deployment> read_text(const std::string& toml) {
 
 std::string error_of(const std::string& toml) {
   const auto deployment = read_text(toml);
-  return deployment ? "" : deployment.error().what;
+  return deployment ? "" : deployment.error().message;
 }
 
 const std::string host =
@@ -28,7 +28,7 @@ const std::string drone = "[[drone]]\nname = \"tello1\"\nhost = \"ground\"\naddr
 
 TEST(Deployment, ThePagesExampleIsRead) {
   const auto deployment = read_text(example_of_the_page(0));
-  ASSERT_TRUE(deployment) << deployment.error().what;
+  ASSERT_TRUE(deployment) << deployment.error().message;
   EXPECT_EQ(deployment->ledger, LedgerKind::fabric);
   EXPECT_EQ(deployment->channel, "teleop");
   ASSERT_EQ(deployment->hosts.size(), 3U);

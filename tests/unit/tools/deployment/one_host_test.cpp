@@ -21,14 +21,14 @@ std::string error_with(const std::string& text, const std::string& other) {
   std::string toml = example_of_the_page(1);
   toml.replace(toml.find(text), text.size(), other);
   const auto host = of_text(toml);
-  return host ? "" : host.error().what;
+  return host ? "" : host.error().message;
 }
 
 const std::string last_organisation = "[[organisation]]\nid = \"Org3MSP\"\nhost = \"ground\"\n";
 
 TEST(OneHost, ThePagesSecondExampleIsAFlightOfTwo) {
   const auto host = of_text(example_of_the_page(1));
-  ASSERT_TRUE(host) << host.error().what;
+  ASSERT_TRUE(host) << host.error().message;
   EXPECT_EQ(host->drones, 2);
   EXPECT_EQ(host->ledger, LedgerKind::embedded);
   EXPECT_EQ(host->orderers, 1);
@@ -39,20 +39,20 @@ TEST(OneHost, FabricsOrderersAreCounted) {
   toml.replace(toml.find("embedded"), std::string("embedded").size(), "fabric");
   for (int i = 0; i < 3; ++i) toml += "[[orderer]]\nhost = \"ground\"\n";
   const auto host = of_text(toml);
-  ASSERT_TRUE(host) << host.error().what;
+  ASSERT_TRUE(host) << host.error().message;
   EXPECT_EQ(host->orderers, 3);
 }
 
 TEST(OneHost, NothingOfTheFileIsPassedOverAndItsPlaceIsReported) {
   const auto page = of_text(example_of_the_page(0));
   ASSERT_FALSE(page);
-  EXPECT_THAT(page.error().what,
+  EXPECT_THAT(page.error().message,
               HasSubstr("lab.toml:11: host.1.name: is \"ground\": a flight on one host has one host"));
-  EXPECT_THAT(page.error().what, HasSubstr("host.2.name: is \"tower\""));
-  EXPECT_THAT(page.error().what, HasSubstr("host.0.address: is 10.0.0.4"));
-  EXPECT_THAT(page.error().what, HasSubstr("organisation.2.port: must not be there"));
-  EXPECT_THAT(page.error().what, HasSubstr("orderer.0.port: must not be there"));
-  EXPECT_THAT(page.error().what, HasSubstr("drone.1.address: tello2 at 192.168.10.2"));
+  EXPECT_THAT(page.error().message, HasSubstr("host.2.name: is \"tower\""));
+  EXPECT_THAT(page.error().message, HasSubstr("host.0.address: is 10.0.0.4"));
+  EXPECT_THAT(page.error().message, HasSubstr("organisation.2.port: must not be there"));
+  EXPECT_THAT(page.error().message, HasSubstr("orderer.0.port: must not be there"));
+  EXPECT_THAT(page.error().message, HasSubstr("drone.1.address: tello2 at 192.168.10.2"));
   EXPECT_THAT(error_with("kind = \"embedded\"", "kind = \"embedded\"\nchannel = \"other\""),
               HasSubstr("lab.toml:3: ledger.channel: is other"));
   EXPECT_THAT(error_with("kind = \"embedded\"", "contract = \"other\""), HasSubstr("ledger.contract: is other"));

@@ -28,12 +28,12 @@ Result<OwnDrones> own_of(const std::string& toml) {
 
 std::string own_error(const std::string& toml) {
   const auto own = own_of(toml);
-  return own ? "" : own.error().what;
+  return own ? "" : own.error().message;
 }
 
 TEST(OwnDrones, ThePagesExampleIsRead) {
   const auto own = own_of(example_of_the_page(0, "docs/fly.md"));
-  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own) << own.error().message;
   ASSERT_EQ(own->drones.size(), 1U);
   EXPECT_EQ(own->drones[0].address, "192.168.10.1");
   EXPECT_EQ(own->drones[0].interface, "");
@@ -46,11 +46,11 @@ TEST(OwnDrones, ThePagesExampleIsRead) {
 
 TEST(OwnDrones, TheTablesForLinkMeanThereWhatTheyMeanHere) {
   const auto own = own_of(a_drone + from_mocap + a_fence + "[rc]\nfull_scale_mps = 0.8\nsigns = [-1, 1, 1, 1]\n");
-  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own) << own.error().message;
   auto config = Config::parse(own->link_tables + a_drone, "link.toml");
-  ASSERT_TRUE(config) << config.error().what;
+  ASSERT_TRUE(config) << config.error().message;
   const auto link = link::read_settings(*config, "link.toml");
-  ASSERT_TRUE(link) << link.error().what;
+  ASSERT_TRUE(link) << link.error().message;
   EXPECT_EQ(link->link.fence.min_m, own->link.fence.min_m);
   EXPECT_EQ(link->link.fence.max_m, (std::array<double, 3>{2, 2, 2}));
   EXPECT_FLOAT_EQ(link->link.rc.full_scale_mps, 0.8F);
@@ -91,7 +91,7 @@ TEST(OwnDrones, ANetworkThatRunsIsTakenFromItsFiles) {
                          "\"here.key\"\n[[orderer]]\nendpoint = \"a:1\"\n"
                          "[[msp]]\nid = \"Org1MSP\"\nca = \"ca.pem\"\n";
   const auto own = own_of(both);
-  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own) << own.error().message;
   ASSERT_TRUE(own->network);
   EXPECT_EQ(own->network->agent_files.certificate, "here.pem");
   EXPECT_THAT(own->network->ground, HasSubstr("[[msp]]"));
@@ -112,14 +112,14 @@ TEST(OwnDrones, DronesBehindInterfacesOfTheirOwnMayShareAnAddress) {
                           "interface = \"wlan1\"\nserial = \"0TQDF6GEDB2Z8A\"\n[[drone]]\nname = \"b\"\naddress = "
                           "\"192.168.10.1\"\ninterface = \"wlan2\"\n";
   const auto own = own_of(two + from_mocap + a_fence);
-  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own) << own.error().message;
   EXPECT_EQ(own->drones[0].serial, "0TQDF6GEDB2Z8A");
   EXPECT_EQ(own->drones[1].interface, "wlan2");
 }
 
 TEST(OwnDrones, AnotherSourceOfPosesGoesToLinkAsItStands) {
   const auto own = own_of(a_drone + a_fence + "[pose]\nsource = \"tello\"\nflow_mps = 0.1\n");
-  ASSERT_TRUE(own) << own.error().what;
+  ASSERT_TRUE(own) << own.error().message;
   EXPECT_THAT(own->link_tables, HasSubstr("[pose]\n"));
   EXPECT_THAT(own->link_tables, HasSubstr("flow_mps = 0.1"));
   EXPECT_THAT(own->mocap_table, HasSubstr("topic = \"\"\n"));

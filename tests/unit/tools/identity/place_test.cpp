@@ -61,7 +61,7 @@ TEST_F(IdentityPlace, WhatIsLentIsNobodyElsesAndGoes) {
   std::string folder;
   {
     const auto home = Home::make(dir_ + "/msp");
-    ASSERT_TRUE(home) << home.error().what;
+    ASSERT_TRUE(home) << home.error().message;
     folder = home->text();
     ASSERT_TRUE(home->lend(pair()));
     EXPECT_EQ(mode(folder), 0700U);

@@ -63,9 +63,9 @@ address = "192.168.10.2"
 HostPlan plan(const std::string& text, const std::string& host) {
   auto config = Config::parse(text, "deployment.toml");
   auto deployment = deployment::read(*config);
-  EXPECT_TRUE(deployment) << deployment.error().what;
+  EXPECT_TRUE(deployment) << deployment.error().message;
   auto plan = plan_of(*deployment, host, Directories{});
-  EXPECT_TRUE(plan) << plan.error().what;
+  EXPECT_TRUE(plan) << plan.error().message;
   return *plan;
 }
 
@@ -78,15 +78,15 @@ std::string text_of(const std::vector<File>& files, const std::string& name) {
 
 std::vector<File> files(Role role, const std::string& text, const std::string& host) {
   auto files = files_of(role, plan(text, host));
-  EXPECT_TRUE(files) << files.error().what;
+  EXPECT_TRUE(files) << files.error().message;
   return *files;
 }
 
 void expect_readable(const std::string& program, const std::string& text) {
   auto config = Config::parse(text, program + ".toml");
-  ASSERT_TRUE(config) << config.error().what << "\n" << text;
+  ASSERT_TRUE(config) << config.error().message << "\n" << text;
   const Status read = configuration::check(program, *config);
-  EXPECT_TRUE(read) << read.error().what;
+  EXPECT_TRUE(read) << read.error().message;
 }
 
 std::string without_comments(const std::string& text) {
@@ -148,7 +148,7 @@ TEST(InitFiles, SayOfTheLedgerWhatTheDeploymentSays) {
 TEST(InitFiles, KeepStateWhereTheServicesMayWrite) {
   const auto state_of = [](const std::string& unit) {
     auto text = read_file(std::string(LEDGERLINE_SOURCE "/packaging/systemd/") + unit + ".service");
-    EXPECT_TRUE(text) << text.error().what;
+    EXPECT_TRUE(text) << text.error().message;
     auto at = text->find("StateDirectory=");
     EXPECT_NE(at, std::string::npos) << unit;
     at += std::string("StateDirectory=").size();
@@ -190,7 +190,7 @@ TEST(InitFiles, GiveTheEmbeddedLedgersServiceItsClientsAuthorities) {
   EXPECT_FALSE(files_of(Role::ledger, tower));
   HostPlan network = plan(fabric_deployment, "tower");
   network.client_authorities = {"/a/org1.pem"};
-  EXPECT_THAT(files_of(Role::ledger, network).error().what, HasSubstr("of the embedded ledger"));
+  EXPECT_THAT(files_of(Role::ledger, network).error().message, HasSubstr("of the embedded ledger"));
 }
 
 TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
@@ -206,7 +206,7 @@ TEST(InitFiles, NumberDronesTheSameAtTheirHostsAndAtGround) {
 HostPlan on_channels(const std::string& host, const std::vector<std::string>& channels) {
   HostPlan out = plan(fabric_deployment, host);
   const Status status = add_channels(out, channels);
-  EXPECT_TRUE(status) << status.error().what;
+  EXPECT_TRUE(status) << status.error().message;
   return out;
 }
 
@@ -246,7 +246,7 @@ TEST(InitFiles, OfChannelsRefuseWhatDoesNotFit) {
   const auto refused = [](const std::string& text, const std::vector<std::string>& channels) {
     HostPlan of_ground = plan(text, "ground");
     const Status status = add_channels(of_ground, channels);
-    return status ? "" : status.error().what;
+    return status ? "" : status.error().message;
   };
   EXPECT_THAT(refused(fabric_deployment, {"yard"}), HasSubstr("is NAME=DRONE"));
   EXPECT_THAT(refused(fabric_deployment, {"Yard=second"}), HasSubstr("is NAME=DRONE"));
@@ -269,17 +269,17 @@ TEST(InitFiles, WaitForALedgerThatCutsLate) {
 TEST(InitFiles, RefuseARoleThatAHostDoesNotHave) {
   const auto of_ground = files_of(Role::drone_host, plan(fabric_deployment, "ground"));
   ASSERT_FALSE(of_ground);
-  EXPECT_THAT(of_ground.error().what, HasSubstr("no [[drone]] has host = \"ground\""));
+  EXPECT_THAT(of_ground.error().message, HasSubstr("no [[drone]] has host = \"ground\""));
   const auto of_tower = files_of(Role::ground, plan(fabric_deployment, "tower"));
   ASSERT_FALSE(of_tower);
-  EXPECT_THAT(of_tower.error().what, HasSubstr("names no organisation"));
+  EXPECT_THAT(of_tower.error().message, HasSubstr("names no organisation"));
 }
 
 TEST(InitFiles, NameTheHostsThereAreWhereOneIsNot) {
   auto config = Config::parse(fabric_deployment, "");
   const auto none = plan_of(*deployment::read(*config), "crow", Directories{});
   ASSERT_FALSE(none);
-  EXPECT_THAT(none.error().what, HasSubstr("no [[host]] \"crow\": raven, tower, ground"));
+  EXPECT_THAT(none.error().message, HasSubstr("no [[host]] \"crow\": raven, tower, ground"));
 }
 
 constexpr const char* profile = R"({
@@ -291,7 +291,7 @@ constexpr const char* profile = R"({
 
 TEST(InitProfile, GivesThePeerItsNameAndItsAuthority) {
   const auto planned = plan_of_profile(profile, "Org1MSP", "", Directories{});
-  ASSERT_TRUE(planned) << planned.error().what;
+  ASSERT_TRUE(planned) << planned.error().message;
   EXPECT_EQ(planned->plan.own.endpoint, "localhost:7051");
   EXPECT_EQ(planned->plan.own.server_name, "peer0.org1.example.com");
   EXPECT_EQ(planned->plan.own.tls_ca, "/etc/ledgerline/tls/peer0.org1.example.com.pem");
@@ -311,13 +311,13 @@ constexpr const char* profile_of_two_channels = R"({
 
 HostPlan of_profile(const std::vector<HostDrone>& flown, const std::vector<std::string>& channels) {
   auto planned = plan_of_profile(profile_of_two_channels, "Org1MSP", "", Directories{}, channels);
-  EXPECT_TRUE(planned) << planned.error().what;
+  EXPECT_TRUE(planned) << planned.error().message;
   planned->plan.drones = flown;
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
   planned->plan.orderers.clear();
   planned->plan.peers.clear();
   const Status added = add_channels(planned->plan, channels);
-  EXPECT_TRUE(added) << added.error().what;
+  EXPECT_TRUE(added) << added.error().message;
   return planned->plan;
 }
 
@@ -356,7 +356,7 @@ TEST(InitProfile, RefusesAChannelThatNoPeerOfTheOrganisationServes) {
   planned->plan.all_drones = {{"tello1", "", 1}, {"tello2", "", 2}};
   const Status added = add_channels(planned->plan, {"lake=tello2"});
   ASSERT_FALSE(added);
-  EXPECT_THAT(added.error().what, HasSubstr("lists no peer of Org1MSP"));
+  EXPECT_THAT(added.error().message, HasSubstr("lists no peer of Org1MSP"));
 }
 
 /// Of Org1 with one peer, whose `channels` is this JSON; or why there is none.
@@ -366,7 +366,7 @@ std::string first_channel(const std::string& channels, const std::vector<std::st
     "peers": {"p": {"url": "grpcs://p:7051", "tlsCACerts": {"pem": "P"}}, "q": {"url": "grpcs://q:7051", "tlsCACerts": {"pem": "Q"}}},
     "channels": )" + channels + "}",
                                        "Org1MSP", "", Directories{}, wanted);
-  return planned ? planned->plan.channel : planned.error().what;
+  return planned ? planned->plan.channel : planned.error().message;
 }
 
 TEST(InitProfile, HasTheChannelThatTheProfileNames) {
@@ -404,7 +404,7 @@ TEST(InitProfile, PutsTheFirstChannelIntoEachConfig) {
 TEST(InitProfile, RefusesWhatItCannotUse) {
   const auto wrong = [](const std::string& json, const std::string& msp_id) {
     const auto planned = plan_of_profile(json, msp_id, "", Directories{});
-    return planned ? "" : planned.error().what;
+    return planned ? "" : planned.error().message;
   };
   EXPECT_THAT(wrong(profile, "Org9MSP"), HasSubstr("no peer of an organisation Org9MSP"));
   EXPECT_THAT(wrong("[1]", "Org1MSP"), HasSubstr("no JSON object"));
@@ -425,7 +425,7 @@ TEST(InitCommented, RefusesAValueOfAKeyThatNobodyReads) {
   file.add("[a]", "c", "1");
   const auto text = file.commented("x", {key});
   ASSERT_FALSE(text);
-  EXPECT_THAT(text.error().what, HasSubstr("no key c in [a]"));
+  EXPECT_THAT(text.error().message, HasSubstr("no key c in [a]"));
 }
 
 TEST(InitCommented, WritesTextsThatTomlReadsBack) {

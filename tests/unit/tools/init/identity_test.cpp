@@ -47,7 +47,7 @@ TEST_F(InitIdentity, TheKeyIsForItsOwnerAloneAndIsNeverReplaced) {
   EXPECT_THAT(*read_file(in("raven.csr")), HasSubstr("BEGIN CERTIFICATE REQUEST"));
   const Status again = request_identity(in("msp"), in("other.csr"), {.common_name = "raven"});
   ASSERT_FALSE(again);
-  EXPECT_THAT(again.error().what, HasSubstr("has a key already"));
+  EXPECT_THAT(again.error().message, HasSubstr("has a key already"));
   EXPECT_EQ(*read_file(in("msp/keystore/priv_sk")), key);
 }
 
@@ -62,7 +62,7 @@ TEST_F(InitIdentity, AKeyInAFolderThatCannotBeReadIsNotReplacedEither) {
   const Status refused = request_identity(in("msp"), in("raven.csr"), {.common_name = "raven"});
   ASSERT_TRUE(!root || ::seteuid(0) == 0);
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, HasSubstr("priv_sk is there already"));
+  EXPECT_THAT(refused.error().message, HasSubstr("priv_sk is there already"));
   EXPECT_EQ(*read_file(in("msp/keystore/priv_sk")), "the only copy");
 }
 
@@ -71,11 +71,11 @@ TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
   const auto strange = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
   const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
-  ASSERT_TRUE(taken) << taken.error().what;
+  ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
   const auto refused = take_certificate(in("msp"), written("strange.pem", strange.certificate_pem));
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, HasSubstr("of another key"));
+  EXPECT_THAT(refused.error().message, HasSubstr("of another key"));
   EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
 }
 
@@ -89,7 +89,7 @@ TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
   const std::string there = written("msp/signcerts/raven.pem", chain);
   EXPECT_FALSE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
   const auto taken = take_certificate(in("msp"), there);  // in its own place, which is the cure that doctor prints
-  ASSERT_TRUE(taken) << taken.error().what;
+  ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
   EXPECT_EQ(*read_file(in("msp/signcerts/cert.pem")), own.certificate_pem + ca.certificate_pem);
   EXPECT_FALSE(fs::exists(there));
@@ -101,7 +101,7 @@ TEST_F(InitIdentity, AnExpiredCertificateIsRefused) {
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
   const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
   ASSERT_FALSE(taken);
-  EXPECT_THAT(taken.error().what, HasSubstr("has expired"));
+  EXPECT_THAT(taken.error().message, HasSubstr("has expired"));
 }
 
 TEST_F(InitIdentity, ARenewedCertificateReplacesTheOneOfAnotherName) {
@@ -116,7 +116,7 @@ TEST_F(InitIdentity, WhatIsCollectedForOthersHasNoKey) {
   ASSERT_TRUE(identities::make(in("ledger"), 1));
   written("ledger/teleop.block", "block");
   const Status collected = collect_public(in("ledger"), in("public"));
-  ASSERT_TRUE(collected) << collected.error().what;
+  ASSERT_TRUE(collected) << collected.error().message;
   std::size_t files = 0;
   for (const auto& entry : fs::recursive_directory_iterator(dir_ / "public")) {
     if (!entry.is_regular_file()) continue;
@@ -131,7 +131,7 @@ TEST_F(InitIdentity, NothingIsWrittenWhereAFileIsThere) {
   written("b", "mine");
   const Status refused = write_new({{in("a"), "1"}, {in("b"), "2"}});
   ASSERT_FALSE(refused);
-  EXPECT_THAT(refused.error().what, HasSubstr(in("b") + " is there already"));
+  EXPECT_THAT(refused.error().message, HasSubstr(in("b") + " is there already"));
   EXPECT_FALSE(fs::exists(in("a")));
   EXPECT_TRUE(write_new({{in("b"), "mine"}})) << "it has that content";
 }

@@ -436,7 +436,7 @@ TEST_F(FakePrograms, ASecondRunLearnsWhoFlies) {
   ASSERT_TRUE(first);
   const auto second = RunLock::take(file, "process 456, into /elsewhere");
   ASSERT_FALSE(second);
-  EXPECT_THAT(second.error().what, HasSubstr("in progress: process 123, into /somewhere"));
+  EXPECT_THAT(second.error().message, HasSubstr("in progress: process 123, into /somewhere"));
 }
 
 // Anybody may put a link at a name in /tmp.

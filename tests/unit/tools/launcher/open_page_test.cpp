@@ -35,7 +35,7 @@ TEST_F(APage, IsOpenedWithoutItsTokenOnACommandLine) {
   ASSERT_EQ(::chmod(browser.c_str(), 0755), 0);
   const std::string file = directory.path + "/open.html", url = "http://127.0.0.1:1/#token=abc";
   const Status opened = open_in_browser(url, file);
-  ASSERT_TRUE(opened) << opened.error().what;
+  ASSERT_TRUE(opened) << opened.error().message;
   for (int i = 0; i < 1'000 && !read_file(said); ++i) std::this_thread::sleep_for(std::chrono::milliseconds(10));
   EXPECT_EQ(*read_file(said), file + "\n");
   EXPECT_THAT(*read_file(file), HasSubstr("url=" + url));
@@ -45,7 +45,8 @@ TEST_F(APage, IsOpenedWithoutItsTokenOnACommandLine) {
 }
 
 TEST_F(APage, IsNotOpenedWhereNothingOpensIt) {
-  EXPECT_THAT(open_in_browser("http://127.0.0.1:1", directory.path + "/open.html").error().what, HasSubstr("xdg-open"));
+  EXPECT_THAT(open_in_browser("http://127.0.0.1:1", directory.path + "/open.html").error().message,
+              HasSubstr("xdg-open"));
 }
 
 }  // namespace

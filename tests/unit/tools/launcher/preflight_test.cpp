@@ -37,7 +37,7 @@ TEST(Preflight, EveryDroneMustBeReady) {
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "none"));
   EXPECT_FALSE(preflight.ready());
-  EXPECT_THAT(preflight.ready().error().what,
+  EXPECT_THAT(preflight.ready().error().message,
               AllOf(StartsWith("d2's drone: 10.0.0.2 behind wlan1: the drone does not answer (cure: switch"),
                     Not(HasSubstr("d1"))));
   preflight.take(line_of("d2", "landed", "none"));
@@ -61,7 +61,7 @@ TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
   Preflight preflight(options_of(1));
   const auto why = [&](const std::string& line) {
     preflight.take(line);
-    return preflight.ready().error().what;
+    return preflight.ready().error().message;
   };
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("none has come from mocap"));
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "900")), HasSubstr("d1's pose: mocap, 900 ms old"));
@@ -78,7 +78,7 @@ TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
   preflight.take(line_of("d1", "on_ground", "battery_low", "null"));
   EXPECT_FALSE(preflight.ready());
   preflight.take(line_of("d1", "on_ground", "pose_lost", "null"));
-  EXPECT_TRUE(preflight.ready()) << preflight.ready().error().what;
+  EXPECT_TRUE(preflight.ready()) << preflight.ready().error().message;
   EXPECT_THAT(preflight.list(), HasSubstr("none: it is flown by hand"));
   EXPECT_THAT(preflight.list(), HasSubstr("z 0 to 2 m: of these the ceiling alone holds"));
 }
@@ -88,7 +88,7 @@ TEST(Preflight, WhatIsNoStatusLineChangesNothing) {
   for (const char* line : {"", "[1]", "{}", R"({"link":3})", R"({"link":{"drones":[1,{"name":7}]}})",
                            R"({"agent":{"drones":[{"name":"d1","phase":"on_ground","cause":"none"}]}})"})
     preflight.take(line);
-  EXPECT_THAT(preflight.ready().error().what, HasSubstr("does not answer"));
+  EXPECT_THAT(preflight.ready().error().message, HasSubstr("does not answer"));
 }
 
 TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
@@ -100,7 +100,7 @@ TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
   preflight.take(line_of("d1", "on_ground", "none", "12.0", 1.0));
   const Status status = preflight.path_fits();
   ASSERT_FALSE(status);
-  EXPECT_THAT(status.error().what, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
+  EXPECT_THAT(status.error().message, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
 }
 
 TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
@@ -116,7 +116,8 @@ TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
   EXPECT_TRUE(fits(R"(,"stoppers":[{"stopper":{"mspId":"Org1MSP","subject":"CN=host"}}])"));  // link waits for its end
   const Status other = fits(R"(,"holder":{"mspId":"Org3MSP","subject":"CN=pilot"})");
   ASSERT_FALSE(other);
-  EXPECT_THAT(other.error().what, HasSubstr("d1's lease: held by Org3MSP CN=pilot, priority 0: somebody else holds"));
+  EXPECT_THAT(other.error().message,
+              HasSubstr("d1's lease: held by Org3MSP CN=pilot, priority 0: somebody else holds"));
   EXPECT_FALSE(preflight.ready());
   EXPECT_TRUE(preflight.acquires("d1"));
   preflight.acquired();

@@ -202,7 +202,7 @@ TEST_F(RunDirectory, ThePageIsWholeInItselfAndNoTextCanEndItsScript) {
   const std::string chart = files.in("chart.js");
   write(chart, "/* the chart library */");
   const auto page = to_page(read_results(files, options, run), chart);
-  ASSERT_TRUE(page) << page.error().what;
+  ASSERT_TRUE(page) << page.error().message;
   EXPECT_THAT(*page, HasSubstr("/* the chart library */"));
   EXPECT_THAT(*page, testing::Not(HasSubstr("<b>broken")));
   EXPECT_THAT(*page, HasSubstr("\\u003c/script>"));
@@ -246,7 +246,7 @@ TEST_F(RunDirectory, ThePageHasWhatWasReportedOfThePositionBesideTheError) {
   const std::string chart = files.in("chart.js");
   write(chart, "/* the chart library */");
   const auto page = to_page(results, chart);
-  ASSERT_TRUE(page) << page.error().what;
+  ASSERT_TRUE(page) << page.error().message;
   EXPECT_THAT(*page, HasSubstr(R"("reported":[[1.26,0.3,0.2],[1.76,0.3,0.5]])"));
 }
 
@@ -279,7 +279,7 @@ TEST_F(RunDirectory, WithoutTheChartLibraryThePageNamesThePackage) {
   fill();
   const auto page = to_page(read_results(files, options, run), files.in("nothing.js"));
   ASSERT_FALSE(page);
-  EXPECT_THAT(page.error().what, HasSubstr("apt-get install libjs-chart.js"));
+  EXPECT_THAT(page.error().message, HasSubstr("apt-get install libjs-chart.js"));
 }
 
 TEST(Published, SeveralDronesStandBesideThePublishedThree) {

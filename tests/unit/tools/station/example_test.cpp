@@ -13,9 +13,9 @@ using namespace ground::mission;
 
 TEST(TheExampleMission, PassesItsCheckWhereSimulatedDronesStand) {
   const auto text = read_file(LEDGERLINE_SOURCE "/docs/examples/mission-two.csv");
-  ASSERT_TRUE(text) << text.error().what;
+  ASSERT_TRUE(text) << text.error().message;
   const auto two = mission_from_csv(*text, "two");
-  ASSERT_TRUE(two) << two.error().what;
+  ASSERT_TRUE(two) << two.error().message;
   std::vector<DroneNow> now;
   for (int number = 1; number <= 3; ++number) {
     const auto start = sim::start_of({}, number);

@@ -48,7 +48,7 @@ TEST_F(AStationsOptions, SayWhoseCertificateTheStationHas) {
       "[service]\nlisten = \"0.0.0.0:2\"\ntoken_file = \"t\"\nnames = [\"a.example\"]\n"
       "tls_certificate = \"own.pem\"\ntls_key = \"own.key\"\n";
   options.config = config(secure);
-  ASSERT_TRUE(target()) << target().error().what;
+  ASSERT_TRUE(target()) << target().error().message;
   EXPECT_EQ(text_of(target()->place), "a.example:2");
   EXPECT_EQ(target()->tls.authority, "own.pem") << "who reads the config need not give it";
   EXPECT_EQ(target()->tls.certificate, "") << "that is the station's";
@@ -58,22 +58,22 @@ TEST_F(AStationsOptions, SayWhoseCertificateTheStationHas) {
   options.tls.authority = "ca.pem";
   EXPECT_EQ(target()->tls.authority, "ca.pem");
   options.tls.certificate = "mine.pem";
-  EXPECT_THAT(target().error().what, HasSubstr("go together"));
+  EXPECT_THAT(target().error().message, HasSubstr("go together"));
 }
 
 TEST_F(AStationsOptions, AreAskedForWhereTheyLack) {
-  EXPECT_THAT(target().error().what, HasSubstr("LEDGERLINE_STATION"));
+  EXPECT_THAT(target().error().message, HasSubstr("LEDGERLINE_STATION"));
   options.url = "http://127.0.0.1:3";
-  EXPECT_THAT(target().error().what, HasSubstr("LEDGERLINE_TOKEN_FILE"));
+  EXPECT_THAT(target().error().message, HasSubstr("LEDGERLINE_TOKEN_FILE"));
 }
 
 TEST_F(AStationsOptions, CannotKnowAPortThatGroundChooses) {
   options.config = config("[service]\nlisten = \"127.0.0.1:0\"\ntoken_file = \"t\"\n");
-  EXPECT_THAT(target().error().what, HasSubstr("port 0"));
+  EXPECT_THAT(target().error().message, HasSubstr("port 0"));
   options.config = config("[flight]\n");
-  EXPECT_THAT(target().error().what, HasSubstr("listen is not set"));
+  EXPECT_THAT(target().error().message, HasSubstr("listen is not set"));
   options.config = config("[service]\nlisten = \"127.0.0.1:1\"\ntoken_file = \"t\"\nwings = 2\n");
-  EXPECT_THAT(target().error().what, HasSubstr("wings"));
+  EXPECT_THAT(target().error().message, HasSubstr("wings"));
 }
 
 TEST_F(AStationsOptions, KeepASessionForEachStation) {
@@ -92,9 +92,9 @@ TEST_F(AStationsOptions, TakeNoTokenThatOthersMayRead) {
   Target target{.place = {{"127.0.0.1", 1}}, .token_file = directory.path + "/token", .session_file = {}};
   EXPECT_FALSE(open(target));
   ASSERT_TRUE(write_file(target.token_file, std::string(64, 'a') + "\n", 0644));
-  EXPECT_THAT(open(target).error().what, HasSubstr("chmod 600"));
+  EXPECT_THAT(open(target).error().message, HasSubstr("chmod 600"));
   ASSERT_TRUE(replace_file(target.token_file, "too short\n", 0600));
-  EXPECT_THAT(open(target).error().what, HasSubstr("64 hex digits"));
+  EXPECT_THAT(open(target).error().message, HasSubstr("64 hex digits"));
   ASSERT_TRUE(replace_file(target.token_file, std::string(64, 'a') + "\n", 0600));
   EXPECT_TRUE(open(target));
 }
@@ -116,15 +116,15 @@ TEST_F(AStationsOptions, ReadTheFirstLineOfASecret) {
   EXPECT_EQ(*read_secret(file), "open sesame");
   ASSERT_TRUE(replace_file(file, std::string(5'000, 'a'), 0600));
   EXPECT_FALSE(read_secret(file));
-  EXPECT_THAT(read_secret(directory.path).error().what, HasSubstr("no regular file"));
+  EXPECT_THAT(read_secret(directory.path).error().message, HasSubstr("no regular file"));
 }
 
 TEST(AStationThatIsGone, IsSaidSo) {
   for (const bool tls : {false, true}) {
     const auto station = Station::open({{"127.0.0.1", 1}, tls}, {std::string(64, 'a'), "", ""});
     ASSERT_TRUE(station);
-    EXPECT_THAT((*station)->ask({.target = "drones"}).error().what, HasSubstr("127.0.0.1:1 is not reached"));
-    EXPECT_THAT((*station)->now_ms().error().what, HasSubstr("is not reached"));
+    EXPECT_THAT((*station)->ask({.target = "drones"}).error().message, HasSubstr("127.0.0.1:1 is not reached"));
+    EXPECT_THAT((*station)->now_ms().error().message, HasSubstr("is not reached"));
   }
 }
 

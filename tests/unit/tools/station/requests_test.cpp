@@ -72,7 +72,7 @@ TEST(ARequest, IsAnybodysWhereItOnlyLooksOrLands) {
 
 TEST(APath, IsReadFromCsvInTheMap) {
   const auto body = path_body("x,y,z,speed\n1,2\n# there\n3,2,1.5,0.4\n", "way.csv", true);
-  ASSERT_TRUE(body) << body.error().what;
+  ASSERT_TRUE(body) << body.error().message;
   EXPECT_EQ(json::parse(*body), json::parse(R"({"waypoints":[{"x":1.0,"y":2.0},{"x":3.0,"y":2.0,"z":1.5,"speed":0.4}],
     "then":"land"})"));
   EXPECT_EQ(answered(drone_request("tello1", "path", *body)).status, 202U);
@@ -80,11 +80,11 @@ TEST(APath, IsReadFromCsvInTheMap) {
 }
 
 TEST(APath, ThatIsWrongIsRefusedByFileAndLine) {
-  EXPECT_THAT(path_body("1,2\nnorth,2\n", "way.csv", false).error().what, HasSubstr("way.csv:2: "));
-  EXPECT_THAT(path_body("# nothing\n", "way.csv", false).error().what, HasSubstr("no point"));
+  EXPECT_THAT(path_body("1,2\nnorth,2\n", "way.csv", false).error().message, HasSubstr("way.csv:2: "));
+  EXPECT_THAT(path_body("# nothing\n", "way.csv", false).error().message, HasSubstr("no point"));
   std::string many;
   for (int i = 0; i < 501; ++i) many += "1,2\n";
-  EXPECT_THAT(path_body(many, "way.csv", false).error().what, HasSubstr("more than 500"));
+  EXPECT_THAT(path_body(many, "way.csv", false).error().message, HasSubstr("more than 500"));
 }
 
 TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
@@ -94,17 +94,17 @@ TEST(AMissionToAdd, IsJsonOrCsvByItsName) {
   EXPECT_EQ(csv->content_type, "text/csv");
   EXPECT_EQ(mission_to_add("two.csv", "", "survey-2")->target, "missions?name=survey-2");
   EXPECT_EQ(mission_to_add("two.json", "{}", "")->content_type, "application/json");
-  EXPECT_THAT(mission_to_add("two.json", "{}", "other").error().what, HasSubstr("--name is for CSV"));
-  EXPECT_THAT(mission_to_add("two.txt", "", "").error().what, HasSubstr("neither"));
-  EXPECT_THAT(mission_to_add("a b&c.csv", "", "").error().what, HasSubstr("no mission's name"));
-  EXPECT_THAT(mission_to_add("two.csv", std::string(4'194'305, '1'), "").error().what, HasSubstr("4194304 may be"));
+  EXPECT_THAT(mission_to_add("two.json", "{}", "other").error().message, HasSubstr("--name is for CSV"));
+  EXPECT_THAT(mission_to_add("two.txt", "", "").error().message, HasSubstr("neither"));
+  EXPECT_THAT(mission_to_add("a b&c.csv", "", "").error().message, HasSubstr("no mission's name"));
+  EXPECT_THAT(mission_to_add("two.csv", std::string(4'194'305, '1'), "").error().message, HasSubstr("4194304 may be"));
 }
 
 TEST(AnAnswer, IsARefusalInTheStationsWords) {
   EXPECT_TRUE(check_answer({202, R"({"accepted":true})"}));
-  EXPECT_EQ(check_answer({409, R"({"error":"it is flown"})"}).error().what, "the station answers 409: it is flown");
-  EXPECT_THAT(check_answer({500, "<html>"}).error().what, HasSubstr("500"));
-  EXPECT_THAT(check_answer({301, ""}).error().what, HasSubstr("301"));
+  EXPECT_EQ(check_answer({409, R"({"error":"it is flown"})"}).error().message, "the station answers 409: it is flown");
+  EXPECT_THAT(check_answer({500, "<html>"}).error().message, HasSubstr("500"));
+  EXPECT_THAT(check_answer({301, ""}).error().message, HasSubstr("301"));
 }
 
 TEST(ASession, IsTakenFromTheAnswerAlone) {
@@ -128,13 +128,13 @@ TEST(APlace, WithoutTlsIsThisComputerAlone) {
                             "http://127.0.0.1", "http://127.0.0.1:0", "http://127.0.0.1:65536", "http://127.0.0.1:8x",
                             "http://127.0.0.1:80/api", "http://127.0.0.1@evil.example:80", ""})
     EXPECT_FALSE(place_from_url(wrong)) << wrong;
-  EXPECT_THAT(place_from_url("http://10.0.0.1:8800").error().what, HasSubstr("https://"));
+  EXPECT_THAT(place_from_url("http://10.0.0.1:8800").error().message, HasSubstr("https://"));
 }
 
 TEST(APlace, WithTlsIsAnyHost) {
   for (const char* host : {"ground.example.org:8800", "10.0.0.1:443", "[fd00::7]:8800", "localhost:8800"}) {
     const auto place = place_from_url(std::string("https://") + host);
-    ASSERT_TRUE(place) << place.error().what;
+    ASSERT_TRUE(place) << place.error().message;
     EXPECT_TRUE(place->tls);
     EXPECT_EQ(text_of(*place), host);
   }
@@ -145,12 +145,12 @@ TEST(APlace, WithTlsIsAnyHost) {
 
 TEST(APlace, ThatIsThePagesAddressDoesNotShowItsTokenInTheError) {
   const std::string token(64, 'a');
-  EXPECT_THAT(place_from_url("http://127.0.0.1:8800/#token=" + token).error().what, testing::Not(HasSubstr(token)));
+  EXPECT_THAT(place_from_url("http://127.0.0.1:8800/#token=" + token).error().message, testing::Not(HasSubstr(token)));
 }
 
 TEST(APlace, OfAConfigIsItsFirstNameOrWhatItListensOn) {
   EXPECT_EQ(text_of(*place_from_service({.listen = "127.0.0.1:8800"})), "127.0.0.1:8800");
-  EXPECT_THAT(place_from_service({.listen = "127.0.0.1:0"}).error().what, HasSubstr("port 0"));
+  EXPECT_THAT(place_from_service({.listen = "127.0.0.1:0"}).error().message, HasSubstr("port 0"));
   const auto secure = place_from_service({.listen = "0.0.0.0:8800", .tls = {"c", "k", ""}, .names = {"a.b", "c.d"}});
   EXPECT_EQ(text_of(*secure), "a.b:8800");
   EXPECT_TRUE(secure->tls);

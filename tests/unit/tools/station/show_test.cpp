@@ -60,7 +60,7 @@ TEST(TheTableOfDrones, SaysWhatIsKnownOfEach) {
   unknown["has_state"] = false;
   unknown["lease"]["holder"] = "";
   const auto rows = drone_rows(drones({drone("tello1", "path"), held, unknown}));
-  ASSERT_TRUE(rows) << rows.error().what;
+  ASSERT_TRUE(rows) << rows.error().message;
   ASSERT_EQ(rows->size(), 4U);
   EXPECT_THAT((*rows)[1],
               ElementsAre("tello1", "path (flying)", "-", "87 %", "42 ms", "1.0 0.0 1.3", "Org2MSP CN=alice", "-"));
@@ -92,7 +92,7 @@ TEST(WhatTheStationSays, IsAnErrorWhereItIsNotTheApi) {
   for (const char* body : {"", "[]", "{}", R"({"drones":{"a":1}})", R"({"drones":[{"name":"tello1"}]})"}) {
     const auto rows = drone_rows(body);
     ASSERT_FALSE(rows) << body;
-    EXPECT_THAT(rows.error().what, HasSubstr("version 1"));
+    EXPECT_THAT(rows.error().message, HasSubstr("version 1"));
   }
   EXPECT_FALSE(mission_rows("{}"));
   EXPECT_FALSE(mission_text("[]"));
@@ -101,7 +101,7 @@ TEST(WhatTheStationSays, IsAnErrorWhereItIsNotTheApi) {
 
 TEST(TheTableOfMissions, CountsApprovals) {
   const auto rows = mission_rows(missions({mission_json("checked")}));
-  ASSERT_TRUE(rows) << rows.error().what;
+  ASSERT_TRUE(rows) << rows.error().message;
   EXPECT_THAT((*rows)[1], ElementsAre("3f5a9c01d2e4", "survey", "checked", "1 of 1", "tello1, tello2", "-"));
 }
 
@@ -111,7 +111,7 @@ TEST(AMission, IsShownWithWhatItsCheckFound) {
   one["findings"].push_back({{"drone", "tello2"}, {"waypoint", 1}, {"words", "too near"}, {"forbids", true}});
   one["paths"] = {{"tello1", {{0, 0, 1}, {1, 0, 1}}}};
   const auto text = mission_text(one.dump());
-  ASSERT_TRUE(text) << text.error().what;
+  ASSERT_TRUE(text) << text.error().message;
   for (const char* part : {"survey: aborted: tello2 was stopped", "approved by 1 of 1: Org2MSP CN=bob",
                            "started by Org2MSP CN=alice", "tello1 has reached 3 waypoints", "warning: no fence",
                            "forbids its start: too near", "tello1 flies 2 waypoints"})
@@ -120,7 +120,7 @@ TEST(AMission, IsShownWithWhatItsCheckFound) {
 
 TEST(AMission, SaysHowManyApprovalsItHas) {
   const auto approvals = approvals_from(mission_json("checked").dump());
-  ASSERT_TRUE(approvals) << approvals.error().what;
+  ASSERT_TRUE(approvals) << approvals.error().message;
   EXPECT_EQ(approvals->name, "survey");
   EXPECT_EQ(approvals->count, 1U);
   EXPECT_FALSE(approvals_from("{}"));
@@ -129,7 +129,7 @@ TEST(AMission, SaysHowManyApprovalsItHas) {
 TEST(AnEvent, IsALine) {
   const auto events = events_from(R"({"events":[{"n":7,"t_ms":5.5,"level":"alarm","drone":"tello1","text":"failed"},
     {"n":8,"t_ms":6,"level":"info","drone":"","text":"reached"}]})");
-  ASSERT_TRUE(events) << events.error().what;
+  ASSERT_TRUE(events) << events.error().message;
   EXPECT_EQ(events->at(0).number, 7U);
   EXPECT_EQ(event_line(events->at(0), "12:00:00"), "12:00:00  alarm    tello1: failed");
   EXPECT_EQ(event_line(events->at(1), "12:00:00"), "12:00:00  info     reached");
@@ -142,7 +142,7 @@ TEST(Flights, AreRunningMissionsAndDronesBesideThem) {
                                         drone("tello4", "waiting")}),
                                 missions({mission_json("flying"), mission_json("done")}),
                                 {takeoff("tello1", 500), takeoff("tello1", 2'000)}, 5'000);
-  ASSERT_TRUE(flown) << flown.error().what;
+  ASSERT_TRUE(flown) << flown.error().message;
   ASSERT_EQ(flown->size(), 2U);
   EXPECT_EQ(flown->at(0).what, "mission");
   EXPECT_THAT(flown->at(0).drones, ElementsAre("tello1", "tello2"));

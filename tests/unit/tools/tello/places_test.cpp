@@ -9,7 +9,7 @@ namespace {
 
 TEST(Places, ASubnetIsItsHostsWithoutItsEnds) {
   const auto all = hosts_of("192.168.1.77/24");
-  ASSERT_TRUE(all) << all.error().what;
+  ASSERT_TRUE(all) << all.error().message;
   ASSERT_EQ(all->size(), 254U);
   EXPECT_EQ(ipv4_text(all->front()), "192.168.1.1");
   EXPECT_EQ(ipv4_text(all->back()), "192.168.1.254");

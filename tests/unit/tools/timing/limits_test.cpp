@@ -36,10 +36,10 @@ TEST(Limits, WhatWasNotMeasuredIsNotKept) {
 }
 
 TEST(Limits, AnUnknownNameIsAnErrorThatSaysWhatThereIs) {
-  EXPECT_THAT(parse_limit("p99.aply=1ms").error().what,
+  EXPECT_THAT(parse_limit("p99.aply=1ms").error().message,
               testing::AllOf(HasSubstr("\"aply\""), HasSubstr("apply"), HasSubstr("two_way")));
-  EXPECT_THAT(parse_limit("p98.apply=1ms").error().what, testing::AllOf(HasSubstr("\"p98\""), HasSubstr("p99.9")));
-  EXPECT_THAT(parse_limit("p99.apply").error().what, HasSubstr("p99.apply=1ms"));
+  EXPECT_THAT(parse_limit("p98.apply=1ms").error().message, testing::AllOf(HasSubstr("\"p98\""), HasSubstr("p99.9")));
+  EXPECT_THAT(parse_limit("p99.apply").error().message, HasSubstr("p99.apply=1ms"));
   for (const char* text :
        {"", "=", "p99=1ms", "p99.apply=", "p99.apply=1", "p99.apply=-1ms", "p99.apply=nanms", "p99.apply=1 ms",
         "cpu.link=5", "cpu.=5%", "overruns=1ms", "headroom.x=1%", "max.late=5parsec"}) {

@@ -16,7 +16,7 @@ TEST(SelfTest, CyclictestsHistogramIsRead) {
       "# /dev/cpu_dma_latency set to 0us\n# Histogram\n000000 000000\n000003 000900\n000050 000099\n001001 000001\n"
       "# Total: 000001002\n# Min Latencies: 00003\n# Avg Latencies: 00009\n# Max Latencies: 05000\n"
       "# Histogram Overflows: 00002\n# Histogram Overflow at cycle number:\n# Thread 0: 5 6\n");
-  ASSERT_TRUE(lateness) << lateness.error().what;
+  ASSERT_TRUE(lateness) << lateness.error().message;
   EXPECT_EQ(lateness->late.count(), 1002U);
   EXPECT_EQ(lateness->overruns, 3U);
   EXPECT_EQ(lateness->late.quantile(0.5), 3 * ns_per_us);
@@ -24,7 +24,7 @@ TEST(SelfTest, CyclictestsHistogramIsRead) {
 }
 
 TEST(SelfTest, WithoutAHistogramItSaysWhatCyclictestPrinted) {
-  EXPECT_THAT(parse_cyclictest("ERROR: mlockall\n").error().what, HasSubstr("ERROR: mlockall"));
+  EXPECT_THAT(parse_cyclictest("ERROR: mlockall\n").error().message, HasSubstr("ERROR: mlockall"));
 }
 
 TEST(SelfTest, IsGoodWhereTheLoopIsAboutAsPunctualAsCyclictest) {

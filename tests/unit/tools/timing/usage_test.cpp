@@ -88,7 +88,7 @@ TEST(Usage, ALoadIsWhatWasDoneBetweenTwoSnapshots) {
 TEST(Usage, ARecordComesBackAsItWasWritten) {
   const UsageRecord record{{{"link", 5}}, snapshot(start, 2, 100), snapshot(start + 1, 3, 150)};
   const auto back = usage_from_json(to_json(record).dump());
-  ASSERT_TRUE(back) << back.error().what;
+  ASSERT_TRUE(back) << back.error().message;
   EXPECT_EQ(to_json(*back), to_json(record));
   EXPECT_FALSE(usage_from_json(""));
   EXPECT_FALSE(usage_from_json("{\"programs\":{}}"));

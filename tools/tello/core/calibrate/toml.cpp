@@ -20,7 +20,7 @@ std::string response(const Answering& a, const char* what) {
 constexpr double other_floor_share = 0.02, other_way_s = 0.02;
 
 std::string velocity(const Result<VelocityFit>& fit) {
-  if (!fit) return "# No velocity_scale, velocity_truncated, velocity_lag_s: " + fit.error().what + ".\n";
+  if (!fit) return "# No velocity_scale, velocity_truncated, velocity_lag_s: " + fit.error().message + ".\n";
   std::string out =
       fmt::format("velocity_scale = {:.3f}  # of vgx and vgy; sd {:.3f}\n", fit->scale.value, fit->scale.sigma);
   out += fmt::format("flow_scale = {:.3f}  # standard deviation of that: sd, and {} for another floor or height\n",

@@ -27,7 +27,7 @@ class FirstStateTest : public FollowedChannel {
   }
   std::string refused(const PeerSnapshotFiles& files, std::string_view hash = {}) {
     const auto begun = begin(files, hash);
-    return begun ? "it begins" : begun.error().what;
+    return begun ? "it begins" : begun.error().message;
   }
   /// The snapshot with another text in its values, and with the right hashes.
   PeerSnapshotFiles forge(const std::string& from, const std::string& to) const {
@@ -44,7 +44,7 @@ TEST_F(FirstStateTest, AnswersAsThePeerAndGoesOnByItsBlocks) {
   const fabric::Proposal used = commit(steady_holder, calls.command());
   follow(core);
   auto begun = begin(snapshot_of(known()));
-  ASSERT_TRUE(begun.ok()) << begun.error().what;
+  ASSERT_TRUE(begun.ok()) << begun.error().message;
   Core& own = **begun;
   EXPECT_EQ(own.height(), channel.blocks.size());
   EXPECT_EQ(own.defined_at(), core.defined_at());
@@ -70,7 +70,7 @@ TEST_F(FirstStateTest, WhatIsInOldBlocksIsForAPeerToAnswer) {
   commit(steady_host, state);
   follow(core);
   auto begun = begin(snapshot_of(known()));
-  ASSERT_TRUE(begun.ok()) << begun.error().what;
+  ASSERT_TRUE(begun.ok()) << begun.error().message;
   commit(steady_host, state);
   follow(**begun);
   Core again(setup());
@@ -106,7 +106,7 @@ TEST_F(FirstStateTest, WithoutItsHashAChangedValueWouldBeEndorsed) {
   EXPECT_THAT(refused(changed), HasSubstr("public_state.data: its SHA-256 is not"));
   // Who may write the whole folder writes the hashes, too.
   const auto begun = begin(forged);
-  ASSERT_TRUE(begun.ok()) << begun.error().what;
+  ASSERT_TRUE(begun.ok()) << begun.error().message;
   EXPECT_THAT(endorsed(**begun), HasSubstr("forged data"));
   // Then what another organisation's peer has stops it.
   const std::string hash = crypto::hex(crypto::sha256(honest.description));
@@ -116,13 +116,13 @@ TEST_F(FirstStateTest, WithoutItsHashAChangedValueWouldBeEndorsed) {
 
 TEST_F(FirstStateTest, TheNextBlockMustFollowItsNewest) {
   auto begun = begin(snapshot_of(known()));
-  ASSERT_TRUE(begun.ok()) << begun.error().what;
+  ASSERT_TRUE(begun.ok()) << begun.error().message;
   const std::string other = channel.other_block(channel.blocks.size() - 1, std::string(32, 'x'), people().orderer);
   common::Block block;
   block.ParseFromString(other);
   block.mutable_header()->set_number(channel.blocks.size());
   const std::string raw = block.SerializeAsString();
-  EXPECT_THAT((*begun)->take(*fabric::decode_block(raw), raw).error().what, HasSubstr("of another chain"));
+  EXPECT_THAT((*begun)->take(*fabric::decode_block(raw), raw).error().message, HasSubstr("of another chain"));
 }
 
 TEST_F(FirstStateTest, OneOfAnotherChainIsRefused) {
@@ -147,7 +147,7 @@ TEST_F(FirstStateTest, AChainThatTheOrderersHaveNotSignedIsRefused) {
     return number == last ? Result<common::Block>(block) : fetch(number);
   });
   ASSERT_FALSE(config.ok());
-  EXPECT_THAT(config.error().what, HasSubstr("signatures do not satisfy"));
+  EXPECT_THAT(config.error().message, HasSubstr("signatures do not satisfy"));
 }
 
 TEST_F(FirstStateTest, TheConfigurationIsTheChainsOwn) {
@@ -179,7 +179,7 @@ TEST_F(FirstStateTest, OneOlderThanTheTrustAnchorIsRefused) {
   fabric::BlockValidator anchored = make_validator(channel.blocks.size() - 1);
   const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
   ASSERT_FALSE(config.ok());
-  EXPECT_THAT(config.error().what, HasSubstr("is older than config_block"));
+  EXPECT_THAT(config.error().message, HasSubstr("is older than config_block"));
 }
 
 }  // namespace

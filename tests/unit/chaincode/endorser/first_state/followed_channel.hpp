@@ -45,7 +45,7 @@ class FollowedChannel : public ::testing::Test {
     while (one.height() < channel.blocks.size()) {
       const std::string& raw = channel.blocks[one.height()];
       const Status taken = one.take(*fabric::decode_block(raw), raw);
-      ASSERT_TRUE(taken.ok()) << taken.error().what;
+      ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
 

@@ -21,7 +21,7 @@ class PeerSnapshotTest : public FollowedChannel {
  protected:
   std::string refused(const PeerSnapshotFiles& files, std::string_view hash = {}) {
     const auto read = read_peer_snapshot(files, {}, hash);
-    return read ? "it was read" : read.error().what;
+    return read ? "it was read" : read.error().message;
   }
   /// With these records of the contract alone, and the configuration.
   std::string refused_with(const std::vector<std::string>& records) {
@@ -35,7 +35,7 @@ class PeerSnapshotTest : public FollowedChannel {
 TEST_F(PeerSnapshotTest, SaysWhatTheChainHasMade) {
   const Snapshot all = known();
   const auto said = read_peer_snapshot(snapshot_of(all), {}, {});
-  ASSERT_TRUE(said.ok()) << said.error().what;
+  ASSERT_TRUE(said.ok()) << said.error().message;
   EXPECT_EQ(said->end.height, channel.blocks.size());
   EXPECT_EQ(said->end.hash, all.end.hash);
   EXPECT_EQ(said->config_block, 0U);

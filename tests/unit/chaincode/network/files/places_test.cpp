@@ -18,10 +18,10 @@ TEST(PlacesTest, AreKeptByTheDirectory) {
   EXPECT_EQ(first->organisations.size(), 3U);
   EXPECT_EQ(*choose_places(options), *first);
   options.orderers = 3;
-  EXPECT_THAT(choose_places(options).error().what, HasSubstr("is of a network with other places"));
+  EXPECT_THAT(choose_places(options).error().message, HasSubstr("is of a network with other places"));
   options.orderers = 1;
   options.ca = true;
-  EXPECT_THAT(choose_places(options).error().what, HasSubstr("is of a network without fabric-ca"));
+  EXPECT_THAT(choose_places(options).error().message, HasSubstr("is of a network without fabric-ca"));
 }
 
 TEST(PlacesTest, AFileThatIsDamagedIsReported) {
@@ -30,7 +30,7 @@ TEST(PlacesTest, AFileThatIsDamagedIsReported) {
     ASSERT_TRUE(write_file(tools.options().dir + "/places.json", text, 0644).ok());
     const auto places = choose_places(tools.options());
     ASSERT_FALSE(places) << text;
-    EXPECT_THAT(places.error().what, HasSubstr("places.json: "));
+    EXPECT_THAT(places.error().message, HasSubstr("places.json: "));
   }
 }
 
@@ -45,7 +45,7 @@ TEST(PlacesTest, OneThatIsTakenIsNamedAndNotChosen) {
   const Status free = check_free({place});
   ::close(taken);
   ASSERT_FALSE(free);
-  EXPECT_THAT(free.error().what, AllOf(HasSubstr("TCP " + place.text()), HasSubstr("is taken")));
+  EXPECT_THAT(free.error().message, AllOf(HasSubstr("TCP " + place.text()), HasSubstr("is taken")));
   EXPECT_TRUE(check_free({place}).ok());
 }
 

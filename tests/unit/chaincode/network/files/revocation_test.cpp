@@ -109,7 +109,7 @@ Channel with_lists(const std::vector<std::string>& lists) {
 /// The lists that an update leaves in the configuration, or why there is none.
 std::vector<std::string> updated(const Channel& channel, const std::string& list) {
   const auto bytes = revocation_update(channel.block(), "Org1MSP", list);
-  if (!bytes) return {bytes.error().what};
+  if (!bytes) return {bytes.error().message};
   const auto update = update_in(*bytes);
   const auto& values = update.write_set().groups().at("Application").groups().at("Org1MSP").values();
   const auto msp = msp_in(values.at("MSP"));
@@ -119,7 +119,7 @@ std::vector<std::string> updated(const Channel& channel, const std::string& list
 TEST(Revocation, TheUpdateChangesOneMspAndNothingElse) {
   const std::string the_list = Lists().of_first();
   const auto bytes = revocation_update(Channel().block(), "Org2MSP", the_list);
-  ASSERT_TRUE(bytes) << bytes.error().what;
+  ASSERT_TRUE(bytes) << bytes.error().message;
   const auto update = update_in(*bytes);
   EXPECT_EQ(update.channel_id(), "teleop");
   for (const auto* root : {&update.read_set(), &update.write_set()}) {
@@ -186,7 +186,7 @@ TEST(Revocation, AnOlderListIsRefused) {
 TEST(Revocation, WhatIsNoConfigurationIsReported) {
   const auto why = [](const std::string& block, const std::string& msp_id) {
     const auto made = revocation_update(block, msp_id, "list");
-    return made ? "it was taken" : made.error().what;
+    return made ? "it was taken" : made.error().message;
   };
   EXPECT_THAT(why("", "Org1MSP"), HasSubstr("not a block with a channel's configuration"));
   EXPECT_THAT(why("\xff\xff", "Org1MSP"), HasSubstr("not a block"));

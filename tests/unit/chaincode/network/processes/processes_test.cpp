@@ -54,7 +54,7 @@ TEST_F(ProcessesTest, AKilledProcessIsStartedAgainAndCounted) {
   ::kill(first, SIGKILL);
   const auto again = [&] { return processes().states()[0].restarts == 1 && processes().states()[0].pid > 0; };
   const Status status = tend_until(again);
-  ASSERT_TRUE(status.ok()) << status.error().what;
+  ASSERT_TRUE(status.ok()) << status.error().message;
   EXPECT_NE(processes().states()[0].pid, first);
   EXPECT_EQ(processes().states()[1].pid, other) << "the other one goes on";
   EXPECT_EQ(processes().states()[1].restarts, 0U);
@@ -74,7 +74,7 @@ TEST_F(ProcessesTest, OneOfTheBackgroundIsThereAgainAfterItsEnd) {
   const pid_t first = processes().states()[0].pid;
   ::kill(first, SIGKILL);
   const Status again = tend_until([&] { return processes().states()[0].pid != first && in_background(); });
-  EXPECT_TRUE(again.ok()) << again.error().what;
+  EXPECT_TRUE(again.ok()) << again.error().message;
   EXPECT_TRUE(processes().stop());
 }
 
@@ -83,9 +83,9 @@ TEST_F(ProcessesTest, AProcessThatEndsAgainAndAgainEndsTheNetworkWithItsLastLine
   processes().supervise();
   const Status status = tend_until([] { return false; });
   ASSERT_FALSE(status.ok());
-  EXPECT_THAT(status.error().what, HasSubstr("orderer1 ended with exit code 7"));
-  EXPECT_THAT(status.error().what, HasSubstr("given up"));
-  EXPECT_THAT(status.error().what, HasSubstr("the disk is gone"));
+  EXPECT_THAT(status.error().message, HasSubstr("orderer1 ended with exit code 7"));
+  EXPECT_THAT(status.error().message, HasSubstr("given up"));
+  EXPECT_THAT(status.error().message, HasSubstr("the disk is gone"));
   EXPECT_EQ(processes().states()[0].restarts, static_cast<std::uint64_t>(limits.max_restarts));
 }
 
@@ -93,9 +93,9 @@ TEST_F(ProcessesTest, AProcessThatEndsDuringTheStartIsAnErrorWithItsLastLines) {
   ASSERT_TRUE(start("peer1", "for i in 1 2 3 4 5 6 7 8 9 10 11; do echo line $i >&2; done; exit 3").ok());
   const Status status = tend_until([] { return false; });
   ASSERT_FALSE(status.ok());
-  EXPECT_THAT(status.error().what, HasSubstr("peer1 ended with exit code 3"));
-  EXPECT_THAT(status.error().what, HasSubstr("line 2\n"));
-  EXPECT_THAT(status.error().what, testing::Not(HasSubstr("line 1\n"))) << "the last ten";
+  EXPECT_THAT(status.error().message, HasSubstr("peer1 ended with exit code 3"));
+  EXPECT_THAT(status.error().message, HasSubstr("line 2\n"));
+  EXPECT_THAT(status.error().message, testing::Not(HasSubstr("line 1\n"))) << "the last ten";
   EXPECT_EQ(processes().states()[0].restarts, 0U);
 }
 
@@ -107,8 +107,8 @@ TEST_F(ProcessesTest, ACommandIsRepeatedUntilItSucceedsOrSaysWhatIsGoodToo) {
   EXPECT_TRUE(processes().run_until_good("joining", already, {}, ns_per_s, "already there").ok());
   const Status status = processes().run_until_good("joining", already, {}, 100 * ns_per_ms);
   ASSERT_FALSE(status.ok());
-  EXPECT_THAT(status.error().what, HasSubstr("joining ended with exit code 1"));
-  EXPECT_THAT(status.error().what, HasSubstr("already there"));
+  EXPECT_THAT(status.error().message, HasSubstr("joining ended with exit code 1"));
+  EXPECT_THAT(status.error().message, HasSubstr("already there"));
 }
 
 }  // namespace

@@ -51,7 +51,7 @@ TEST_F(ChannelsTest, APeerThatDoesNotSayItsHeightIsReportedWithItsWords) {
   tools.script("peer", "echo 'Blockchain info: {}'");
   const auto counts = count_blocks(*site);
   ASSERT_FALSE(counts);
-  EXPECT_THAT(counts.error().what, HasSubstr("a peer does not say its height: Blockchain info: {}"));
+  EXPECT_THAT(counts.error().message, HasSubstr("a peer does not say its height: Blockchain info: {}"));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ TEST(CryptoMaterialTest, AHostOfSeveralMakesNoneOfItsOwn) {
   ASSERT_TRUE(site.open().ok());
   const Status made = make_crypto_material(site);
   ASSERT_FALSE(made);
-  EXPECT_THAT(made.error().what, HasSubstr("crypto is missing: the hosts of a network share its identities"));
+  EXPECT_THAT(made.error().message, HasSubstr("crypto is missing: the hosts of a network share its identities"));
 }
 
 }  // namespace

@@ -107,7 +107,7 @@ TEST_F(DeploymentTest, APeerThatSaysNoDefinitionIsAnError) {
   before("a moment, please");
   const Status defined = deployment->define();
   ASSERT_FALSE(defined);
-  EXPECT_THAT(defined.error().what, HasSubstr("a moment, please"));
+  EXPECT_THAT(defined.error().message, HasSubstr("a moment, please"));
 }
 
 TEST_F(DeploymentTest, AHostWithoutTheFirstOrganisationApprovesItsOwnAndCommitsNothing) {
@@ -132,8 +132,8 @@ TEST_F(DeploymentTest, AServiceThatEndsAtItsStartIsNamed) {
   start(options);
   const Status started = deployment->start_services();
   ASSERT_FALSE(started);
-  EXPECT_THAT(started.error().what, HasSubstr("chaincode"));
-  EXPECT_THAT(started.error().what, HasSubstr("no key"));
+  EXPECT_THAT(started.error().message, HasSubstr("chaincode"));
+  EXPECT_THAT(started.error().message, HasSubstr("no key"));
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ TEST(SiteTest, AProgramThatIsMissingIsNamed) {
   std::filesystem::remove(tools.options().tools + "/osnadmin");
   const Status opened = Site(tools.options()).open();
   ASSERT_FALSE(opened);
-  EXPECT_THAT(opened.error().what, HasSubstr("/osnadmin is missing: scripts/fabric-tools builds"));
+  EXPECT_THAT(opened.error().message, HasSubstr("/osnadmin is missing: scripts/fabric-tools builds"));
 }
 
 TEST(SiteTest, AStepThatIsDoneIsNotDoneAgainByTheNextStartInTheDirectory) {

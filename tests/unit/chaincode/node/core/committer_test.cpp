@@ -191,7 +191,7 @@ TEST_F(CommitterTest, AReplayedBlockThatDoesNotFitIsAnErrorThatNamesIt) {
     FakeNetwork fresh;
     NodeCore core(fresh.config, crypto::make_test_registry({"Org1MSP"}), {net.host}, net.host, nullptr);
     for (const std::string& block : chain) {
-      if (Status status = core.replay(block); !status) return status.error().what;
+      if (Status status = core.replay(block); !status) return status.error().message;
     }
     return std::string("fine");
   };

@@ -19,10 +19,10 @@ TEST(MemberCheckTest, AMembersSignatureGivesTheMember) {
 
 TEST(MemberCheckTest, AnOutsiderAndAWrongSignatureAreDeniedInFabricsWords) {
   const auto outsider = crypto::make_test_identity({"Org9MSP", "CN=x"});
-  EXPECT_THAT(members().check(outsider.serialized, "message", *outsider.signer->sign("message"), {}).error().what,
+  EXPECT_THAT(members().check(outsider.serialized, "message", *outsider.signer->sign("message"), {}).error().message,
               ::testing::StartsWith("access denied: channel [teleop] creator org unknown: "));
   const auto host = crypto::make_test_identity({"Org1MSP", "CN=host"});
-  EXPECT_EQ(members().check(host.serialized, "message", *host.signer->sign("another"), {}).error().what,
+  EXPECT_EQ(members().check(host.serialized, "message", *host.signer->sign("another"), {}).error().message,
             "access denied: channel [teleop] creator org [Org1MSP]: the signature is invalid");
 }
 

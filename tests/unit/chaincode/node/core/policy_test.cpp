@@ -31,7 +31,7 @@ class PolicyTest : public CoreTest {
       answers.push_back(net.core->process_proposal(proposal.signed_proposal, net.now, peer).bytes);
     }
     const auto envelope = fabric::assemble(proposal, answers);
-    EXPECT_TRUE(envelope.ok()) << envelope.error().what;
+    EXPECT_TRUE(envelope.ok()) << envelope.error().message;
     return *fabric::sign_envelope(who, *envelope);
   }
   static std::string frame() {

@@ -89,7 +89,7 @@ TEST_F(SystemContractsTest, WhatAPeerSignedOfTheChainIsNoTransaction) {
   for (std::size_t peer = 0; peer < 3; ++peer)
     responses.push_back(net.core->process_proposal(proposal.signed_proposal, net.now, peer).bytes);
   const auto envelope = fabric::assemble(proposal, responses);
-  ASSERT_TRUE(envelope) << envelope.error().what;
+  ASSERT_TRUE(envelope) << envelope.error().message;
   ASSERT_EQ(net.core->order(*fabric::sign_envelope(net.host, *envelope), net.now).code, Code::ok);
   EXPECT_EQ(net.commit(), std::vector<int>{protos::INVALID_CHAINCODE});
 }

@@ -114,7 +114,7 @@ class DirectTest : public ::testing::Test {
     for (const std::string& one : endorsers) config.endorsers.push_back({"Org1MSP", one, served.tls_ca_file()});
     config.identity = served.user(1, "User1");
     auto client = fabric::Client::create(std::move(config));
-    EXPECT_TRUE(client.ok()) << client.error().what;
+    EXPECT_TRUE(client.ok()) << client.error().message;
     return std::move(*client);
   }
   /// A state: what one peer of the drone's organisation endorses.

@@ -54,7 +54,7 @@ class FloodTest : public ::testing::Test {
       channels_.push_back(grpc::CreateCustomChannel(config.endpoint, grpc::SslCredentials(tls), arguments));
     }
     auto client = fabric::Client::create(std::move(config));
-    ASSERT_TRUE(client.ok()) << client.error().what;
+    ASSERT_TRUE(client.ok()) << client.error().message;
     client_ = std::move(*client);
     normal_client("before");
   }

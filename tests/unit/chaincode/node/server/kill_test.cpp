@@ -38,10 +38,10 @@ class KillTest : public ::testing::Test {
     config.tls_ca_file = organisation + "/tlsca/tlsca.org1.ledgerline-cert.pem";
     auto user =
         crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", organisation + "/users/User1@org1.ledgerline/msp");
-    ASSERT_TRUE(user.ok()) << user.error().what;
+    ASSERT_TRUE(user.ok()) << user.error().message;
     config.identity = std::move(*user);
     auto client = fabric::Client::create(std::move(config));
-    ASSERT_TRUE(client.ok()) << client.error().what;
+    ASSERT_TRUE(client.ok()) << client.error().message;
     client_ = std::move(*client);
   }
 

@@ -37,11 +37,11 @@ class ServedNode {
     options.dir = dir_;
     options.core = std::move(core);
     auto opened = Node::open(options);
-    EXPECT_TRUE(opened.ok()) << opened.error().what;
+    EXPECT_TRUE(opened.ok()) << opened.error().message;
     node_ = std::move(*opened);
     auto started =
         Server::start(*node_, "127.0.0.1:0", clients == Clients::any ? std::string() : text_of(tls_ca_file()));
-    EXPECT_TRUE(started.ok()) << started.error().what;
+    EXPECT_TRUE(started.ok()) << started.error().message;
     server_ = std::move(*started);
   }
   ~ServedNode() {

@@ -63,7 +63,7 @@ class ShellTest : public ::testing::Test {
     options.core.batch_count = 3;
     options.core.batch_timeout_ns = 2 * ns_per_ms;
     auto opened = Node::open(options);
-    ASSERT_TRUE(opened.ok()) << opened.error().what;
+    ASSERT_TRUE(opened.ok()) << opened.error().message;
     node = std::move(*opened);
     node->on_answer([this](std::uint64_t, const TxStatus& status) { answers.put(status); });
     user = *crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", user_msp_dir(dir_, 1, "User1"));
@@ -228,7 +228,7 @@ TEST_F(ShellTest, NoNewAuthoritiesAreMadeOverAnOldChain) {
   options.dir = dir_;
   const auto opened = Node::open(options);
   ASSERT_FALSE(opened.ok());
-  EXPECT_THAT(opened.error().what, HasSubstr("crypto is missing"));
+  EXPECT_THAT(opened.error().message, HasSubstr("crypto is missing"));
   EXPECT_FALSE(std::filesystem::exists(dir_ / "crypto"));
 }
 

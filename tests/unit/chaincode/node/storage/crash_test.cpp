@@ -113,7 +113,7 @@ TEST_F(CrashTest, NoAcknowledgedBlockIsMissingWhereverThePowerFails) {
             return done;
           },
           [](const std::string&) {});
-      ASSERT_TRUE(store.ok()) << "write " << write << ": " << store.error().what;
+      ASSERT_TRUE(store.ok()) << "write " << write << ": " << store.error().message;
       ASSERT_GE(found.size(), acknowledged) << "write " << write;
       ASSERT_LE(found.size(), acknowledged + 1);
       for (std::size_t i = 0; i < found.size(); ++i) ASSERT_EQ(found[i], net.chain[i]) << "write " << write;

@@ -104,7 +104,7 @@ TEST_F(StorageTest, DamageBeforeGoodBlocksIsAnErrorThatNamesThePlace) {
     bytes()[at] = static_cast<char>(bytes()[at] ^ 0x40);
     const auto store = open(memory);
     ASSERT_FALSE(store.ok()) << at;
-    EXPECT_THAT(store.error().what, HasSubstr("is damaged at byte"));
+    EXPECT_THAT(store.error().message, HasSubstr("is damaged at byte"));
     EXPECT_EQ(bytes().size(), whole.size()) << "nothing is cut off";
   }
 }
@@ -126,7 +126,7 @@ TEST_F(StorageTest, AFileThatIsNoLedgerIsLeftAlone) {
     bytes() = other;
     const auto store = open(memory);
     ASSERT_FALSE(store.ok());
-    EXPECT_THAT(store.error().what, HasSubstr("no ledger of this version"));
+    EXPECT_THAT(store.error().message, HasSubstr("no ledger of this version"));
     EXPECT_EQ(bytes(), other);
   }
 }
@@ -147,7 +147,7 @@ TEST_F(StorageTest, WhatTheReaderRefusesIsAnError) {
   const auto store = BlockStore::open(
       memory, [](std::string_view) -> Status { return Error{"block 0 does not fit"}; }, [](const std::string&) {});
   ASSERT_FALSE(store.ok());
-  EXPECT_THAT(store.error().what, HasSubstr("block 0 does not fit"));
+  EXPECT_THAT(store.error().message, HasSubstr("block 0 does not fit"));
 }
 
 /// A disk that fails at the n-th sync.
@@ -185,7 +185,7 @@ TEST_F(StorageTest, AfterAFailedSyncNothingMoreIsTaken) {
   auto store = open(files);
   ASSERT_TRUE(store.ok());
   EXPECT_TRUE((*store)->append("zero").ok());
-  EXPECT_THAT((*store)->append("one").error().what, HasSubstr("the disk is gone"));
+  EXPECT_THAT((*store)->append("one").error().message, HasSubstr("the disk is gone"));
   EXPECT_FALSE((*store)->append("two").ok());
   EXPECT_EQ((*store)->height(), 1U);
 }
@@ -197,7 +197,7 @@ TEST_F(StorageTest, AFullDiskTakesNothingOfABlockAndTheSameBlockWhenThereIsRoom)
   const std::string before = bytes();
   memory.content("blocks").room = before.size() + 30;
   for (int i = 0; i < 2; ++i) {
-    EXPECT_THAT((*store)->append("one, and more").error().what, HasSubstr("no room"));
+    EXPECT_THAT((*store)->append("one, and more").error().message, HasSubstr("no room"));
     EXPECT_TRUE((*store)->full());
     EXPECT_EQ(bytes(), before);
   }
@@ -245,7 +245,7 @@ TEST_F(DiskTest, ADirectoryHasOneProcess) {
   ASSERT_TRUE(first.ok());
   const auto second = open_directory(dir_);
   ASSERT_FALSE(second.ok());
-  EXPECT_THAT(second.error().what, HasSubstr("in use by another ledgerline-node"));
+  EXPECT_THAT(second.error().message, HasSubstr("in use by another ledgerline-node"));
 }
 
 /// What `action` says when it runs without root's powers, in a process of its own.
@@ -276,11 +276,11 @@ TEST_F(DiskTest, ADirectoryThatCannotBeWrittenIsNamedAndKeepsItsBlocks) {
   }
   const auto append = [&]() -> std::string {
     auto files = open_directory(dir_);
-    if (!files) return files.error().what;
+    if (!files) return files.error().message;
     auto store = open(**files);
-    if (!store) return store.error().what;
+    if (!store) return store.error().message;
     const Status status = (*store)->append("zero");
-    return status ? "good" : status.error().what;
+    return status ? "good" : status.error().message;
   };
   EXPECT_EQ(said_by_nobody(append), "good");
   const auto size = std::filesystem::file_size(dir_ / "blocks");
@@ -302,7 +302,7 @@ TEST_F(DiskTest, ADirectoryOfAnotherUserIsRefused) {
   ASSERT_EQ(::chown(dir_.c_str(), 65534, 65534), 0);
   const auto files = open_directory(dir_);
   ASSERT_FALSE(files.ok());
-  EXPECT_THAT(files.error().what, HasSubstr(dir_.string() + " belongs to user 65534, and this is user 0"));
+  EXPECT_THAT(files.error().message, HasSubstr(dir_.string() + " belongs to user 65534, and this is user 0"));
   EXPECT_TRUE(std::filesystem::is_empty(dir_));
 }
 

@@ -22,7 +22,7 @@ class CheckpointFile : public ::testing::Test {
   ~CheckpointFile() override { std::filesystem::remove_all(dir_); }
   std::string why_not() const {
     const auto read = read_checkpoint(path_, "teleop");
-    return read ? "it was read" : read.error().what;
+    return read ? "it was read" : read.error().message;
   }
 
   const std::string dir_ = ::testing::TempDir() + "/checkpoint_" + std::to_string(::getpid());

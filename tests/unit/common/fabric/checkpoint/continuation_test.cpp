@@ -65,7 +65,7 @@ TEST_F(ContinuationTest, AChainThatEndsBeforeWhatWasTrustedIsRefused) {
   later.last.number = 12;
   const auto on = ask(later);
   ASSERT_FALSE(on);
-  EXPECT_THAT(on.error().what, HasSubstr("serves a chain that ends at block 9; we have verified block 12"));
+  EXPECT_THAT(on.error().message, HasSubstr("serves a chain that ends at block 9; we have verified block 12"));
 }
 
 TEST_F(ContinuationTest, AForkIsRefusedHoweverHighItIs) {
@@ -75,7 +75,7 @@ TEST_F(ContinuationTest, AForkIsRefusedHoweverHighItIs) {
       other.last.hash[0] = static_cast<char>(other.last.hash[0] ^ 1);
       const auto on = ask(other);
       ASSERT_FALSE(on) << number;
-      EXPECT_THAT(on.error().what,
+      EXPECT_THAT(on.error().message,
                   HasSubstr("serves another block " + std::to_string(number) + " than the one that we have verified"));
     }
   }
@@ -85,7 +85,7 @@ TEST_F(ContinuationTest, WhoDoesNotShowTheBlockIsNotFollowed) {
   const auto on = continue_behind(verified(5, 1'000), chain_.back(),
                                   [](std::uint64_t) -> Result<common::Block> { return Error{"not given"}; });
   ASSERT_FALSE(on);
-  EXPECT_EQ(on.error().what, "not given");
+  EXPECT_EQ(on.error().message, "not given");
 }
 
 }  // namespace

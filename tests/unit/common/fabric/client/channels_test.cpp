@@ -25,7 +25,7 @@ Read read(const std::string& text) {
       (void)config.text(std::string(table) + "." + std::to_string(i) + ".endpoint");
   for (std::size_t i = 0; i < config.table_count("drone"); ++i)
     (void)config.text("drone." + std::to_string(i) + ".name");
-  if (const Status status = config.finish(); !status) read.wrong = status.error().what;
+  if (const Status status = config.finish(); !status) read.wrong = status.error().message;
   return read;
 }
 
@@ -115,7 +115,7 @@ TEST(Channels, ABlockThatCannotBeReadNamesItsChannel) {
   Channels channels = read("[[channel]]\nname = \"yard\"\nconfig_block = \"/nowhere\"\n" + two_drones).channels;
   const auto each = each_channel(ledger(), channels);
   ASSERT_FALSE(each);
-  EXPECT_THAT(each.error().what, HasSubstr("config_block of channel yard"));
+  EXPECT_THAT(each.error().message, HasSubstr("config_block of channel yard"));
 }
 
 }  // namespace

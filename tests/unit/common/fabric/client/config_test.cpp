@@ -70,7 +70,7 @@ TEST_F(LedgerConfig, WrongKeysAreReportedWithTheirLine) {
   auto config = Config::parse("[ledger]\nendpoint = \"x\"\nsigner = \"none\"\n", "agent.toml").value();
   EXPECT_FALSE(ledger_config(config));
   EXPECT_FALSE(msp_registry(config));
-  const std::string what = config.finish().error().what;
+  const std::string what = config.finish().error().message;
   EXPECT_NE(what.find("agent.toml:3: ledger.signer"), std::string::npos) << what;
   EXPECT_NE(what.find("ledger.msp_id: is missing"), std::string::npos) << what;
 }
@@ -92,8 +92,8 @@ TEST_F(LedgerConfig, FilesThatAreNotThereAreNamed) {
                     "\"/nowhere\"\n[[msp]]\nid = \"Org1MSP\"\nca = \"/no-ca.pem\"\n",
                     "agent.toml")
                     .value();
-  EXPECT_NE(ledger_config(config).error().what.find("/nowhere/signcerts"), std::string::npos);
-  EXPECT_NE(msp_registry(config).error().what.find("/no-ca.pem"), std::string::npos);
+  EXPECT_NE(ledger_config(config).error().message.find("/nowhere/signcerts"), std::string::npos);
+  EXPECT_NE(msp_registry(config).error().message.find("/no-ca.pem"), std::string::npos);
 }
 
 TEST(Timeouts, IsTwiceABlocksWaitWhereBlocksWait) {
@@ -108,7 +108,7 @@ TEST(Timeouts, IsOfTheTrustAnchorOrOfThePeer) {
   EXPECT_EQ(added_timeout(config).value(), 0) << "fixed: nobody is asked";
   config.timeouts_of_channel = true;
   config.config_block = "no block";
-  EXPECT_NE(added_timeout(config).error().what.find("ledger.timeouts"), std::string::npos);
+  EXPECT_NE(added_timeout(config).error().message.find("ledger.timeouts"), std::string::npos);
 }
 
 TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {
@@ -119,7 +119,7 @@ TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {
     auto config = Config::parse(text, "agent.toml").value();
     const auto client = ledger_config(config);
     EXPECT_TRUE(config.finish());
-    return client ? client->identity.name.subject : client.error().what;
+    return client ? client->identity.name.subject : client.error().message;
   };
   EXPECT_EQ(result(where + files), "CN=User1@org1,OU=client");
   const std::string one_or_the_other = "[ledger] needs msp_dir, or certificate and private_key: one or the other";

@@ -76,7 +76,7 @@ TEST(Pipeline, EvaluateAsksWithoutWriting) {
   }});
   const auto client = client_of(gateway);
   EXPECT_EQ(client->evaluate({"get", {"a"}}).value(), "answer to get");
-  EXPECT_EQ(client->evaluate({"bad", {}}).error().what, "no such id");
+  EXPECT_EQ(client->evaluate({"bad", {}}).error().message, "no such id");
   EXPECT_EQ(gateway.submit_calls(), 0);
 }
 
@@ -410,7 +410,7 @@ TEST(Pipeline, ABadConfigIsAnErrorBeforeAnythingIsSent) {
     auto config = gateway.client_config();
     spoil(config);
     auto client = Client::create(config);
-    return client ? "created" : client.error().what;
+    return client ? "created" : client.error().message;
   };
   EXPECT_NE(error([](ClientConfig& c) { c.endpoint = ""; }).find("HOST:PORT"), std::string::npos);
   EXPECT_NE(error([](ClientConfig& c) { c.tls_ca_file = "/nowhere.pem"; }).find("/nowhere.pem"), std::string::npos);

@@ -28,7 +28,7 @@ class ClientTls : public testing::Test {
                                 .max_request_bytes = 1 << 20,
                                 .max_memory_bytes = 10'000'000},
                                {&service_});
-    ASSERT_TRUE(served) << served.error().what;
+    ASSERT_TRUE(served) << served.error().message;
     server_ = std::move(served->server);
     endpoint_ = served->endpoint;
     const auto own = issue("drone1", {});
@@ -70,7 +70,7 @@ class ClientTls : public testing::Test {
     config.tls_pair = server.tls_pair;
     config.identity = crypto::make_test_identity({"Org1MSP", "CN=x"});
     const auto made = make_connection(std::move(config));
-    if (!made) return made.error().what;
+    if (!made) return made.error().message;
     return is_ready((*made)->channels()->peers.at(0)) ? "reached" : "not reached";
   }
   /// Connected for good: a server refuses a certificate only after the client's side is done.
@@ -98,10 +98,10 @@ TEST_F(ClientTls, AServerThatWantsACertificateIsReachedWithOneAlone) {
 
 TEST_F(ClientTls, AServersAuthoritiesAreReadWholeOrNamed) {
   const auto two = read_client_authorities({dir_ + "/two.pem", dir_ + "/outsider.pem"});
-  ASSERT_TRUE(two) << two.error().what;
+  ASSERT_TRUE(two) << two.error().message;
   EXPECT_NE(two->find(authority_.certificate_pem), std::string::npos);
   EXPECT_TRUE(read_client_authorities({})->empty());
-  EXPECT_NE(read_client_authorities({dir_ + "/two.pem", dir_ + "/own.key"}).error().what.find("own.key"),
+  EXPECT_NE(read_client_authorities({dir_ + "/two.pem", dir_ + "/own.key"}).error().message.find("own.key"),
             std::string::npos);
   EXPECT_FALSE(read_client_authorities({dir_ + "/none.pem"}));
 }
@@ -134,7 +134,7 @@ TEST_F(ClientTls, OtherServersHaveTheClientsPairUnlessTheyHaveTheirOwn) {
   EXPECT_TRUE(is_ready(made->channels()->peers.at(1)));
   EXPECT_TRUE(is_ready(made->channels()->endorsers.at(0)));
   config.orderers[0].tls_pair = {dir_ + "/none.crt", dir_ + "/none.key"};
-  EXPECT_NE(make_connection(config).error().what.find("none.crt"), std::string::npos) << "its own counts";
+  EXPECT_NE(make_connection(config).error().message.find("none.crt"), std::string::npos) << "its own counts";
 }
 
 TEST_F(ClientTls, ARenewedPairIsOfNewConnectionsAndReportedOfThemAlone) {

@@ -105,10 +105,10 @@ TEST_F(ValidatedStream, AnAnchorThatIsNoneIsAnErrorOfTheClient) {
   serve();
   ClientConfig config = gateway_->client_config();
   config.config_block = "nothing";
-  EXPECT_NE(Client::create(config).error().what.find("ledger.config_block: "), std::string::npos);
+  EXPECT_NE(Client::create(config).error().message.find("ledger.config_block: "), std::string::npos);
   config.config_block = chain_[0].SerializeAsString();
   config.where.channel = "another";
-  EXPECT_NE(Client::create(std::move(config)).error().what.find("is of channel teleop"), std::string::npos);
+  EXPECT_NE(Client::create(std::move(config)).error().message.find("is of channel teleop"), std::string::npos);
 }
 
 }  // namespace

@@ -54,7 +54,7 @@ class LedgerOfReceipts : public SignedNode {
   }
   Receipt receipt(const Sent& sent) {
     auto made = make(sent);
-    EXPECT_TRUE(made) << made.error().what;
+    EXPECT_TRUE(made) << made.error().message;
     return *made;
   }
 

@@ -24,7 +24,7 @@ class ReceiptTest : public ::testing::Test, protected LedgerOfReceipts {
   std::string why(const Receipt& receipt) const { return why(receipt_bytes(receipt)); }
   std::string why(const std::string& bytes) const {
     const auto proven = verifier_.verify(bytes);
-    return proven ? "" : proven.error().what;
+    return proven ? "" : proven.error().message;
   }
   /// Signs an answer, which a peer's key can do with whatever it likes.
   static void sign(Receipt::Answer& answer, const crypto::SigningIdentity& who) {
@@ -94,7 +94,7 @@ TEST_F(ReceiptTest, ItProvesBlockCreatorCallAndVerdictAndSaysByWhoseWord) {
   Sent sent = send(0, "mine");
   commit();
   const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
-  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_TRUE(proven) << proven.error().message;
   EXPECT_EQ(proven->channel, "teleop");
   EXPECT_EQ(proven->tx_id, sent.tx_id);
   EXPECT_EQ(proven->block, 1U);
@@ -122,7 +122,7 @@ TEST_F(ReceiptTest, TheBlocksHashIsTheOneThatTheNextBlockNames) {
   const Sent sent = committed(0, "first");
   committed(1, "second");
   const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
-  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_TRUE(proven) << proven.error().message;
   EXPECT_EQ(proven->block_hash, crypto::hex(decode_block(chain[2])->previous_hash));
 }
 
@@ -130,7 +130,7 @@ TEST_F(ReceiptTest, WhatWasRefusedIsProvenToBeInvalid) {
   const Sent sent = committed(0, "by one peer alone", false);
   ASSERT_EQ(sent.code, protos::ENDORSEMENT_POLICY_FAILURE);
   const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
-  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_TRUE(proven) << proven.error().message;
   EXPECT_EQ(proven->verdict, "ENDORSEMENT_POLICY_FAILURE");
   EXPECT_EQ(proven->endorsers.size(), 1U);
 }
@@ -309,9 +309,9 @@ TEST_F(ReceiptTest, OnlyWhoChecksSaysWhomToTrust) {
     ReceiptTrust other = trust();
     change(other);
     const auto verifier = ReceiptVerifier::from(std::move(other));
-    if (!verifier) return verifier.error().what;
+    if (!verifier) return verifier.error().message;
     const auto proven = verifier->verify(bytes);
-    return proven ? std::string() : proven.error().what;
+    return proven ? std::string() : proven.error().message;
   };
   EXPECT_EQ(refusal([](auto&) {}), "");
   EXPECT_THAT(refusal([](auto& t) { t.channel = "other"; }), HasSubstr("of channel teleop, not of other"));
@@ -350,49 +350,49 @@ TEST_F(ReceiptTest, ARevokedOrdererOrPeerNoLongerCounts) {
   const std::string user1 = list(organisations[0], users[0]);
 
   const auto most = said(good, peer1);
-  ASSERT_TRUE(most) << most.error().what;
+  ASSERT_TRUE(most) << most.error().message;
   EXPECT_EQ(most->peers.size(), 2U) << "not counted";
   EXPECT_EQ(most->verdict, "VALID");
   EXPECT_THAT(
-      said(two, peer1).error().what,
+      said(two, peer1).error().message,
       HasSubstr("peers of 1 of 3 organisations, which is no majority; revoked, so not counted: Org1MSP CN=peer"));
   EXPECT_TRUE(said(two, user2)) << "somebody else's revocation";
   Receipt spoilt = good;
   say_code(spoilt.answers[0], 11);
-  EXPECT_THAT(said(spoilt, peer1).error().what, HasSubstr("has a signature that is not its own"))
+  EXPECT_THAT(said(spoilt, peer1).error().message, HasSubstr("has a signature that is not its own"))
       << "a receipt has no byte that nobody looks at";
-  EXPECT_THAT(said(good, list(orderers, orderer)).error().what,
+  EXPECT_THAT(said(good, list(orderers, orderer)).error().message,
               HasSubstr("no orderer has signed it; revoked, so not counted: OrdererMSP CN=orderer"));
 
   const auto creator = said(good, user1 + user2);
-  ASSERT_TRUE(creator) << creator.error().what << ": the peers validated who made it, and when";
+  ASSERT_TRUE(creator) << creator.error().message << ": the peers validated who made it, and when";
   EXPECT_EQ(creator->peers.size(), 3U);
   for (const Proven::Certificate& one : creator->certificates)
     EXPECT_EQ(one.revoked, one.role == Proven::Certificate::Role::creator) << one.who.subject;
   const std::string all = list(organisations[0], peers[0]) + list(organisations[1], peers[1]);
-  EXPECT_THAT(said(good, all).error().what, HasSubstr("1 of 3 organisations"));
+  EXPECT_THAT(said(good, all).error().message, HasSubstr("1 of 3 organisations"));
 }
 
 TEST_F(ReceiptTest, ItTellsWhichListsWereLookedAtAndTakesNoneThatIsNobodys) {
   const std::string bytes = receipt_bytes(receipt(committed(0, "mine")));
   const auto none = verifier_.verify(bytes);
-  ASSERT_TRUE(none) << none.error().what;
+  ASSERT_TRUE(none) << none.error().message;
   EXPECT_TRUE(none->revocation_lists.empty());
   EXPECT_EQ(none->without_list, (std::vector<std::string>{"OrdererMSP", "Org1MSP", "Org2MSP", "Org3MSP"}));
   ReceiptTrust with = trust();
   with.revocation_lists_pem = crypto::list_of(organisations[1].ca, certificate_of(users[1]));
   with.orderers[0].revocation_lists_pem = crypto::list_of(orderers.ca, certificate_of(orderers.member("orderer")));
   const auto verifier = ReceiptVerifier::from(with);
-  ASSERT_TRUE(verifier) << verifier.error().what;
+  ASSERT_TRUE(verifier) << verifier.error().message;
   const auto proven = verifier->verify(bytes);
-  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_TRUE(proven) << proven.error().message;
   ASSERT_EQ(proven->revocation_lists.size(), 2U);
   EXPECT_EQ(proven->revocation_lists[0].msp_id, "Org2MSP");
   EXPECT_EQ(proven->without_list, (std::vector<std::string>{"Org1MSP", "Org3MSP"}));
   with.revocation_lists_pem = crypto::list_of(Organisation("Org2MSP").ca, certificate_of(users[1]));
-  EXPECT_THAT(ReceiptVerifier::from(with).error().what, HasSubstr("signed by none of the named authorities"));
+  EXPECT_THAT(ReceiptVerifier::from(with).error().message, HasSubstr("signed by none of the named authorities"));
   with.revocation_lists_pem = "no list";
-  EXPECT_THAT(ReceiptVerifier::from(with).error().what, HasSubstr("revocation list"));
+  EXPECT_THAT(ReceiptVerifier::from(with).error().message, HasSubstr("revocation list"));
 }
 
 TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsReported) {
@@ -400,7 +400,7 @@ TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsReported
   const TimeNs then_ns = now.real_ns;
   now.real_ns += 3'600 * ns_per_s;  // the question is asked an hour later
   const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
-  ASSERT_TRUE(proven) << proven.error().what;
+  ASSERT_TRUE(proven) << proven.error().message;
   std::map<Proven::Certificate::Role, int> roles;
   for (const Proven::Certificate& one : proven->certificates) {
     ++roles[one.role];
@@ -426,7 +426,7 @@ TEST_F(ReceiptTest, WhoMakesOneIsReportedWhichPeerIsInTheWay) {
   const std::string asked = question(sent.tx_id);
   const auto refusal = [&](std::vector<PeerAnswer> answers, const std::string& by = "") {
     const auto made = make_receipt("teleop", sent.tx_id, chain[sent.block], by.empty() ? asked : by, answers);
-    return made ? std::string() : made.error().what;
+    return made ? std::string() : made.error().message;
   };
   PeerAnswer liar = answer(asked, 1), silent = answer(asked, 2);
   protos::ProposalResponse response;
@@ -445,7 +445,7 @@ TEST_F(ReceiptTest, WhoMakesOneIsReportedWhichPeerIsInTheWay) {
   EXPECT_THAT(refusal({}), HasSubstr("no peer has answered"));
   const std::string other = question(sent.tx_id, "GetBlockByTxID");
   EXPECT_THAT(refusal({answer(other, 0)}, other), HasSubstr("not asked for this transaction's verdict"));
-  EXPECT_THAT(make_receipt("teleop", sent.tx_id, "no block", asked, {answer(asked, 0)}).error().what,
+  EXPECT_THAT(make_receipt("teleop", sent.tx_id, "no block", asked, {answer(asked, 0)}).error().message,
               HasSubstr("cannot be parsed"));
 }
 
@@ -503,7 +503,7 @@ TEST_F(ReceiptTest, RandomOnesVerifyAndChangedOnesDoNot) {
     const std::string bytes = receipt_bytes(made);
     ASSERT_EQ(receipt_bytes(*read_receipt(bytes)), bytes);
     const auto proven = verifier_.verify(bytes);
-    ASSERT_TRUE(proven) << i << ": " << proven.error().what;
+    ASSERT_TRUE(proven) << i << ": " << proven.error().message;
     ++(proven->code == protos::VALID ? valid : invalid);
     for (int change = 0; change < changes_each; ++change) {
       const std::string bent = changed(bytes, random);

@@ -37,7 +37,7 @@ class Intake : public GrowingChannel {
       }
       block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
       const auto read = intake.take(block, nothing);
-      EXPECT_TRUE(read) << read.error().what;
+      EXPECT_TRUE(read) << read.error().message;
       for (std::size_t i = 0; read && i < read->transactions.size(); ++i) {
         const Transaction& one = read->transactions[i];
         const bool lie = flags[i] != truth[i];
@@ -121,7 +121,7 @@ TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
   EXPECT_FALSE(intake.take(forged, [&](std::uint64_t number) { return Result<common::Block>(later.chain_[number]); }));
   intake.begin();
   const auto honest = intake.take(later.chain_[1], nothing);
-  EXPECT_TRUE(honest) << honest.error().what;
+  EXPECT_TRUE(honest) << honest.error().message;
   EXPECT_TRUE(intake.take(later.chain_[2], nothing));
 }
 

@@ -42,7 +42,7 @@ class OrderedIntake : public GrowingChannel {
     intake.begin();
     intake.define({});
     const auto first = intake.take(chain_[from], nothing);
-    EXPECT_TRUE(first) << first.error().what;
+    EXPECT_TRUE(first) << first.error().message;
     EXPECT_EQ(intake.begin_ordered(), from + 1);
     return intake;
   }
@@ -111,10 +111,10 @@ class OrderedIntake : public GrowingChannel {
         }
         if (intake.confirms_next()) {
           const auto confirmed = intake.confirm(chain_.at(of_peer));
-          ASSERT_TRUE(confirmed) << confirmed.error().what;
+          ASSERT_TRUE(confirmed) << confirmed.error().message;
         } else {
           const auto block = intake.take(chain_.at(of_peer), nothing);
-          ASSERT_TRUE(block) << block.error().what;
+          ASSERT_TRUE(block) << block.error().message;
           take(*block);
         }
         ++of_peer;
@@ -200,7 +200,7 @@ TEST_F(OrderedIntake, AFlagThatIsNotOurVerdictIsAContradiction) {
   BlockIntake intake = begun(1);
   for (std::size_t number = 2; number < chain_.size(); ++number) {
     const auto blocks = tell(intake, ordered(number));
-    ASSERT_TRUE(blocks) << blocks.error().what;
+    ASSERT_TRUE(blocks) << blocks.error().message;
     if (blocks->empty()) {
       ASSERT_TRUE(intake.take(chain_[number], nothing));
       continue;
@@ -238,7 +238,7 @@ class OrderedByClock : public OrderedIntake {
   bool comes(BlockIntake& intake, const std::string& envelope) {
     add({envelope});
     const auto blocks = tell(intake, ordered(chain_.size() - 1));
-    EXPECT_TRUE(blocks) << blocks.error().what;
+    EXPECT_TRUE(blocks) << blocks.error().message;
     return blocks && !blocks->empty();
   }
 };
@@ -271,7 +271,7 @@ TEST_F(OrderedByClock, WhoReadsWhatMayHaveBeenReportedTwiceWaits) {
   EXPECT_FALSE(comes(intake, reader.seal()));
   EXPECT_EQ(intake.confirm(chain_[chain_.size() - 2]).value(), 1u);
   const auto block = intake.take(chain_.back(), nothing);
-  ASSERT_TRUE(block) << block.error().what;
+  ASSERT_TRUE(block) << block.error().message;
   EXPECT_EQ(block->transactions[0].code, protos::VALID);
 }
 
@@ -288,7 +288,7 @@ TEST_F(OrderedByClock, WhoUsesAnIdTwiceUnderAnotherTimeStopsNobody) {
   EXPECT_TRUE(comes(intake, written(start_s + 60, "old"))) << "the id of block 2";
   EXPECT_EQ(chain_.back().metadata().metadata(common::TRANSACTIONS_FILTER)[0], protos::DUPLICATE_TXID);
   const auto reported_again = intake.confirm(chain_.back());
-  ASSERT_TRUE(reported_again) << reported_again.error().what;
+  ASSERT_TRUE(reported_again) << reported_again.error().message;
   EXPECT_EQ(*reported_again, 1u);
   EXPECT_EQ(intake.contradiction(), "");
   EXPECT_TRUE(comes(intake, written(start_s + 61, "and goes on"))) << "what it has written is known again by this";
@@ -303,7 +303,7 @@ TEST_F(OrderedIntake, IsNeverFurtherAheadOfThePeerThanItsBound) {
   std::size_t taken = 0;
   for (std::size_t number = 2; number < chain_.size(); ++number) {
     const auto blocks = tell(intake, ordered(number));
-    ASSERT_TRUE(blocks) << blocks.error().what;
+    ASSERT_TRUE(blocks) << blocks.error().message;
     taken += blocks->size();
   }
   EXPECT_EQ(taken, BlockIntake::max_unconfirmed);

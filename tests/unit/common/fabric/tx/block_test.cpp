@@ -98,7 +98,7 @@ TEST(DecodeBlock, DataThatDoesNotMatchItsHashIsRefused) {
   sent.mutable_data()->mutable_data()->SwapElements(0, 1);
   auto block = decode_block(sent.SerializeAsString());
   ASSERT_FALSE(block);
-  EXPECT_EQ(block.error().what, "block 1: its data does not match its data hash");
+  EXPECT_EQ(block.error().message, "block 1: its data does not match its data hash");
 }
 
 TEST(DecodeBlock, AFlagForEachTransaction) {
@@ -108,7 +108,7 @@ TEST(DecodeBlock, AFlagForEachTransaction) {
         decode_block(make_block(&genesis, {transaction("a", "e"), transaction("b", "e")}, std::string(flags, '\0'))
                          .SerializeAsString());
     ASSERT_FALSE(block);
-    EXPECT_NE(block.error().what.find("2 transactions"), std::string::npos);
+    EXPECT_NE(block.error().message.find("2 transactions"), std::string::npos);
   }
 }
 
@@ -116,7 +116,7 @@ TEST(DecodeBlock, AMalformedTransactionStopsNobodyWhateverItsFlagSays) {
   const auto genesis = make_config_block("teleop");
   const std::vector<std::string> envelopes{transaction("set", "e"), "no envelope at all \xff"};
   const auto flagged = decode_block(make_block(&genesis, envelopes, std::string("\0\x02", 2)).SerializeAsString());
-  ASSERT_TRUE(flagged) << flagged.error().what;
+  ASSERT_TRUE(flagged) << flagged.error().message;
   EXPECT_EQ(flagged->transactions[1].code, 2);
   EXPECT_EQ(flagged->transactions[0].event_name, "set");
   const auto unflagged = decode_block(make_block(&genesis, envelopes, "").SerializeAsString());
@@ -146,7 +146,7 @@ TEST(DecodeBlock, AnEventOfAnotherContractOrTransactionIsNotTrusted) {
     envelope.set_payload(payload.SerializeAsString());
     const auto block =
         decode_block(make_block(&genesis, {envelope.SerializeAsString()}, std::string(1, '\0')).SerializeAsString());
-    ASSERT_TRUE(block) << block.error().what;
+    ASSERT_TRUE(block) << block.error().message;
     const Transaction& left_out = block->transactions[0];
     EXPECT_EQ(left_out.code, code_unverified);
     EXPECT_EQ(left_out.tx_id, proposal.tx_id);
@@ -215,7 +215,7 @@ TEST_F(Chain, IsFollowedFromAnywhere) {
 TEST_F(Chain, GapsDuplicatesAndForgeriesAreRefusedAndTheRightBlockStillFits) {
   ChainCheck check;
   ASSERT_TRUE(check.add(block(0)) && check.add(block(1)));
-  EXPECT_EQ(check.add(block(3)).error().what, "block 3 came where 2 was due");
+  EXPECT_EQ(check.add(block(3)).error().message, "block 3 came where 2 was due");
   EXPECT_FALSE(check.add(block(1)));
   common::Block forged = blocks_[2];
   forged.mutable_data()->set_data(0, transaction("set", "forged"));
@@ -227,7 +227,7 @@ TEST_F(Chain, GapsDuplicatesAndForgeriesAreRefusedAndTheRightBlockStillFits) {
   // A forged block 2 whose own hashes fit is found out by block 3.
   ChainCheck other;
   ASSERT_TRUE(other.add(block(1)) && other.add(decode_block(forged.SerializeAsString()).value()));
-  EXPECT_NE(other.add(block(3)).error().what.find("does not follow block 2"), std::string::npos);
+  EXPECT_NE(other.add(block(3)).error().message.find("does not follow block 2"), std::string::npos);
 }
 
 TEST_F(Chain, ACheckpointTakesUpWhereItWasLeft) {

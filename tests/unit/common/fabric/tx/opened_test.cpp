@@ -16,7 +16,7 @@ std::string some_transaction() {
 TEST(OpenedTransaction, SealedAgainItHasTheSameBytes) {
   const std::string bytes = some_transaction();
   auto opened = open_transaction(bytes);
-  ASSERT_TRUE(opened) << opened.error().what;
+  ASSERT_TRUE(opened) << opened.error().message;
   EXPECT_EQ(opened->result.response().payload(), "answer to set");
   EXPECT_EQ(opened->action.action().endorsements_size(), 1);
   EXPECT_EQ(opened->bytes(), bytes);

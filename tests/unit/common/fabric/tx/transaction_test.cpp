@@ -94,7 +94,7 @@ class PreparedTransaction : public testing::Test {
  protected:
   std::string refusal(const common::Envelope& envelope) const {
     auto prepared = check_prepared(proposal_, envelope.SerializeAsString());
-    return prepared ? "accepted" : prepared.error().what;
+    return prepared ? "accepted" : prepared.error().message;
   }
   common::Envelope endorsed(const Proposal& proposal) const {
     return endorse(proposal.signed_proposal, {peer}, "answer", "set", "a");
@@ -138,7 +138,7 @@ TEST_F(PreparedTransaction, AnEventThatTheCallerDoesNotExpectIsNotSigned) {
     EXPECT_TRUE(check_prepared(proposal_, envelope));  // a contract that nobody knows may emit what it likes
     const auto refused = check_prepared(proposal_, envelope, is_the_call);
     ASSERT_FALSE(refused) << name;
-    EXPECT_EQ(refused.error().what,
+    EXPECT_EQ(refused.error().message,
               "the peer's result is not what was asked for: its event is not the call; it was not signed");
   }
 }
@@ -146,7 +146,7 @@ TEST_F(PreparedTransaction, AnEventThatTheCallerDoesNotExpectIsNotSigned) {
 TEST_F(PreparedTransaction, AnEventOfAnotherTransactionIsNeverSigned) {
   const auto refused = check_prepared(proposal_, with_foreign_event(endorsed(proposal_).SerializeAsString()));
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("names another transaction or contract"), std::string::npos);
+  EXPECT_NE(refused.error().message.find("names another transaction or contract"), std::string::npos);
 }
 
 TEST_F(PreparedTransaction, AnotherHeaderIsRefused) {

@@ -14,7 +14,7 @@ class BlockValidatorTest : public ::testing::Test, protected SignedChain {
  protected:
   BlockValidator make_validator() const {
     auto validator = BlockValidator::from(chain_[0].SerializeAsString(), "teleop", library);
-    EXPECT_TRUE(validator) << validator.error().what;
+    EXPECT_TRUE(validator) << validator.error().message;
     return std::move(validator).value();
   }
   /// A block 1 that an orderer has signed.
@@ -25,7 +25,7 @@ class BlockValidatorTest : public ::testing::Test, protected SignedChain {
   }
   static std::string why(BlockValidator validator, const common::Block& block) {
     const Status valid = validator.validate(block);
-    return valid ? "" : valid.error().what;
+    return valid ? "" : valid.error().message;
   }
   BlockValidator::Fetch from_chain() const {
     return [this](std::uint64_t number) -> Result<common::Block> { return chain_.at(number); };
@@ -57,7 +57,7 @@ TEST_F(BlockValidatorTest, WhatAnOrdererHasSignedPasses) {
   EXPECT_TRUE(one.validate(chain_[0])) << "the anchor itself";
   for (int i = 0; i < 5; ++i) {
     const auto valid = one.validate(add("transaction", &orderer_));
-    EXPECT_TRUE(valid) << valid.error().what;
+    EXPECT_TRUE(valid) << valid.error().message;
   }
 }
 
@@ -130,7 +130,7 @@ TEST_F(BlockValidatorTest, AConfigurationIsFollowedFromItsBlockOn) {
   EXPECT_FALSE(one.validate(add(config_of(second_), &other_, 2))) << "by those whom it names itself";
   sign(chain_.back(), orderer_, 2);
   const auto valid = one.validate(chain_.back());
-  ASSERT_TRUE(valid) << valid.error().what;
+  ASSERT_TRUE(valid) << valid.error().message;
   EXPECT_EQ(one.config(), 2U);
   const common::Block old = add("transaction", &orderer_, 2);
   EXPECT_FALSE(one.validate(old)) << "its orderers are not the channel's any more";
@@ -149,7 +149,7 @@ TEST_F(BlockValidatorTest, ABlockUnderALaterConfigurationNeedsThatFirst) {
   EXPECT_NE(why(std::move(hasty), chain_[5]).find("was reconfigured in block 4"), std::string::npos);
   BlockValidator one = make_validator();
   const auto caught_up = one.catch_up(chain_[5], from_chain());
-  ASSERT_TRUE(caught_up) << caught_up.error().what;
+  ASSERT_TRUE(caught_up) << caught_up.error().message;
   EXPECT_EQ(one.config(), 4U);
   EXPECT_TRUE(one.validate(chain_[5]));
   EXPECT_TRUE(one.catch_up(chain_[5], from_chain())) << "it is known";
@@ -178,7 +178,7 @@ TEST_F(BlockValidatorTest, WhoHidesAConfigurationIsFoundOut) {
 TEST_F(BlockValidatorTest, AnAnchorThatIsNoneIsRefusedWithTheReason) {
   const auto refused = [](const common::Block& block, const std::string& channel = "teleop") {
     const auto validator = BlockValidator::from(block.SerializeAsString(), channel, library);
-    return validator ? std::string() : validator.error().what;
+    return validator ? std::string() : validator.error().message;
   };
   EXPECT_NE(refused(chain_[0], "another").find("is of channel teleop, not of another"), std::string::npos);
   EXPECT_NE(refused(add("transaction", &orderer_)).find("holds no configuration"), std::string::npos);

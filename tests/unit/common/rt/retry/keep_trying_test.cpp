@@ -48,7 +48,7 @@ TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
   Slept slept;
   const Status status = keep_trying("RouDi answers", {.within_ns = 2 * ns_per_s}, never, never_done, slept.world());
   ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().what, "gave up after 2 s waiting until RouDi answers: nobody answers");
+  EXPECT_EQ(status.error().message, "gave up after 2 s waiting until RouDi answers: nobody answers");
   EXPECT_GT(slept.now_ns, 2 * ns_per_s);
   EXPECT_LE(slept.now_ns, 2'200 * ns_per_ms) << "by one pause at most";
 }
@@ -75,14 +75,14 @@ TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {
   const Status status = keep_trying(
       "RouDi answers", {}, [] { return true; }, never_done, slept.world());
   ASSERT_FALSE(status);
-  EXPECT_EQ(status.error().what, "asked to end before RouDi answers");
+  EXPECT_EQ(status.error().message, "asked to end before RouDi answers");
   EXPECT_TRUE(slept.pauses.empty());
 }
 
 TEST(KeepTrying, TheRealWorldSleeps) {
   const TimeNs begin_ns = monotonic_ns();
   const TryLimits limits{.within_ns = 30 * ns_per_ms};
-  EXPECT_THAT(keep_trying("it is there", limits, never, never_done).error().what, HasSubstr("nobody answers"));
+  EXPECT_THAT(keep_trying("it is there", limits, never, never_done).error().message, HasSubstr("nobody answers"));
   EXPECT_GE(monotonic_ns() - begin_ns, 30 * ns_per_ms);
 }
 

@@ -84,7 +84,7 @@ TEST_F(PhasesTest, SilenceLandsItAndALandingThatNobodySeesFails) {
 TEST_F(PhasesTest, APilotsTakeOffIsRefusedOnAPath) {
   const Status taken = phases.take_off(0, false);
   ASSERT_FALSE(taken);
-  EXPECT_EQ(taken.error().what, "it flies a path");
+  EXPECT_EQ(taken.error().message, "it flies a path");
 }
 
 }  // namespace

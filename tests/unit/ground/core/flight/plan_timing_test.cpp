@@ -62,7 +62,7 @@ TEST(PlanTiming, ALedgerThatIsTooSlowForAnyPlanIsReported) {
   for (int k = 0; k < 10; ++k) timing.measure(2'300 * ns_per_ms);
   const Status checked = timing.check_delay();
   ASSERT_FALSE(checked);
-  EXPECT_NE(checked.error().what.find("take 4.6 s"), std::string::npos) << checked.error().what;
+  EXPECT_NE(checked.error().message.find("take 4.6 s"), std::string::npos) << checked.error().message;
 }
 
 }  // namespace

@@ -17,7 +17,7 @@ TEST(StreamMessages, AVelocityOfTheStreamIsACommandWithItsTime) {
                         now);
   };
   const auto command = said(R"(,"t_ms":1600)");
-  ASSERT_TRUE(command) << command.error().what;
+  ASSERT_TRUE(command) << command.error().message;
   EXPECT_EQ(command->drone, 1U);
   EXPECT_EQ(command->came_ns, now);
   ASSERT_TRUE(command->velocity);

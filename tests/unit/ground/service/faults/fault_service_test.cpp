@@ -26,7 +26,7 @@ class FaultServiceTest : public testing::Test {
   }
   void serve() {
     auto socket = CommandSocket::open(at());
-    ASSERT_TRUE(socket) << socket.error().what;
+    ASSERT_TRUE(socket) << socket.error().message;
     served_.emplace(std::move(*socket), [this](const std::string& command) -> Result<std::string> {
       if (command.ends_with("sealed")) return Error{"it is sealed"};
       if (command != "list") on_ = command == "on silent";

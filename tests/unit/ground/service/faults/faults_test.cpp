@@ -15,7 +15,7 @@ const char* const launchers_list =
 
 TEST(FaultList, IsReadAsTheLauncherTellsItAndReportedInTheSameWords) {
   const auto list = faults_from(launchers_list);
-  ASSERT_TRUE(list) << list.error().what;
+  ASSERT_TRUE(list) << list.error().message;
   ASSERT_EQ(list->size(), 2U);
   EXPECT_EQ((*list)[0].name, "silent-tello1");
   EXPECT_TRUE((*list)[0].on);
@@ -25,7 +25,7 @@ TEST(FaultList, IsReadAsTheLauncherTellsItAndReportedInTheSameWords) {
 }
 
 TEST(FaultList, WhatIsNoneIsRefusedWithTheReason) {
-  const auto wrong = [](const std::string& text) { return faults_from(text).error().what; };
+  const auto wrong = [](const std::string& text) { return faults_from(text).error().message; };
   const auto with = [](const std::string& what, const std::string& by) {
     std::string text = launchers_list;
     return text.replace(text.find(what), what.size(), by);

@@ -84,9 +84,9 @@ TEST(MissionApprovals, AreReadAgainForABlockThatAnchorsTheirDigest) {
   MissionBook book({}, operator_name);
   auto run = mission::MissionRun::make(
       {"survey", {{.drone = "tello1", .start_m = {}, .waypoints = {{{1, 2}, 1.0}, {{1, 3}, 1.0}}}}}, {});
-  ASSERT_TRUE(run) << run.error().what;
+  ASSERT_TRUE(run) << run.error().message;
   const auto id = book.add(std::move(*run));
-  ASSERT_TRUE(id) << id.error().what;
+  ASSERT_TRUE(id) << id.error().message;
   AnchorCall call;
   const ApprovalTerms terms(operator_name, 86'400);
   const auto concerned = [&](const fabric::Block& of) { return anchored_in(of, book, terms, 1'790'000'000); };

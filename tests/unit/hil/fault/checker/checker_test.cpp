@@ -17,7 +17,7 @@ class CheckedRun {
     std::vector<Rule> rules;
     if (!rule.empty()) {
       auto parsed = parse_rule(rule);
-      EXPECT_TRUE(parsed.ok()) << parsed.error().what;
+      EXPECT_TRUE(parsed.ok()) << parsed.error().message;
       rules.push_back(*parsed);
     }
     checker_ = std::make_unique<Checker>(rules, Limits{});

@@ -29,7 +29,7 @@ TEST(ResultsFile, HasEveryRunThatWasFlownNotOnlyThoseInFull) {
   for (std::uint64_t seed = 1; seed <= 300; ++seed)
     all.push_back(hil::summary_of(result_of("a", seed, seed != 7), "text"));
   const auto runs = parse_results(hil::json_text({result_of("a", 1, true)}, all), "r.json");
-  ASSERT_TRUE(runs.ok()) << runs.error().what;
+  ASSERT_TRUE(runs.ok()) << runs.error().message;
   ASSERT_EQ(runs->runs.size(), 300U);
   const FlownRun& run = runs->runs[6];
   EXPECT_EQ(run.script, "a");
@@ -85,7 +85,7 @@ TEST(ResultsFile, OfRealProcessesPromisesNoBytes) {
 TEST(ResultsFile, SaysWhatIsWrongWithWhichRun) {
   const auto error_of = [](const std::string& text) {
     const auto runs = parse_results(text, "r.json");
-    return runs ? "" : runs.error().what;
+    return runs ? "" : runs.error().message;
   };
   const std::string good = R"({"script": "a", "seed": 1, "broken": [], "figures": {"holds": 1}})";
   EXPECT_EQ(error_of(R"({"figures": [)" + good + "]}"), "");
@@ -107,7 +107,7 @@ TEST(ResultsFile, SaysWhatIsWrongWithWhichRun) {
       {R"({"figures": [)" + good + "," + good + "]}", "figures.1: a seed 1 is there twice"},
   };
   for (const auto& [text, wanted] : cases) EXPECT_THAT(error_of(text), HasSubstr(wanted)) << text;
-  EXPECT_THAT(read_results("/nowhere/r.json").error().what, HasSubstr("/nowhere/r.json"));
+  EXPECT_THAT(read_results("/nowhere/r.json").error().message, HasSubstr("/nowhere/r.json"));
 }
 
 }  // namespace

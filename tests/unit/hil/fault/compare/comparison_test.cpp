@@ -54,7 +54,7 @@ struct Flights {
 
 Comparison of(const Runs& a, const Runs& b, const Options& options = {}) {
   const auto comparison = compare(a, b, options);
-  EXPECT_TRUE(comparison.ok()) << comparison.error().what;
+  EXPECT_TRUE(comparison.ok()) << comparison.error().message;
   return comparison ? *comparison : Comparison{};
 }
 
@@ -273,7 +273,8 @@ TEST(Comparison, OnlyTheSameModeIsCompared) {
   };
   const auto nothing = compare(flown("sitl", 1), flown("real", 1), {});
   ASSERT_FALSE(nothing.ok());
-  EXPECT_THAT(nothing.error().what, HasSubstr("script1: flown in sitl in build1.json, in real in build1.json: only"));
+  EXPECT_THAT(nothing.error().message,
+              HasSubstr("script1: flown in sitl in build1.json, in real in build1.json: only"));
   Runs both = flown("sitl", 2), real = flown("real-shim", 1);
   EXPECT_EQ(verdict_of(of(both, both)), "equal");
   Runs now = flown("sitl", 2);
@@ -325,7 +326,7 @@ TEST(Comparison, SaysWhatItCouldNotCompare) {
   for (FlownRun& run : other.runs) run.script += "-other";
   const auto nothing = compare(before, other, {});
   ASSERT_FALSE(nothing.ok());
-  EXPECT_THAT(nothing.error().what, HasSubstr("have no script that can be compared"));
+  EXPECT_THAT(nothing.error().message, HasSubstr("have no script that can be compared"));
 }
 
 }  // namespace

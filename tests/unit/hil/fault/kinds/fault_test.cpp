@@ -66,7 +66,7 @@ TEST(FaultKinds, AFormThatIsFollowedIsTaken) {
 }
 
 TEST(FaultKinds, TheNearestIsSuggested) {
-  const auto error = [](const char* text) { return parse_fault(text, "path", "").error().what; };
+  const auto error = [](const char* text) { return parse_fault(text, "path", "").error().message; };
   EXPECT_EQ(error("drone tello1 kick 1 2"), "\"drone tello1 kick 1 2\": must be `drone NAME kick X Y Z`");
   EXPECT_NE(error("drone tello1 sideways").find("`drone NAME reboot`"), std::string::npos);
   EXPECT_NE(error("ledger agent loss 5%").find("is a stream (TCP) and has no loss"), std::string::npos);

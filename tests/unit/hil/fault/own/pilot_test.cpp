@@ -20,7 +20,7 @@ constexpr const char* ahead =
 
 TEST(Pilot, FliesAsItsRowsSay) {
   const auto run = run_script(scripted(ahead), 1);
-  ASSERT_TRUE(run) << run.error().what;
+  ASSERT_TRUE(run) << run.error().message;
   EXPECT_TRUE(run->held()) << broken_text(*run);
   const TimelinePoint& last = run->timeline[0].back();
   EXPECT_NEAR(last.at_m[0], 1.0, 0.3) << "half a metre a second, for two";

@@ -37,7 +37,7 @@ TEST(Check, OfARealFlightSaysTheLineOfWhatItCannotHave) {
   EXPECT_TRUE(check_script(text, "x.toml").ok());
   const auto script = check_script(text, "x.toml", RealStack{});
   ASSERT_FALSE(script.ok());
-  const std::string& error = script.error().what;
+  const std::string& error = script.error().message;
   for (const char* wanted : {"x.toml:2: must: \"sends no takeoff\": the traces do not tell it",
                              "x.toml:8: flight.battery: ./fly flies with full",
                              "x.toml:15: fault.1.what: \"drone tello1 reboot\": it is inside of the simulation",
@@ -50,22 +50,22 @@ TEST(Check, OfARealFlightSaysTheLineOfWhatItCannotHave) {
 TEST(Check, AnswersForTheLedgerThatIsMeant) {
   const std::string flight = "title = \"t\"\n[[fault]]\nwhat = \"peer 1 kill\"\n";
   EXPECT_TRUE(check_script(flight, "x.toml", RealStack{.fabric = true}).ok());
-  EXPECT_THAT(check_script(flight, "x.toml", RealStack{}).error().what,
+  EXPECT_THAT(check_script(flight, "x.toml", RealStack{}).error().message,
               HasSubstr("x.toml:3: fault.0.what: \"peer 1 kill\": it is a part of Fabric"));
-  EXPECT_THAT(check_script(flight, "x.toml").error().what, HasSubstr("needs the real processes"));
+  EXPECT_THAT(check_script(flight, "x.toml").error().message, HasSubstr("needs the real processes"));
 }
 
 TEST(Check, OfWhatSomebodysOwnProgramFliesIsForRealTimeWithoutAsking) {
   const std::string sdk = "title = \"t\"\nmust = [\"finishes\", \"hold is seen\"]\n[flight]\nkind = \"sdk\"\n";
   for (const auto& real : {std::optional<RealStack>(), std::optional(RealStack{})}) {
-    EXPECT_THAT(check_script(sdk, "x.toml", real).error().what,
+    EXPECT_THAT(check_script(sdk, "x.toml", real).error().message,
                 HasSubstr("x.toml:2: must: \"hold is seen\": link says that, and there is none"));
-    EXPECT_THAT(check_script(sdk + "predict = false\n", "x.toml", real).error().what,
+    EXPECT_THAT(check_script(sdk + "predict = false\n", "x.toml", real).error().message,
                 HasSubstr("x.toml:5: flight.predict: it is ground's"));
   }
   const std::string plain = "title = \"t\"\n[flight]\nkind = \"sdk\"\n";
   EXPECT_TRUE(check_script(plain, "x.toml", RealStack{}).ok());
-  EXPECT_THAT(check_script(plain, "x.toml", RealStack{.shim = true}).error().what,
+  EXPECT_THAT(check_script(plain, "x.toml", RealStack{.shim = true}).error().message,
               HasSubstr("x.toml:3: flight.kind: an SDK client speaks UDP"));
   const std::string manual = "title = \"t\"\n[flight]\nkind = \"manual\"\n";
   EXPECT_TRUE(check_script(manual, "x.toml").ok());
@@ -76,11 +76,11 @@ TEST(FirstScript, IsFineInEveryModeAndHolds) {
   const std::string first = first_script("mine");
   for (const auto& real : {std::optional<RealStack>(), std::optional(RealStack{}), std::optional(RealStack{true})}) {
     const auto script = check_script(first, "mine.toml", real);
-    ASSERT_TRUE(script.ok()) << script.error().what;
+    ASSERT_TRUE(script.ok()) << script.error().message;
     EXPECT_THAT(script->title, HasSubstr("mine"));
   }
   const auto result = run_script(*check_script(first, "mine.toml"), 1);
-  ASSERT_TRUE(result.ok()) << result.error().what;
+  ASSERT_TRUE(result.ok()) << result.error().message;
   EXPECT_TRUE(result->held());
   EXPECT_GT(result->flown_ns, 10 * ns_per_s);
 }

@@ -14,7 +14,7 @@ class LiveFactsTest : public testing::Test {
   ~LiveFactsTest() override { std::filesystem::remove_all(run_); }
   void write(const std::string& name, const std::vector<TraceRecord>& records) {
     auto writer = TraceWriter::create(run_ + "/" + name);
-    ASSERT_TRUE(writer) << writer.error().what;
+    ASSERT_TRUE(writer) << writer.error().message;
     for (const TraceRecord& record : records) writer->add(record);
   }
   std::string run_ = testing::TempDir() + "ledgerline_live_facts";

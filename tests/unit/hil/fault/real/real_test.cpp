@@ -25,20 +25,20 @@ using testing::Pair;
 
 Script script_of(const std::string& text) {
   auto script = parse_script("title = \"t\"\n" + text, "t.toml", true);
-  EXPECT_TRUE(script) << script.error().what;
+  EXPECT_TRUE(script) << script.error().message;
   return script ? std::move(*script) : Script{};
 }
 
 Fault fault_of(const std::string& text, const std::string& lasts = "") {
   auto fault = parse_fault(text, "path", lasts, true);
-  EXPECT_TRUE(fault) << text << ": " << fault.error().what;
+  EXPECT_TRUE(fault) << text << ": " << fault.error().message;
   return fault ? *fault : Fault{};
 }
 
 std::string refusal_of(const std::string& what, const std::string& lasts = "", bool fabric = false) {
   const std::string line = lasts.empty() ? "" : "for = \"" + lasts + "\"\n";
   const auto checked = check_real(script_of("[[fault]]\nwhat = \"" + what + "\"\n" + line), {fabric});
-  return checked ? "" : checked.error().what;
+  return checked ? "" : checked.error().message;
 }
 
 TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
@@ -68,7 +68,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_EQ(refusal_of("orderer 3 kill", "", true), "");
   EXPECT_EQ(refusal_of("orderer leader kill", "", true), "");
   EXPECT_THAT(refusal_of("ledger restart", "", true), HasSubstr("name the part"));
-  EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().what,
+  EXPECT_THAT(check_real(script_of("must = [\"hold within 300 ms after the plan's end\"]"), {}).error().message,
               HasSubstr("do not tell a plan's end"));
   EXPECT_THAT(
       check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9\nyaw_deg = 90\npads = \"1:0:0\""), {})
@@ -82,7 +82,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
 TEST(RealScript, SimulatedTimeRefusesWhatTheRealProcessesAloneHave) {
   for (const char* what : {"peer 1 kill", "orderer 1 kill", "chaincode 1 kill", "cpu 0 burn", "memory take 1MB",
                            "roudi kill", "disk full"}) {
-    EXPECT_THAT(parse_fault(what, "path", "").error().what, HasSubstr("needs the real processes")) << what;
+    EXPECT_THAT(parse_fault(what, "path", "").error().message, HasSubstr("needs the real processes")) << what;
   }
   for (const char* what : {"peer 4 kill", "peer 1 stop", "peer leader kill", "orderer leader stop", "cpu -1 burn",
                            "cpu 0.5 burn", "cpu 0", "memory take 0MB", "memory take 5", "roudi stop", "disk half"}) {
@@ -108,7 +108,7 @@ TEST(RealScript, FaultsAtTheSdksCallsAreTheShims) {
   const RealStack shim{.shim = true};
   const Fault fault = fault_of("sdk tello1 answers late 300ms to takeoff");
   EXPECT_TRUE(fault.acts.check_real(fault, shim));
-  EXPECT_THAT(fault.acts.check_real(fault, {}).error().what, HasSubstr("--shim"));
+  EXPECT_THAT(fault.acts.check_real(fault, {}).error().message, HasSubstr("--shim"));
   EXPECT_THAT(acts_at_begin(fault, {fault}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff"));
   EXPECT_THAT(acts_at_end(fault, {}, 2, shim).proxy, ElementsAre("sdk tello1 answers late 300ms to takeoff off"));
   const auto arguments = fly_arguments(Script{}, 1, shim);
@@ -194,7 +194,7 @@ class RealStart : public testing::Test {
     std::ofstream(program) << "#!/bin/sh\n" << fly << "\n";
     std::filesystem::permissions(program, std::filesystem::perms::owner_all);
     const auto result = run_really(script, 1, {directory_ / "bin", out_, {}});
-    return result ? "" : result.error().what;
+    return result ? "" : result.error().message;
   }
 
   std::filesystem::path directory_ = std::filesystem::path(testing::TempDir()) / "ledgerline_real_start",

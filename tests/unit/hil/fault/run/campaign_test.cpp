@@ -11,7 +11,7 @@ TEST(FaultSeeds, AScriptFliesWithItsOwnUnlessAskedOtherwise) {
   Script drawn = draw_script(3);
   drawn.seed = 77;
   const auto again = parse_script(text_of(drawn), "x.toml");
-  ASSERT_TRUE(again.ok()) << again.error().what;
+  ASSERT_TRUE(again.ok()) << again.error().message;
   const auto seeds_of = [&](std::optional<std::pair<std::uint64_t, std::uint64_t>> asked) {
     std::vector<std::uint64_t> seeds;
     for (const Flight& flight : flights_of({*again, scripted("title = \"t\"\n")}, asked)) seeds.push_back(flight.seed);

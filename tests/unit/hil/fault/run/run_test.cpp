@@ -15,7 +15,7 @@ namespace {
 
 RunResult flown(const Script& script, std::uint64_t seed) {
   auto result = run_script(script, seed);
-  EXPECT_TRUE(result.ok()) << result.error().what;
+  EXPECT_TRUE(result.ok()) << result.error().message;
   return result ? std::move(*result) : RunResult{};
 }
 

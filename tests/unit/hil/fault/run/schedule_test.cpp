@@ -18,7 +18,7 @@ class Faulty {
     std::vector<Fault> faults;
     for (const Written& w : written) {
       auto fault = parse_fault(w.what, w.at, w.lasts);
-      EXPECT_TRUE(fault.ok()) << fault.error().what;
+      EXPECT_TRUE(fault.ok()) << fault.error().message;
       faults.push_back(*fault);
     }
     schedule = std::make_unique<FaultSchedule>(std::move(*FaultSchedule::create(std::move(faults), world->facts())));
@@ -41,7 +41,7 @@ TEST(FaultSchedule, StatesOfAnotherDroneNeedAnotherDrone) {
     const auto world = SimulatedWorld::create(config);
     const auto made =
         FaultSchedule::create({*parse_fault("sdk tello1 states other 30%", "path", "")}, (*world)->facts());
-    return made ? std::string() : made.error().what;
+    return made ? std::string() : made.error().message;
   };
   EXPECT_NE(refused(1).find("tello1 flies alone"), std::string::npos);
   EXPECT_EQ(refused(2), "");

@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 
 std::string error_of(const std::string& path) {
   const auto links = read_capture(path);
-  return links ? std::string() : links.error().what;
+  return links ? std::string() : links.error().message;
 }
 
 TEST(Capture, KnowsStatesCommandsAndAnswersOfADrone) {
@@ -35,7 +35,7 @@ TEST(Capture, KnowsStatesCommandsAndAnswersOfADrone) {
                             said_at(6'000 * ms, "speed?"),
                             {7'000 * ms, "10.0.0.1", "10.0.0.2", 53, 53, "something else"}});
   const auto links = read_capture(file.path);
-  ASSERT_TRUE(links.ok()) << links.error().what;
+  ASSERT_TRUE(links.ok()) << links.error().message;
   ASSERT_EQ(links->size(), 1U);
   const CapturedLink& link = links->front();
   EXPECT_EQ(link.drone, drone_address);
@@ -51,7 +51,7 @@ TEST(Capture, WhatWasCapturedTwiceCountsOnce) {
   write_capture(file.path, {state_at(0, "a", 7), state_at(1 * ms, "a", 7), state_at(100 * ms, "a", 8),
                             state_at(200 * ms, "b", 8)});
   const auto links = read_capture(file.path);
-  ASSERT_TRUE(links.ok()) << links.error().what;
+  ASSERT_TRUE(links.ok()) << links.error().message;
   EXPECT_THAT(links->front().states, ElementsAre(0, 100 * ms, 200 * ms));
 }
 
@@ -63,7 +63,7 @@ TEST(Capture, CommandsAndAnswersThatWereCapturedTwiceCountOnce) {
                  said_at(102 * ms, "speed?", 8), answer_at(110 * ms, "86", 9), answer_at(111 * ms, "86", 9),
                  answer_at(120 * ms, "10", 10), state_at(200 * ms)});
   const auto links = read_capture(file.path);
-  ASSERT_TRUE(links.ok()) << links.error().what;
+  ASSERT_TRUE(links.ok()) << links.error().message;
   const std::vector<RequestTime>& asked = links->front().asked;
   ASSERT_EQ(asked.size(), 3U);
   EXPECT_EQ(asked[0].answered_ns, 1 * ms);
@@ -77,11 +77,11 @@ TEST(Capture, OfSeveralDronesOneIsNamed) {
   other.from = "192.168.10.9";
   write_capture(file.path, {state_at(0), other, state_at(100 * ms)});
   const auto links = read_capture(file.path);
-  ASSERT_TRUE(links.ok()) << links.error().what;
+  ASSERT_TRUE(links.ok()) << links.error().message;
   EXPECT_EQ(link_of(*links, drone_address)->states.size(), 2U);
-  EXPECT_THAT(link_of(*links, "").error().what, HasSubstr("192.168.10.9 (1 states)"));
-  EXPECT_THAT(link_of(*links, "10.0.0.1").error().what, HasSubstr("no drone 10.0.0.1"));
-  EXPECT_THAT(read_day(file.path).error().what, HasSubstr("which drone is meant?"));
+  EXPECT_THAT(link_of(*links, "").error().message, HasSubstr("192.168.10.9 (1 states)"));
+  EXPECT_THAT(link_of(*links, "10.0.0.1").error().message, HasSubstr("no drone 10.0.0.1"));
+  EXPECT_THAT(read_day(file.path).error().message, HasSubstr("which drone is meant?"));
 }
 
 TEST(Capture, ReplayedByAnEmulatedLinkItHasTheSameLossesAndDelays) {
@@ -106,7 +106,7 @@ TEST(Capture, ReplayedByAnEmulatedLinkItHasTheSameLossesAndDelays) {
   EmulatedLink link(EmulatedLink::Kind::datagrams, 1);
   Impairment impairment;
   const auto applied = apply_effects("recorded-day " + file.path, impairment);
-  ASSERT_TRUE(applied.ok()) << applied.error().what;
+  ASSERT_TRUE(applied.ok()) << applied.error().message;
   ASSERT_TRUE(link.set(impairment));
   std::vector<std::optional<TimeNs>> came(said.size());
   const auto take_until = [&](TimeNs now) {
@@ -139,7 +139,7 @@ TEST(Capture, ATableOfItGivesTheSameDay) {
   }
   write_capture(file.path, packets);
   const auto text = table_of_capture(file.path, {});
-  ASSERT_TRUE(text.ok()) << text.error().what;
+  ASSERT_TRUE(text.ok()) << text.error().message;
   EXPECT_THAT(*text, HasSubstr("# states of 192.168.10.1: 86 came, 14 missing, one every 100.0"));
   ASSERT_TRUE(write_file(table.path, *text));
   const auto direct = read_day(file.path), by_table = read_day(table.path);
@@ -149,7 +149,7 @@ TEST(Capture, ATableOfItGivesTheSameDay) {
     EXPECT_EQ((*direct)->moments()[i].lost, (*by_table)->moments()[i].lost);
     EXPECT_NEAR(to_ms((*direct)->moments()[i].delay_ns), to_ms((*by_table)->moments()[i].delay_ns), 0.002);
   }
-  EXPECT_THAT(table_of_capture(file.path, {"", true}).error().what, HasSubstr("answered at once"));
+  EXPECT_THAT(table_of_capture(file.path, {"", true}).error().message, HasSubstr("answered at once"));
 }
 
 TEST(Capture, ReadsOtherLinkTypes) {
@@ -164,7 +164,7 @@ TEST(Capture, ReadsOtherLinkTypes) {
     const TemporaryFile file("kind.pcap");
     write_frames(file.path, link_type, {{0, header + ip_packet(packet)}, {100 * ms, header + ip_packet(packet)}});
     const auto links = read_capture(file.path);
-    ASSERT_TRUE(links.ok()) << link_type << ": " << links.error().what;
+    ASSERT_TRUE(links.ok()) << link_type << ": " << links.error().message;
     EXPECT_EQ(links->front().states.size(), 2U) << link_type;
   }
   const TemporaryFile file("kind.pcap");
@@ -193,7 +193,7 @@ TEST(Capture, ReadsPcapng) {
                                         block(1, word(DLT_EN10MB) + word(65'535)) + packet(some_day_us) +
                                         packet(some_day_us + 100'000)));
   const auto day = read_day(file.path);
-  ASSERT_TRUE(day.ok()) << day.error().what;
+  ASSERT_TRUE(day.ok()) << day.error().message;
   EXPECT_EQ((*day)->moments().size(), 2U);
 }
 
@@ -251,7 +251,7 @@ TEST(Capture, ADamagedOneIsReadOrRefusedWithTheReason) {
       ++read;
     } else {
       ++refused;
-      EXPECT_THAT(day.error().what, HasSubstr(damaged.path));
+      EXPECT_THAT(day.error().message, HasSubstr(damaged.path));
     }
   }
   EXPECT_GT(read, 100);

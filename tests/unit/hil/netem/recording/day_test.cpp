@@ -15,7 +15,7 @@ using ::testing::HasSubstr;
 
 Day day(const std::string& table) {
   auto parsed = parse_day("day.csv", table);
-  EXPECT_TRUE(parsed.ok()) << (parsed ? "" : parsed.error().what);
+  EXPECT_TRUE(parsed.ok()) << (parsed ? "" : parsed.error().message);
   return parsed ? *parsed : nullptr;
 }
 
@@ -76,7 +76,7 @@ TEST(RecordedDay, RefusesATableWithFileAndLine) {
   for (const auto& [table, why] : wrong) {
     const auto parsed = parse_day("day.csv", table);
     ASSERT_FALSE(parsed.ok()) << table;
-    EXPECT_THAT(parsed.error().what, HasSubstr(why)) << table;
+    EXPECT_THAT(parsed.error().message, HasSubstr(why)) << table;
   }
 }
 
@@ -95,7 +95,7 @@ TEST(RecordedDayEffect, IsReadAndWrittenAsText) {
        {"recorded-day day.csv", "recorded-day day.csv at 90s", "delay 10ms, recorded-day day.csv at 1.5s"}) {
     Impairment impairment;
     const auto applied = apply_effects(text, impairment, read_recording, read);
-    ASSERT_TRUE(applied.ok()) << applied.error().what;
+    ASSERT_TRUE(applied.ok()) << applied.error().message;
     EXPECT_EQ(text_of(impairment), text);
     EXPECT_TRUE(impairment.any());
   }
@@ -123,11 +123,11 @@ TEST(RecordedDayEffect, RefusesWhatItCannotPlay) {
     Impairment impairment;
     const auto applied = apply_effect(text, impairment, read_recording, read);
     ASSERT_FALSE(applied.ok()) << text;
-    EXPECT_THAT(applied.error().what, HasSubstr(why)) << text;
+    EXPECT_THAT(applied.error().message, HasSubstr(why)) << text;
     EXPECT_FALSE(impairment.any());
   }
   Impairment impairment;
-  EXPECT_THAT(apply_effect("recorded-day /no/such/day", impairment).error().what, HasSubstr("/no/such/day"));
+  EXPECT_THAT(apply_effect("recorded-day /no/such/day", impairment).error().message, HasSubstr("/no/such/day"));
 }
 
 TEST(RecordedDayEffect, OfAStreamWhereNothingIsLostInIt) {
@@ -139,7 +139,7 @@ TEST(RecordedDayEffect, OfAStreamWhereNothingIsLostInIt) {
   stream.push(0, "abc");
   EXPECT_EQ(stream.next_due(), 100 * ms);
   ASSERT_TRUE(apply_effect("recorded-day f", impairment, read_recording, days_of("0,0.1\n1,lost\n")));
-  EXPECT_THAT(check_for_stream(impairment).error().what, HasSubstr("a recorded day with losses"));
+  EXPECT_THAT(check_for_stream(impairment).error().message, HasSubstr("a recorded day with losses"));
 }
 
 class PlayedDay : public ::testing::Test {

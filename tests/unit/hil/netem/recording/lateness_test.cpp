@@ -48,7 +48,7 @@ Truth link(std::size_t states, double period_s, double jitter_s, double loss, st
 
 void expect_same(const MeasuredDay& day, const Truth& truth) {
   const auto played = RecordedDay::make(day.moments);
-  ASSERT_TRUE(played.ok()) << played.error().what;
+  ASSERT_TRUE(played.ok()) << played.error().message;
   ASSERT_EQ(day.came + day.missing, truth.said.size());
   for (std::size_t i = 0; i < truth.said.size(); ++i) {
     const RecordedDay::Delivery fate = (*played)->at(truth.said[i] - truth.said[0]);
@@ -63,7 +63,7 @@ TEST(StatesDay, FindsJitterLossesAndStalls) {
   for (std::uint64_t seed = 1; seed <= 20; ++seed) {
     const Truth truth = link(600, 0.1, 0.004, 0.05, seed);
     const auto day = day_of_states(truth.arrivals());
-    ASSERT_TRUE(day.ok()) << day.error().what;
+    ASSERT_TRUE(day.ok()) << day.error().message;
     expect_same(*day, truth);
     if (HasFailure()) FAIL() << "seed " << seed;
   }
@@ -73,7 +73,7 @@ TEST(StatesDay, FollowsADroneWhoseClockIsWrong) {
   for (const double period_s : {0.0998, 0.09999, 0.10003, 0.101}) {
     const Truth truth = link(10'000, period_s, 0.01, 0.02, 3);
     const auto day = day_of_states(truth.arrivals());
-    ASSERT_TRUE(day.ok()) << day.error().what;
+    ASSERT_TRUE(day.ok()) << day.error().message;
     EXPECT_NEAR(day->period_s, period_s, 1e-6);
     expect_same(*day, truth);
     if (HasFailure()) FAIL() << period_s;
@@ -85,7 +85,7 @@ TEST(StatesDay, APauseIsOneLossAndANewSchedule) {
   for (int i = 0; i < 50; ++i) arrivals.push_back(i * 100 * ms);
   for (int i = 0; i < 50; ++i) arrivals.push_back(20'033 * ms + i * 100 * ms);
   const auto day = day_of_states(arrivals);
-  ASSERT_TRUE(day.ok()) << day.error().what;
+  ASSERT_TRUE(day.ok()) << day.error().message;
   ASSERT_EQ(day->moments.size(), 102U);
   EXPECT_EQ(day->moments[50], (DayMoment{4'950 * ms, 0, true}));
   EXPECT_EQ(day->moments[51], (DayMoment{19'983 * ms, 0, false}));
@@ -98,7 +98,7 @@ TEST(StatesDay, RefusesWhatIsNoTellosState) {
     std::vector<TimeNs> arrivals;
     for (std::size_t i = 0; i < count; ++i) arrivals.push_back(static_cast<TimeNs>(i) * period);
     const auto day = day_of_states(arrivals);
-    return day ? std::string() : day.error().what;
+    return day ? std::string() : day.error().message;
   };
   EXPECT_THAT(why(100 * ms, 0), HasSubstr("at least two"));
   EXPECT_THAT(why(100 * ms, 1), HasSubstr("at least two"));
@@ -110,7 +110,7 @@ TEST(StatesDay, RefusesWhatIsNoTellosState) {
 TEST(AnswersDay, EachWayHasHalf) {
   const std::vector<RequestTime> asked{{1'000 * ms, 1'030 * ms}, {2'000 * ms, std::nullopt}, {5'000 * ms, 5'010 * ms}};
   const auto day = day_of_answers(asked);
-  ASSERT_TRUE(day.ok()) << day.error().what;
+  ASSERT_TRUE(day.ok()) << day.error().message;
   const std::vector<DayMoment> wanted{{0, 15 * ms, false}, {1'000 * ms, 0, true}, {4'000 * ms, 5 * ms, false}};
   EXPECT_EQ(day->moments, wanted);
   EXPECT_EQ(day->missing, 1U);

@@ -20,7 +20,7 @@ constexpr const char* text_b = "pitch:4;roll:5;yaw:6;tof:20;h:200;bat:86;baro:2.
 
 SdkFault fault(const std::string& text, std::size_t item = 0) {
   auto parsed = parse_sdk_fault(text);
-  EXPECT_TRUE(parsed.ok()) << (parsed ? "" : parsed.error().what);
+  EXPECT_TRUE(parsed.ok()) << (parsed ? "" : parsed.error().message);
   if (!parsed) return {};
   parsed->item = item;
   return *parsed;
@@ -245,7 +245,7 @@ TEST(SdkFaults, StatesOfAnotherDroneAreRefusedWhereThereIsNone) {
   SdkFaults faults(1, 1);
   const auto set = faults.set(0, {fault("states other")});
   ASSERT_FALSE(set.ok());
-  EXPECT_THAT(set.error().what, HasSubstr("no other"));
+  EXPECT_THAT(set.error().message, HasSubstr("no other"));
 }
 
 TEST(SdkFaults, AShareStrikesAboutSoOftenAndTheSameOnesForTheSameSeed) {
@@ -301,7 +301,7 @@ TEST(SdkFaultText, ReadsWhatItWrites) {
         "answers missing", "answers twice", "answers twice 700ms 50%", "answers other to battery?", "answers shifted",
         "states torn", "states stale 30%", "states other"}) {
     const auto parsed = parse_sdk_fault(text);
-    ASSERT_TRUE(parsed.ok()) << text << ": " << parsed.error().what;
+    ASSERT_TRUE(parsed.ok()) << text << ": " << parsed.error().message;
     EXPECT_EQ(text_of(*parsed), text);
   }
   EXPECT_EQ(text_of(fault("answers missing to *")), "answers missing");
@@ -332,7 +332,7 @@ TEST(SdkFaultText, RefusesWithWhatIsAllowed) {
   for (const auto& [text, why] : wrong) {
     const auto parsed = parse_sdk_fault(text);
     ASSERT_FALSE(parsed.ok()) << text;
-    EXPECT_THAT(parsed.error().what, HasSubstr(why)) << text;
+    EXPECT_THAT(parsed.error().message, HasSubstr(why)) << text;
   }
 }
 

@@ -27,7 +27,7 @@ for_s = 1
 do = "sdk * answers late 200ms"
 )",
                                         "plans.toml");
-  ASSERT_TRUE(script) << script.error().what;
+  ASSERT_TRUE(script) << script.error().message;
   ASSERT_EQ(script->says.size(), 2U);
   EXPECT_EQ(script->says[0].drone, 0);
   EXPECT_EQ(script->says[0].action, PlanAction::takeoff);
@@ -57,7 +57,7 @@ speed = 3
 )",
                                         "plans.toml");
   ASSERT_FALSE(script);
-  const std::string& what = script.error().what;
+  const std::string& what = script.error().message;
   for (const char* expected :
        {"plans.toml:4: say.0.drone", "plans.toml:5: say.0.velocity_mps", "silence.0.for_s", "plans.toml:10: fault.0.do",
         "plans.toml:13: fault.1.do", "plans.toml:14: fault.1.speed"})

@@ -23,7 +23,7 @@ class LinkConfig : public ::testing::Test {
 
 TEST_F(LinkConfig, OneDroneIsEnough) {
   const auto settings = load(drone);
-  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_TRUE(settings) << settings.error().message;
   ASSERT_EQ(settings->link.drones.size(), 1U);
   EXPECT_EQ(settings->link.drones[0].name, "tello1");
   EXPECT_EQ(settings->link.drones[0].number, 3);
@@ -40,7 +40,7 @@ TEST_F(LinkConfig, ThresholdsAreReadInTheirUnits) {
            "[failsafe]\nland_after_s = 2.5\npose_lost_ms = 250\non_untrusted_ledger = \"hold\"\n[fence]\nmax_m = [1.0, "
            "2.0, 3.0]\n"
            "[realtime]\npriority = 0\ncpu = 1\n[rc]\nsigns = [1, 1, 1, 1]\n[output]\nstarts = \"x\"\n");
-  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_TRUE(settings) << settings.error().message;
   EXPECT_EQ(settings->link.rate_hz, 50);
   EXPECT_EQ(ntohs(settings->state_listen.sin_port), 9000);
   EXPECT_FLOAT_EQ(settings->link.playout.max_speed_mps, 0.7F);
@@ -58,7 +58,7 @@ TEST_F(LinkConfig, TheSourceOfThePoseIsGivenForAllAndForOne) {
       load("[pose]\nsource = \"tello\"\nvelocity_signs = [-1, 1, -1]\nvelocity_frame = \"body\"\n" + drone +
            "start_m = [1.0, 2.0, 0.0]\nstart_yaw_rad = 1.5\n[[drone]]\nname = \"tello2\"\naddress = "
            "\"127.0.0.3\"\npose_source = \"pads\"\n[[pad]]\nid = 3\nposition_m = [0.5, 0.5, 0.0]\nyaw_rad = 0.2\n");
-  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_TRUE(settings) << settings.error().message;
   const auto& drones = settings->link.drones;
   EXPECT_EQ(drones[0].source, PoseSource::tello);
   EXPECT_EQ(drones[0].odometry.start_m[1], 2);
@@ -76,7 +76,7 @@ TEST_F(LinkConfig, TheSourceOfThePoseIsGivenForAllAndForOne) {
 TEST_F(LinkConfig, RealDronesAreNotFlownWithoutAFence) {
   const auto why_not = [&](const std::string& toml) {
     const auto settings = load(toml);
-    return settings ? std::string() : settings.error().what;
+    return settings ? std::string() : settings.error().message;
   };
   const std::string real = "[[drone]]\nname = \"tello1\"\naddress = \"192.168.10.1\"\n";
   const std::string low = "min_m = [-2, -2, 0]\n", high = "max_m = [2, 2, 2]\n";
@@ -94,7 +94,7 @@ TEST_F(LinkConfig, RealDronesAreNotFlownWithoutAFence) {
 TEST_F(LinkConfig, WhatWouldFlyADroneAwayHasNoDefault) {
   const auto why_not = [&](const std::string& toml) {
     const auto settings = load(toml);
-    return settings ? std::string() : settings.error().what;
+    return settings ? std::string() : settings.error().message;
   };
   const std::string signs = "velocity_signs = [1, 1, 1]\n", pad = "[[pad]]\nid = 1\nposition_m = [0, 0, 0]\n";
   EXPECT_NE(why_not("[pose]\nsource = \"tello\"\n" + drone).find("pose.velocity_signs"), std::string::npos);
@@ -112,9 +112,9 @@ TEST_F(LinkConfig, TwoDronesThatFlyByOdometryFromOnePlaceAreRefused) {
   const std::string second = "[[drone]]\nname = \"tello2\"\naddress = \"127.0.0.3\"\n";
   const auto refused = load(own + second);
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().what.find("drones tello1 and tello2 fly by onboard odometry from one place"),
+  EXPECT_NE(refused.error().message.find("drones tello1 and tello2 fly by onboard odometry from one place"),
             std::string::npos)
-      << refused.error().what;
+      << refused.error().message;
   EXPECT_TRUE(load(own + second + "start_m = [1.0, 0.0, 0.0]\n"));
   EXPECT_TRUE(load(own + second + "common_frame = false\n"));
 }
@@ -122,7 +122,7 @@ TEST_F(LinkConfig, TwoDronesThatFlyByOdometryFromOnePlaceAreRefused) {
 TEST_F(LinkConfig, MistakesAreNamed) {
   const auto error_of = [&](const std::string& toml) {
     const auto settings = load(toml);
-    return settings ? std::string() : settings.error().what;
+    return settings ? std::string() : settings.error().message;
   };
   EXPECT_NE(error_of("").find("[[drone]]"), std::string::npos);
   EXPECT_NE(error_of(drone + "[failsave]\nland_after_s = 1\n").find("failsave"), std::string::npos);
@@ -140,7 +140,7 @@ TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
     const std::string same = "\naddress = \"192.168.10.1\"\n";
     const auto settings = load("[fence]\nmin_m = [-2, -2, 0]\nmax_m = [2, 2, 2]\n[[drone]]\nname = \"a\"" + same +
                                first + "\n[[drone]]\nname = \"b\"" + same + second + "\n");
-    return settings ? settings->interfaces[0] + " " + settings->interfaces[1] : settings.error().what;
+    return settings ? settings->interfaces[0] + " " + settings->interfaces[1] : settings.error().message;
   };
   const std::string wlan0 = "interface = \"wlan0\"", wlan1 = "interface = \"wlan1\"";
   EXPECT_EQ(two(wlan0, wlan1), "wlan0 wlan1");
@@ -152,20 +152,20 @@ TEST_F(LinkConfig, DronesWithOneAddressNeedInterfacesOfTheirOwn) {
 
 TEST_F(LinkConfig, ASerialIsAlphanumeric) {
   const auto settings = load(drone + "serial = \"0TQDG00EDPMV39\"\n[tello]\ncommand_port = 9999\n");
-  ASSERT_TRUE(settings) << settings.error().what;
+  ASSERT_TRUE(settings) << settings.error().message;
   EXPECT_EQ(settings->link.drones[0].serial, "0TQDG00EDPMV39");
   EXPECT_EQ(settings->state_port, 9999);  // as the command port, unless it is named
   for (const char* serial : {"x", "0TQDG00 EDPMV39", "0TQDG00EDPMV390TQDG00EDPMV39"}) {
     const auto refused = load(drone + "serial = \"" + serial + "\"\n");
     ASSERT_FALSE(refused) << serial;
-    EXPECT_NE(refused.error().what.find("tello1"), std::string::npos) << refused.error().what;
+    EXPECT_NE(refused.error().message.find("tello1"), std::string::npos) << refused.error().message;
   }
 }
 
 TEST_F(LinkConfig, AnOrderOfTimesThatTheFailsafeCannotKeepIsRefused) {
   const auto error_of = [&](const std::string& keys) {
     const auto settings = load(drone + "[failsafe]\n" + keys);
-    return settings ? std::string() : settings.error().what;
+    return settings ? std::string() : settings.error().message;
   };
   const auto names = [](const std::string& error, const char* one, const char* other) {
     return error.find(one) != std::string::npos && error.find(other) != std::string::npos;

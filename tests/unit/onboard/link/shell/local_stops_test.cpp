@@ -16,20 +16,20 @@ class LocalStops : public ::testing::Test {
   ~LocalStops() override { std::filesystem::remove_all(folder); }
   DroneSet read(const std::vector<DroneSettings>& of) const {
     const auto stopped = LocalStopsFile(file, of).read();
-    EXPECT_TRUE(stopped) << stopped.error().what;
+    EXPECT_TRUE(stopped) << stopped.error().message;
     return stopped ? *stopped : DroneSet();
   }
   bool damaged() const {
     LocalStopsFile stops(file, drones);
     const auto stopped = stops.read();
-    EXPECT_TRUE(stopped || stopped.error().what.find(file) != std::string::npos);
+    EXPECT_TRUE(stopped || stopped.error().message.find(file) != std::string::npos);
     return !stopped;
   }
   void keep(const DroneSet& stopped) const {
     LocalStopsFile stops(file, drones);
     (void)stops.read();
     const auto status = stops.keep(stopped);
-    ASSERT_TRUE(status) << status.error().what;
+    ASSERT_TRUE(status) << status.error().message;
   }
 
   const std::string folder = ::testing::TempDir() + "local_stops_test_" + std::to_string(::getpid());
@@ -99,7 +99,7 @@ TEST_F(LocalStops, ThatCannotBeKeptAreReported) {
   (void)stops.read();
   const auto status = stops.keep(DroneSet().set(1));
   ASSERT_FALSE(status);
-  EXPECT_NE(status.error().what.find("/proc/no/such"), std::string::npos);
+  EXPECT_NE(status.error().message.find("/proc/no/such"), std::string::npos);
 }
 
 TEST_F(LocalStops, WithoutAFileNobodyRemembers) {

@@ -253,7 +253,7 @@ TEST_F(RealLink, HandshakeTakeOffPlansSilenceAndASecondFlightThatLosesRoudiAndTh
   if (!loop_watch.empty()) {
     // Every turn was watched, and none did what it must not.
     const auto report = read_file("/tmp/watch.txt");
-    ASSERT_TRUE(report) << report.error().what;
+    ASSERT_TRUE(report) << report.error().message;
     EXPECT_EQ(*report, "turns " + std::to_string(cycles) + "\n");
   }
   const nlohmann::json& lateness_us = link_summary["loop"]["lateness_us"];

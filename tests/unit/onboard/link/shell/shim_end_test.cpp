@@ -16,10 +16,10 @@ class ShimEnd : public ::testing::Test {
  protected:
   void SetUp() override {
     auto made = drone_shim::DronesEnd::open(path);
-    ASSERT_TRUE(made) << made.error().what;
+    ASSERT_TRUE(made) << made.error().message;
     drones.emplace(std::move(*made));
     auto opened = drone_shim::Mapping::open(path, drone_shim::End::link);
-    ASSERT_TRUE(opened) << opened.error().what;
+    ASSERT_TRUE(opened) << opened.error().message;
     link.emplace(std::move(*opened));
   }
   static std::vector<DroneSettings> two_drones() {

@@ -14,7 +14,7 @@ class Starts : public ::testing::Test {
   ~Starts() override { ::unlink(file.c_str()); }
   int noted(TimeNs now) {
     const auto count = note_start(file, now);
-    EXPECT_TRUE(count) << count.error().what;
+    EXPECT_TRUE(count) << count.error().message;
     return count ? *count : 0;
   }
   const std::string file = ::testing::TempDir() + "starts_test_" + std::to_string(::getpid());
@@ -45,7 +45,7 @@ TEST_F(Starts, OfAnEarlierBootOrAnotherProgramCountNothing) {
 TEST_F(Starts, AFileThatCannotBeWrittenIsAnErrorThatNamesIt) {
   const auto count = note_start("/nowhere/starts", ns_per_s);
   ASSERT_FALSE(count);
-  EXPECT_NE(count.error().what.find("/nowhere/starts"), std::string::npos);
+  EXPECT_NE(count.error().message.find("/nowhere/starts"), std::string::npos);
 }
 
 }  // namespace

@@ -27,7 +27,7 @@ class StoppedLink : public ::testing::Test {
  protected:
   void SetUp() override {
     auto opened = drone_shim::DronesEnd::open("/dev/shm/" + name, true);
-    ASSERT_TRUE(opened) << opened.error().what;
+    ASSERT_TRUE(opened) << opened.error().message;
     drones.emplace(std::move(*opened));
     std::ofstream(config) << "[tello]\ntransport = \"shim\"\n[shim]\nmemory = \"/dev/shm/" << name
                           << "\"\nlockstep = true\n"

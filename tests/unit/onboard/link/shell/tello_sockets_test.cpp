@@ -61,7 +61,7 @@ class Sockets : public ::testing::Test {
       settings.state_listen = free.place();
     }
     auto created = TelloSockets::create(settings);
-    EXPECT_TRUE(created) << created.error().what;
+    EXPECT_TRUE(created) << created.error().message;
     sockets = std::make_unique<TelloSockets>(std::move(*created));
   }
   /// Sends a command, and says where it came from.
@@ -171,7 +171,7 @@ TEST_F(Sockets, ThePortOfTheStateTextsIsSharedWithNobodyWhateverInterfacesThereA
     sockets.reset();
     settings.interfaces = interfaces;
     auto created = TelloSockets::create(settings);
-    ASSERT_TRUE(created) << created.error().what;
+    ASSERT_TRUE(created) << created.error().message;
     sockets = std::make_unique<TelloSockets>(std::move(*created));
     (void)sockets->tend();
     EXPECT_FALSE(takes_it("127.0.0.1"));
@@ -224,15 +224,15 @@ TEST_F(Sockets, AnInterfaceThatIsNotThereIsAnErrorWithDroneAndInterface) {
   settings.interfaces[1] = "wlan77";
   const auto created = TelloSockets::create(settings);
   ASSERT_FALSE(created);
-  EXPECT_NE(created.error().what.find("tello2"), std::string::npos) << created.error().what;
-  EXPECT_NE(created.error().what.find("wlan77"), std::string::npos) << created.error().what;
+  EXPECT_NE(created.error().message.find("tello2"), std::string::npos) << created.error().message;
+  EXPECT_NE(created.error().message.find("wlan77"), std::string::npos) << created.error().message;
 }
 
 TEST_F(Sockets, WhatComesThroughAnInterfaceIsItsDronesOrOfOneWithoutAnInterface) {
   sockets.reset();
   settings.interfaces = {"lo", ""};
   auto created = TelloSockets::create(settings);
-  ASSERT_TRUE(created) << created.error().what;
+  ASSERT_TRUE(created) << created.error().message;
   sockets = std::make_unique<TelloSockets>(std::move(*created));
   tello1.say(settings.state_listen, "h:1;");
   tello2.say(settings.state_listen, "h:2;");  // comes through tello1's interface, and has none of its own

@@ -57,7 +57,7 @@ TEST(FaultSwitches, EachIsACommandThatTheProxyTakesAndItsEndLeavesNothing) {
     const auto on = switches.step_of("on " + name);
     ASSERT_TRUE(on && *on) << name;
     const auto applied = proxied.apply((*on)->line);
-    ASSERT_TRUE(applied) << applied.error().what;
+    ASSERT_TRUE(applied) << applied.error().message;
     EXPECT_NE(proxied.list(), "") << name;
     const auto off = switches.step_of("off " + name);
     ASSERT_TRUE(off && *off) << name;
@@ -109,7 +109,7 @@ TEST(FaultSwitches, BehindTheEndAreSwitchedOffAlone) {
   FaultSwitches switches = two_drones();
   switches.done_with(**switches.step_of("on silent-tello1"));
   switches.end();
-  EXPECT_THAT(switches.step_of("on silent-tello2").error().what, HasSubstr("the flight ends"));
+  EXPECT_THAT(switches.step_of("on silent-tello2").error().message, HasSubstr("the flight ends"));
   EXPECT_TRUE(switches.step_of("off silent-tello1"));
   EXPECT_TRUE(switches.step_of("list"));
 }
@@ -118,8 +118,8 @@ TEST(FaultSwitches, TakeNothingElse) {
   const FaultSwitches switches = two_drones();
   for (const char* wrong : {"", "on", "off", "on ", "clear", "list all", "switch silent-tello1", "On silent-tello1"})
     EXPECT_FALSE(switches.step_of(wrong)) << wrong;
-  EXPECT_THAT(switches.step_of("on silent-tello9").error().what, HasSubstr("no switch \"silent-tello9\""));
-  EXPECT_THAT(switches.step_of("on drone * both stall").error().what, HasSubstr("no switch"));
+  EXPECT_THAT(switches.step_of("on silent-tello9").error().message, HasSubstr("no switch \"silent-tello9\""));
+  EXPECT_THAT(switches.step_of("on drone * both stall").error().message, HasSubstr("no switch"));
 }
 
 }  // namespace

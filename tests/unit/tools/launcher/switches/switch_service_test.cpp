@@ -62,12 +62,12 @@ TEST_F(SwitchServiceTest, TellsTheProxyAndAnswersWhatIsOn) {
   ASSERT_TRUE(service_);
   EXPECT_FALSE(anything_on());
   const auto on = tell_command(at(), "on silent-tello1");
-  ASSERT_TRUE(on) << on.error().what;
+  ASSERT_TRUE(on) << on.error().message;
   EXPECT_THAT(*on, HasSubstr("\"on\":true"));
   EXPECT_THAT(reported(), ElementsAre("drone tello1 from partition"));
   ASSERT_TRUE(tell_command(at(), "off silent-tello1"));
   EXPECT_FALSE(anything_on());
-  EXPECT_THAT(tell_command(at(), "on silent-tello2").error().what, HasSubstr("no switch"));
+  EXPECT_THAT(tell_command(at(), "on silent-tello2").error().message, HasSubstr("no switch"));
 }
 
 TEST_F(SwitchServiceTest, SwitchesAllOffWhenItIsAskedToAndWhenItEnds) {
@@ -78,7 +78,7 @@ TEST_F(SwitchServiceTest, SwitchesAllOffWhenItIsAskedToAndWhenItEnds) {
   ASSERT_TRUE(tell_command(at(), "on ledger-stalled")) << "not for good";
   service_->end();
   wait_until_nothing_is_on();
-  EXPECT_THAT(tell_command(at(), "on ledger-stalled").error().what, HasSubstr("the flight ends"));
+  EXPECT_THAT(tell_command(at(), "on ledger-stalled").error().message, HasSubstr("the flight ends"));
 }
 
 TEST_F(SwitchServiceTest, LeavesNothingOnBehindIt) {
@@ -92,7 +92,7 @@ TEST_F(SwitchServiceTest, LeavesNothingOnBehindIt) {
 TEST_F(SwitchServiceTest, SaysThatTheProxyDoesNotAnswer) {
   ASSERT_TRUE(service_);
   served_.reset();
-  EXPECT_THAT(tell_command(at(), "on silent-tello1").error().what, HasSubstr("does not answer"));
+  EXPECT_THAT(tell_command(at(), "on silent-tello1").error().message, HasSubstr("does not answer"));
   EXPECT_FALSE(anything_on());
 }
 

@@ -80,9 +80,9 @@ link::OdometrySettings calibrated(const Drone& drone) {
   world.fly();
   EXPECT_EQ(world.flight.failure(), "");
   const auto c = estimate(world.flight.record());
-  EXPECT_TRUE(c && c->velocity) << (c ? c->velocity.error().what : c.error().what);
+  EXPECT_TRUE(c && c->velocity) << (c ? c->velocity.error().message : c.error().message);
   auto config = Config::parse(c ? toml(*c) : "", "calibration.toml");
-  EXPECT_TRUE(config) << config.error().what;
+  EXPECT_TRUE(config) << config.error().message;
   return link::read_pose(*config).odometry;
 }
 

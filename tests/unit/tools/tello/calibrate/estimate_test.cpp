@@ -111,7 +111,7 @@ TEST_P(FiveDrones, AreMeasuredByPoses) {
     meet(seed);
     Record record = flown(true);
     const auto c = estimate(record);
-    ASSERT_TRUE(c) << seed << ": " << c.error().what;
+    ASSERT_TRUE(c) << seed << ": " << c.error().message;
     SCOPED_TRACE(seed);
     for (StateSample& text : record.states) text.state.velocity_dmps = {};
     EXPECT_FALSE(estimate(record)) << "of a flow that sees nothing no frame is known";
@@ -119,7 +119,7 @@ TEST_P(FiveDrones, AreMeasuredByPoses) {
     ASSERT_TRUE(c->nose_rad && c->power_on_rad);
     EXPECT_LT(degrees_between(c->nose_rad->value, drone.mount_rad), 1);
     EXPECT_LT(degrees_between(c->power_on_rad->value, drone.parameters.start_yaw_rad), 1);
-    ASSERT_TRUE(c->velocity) << c->velocity.error().what;
+    ASSERT_TRUE(c->velocity) << c->velocity.error().message;
     EXPECT_NEAR(c->velocity->scale.value * (1 + sensors.flow_scale_offset), 1, 0.03);
     EXPECT_NEAR(c->velocity->lag_s.value, sensors.velocity_lag_s, 0.03);
     EXPECT_EQ(c->velocity->truncated, sensors.velocity_truncated);
@@ -130,7 +130,7 @@ TEST_P(FiveDrones, AreMeasuredByTheirOwnWords) {
   for (int seed = 1; seed <= seeds(1, 40); ++seed) {
     meet(seed);
     const auto c = estimate(flown(false));
-    ASSERT_TRUE(c) << seed << ": " << c.error().what;
+    ASSERT_TRUE(c) << seed << ": " << c.error().message;
     SCOPED_TRACE(seed);
     expect_near(*c, 0.10, 0.060);
     EXPECT_FALSE(c->nose_rad);
@@ -194,7 +194,7 @@ TEST(Calibration, IsTomlWithTheKeysOfLinkAndGround) {
   c.velocity_in_body = true;
   c.velocity = VelocityFit{.scale = {1.25, 0.025}, .lag_s = {0.15, 0.015}, .truncated = true, .cast = {0.95, 0.05}};
   auto config = Config::parse(toml(c), "calibration.toml");
-  ASSERT_TRUE(config) << config.error().what;
+  ASSERT_TRUE(config) << config.error().message;
   EXPECT_NEAR(config->number({"rc.full_scale_mps", "."}, 0, 0.1, 20), 1.25, 1e-6);
   EXPECT_NEAR(config->number({"rc.full_scale_radps", "."}, 0, 0.1, 20), 1.5, 1e-6);
   EXPECT_EQ(config->numbers({"rc.signs", "."}, 4, {0, 0, 0, 0}), (std::vector<double>{-1, 1, 1, -1}));

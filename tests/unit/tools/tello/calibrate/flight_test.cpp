@@ -121,7 +121,7 @@ TEST_F(ACalibrationFlight, AFastDroneTurnsAroundBeforeItIsFarAway) {
   EXPECT_EQ(world.flight.failure(), "");
   EXPECT_LT(furthest, 2);
   const auto c = estimate(world.flight.record());
-  ASSERT_TRUE(c) << c.error().what;
+  ASSERT_TRUE(c) << c.error().message;
   EXPECT_NEAR(c->along.full_scale.value, 3, 0.3);
 }
 

@@ -72,8 +72,8 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
 TEST(FirstRecordsTest, WithoutADronesRecordAreNotTheOnesToBeginWith) {
   const auto read = records_from(to_bytes(some_records()), {"tello1", "tello3"});
   ASSERT_FALSE(read);
-  EXPECT_EQ(read.error().what, "it has no record of tello3");
-  EXPECT_THAT(records_from("none", {"tello1"}).error().what, HasSubstr("cannot be read"));
+  EXPECT_EQ(read.error().message, "it has no record of tello3");
+  EXPECT_THAT(records_from("none", {"tello1"}).error().message, HasSubstr("cannot be read"));
 }
 
 // What a checkpoint holds must be what the blocks have made of the records, or the blocks behind it do not follow.
