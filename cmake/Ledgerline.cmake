@@ -38,7 +38,7 @@ endfunction()
 # what runs on a companion computer (docs/onboard.md) that need none of the programs; they have the label `onboard`.
 # threads_tests: those that start threads, so that tsan has something to find; they have the label `threads`.
 add_custom_target(programs)
-# part_tests: those that sanitizers run in every run. Release runs them with --quick, --long or by name alone (label `sanitized`),
+# part_tests: those that sanitizers run in every run. Release runs them without --all, with --long or by name alone (label `sanitized`),
 # so they are not in `all`; but for those with the label `release`, which sanitizers get in the way of. The other tests have the
 # label `long_sanitized`.
 add_custom_target(part_tests)

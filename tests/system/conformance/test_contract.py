@@ -8,6 +8,8 @@ import pytest
 from conftest import subject
 from official import ABORTED, asset, asset_bytes, decode, field, message
 
+pytestmark = pytest.mark.essential
+
 HOST = f"Org1MSP {subject(1, 'User1')}"
 OPERATOR = f"Org2MSP {subject(2, 'User1')}"
 RIVAL = f"Org2MSP {subject(2, 'User2')}"

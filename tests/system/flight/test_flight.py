@@ -36,6 +36,7 @@ def assert_counts_add_up(drone: dict) -> None:
 LEDGERS = ["embedded", "fabric"] if LONG else ["fabric"]  # for what asks most of one
 
 
+@pytest.mark.essential
 @pytest.mark.parametrize("drones,shape,ledger", [(3, "triangle", "embedded"), (1, "x", "fabric")])
 def test_drones_finish_their_path_and_land(tmp_path, drones, shape, ledger):
     if ledger == "fabric":

@@ -56,6 +56,7 @@ def end(flight: subprocess.Popen, tmp_path: pathlib.Path) -> None:
     assert_nothing_left()
 
 
+@pytest.mark.essential
 def test_a_person_flies_by_the_page(tmp_path):
     flight, station = start(tmp_path, "--fault-switches")
     over = threading.Event()
