@@ -2,8 +2,7 @@
 
 #include <fmt/format.h>
 
-#include "chaincode/node/core/tx/block.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "peer/lifecycle/chaincode_definition.pb.h"

@@ -8,11 +8,10 @@
 #include <utility>
 #include <vector>
 
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/files/byte_reader.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/unhex.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_state.hpp"
 #include "peer/transaction.pb.h"

@@ -46,7 +46,7 @@ class GrpcServer final : public Server {
       : answers_(service), certificate_file_(std::move(certificate_file)), tls_(std::move(tls)) {}
   ~GrpcServer() override {
     renewing_ = {};
-    end();
+    served_.stop();
   }
   GrpcServer(const GrpcServer&) = delete;
   GrpcServer& operator=(const GrpcServer&) = delete;
@@ -63,13 +63,6 @@ class GrpcServer final : public Server {
   const std::string& endpoint() const override { return endpoint_; }
 
  private:
-  void end() {
-    if (!served_.server) return;
-    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-    served_.server->Wait();
-    served_.server.reset();
-  }
-
   /// gRPC's server keeps the pair that it was made with.
   void renew(const std::stop_token& stop) {
     std::mutex mutex;
@@ -84,7 +77,7 @@ class GrpcServer final : public Server {
       if (stop.stop_requested() || !pair || (served_.server && pair->certificate_pem == at_.certificate_pem)) continue;
       at_.certificate_pem = std::move(pair->certificate_pem);
       at_.key_pem = std::move(pair->key_pem);
-      end();
+      served_.stop();
       if (auto served = fabric::serve_by_tls(at_, {&answers_})) {
         served_ = std::move(*served);
         problem.clear();

@@ -16,7 +16,7 @@
 #include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "chaincode/endorser/shell/priority_mutex.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"

@@ -5,7 +5,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::crypto {
 
@@ -27,8 +27,8 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
   return fmt::format("the certificate of {} ends in {} {}", printable(whose), left, left == 1 ? "day" : "days");
 }
 
-std::optional<Result<Renewal::Pair>> Renewal::look_at(const std::vector<std::string>& files, std::int64_t now_s,
-                                                      const Load& load) {
+std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std::string>& files, std::int64_t now_s,
+                                                          const Load& load) {
   const bool is_due = due(now_s);
   if (!changed(files) && !is_due) return std::nullopt;
   auto found = load();
@@ -93,13 +93,13 @@ bool Renewal::due(std::int64_t now_s) {
   return true;
 }
 
-std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {
+std::optional<Renewal::Notice> Renewal::end_notice(std::int64_t now_s) {
   const Ends end = ends(not_after_s_, now_s);
   if (end == Ends::later) return std::nullopt;
   const std::int64_t left = days_left(now_s);
   if (reported_days_ == left) return std::nullopt;
   reported_days_ = left;
-  return Word{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
+  return Notice{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
 }
 
 Result<Renewal::Pair> read_pair(const IdentityFiles& files) {

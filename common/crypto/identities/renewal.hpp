@@ -47,28 +47,28 @@ class Renewal {
     std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
   };
   using Load = std::function<Result<Pair>()>;
-  /// One look of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
+  /// One check of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
   /// the same from one look to the next, since certificate and key are two; the first look counts, too, unless
-  /// taken(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
-  std::optional<Result<Pair>> look_at(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
+  /// ignore_present(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
+  std::optional<Result<Pair>> check_files(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
   /// In use now, whatever its dates are.
   void begin(const Pair& in_use) {
     not_after_s_ = in_use.certificate.not_after_s;
     in_use_pem_ = in_use.certificate_pem;
   }
   /// What lies in these files now is about to be read, and is no news.
-  void taken(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
+  void ignore_present(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
 
   /// done: to be taken, and what is reported from here on is of the new one. An error: why not.
   Status check(const Result<Pair>& found, std::int64_t now_s);
 
   enum class Weight { warning, alarm };
-  struct Word {
+  struct Notice {
     Weight weight{};
     std::string words;
   };
   /// What is to be reported of the end now: once a day from a month before, as an alarm from three days before.
-  std::optional<Word> look(std::int64_t now_s);
+  std::optional<Notice> end_notice(std::int64_t now_s);
 
   /// True, once: what was refused as not valid yet is valid now, and is to be checked again though no file has changed.
   bool due(std::int64_t now_s);

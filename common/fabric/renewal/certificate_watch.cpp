@@ -125,7 +125,7 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
 std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const std::vector<std::string>& files,
                                                        const std::string& in_use, std::int64_t now_s,
                                                        const Renewal::Load& load) {
-  auto found = renewal.look_at(files, now_s, load);
+  auto found = renewal.check_files(files, now_s, load);
   if (!found) return std::nullopt;
   if (!*found) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
@@ -167,7 +167,7 @@ void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
 }
 
 void CertificateWatch::tell_end(Renewal& renewal, std::int64_t now_s) {
-  if (const auto word = renewal.look(now_s))
+  if (const auto word = renewal.end_notice(now_s))
     tell_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
 }
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/config/config.hpp"
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/fabric/client/client.hpp"
 

@@ -5,7 +5,7 @@
 #include <random>
 
 #include "chaincode/endorser/core/peer_follower.hpp"
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 

@@ -54,7 +54,7 @@ TEST_F(StorageTest, BlocksAreThereAfterAReopen) {
 
 TEST_F(StorageTest, AppendReturnsOnlyWhenTheBlockSurvivesLossOfPower) {
   write({"zero", "one"});
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
 }
@@ -82,7 +82,7 @@ TEST_F(StorageTest, WhatAKillLeftUnsyncedIsOnDiskBeforeReadersSeeItAgain) {
   memory.content("blocks").synced = 0;  // written, but the kill came before the sync
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
 }
@@ -205,7 +205,7 @@ TEST_F(StorageTest, AFullDiskTakesNothingOfABlockAndTheSameBlockWhenThereIsRoom)
   memory.content("blocks").room = SIZE_MAX;
   EXPECT_TRUE((*store)->append("one, and more").ok());
   EXPECT_FALSE((*store)->full());
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one, and more"));
   EXPECT_THAT(messages, IsEmpty());
