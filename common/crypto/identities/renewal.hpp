@@ -37,14 +37,18 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
 class Renewal {
  public:
   /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it);
-  /// `not_after_s`: the end of the one in use.
-  Renewal(std::string whose, std::string subject, std::int64_t not_after_s)
-      : whose_(std::move(whose)), subject_(std::move(subject)), not_after_s_(not_after_s) {}
+  /// `not_after_s`: the end of the one in use, `in_use_pem`: itself, where it is known.
+  Renewal(std::string whose, std::string subject, std::int64_t not_after_s, std::string in_use_pem = {})
+      : whose_(std::move(whose)),
+        subject_(std::move(subject)),
+        not_after_s_(not_after_s),
+        in_use_pem_(std::move(in_use_pem)) {}
 
   /// A pair as it was read from the files.
   struct Pair {
     Certificate certificate;
     std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
+    bool is_new = true;                    ///< by check_files(): not the one that was in use
   };
   using Load = std::function<Result<Pair>()>;
   /// One check of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
@@ -55,6 +59,7 @@ class Renewal {
   void begin(const Pair& in_use) {
     not_after_s_ = in_use.certificate.not_after_s;
     in_use_pem_ = in_use.certificate_pem;
+    is_checked_ = true;
   }
   /// What lies in these files now is about to be read, and is no news.
   void ignore_present(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
@@ -89,7 +94,8 @@ class Renewal {
 
   std::string whose_, subject_;
   std::int64_t not_after_s_;
-  std::string in_use_pem_;  ///< empty: not known
+  std::string in_use_pem_;   ///< empty: not known
+  bool is_checked_ = false;  ///< it was found good once; what was only said to be in use is checked as any other
   std::optional<std::int64_t> reported_days_;
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
   std::vector<Stamp> taken_, seen_;

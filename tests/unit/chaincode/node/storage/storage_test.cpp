@@ -172,8 +172,6 @@ class FailingFiles final : public Files {
   Result<std::unique_ptr<File>> open(const std::string&) override {
     return std::unique_ptr<File>(std::make_unique<FailingFile>(left_));
   }
-  Status rename(const std::string&, const std::string&) override { return done; }
-  Result<std::vector<std::string>> list() const override { return std::vector<std::string>{}; }
   std::string place() const override { return "failing"; }
 
  private:
