@@ -25,7 +25,7 @@ std::int64_t expiry_of(const crypto::SigningIdentity& identity) {
   return read ? read->certificate.not_after_s : 0;
 }
 
-node::Reply ask_a_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
+node::Reply refer_to_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
 
 }  // namespace
 
@@ -149,16 +149,16 @@ Status Core::apply(const fabric::Block& block, std::string_view raw) {
 
 node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
-    return ask_a_peer("the endorser's own certificate has expired");
-  if (!role_) return ask_a_peer("no endorsement of this endorser counts: " + role_.error().message);
+    return refer_to_peer("the endorser's own certificate has expired");
+  if (!role_) return refer_to_peer("no endorsement of this endorser counts: " + role_.error().message);
   auto read = node::read_signed_proposal(signed_proposal);
   // What cannot be read is not for it either.
   if (!read || read->proposal.channel_header.channel_id() != setup_.where.channel ||
       read->proposal.contract != setup_.where.contract)
-    return ask_a_peer(for_its_contract_alone);
+    return refer_to_peer(for_its_contract_alone);
   asks_for_blocks_ = false;
   node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0);
-  if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");
+  if (asks_for_blocks_) return refer_to_peer("the endorser keeps no blocks: a peer answers that");
   return reply;
 }
 

@@ -10,7 +10,6 @@
 #include "common/fabric/validation/channel_state.hpp"
 
 /// How an endorser follows its peer: whose blocks it takes, when it may answer, and when it may write a checkpoint.
-
 namespace ledgerline::endorser {
 
 /// What the endorser's answer is beside a peer's to the same proposal.
