@@ -6,6 +6,7 @@
 #include <cstring>
 #include <filesystem>
 
+#include "common/base/file.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 
@@ -15,21 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-Status write_file(const fs::path& path, const std::string& content, int mode) {
-  std::error_code error;
-  fs::create_directories(path.parent_path(), error);
-  if (error) return Error{"making " + path.parent_path().string() + ": " + error.message()};
-  const int fd = ::open(path.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, mode);
-  if (fd < 0) return Error{"opening " + path.string() + ": " + std::strerror(errno)};
-  const bool written = ::write(fd, content.data(), content.size()) == static_cast<ssize_t>(content.size());
-  const bool synced = written && ::fsync(fd) == 0;
-  const std::string why = synced ? "" : std::strerror(errno);
-  ::close(fd);
-  if (!synced) return Error{"writing " + path.string() + ": " + why};
-  return done;
-}
-
-// All names under `dir`, and its own, survive a loss of power from here on; done once, at the first start.
+// All files under `dir`, and its own names, survive a loss of power from here on; done at the first start alone.
 Status sync_file_system(const std::string& dir) {
   const int fd = ::open(dir.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
   const bool synced = fd >= 0 && ::syncfs(fd) == 0;
@@ -39,69 +26,52 @@ Status sync_file_system(const std::string& dir) {
   return done;
 }
 
-Status write_public(const fs::path& path, const std::string& content) { return write_file(path, content, 0644); }
-Status write_secret(const fs::path& path, const std::string& content) { return write_file(path, content, 0600); }
-
-/// Writes one organisation's files; the first failure stops it.
-class Organisation {
- public:
-  Organisation(const fs::path& crypto, int number, const Issued& issued)
-      : domain_(domain_of(number)),
-        root_(crypto / (number == 0 ? "ordererOrganizations" : "peerOrganizations") / domain_),
-        issued_(issued) {}
-
-  Status write(const std::vector<Wanted>& wanted) {
-    for (const auto& [name, authority] : {std::pair{"ca", &issued_.ca}, std::pair{"tlsca", &issued_.tls_ca}}) {
-      const fs::path file = root_ / name / (std::string(name) + "." + domain_ + "-cert.pem");
-      if (Status s = write_public(file, authority->certificate_pem); !s) return s;
-      if (authority->key_pem.empty()) continue;
-      if (Status s = write_secret(root_ / name / "priv_sk", authority->key_pem); !s) return s;
-    }
-    if (Status s = write_msp(root_ / "msp"); !s) return s;
-    for (std::size_t i = 0; i < wanted.size(); ++i) {
-      const auto& one = wanted[i];
-      if (Status s = one.request.tls ? write_tls(one, issued_.members[i]) : write_member(one, issued_.members[i]); !s) {
-        return s;
-      }
-    }
-    return done;
-  }
-
- private:
-  Status write_member(const Wanted& wanted, const crypto::KeyAndCertificate& identity) {
-    const fs::path msp = root_ / wanted.folder / "msp";
-    if (Status s = write_msp(msp); !s) return s;
-    const std::string file = wanted.request.common_name + "-cert.pem";
-    if (Status s = write_public(msp / "signcerts" / file, identity.certificate_pem); !s) return s;
-    return write_secret(msp / "keystore" / "priv_sk", identity.key_pem);
-  }
-
-  Status write_tls(const Wanted& wanted, const crypto::KeyAndCertificate& tls) {
-    const fs::path folder = root_ / wanted.folder / "tls";
-    if (Status s = write_public(folder / "ca.crt", issued_.tls_ca.certificate_pem); !s) return s;
-    if (Status s = write_public(folder / (wanted.tls_name + ".crt"), tls.certificate_pem); !s) return s;
-    return write_secret(folder / (wanted.tls_name + ".key"), tls.key_pem);
-  }
-
-  Status write_msp(const fs::path& msp) const {
-    const std::string ca_file = "ca." + domain_ + "-cert.pem";
-    if (Status s = write_public(msp / "cacerts" / ca_file, issued_.ca.certificate_pem); !s) return s;
-    const std::string tls_file = "tlsca." + domain_ + "-cert.pem";
-    if (Status s = write_public(msp / "tlscacerts" / tls_file, issued_.tls_ca.certificate_pem); !s) return s;
-    std::string config = "NodeOUs:\n  Enable: true\n";
-    for (const char* unit : {"Client", "Peer", "Admin", "Orderer"}) {
-      std::string lower = unit;
-      lower[0] = static_cast<char>(lower[0] - 'A' + 'a');
-      config += "  " + std::string(unit) + "OUIdentifier:\n    Certificate: cacerts/" + ca_file +
-                "\n    OrganizationalUnitIdentifier: " + lower + "\n";
-    }
-    return write_public(msp / "config.yaml", config);
-  }
-
-  const std::string domain_;
-  const fs::path root_;
-  const Issued& issued_;
+/// A file of an organisation's, below its folder.
+struct MspFile {
+  fs::path path;
+  std::string content;
+  int mode = 0644;  ///< 0600: a key
 };
+
+void add_msp(std::vector<MspFile>& files, const fs::path& msp, const std::string& domain,
+             const IssuedCertificates& issued) {
+  const std::string ca_file = "ca." + domain + "-cert.pem";
+  files.push_back({msp / "cacerts" / ca_file, issued.ca.certificate_pem});
+  files.push_back({msp / "tlscacerts" / ("tlsca." + domain + "-cert.pem"), issued.tls_ca.certificate_pem});
+  std::string config = "NodeOUs:\n  Enable: true\n";
+  for (const auto& [unit, name] :
+       {std::pair{"Client", "client"}, {"Peer", "peer"}, {"Admin", "admin"}, {"Orderer", "orderer"}})
+    config += std::string("  ") + unit + "OUIdentifier:\n    Certificate: cacerts/" + ca_file +
+              "\n    OrganizationalUnitIdentifier: " + name + "\n";
+  files.push_back({msp / "config.yaml", config});
+}
+
+/// All files of an organisation; `specs` and the members of `issued` are in the same order.
+std::vector<MspFile> files_of(const std::string& domain, const std::vector<CertificateSpec>& specs,
+                              const IssuedCertificates& issued) {
+  std::vector<MspFile> files;
+  for (const auto& [name, authority] : {std::pair{"ca", &issued.ca}, std::pair{"tlsca", &issued.tls_ca}}) {
+    files.push_back({fs::path(name) / (std::string(name) + "." + domain + "-cert.pem"), authority->certificate_pem});
+    if (!authority->key_pem.empty()) files.push_back({fs::path(name) / "priv_sk", authority->key_pem, 0600});
+  }
+  add_msp(files, "msp", domain, issued);
+  for (std::size_t i = 0; i < specs.size(); ++i) {
+    const CertificateSpec& spec = specs[i];
+    const crypto::KeyAndCertificate& own = issued.members[i];
+    if (spec.request.tls) {
+      const fs::path folder = spec.folder / "tls";
+      files.push_back({folder / "ca.crt", issued.tls_ca.certificate_pem});
+      files.push_back({folder / (spec.tls_name + ".crt"), own.certificate_pem});
+      files.push_back({folder / (spec.tls_name + ".key"), own.key_pem, 0600});
+      continue;
+    }
+    const fs::path msp = spec.folder / "msp";
+    add_msp(files, msp, domain, issued);
+    files.push_back({msp / "signcerts" / (spec.request.common_name + "-cert.pem"), own.certificate_pem});
+    files.push_back({msp / "keystore" / "priv_sk", own.key_pem, 0600});
+  }
+  return files;
+}
 
 std::vector<std::string> names_of_server(const std::string& name, const std::vector<std::string>& hosts, int number) {
   std::vector<std::string> names{name, "localhost", "127.0.0.1"};
@@ -111,26 +81,28 @@ std::vector<std::string> names_of_server(const std::string& name, const std::vec
 }
 
 Status make_all(const fs::path& crypto, int orderers, const Hosts& hosts, const Issue& issue) {
-  std::vector<std::vector<Wanted>> wanted;
-  for (int number = 0; number <= organisations; ++number) wanted.push_back(wanted_of(number, orderers, hosts));
+  std::vector<std::vector<CertificateSpec>> wanted;
+  for (int number = 0; number <= organisations; ++number) wanted.push_back(certificate_specs(number, orderers, hosts));
   const auto issued = issue(wanted);
   if (!issued) return issued.error();
   for (int number = 0; number <= organisations; ++number) {
-    Organisation organisation(crypto, number, issued->at(number));
-    if (Status s = organisation.write(wanted[number]); !s) return s;
+    const std::string domain = domain_of(number);
+    const fs::path folder = crypto / (number == 0 ? "ordererOrganizations" : "peerOrganizations") / domain;
+    for (const MspFile& file : files_of(domain, wanted[number], issued->at(number)))
+      if (Status s = write_file(folder / file.path, file.content, file.mode); !s) return s;
   }
   return done;
 }
 
-Result<Issued> issue_of(int organisation, const std::vector<Wanted>& wanted) {
+Result<IssuedCertificates> issue_of(int organisation, const std::vector<CertificateSpec>& wanted) {
   const std::string domain = domain_of(organisation);
-  Issued issued;
+  IssuedCertificates issued;
   for (const auto& [name, authority] : {std::pair{"ca.", &issued.ca}, std::pair{"tlsca.", &issued.tls_ca}}) {
     auto made = crypto::make_ca(name + domain, domain);
     if (!made) return made.error();
     *authority = std::move(*made);
   }
-  for (const Wanted& one : wanted) {
+  for (const CertificateSpec& one : wanted) {
     auto made = crypto::issue(one.request.tls ? issued.tls_ca : issued.ca, one.request);
     if (!made) return made.error();
     issued.members.push_back(std::move(*made));
@@ -164,9 +136,9 @@ fs::path orderer_dir(const std::string& dir, int number) {
   return ordering_dir(dir) / "orderers" / orderer_name(number);
 }
 
-std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts) {
+std::vector<CertificateSpec> certificate_specs(int organisation, int orderers, const Hosts& hosts) {
   const std::string domain = domain_of(organisation);
-  std::vector<Wanted> all;
+  std::vector<CertificateSpec> all;
   const auto add = [&](const fs::path& folder, const std::string& name, const std::string& unit,
                        const std::vector<std::string>& sans) {
     crypto::CertificateRequest request;
@@ -200,8 +172,8 @@ std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts
   return all;
 }
 
-Result<std::vector<Issued>> issue_here(const std::vector<std::vector<Wanted>>& wanted) {
-  std::vector<Issued> all;
+Result<std::vector<IssuedCertificates>> issue_here(const std::vector<std::vector<CertificateSpec>>& wanted) {
+  std::vector<IssuedCertificates> all;
   for (std::size_t k = 0; k < wanted.size(); ++k) {
     auto issued = issue_of(static_cast<int>(k), wanted[k]);
     if (!issued) return issued.error();
@@ -217,6 +189,7 @@ Status make(const std::string& dir, int orderers, const Hosts& hosts, const Issu
   fs::remove_all(unfinished, error);
   if (error) return Error{"removing " + unfinished.string() + ": " + error.message()};
   if (Status s = make_all(unfinished, orderers, hosts, issue); !s) return s;
+  if (Status s = sync_file_system(dir); !s) return s;
   fs::rename(unfinished, crypto, error);
   if (error) return Error{"renaming " + unfinished.string() + ": " + error.message()};
   return sync_file_system(dir);

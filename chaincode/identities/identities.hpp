@@ -25,7 +25,7 @@ std::filesystem::path ordering_dir(const std::string& dir);
 std::filesystem::path orderer_dir(const std::string& dir, int number);
 
 /// A certificate of the layout: what a member signs with (in its msp/), or its TLS (in its tls/).
-struct Wanted {
+struct CertificateSpec {
   std::filesystem::path folder;  ///< of the member, below its organisation's: "peers/peer0.org1.ledgerline"
   std::string tls_name;          ///< TLS: "server" or "client", the name of its files
   crypto::CertificateRequest request;
@@ -35,18 +35,19 @@ struct Hosts {
   std::vector<std::string> organisations, orderers;  ///< by number, from 1 on
 };
 /// All certificates of an organisation; 0: the orderers'.
-std::vector<Wanted> wanted_of(int organisation, int orderers, const Hosts& hosts);
+std::vector<CertificateSpec> certificate_specs(int organisation, int orderers, const Hosts& hosts);
 
-/// What an organisation's authorities made of its Wanted, in the same order.
-struct Issued {
+/// What an organisation's authorities made of its CertificateSpec, in the same order.
+struct IssuedCertificates {
   crypto::KeyAndCertificate ca, tls_ca;  ///< no key where the authority keeps it to itself
   std::vector<crypto::KeyAndCertificate> members;
 };
 /// `wanted` and the answer: one element an organisation, the orderers' first.
-using Issue = std::function<Result<std::vector<Issued>>(const std::vector<std::vector<Wanted>>& wanted)>;
+using Issue =
+    std::function<Result<std::vector<IssuedCertificates>>(const std::vector<std::vector<CertificateSpec>>& wanted)>;
 
 /// With a CA and a TLS CA of an organisation made here and now; their keys stay in the layout, as cryptogen's do.
-Result<std::vector<Issued>> issue_here(const std::vector<std::vector<Wanted>>& wanted);
+Result<std::vector<IssuedCertificates>> issue_here(const std::vector<std::vector<CertificateSpec>>& wanted);
 
 /// Makes them when DIR/crypto is missing. Keys are 0600. Made under another name and renamed when complete, so that a
 /// crash leaves nothing half-made.

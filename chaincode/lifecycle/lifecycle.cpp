@@ -70,8 +70,8 @@ Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
   return Lifecycle(where, msp_id, std::move(*questions), std::move(*client));
 }
 
-Result<std::string> Lifecycle::ask(const std::string& channel, const std::string& function,
-                                   const std::string& argument) {
+Result<std::string> Lifecycle::query(const std::string& channel, const std::string& function,
+                                     const std::string& argument) {
   return questions_->ask({channel, lifecycle_contract}, {function, {argument}});
 }
 
@@ -95,7 +95,7 @@ Status Lifecycle::submit(const std::string& function, const std::string& argumen
 
 Result<std::vector<Installed>> Lifecycle::installed() {
   const auto answer = parsed<lifecycle::QueryInstalledChaincodesResult>(
-      ask("", "QueryInstalledChaincodes", lifecycle::QueryInstalledChaincodesArgs().SerializeAsString()));
+      query("", "QueryInstalledChaincodes", lifecycle::QueryInstalledChaincodesArgs().SerializeAsString()));
   if (!answer) return answer.error();
   std::vector<Installed> out;
   for (const auto& one : answer->installed_chaincodes())
@@ -106,7 +106,7 @@ Result<std::vector<Installed>> Lifecycle::installed() {
 Status Lifecycle::install(const std::string& package) {
   lifecycle::InstallChaincodeArgs arguments;
   arguments.set_chaincode_install_package(package);
-  const auto answer = ask("", "InstallChaincode", arguments.SerializeAsString());
+  const auto answer = query("", "InstallChaincode", arguments.SerializeAsString());
   if (!answer && !says(answer.error(), "already successfully installed")) return answer.error();
   return done;
 }
@@ -114,7 +114,7 @@ Status Lifecycle::install(const std::string& package) {
 Result<std::optional<Committed>> Lifecycle::committed() {
   lifecycle::QueryChaincodeDefinitionArgs arguments;
   arguments.set_name(where_.contract);
-  const auto said = ask(where_.channel, "QueryChaincodeDefinition", arguments.SerializeAsString());
+  const auto said = query(where_.channel, "QueryChaincodeDefinition", arguments.SerializeAsString());
   if (!said && says(said.error(), "is not defined")) return std::optional<Committed>();
   const auto answer = parsed<lifecycle::QueryChaincodeDefinitionResult>(said);
   if (!answer) return answer.error();
@@ -127,7 +127,7 @@ Result<std::optional<std::string>> Lifecycle::approved(const Definition& definit
   lifecycle::QueryApprovedChaincodeDefinitionArgs arguments;
   arguments.set_name(where_.contract);
   arguments.set_sequence(definition.sequence);
-  const auto said = ask(where_.channel, "QueryApprovedChaincodeDefinition", arguments.SerializeAsString());
+  const auto said = query(where_.channel, "QueryApprovedChaincodeDefinition", arguments.SerializeAsString());
   if (!said && says(said.error(), "could not fetch approved chaincode definition")) return std::optional<std::string>();
   const auto answer = parsed<lifecycle::QueryApprovedChaincodeDefinitionResult>(said);
   if (!answer) return answer.error();
@@ -137,8 +137,8 @@ Result<std::optional<std::string>> Lifecycle::approved(const Definition& definit
 
 Result<std::map<std::string, bool>> Lifecycle::approvals(const Definition& definition) {
   const auto answer = parsed<lifecycle::CheckCommitReadinessResult>(
-      ask(where_.channel, "CheckCommitReadiness",
-          arguments_of<lifecycle::CheckCommitReadinessArgs>(where_, definition).SerializeAsString()));
+      query(where_.channel, "CheckCommitReadiness",
+            arguments_of<lifecycle::CheckCommitReadinessArgs>(where_, definition).SerializeAsString()));
   if (!answer) return answer.error();
   std::map<std::string, bool> out;
   for (const auto& [msp_id, approved] : answer->approvals()) out[printable(msp_id)] = approved;

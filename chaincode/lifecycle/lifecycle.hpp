@@ -55,7 +55,7 @@ class Lifecycle {
  private:
   Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQuestions> questions,
             std::unique_ptr<fabric::Client> client);
-  Result<std::string> ask(const std::string& channel, const std::string& function, const std::string& argument);
+  Result<std::string> query(const std::string& channel, const std::string& function, const std::string& argument);
   /// Again until it is committed or refused, or `is_done`.
   Status submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
                 const std::function<Result<bool>()>& is_done);
@@ -92,5 +92,25 @@ struct PeerCommands {
   std::string to_orderer() const;
   std::string of(const Definition& definition) const;
 };
+
+// A chaincode package that says where a chaincode service is (type ccaas). Pure.
+
+/// How peers reach the service.
+struct ServicePlace {
+  std::string address;           ///< HOST:PORT, as peers see it
+  std::string root_pem{};        ///< authorities of its TLS certificate; empty: no TLS
+  bool client_auth = false;      ///< the service wants the peer's certificate (CHAINCODE_TLS_CLIENT_CA)
+  std::string client_pem{};      ///< that certificate, where the peer's builder does not put its own in
+  std::string client_key_pem{};  ///< its key: anyone who may fetch the package has it
+};
+std::string connection_json(const ServicePlace& place);
+
+/// tar.gz of metadata.json and of code.tar.gz with connection.json. The same bytes for the same input, so the package's
+/// id stays, wherever it is made.
+std::string make_package(const std::string& label, const std::string& connection);
+/// "label:hash", as peers name it, and as the service gets it in CHAINCODE_ID.
+std::string package_id(const std::string& label, const std::string& package);
+/// Fabric's rule: a-z, A-Z and 0-9, inside also _ . + -
+bool is_label(const std::string& text);
 
 }  // namespace ledgerline::chaincode_lifecycle

@@ -4,11 +4,11 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/lifecycle/lifecycle.hpp"
-#include "chaincode/lifecycle/package.hpp"
 #include "common/access/rules.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
+#include "common/msg/contract.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 
@@ -37,7 +37,7 @@ Exit codes: 0 done, or done already; 1 failed; 2 wrong usage.)";
 struct Options {
   std::string config, endpoint, tls_ca, server_name, tls_certificate, tls_key, msp_id, msp_dir;
   std::string channel = "teleop", name = "ledgerline";
-  std::string version = contract_version();
+  std::string version = contract::version;
   std::uint64_t sequence = 0;
   std::string package, id;
   std::string label = "ledgerline_1", address, tls_root, client_certificate, client_key, out = "ledgerline.tgz";

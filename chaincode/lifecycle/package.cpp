@@ -1,4 +1,4 @@
-#include "chaincode/lifecycle/package.hpp"
+#include "chaincode/lifecycle/lifecycle.hpp"
 
 #include <fmt/format.h>
 
@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode_lifecycle {
 namespace {
@@ -94,8 +93,6 @@ std::string make_package(const std::string& label, const std::string& connection
   const std::string metadata = nlohmann::json{{"type", "ccaas"}, {"label", label}}.dump(1);
   return gzip_of(tar_of({{"metadata.json", metadata}, {"code.tar.gz", code}}));
 }
-
-std::string contract_version() { return contract::version; }
 
 std::string package_id(const std::string& label, const std::string& package) {
   return label + ":" + crypto::hex(crypto::sha256(package));

@@ -1,8 +1,9 @@
 #include "chaincode/service/contract_stub.hpp"
 
 #include <algorithm>
+#include <utility>
 
-#include "msp/identities.pb.h"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::chaincode {
 namespace {
@@ -13,13 +14,10 @@ struct Caller {
 };
 
 Result<Caller> caller_of(const std::string& creator) {
-  msp::SerializedIdentity identity;
-  if (!identity.ParseFromString(creator)) return Error{"the creator is no SerializedIdentity"};
-  const auto certificate = crypto::parse_certificate(identity.id_bytes());
-  if (!certificate) return Error{"the creator's certificate: " + certificate.error().message};
-  const bool admin =
-      std::find(certificate->units.begin(), certificate->units.end(), "admin") != certificate->units.end();
-  return Caller{{identity.mspid(), certificate->subject}, admin};
+  auto read = crypto::read_serialized(creator);
+  if (!read) return Error{"the creator's certificate: " + read.error().message};
+  const bool is_admin = std::ranges::count(read->certificate.units, "admin") > 0;
+  return Caller{std::move(read->name), is_admin};
 }
 
 class ContractStub final : public Stub {

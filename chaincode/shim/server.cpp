@@ -145,12 +145,7 @@ class GrpcServer final : public Server {
   }
 
   const std::string& endpoint() const override { return served_.endpoint; }
-  void stop() override {
-    if (!served_.server) return;
-    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-    served_.server->Wait();
-    served_.server.reset();
-  }
+  void stop() override { served_.stop(); }
 
  private:
   Service service_;

@@ -51,7 +51,7 @@ class RemoteStub final : public Stub {
   Result<std::optional<std::string>> get_state(const std::string& key) override {
     protos::GetState request;
     request.set_key(key);
-    auto answer = ask(Message::GET_STATE, request);
+    auto answer = call_peer(Message::GET_STATE, request);
     if (!answer) return answer.error();
     if (answer->empty()) return std::optional<std::string>{};
     return std::optional(std::move(*answer));
@@ -60,12 +60,12 @@ class RemoteStub final : public Stub {
     protos::PutState request;
     request.set_key(key);
     request.set_value(value);
-    return done_or_error(ask(Message::PUT_STATE, request));
+    return done_or_error(call_peer(Message::PUT_STATE, request));
   }
   Status del_state(const std::string& key) override {
     protos::DelState request;
     request.set_key(key);
-    return done_or_error(ask(Message::DEL_STATE, request));
+    return done_or_error(call_peer(Message::DEL_STATE, request));
   }
 
   Status set_state_validation_parameter(const std::string& key, const std::string& policy) override {
@@ -73,7 +73,7 @@ class RemoteStub final : public Stub {
     request.set_key(key);
     request.mutable_metadata()->set_metakey("VALIDATION_PARAMETER");
     request.mutable_metadata()->set_value(policy);
-    return done_or_error(ask(Message::PUT_STATE_METADATA, request));
+    return done_or_error(call_peer(Message::PUT_STATE_METADATA, request));
   }
 
   Result<std::vector<KeyValue>> get_range(const std::string& start, const std::string& end,
@@ -118,8 +118,8 @@ class RemoteStub final : public Stub {
   std::optional<protos::ChaincodeEvent> event;
 
  private:
-  Result<std::string> ask(Message::Type type, const google::protobuf::MessageLite& request) {
-    return session_.ask(key_, waiting_, type, request.SerializeAsString());
+  Result<std::string> call_peer(Message::Type type, const google::protobuf::MessageLite& request) {
+    return session_.call_peer(key_, waiting_, type, request.SerializeAsString());
   }
   static Status done_or_error(const Result<std::string>& answer) {
     if (!answer) return answer.error();
@@ -129,7 +129,7 @@ class RemoteStub final : public Stub {
   /// Feeds up to `limit` results to `take`, page after page, and closes the query; false from `take`: it is damaged.
   Status query(Message::Type type, const google::protobuf::MessageLite& request, std::size_t limit,
                const std::function<bool(const std::string& bytes)>& take) {
-    auto answer = ask(type, request);
+    auto answer = call_peer(type, request);
     std::size_t taken = 0;
     for (;;) {
       if (!answer) return answer.error();
@@ -145,11 +145,11 @@ class RemoteStub final : public Stub {
       if (taken == limit) {
         protos::QueryStateClose close;
         close.set_id(page.id());
-        return done_or_error(ask(Message::QUERY_STATE_CLOSE, close));
+        return done_or_error(call_peer(Message::QUERY_STATE_CLOSE, close));
       }
       protos::QueryStateNext next;
       next.set_id(page.id());
-      answer = ask(Message::QUERY_STATE_NEXT, next);
+      answer = call_peer(Message::QUERY_STATE_NEXT, next);
     }
   }
 
@@ -223,7 +223,7 @@ bool Session::send(const Message& message) {
   return send_(message);
 }
 
-Result<std::string> Session::ask(const Key& key, Waiting& waiting, Message::Type type, std::string payload) {
+Result<std::string> Session::call_peer(const Key& key, Waiting& waiting, Message::Type type, std::string payload) {
   Message request;
   request.set_type(type);
   request.set_payload(std::move(payload));

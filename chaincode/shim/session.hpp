@@ -36,7 +36,8 @@ class Session : public std::enable_shared_from_this<Session> {
   using Key = std::pair<std::string, std::string>;  // channel, transaction
 
   /// A round trip; `waiting` is in waiting_ under `key`.
-  Result<std::string> ask(const Key& key, Waiting& waiting, protos::ChaincodeMessage_Type type, std::string payload);
+  Result<std::string> call_peer(const Key& key, Waiting& waiting, protos::ChaincodeMessage_Type type,
+                                std::string payload);
   bool send(const protos::ChaincodeMessage& message);
   void run(const protos::ChaincodeMessage& transaction);
 

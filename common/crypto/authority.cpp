@@ -6,7 +6,6 @@
 #include <openssl/rand.h>
 #include <openssl/x509v3.h>
 
-#include "common/crypto/der.hpp"
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {

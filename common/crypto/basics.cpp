@@ -3,7 +3,9 @@
 #include <sys/random.h>
 
 #include <cerrno>
+#include <charconv>
 #include <stdexcept>
+#include <system_error>
 
 #include "common/crypto/openssl.hpp"
 
@@ -36,6 +38,20 @@ std::string hex(std::string_view bytes) {
 
 std::string hex(const Digest& digest) {
   return hex(std::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
+}
+
+std::optional<std::string> unhex(std::string_view text) {
+  if (text.size() % 2 != 0) return std::nullopt;
+  std::string bytes;
+  bytes.reserve(text.size() / 2);
+  for (; !text.empty(); text.remove_prefix(2)) {
+    unsigned char byte = 0;
+    const char* const end = text.data() + 2;
+    const auto [at, error] = std::from_chars(text.data(), end, byte, 16);
+    if (error != std::errc() || at != end) return std::nullopt;
+    bytes.push_back(static_cast<char>(byte));
+  }
+  return bytes;
 }
 
 std::string random_bytes(std::size_t count) {

@@ -1,5 +1,6 @@
 #include <openssl/err.h>
 #include <openssl/pem.h>
+#include <openssl/x509v3.h>
 
 #include <ctime>
 
@@ -41,6 +42,27 @@ std::string text_of(BIO* bio) {
   char* data = nullptr;
   const long size = BIO_get_mem_data(bio, &data);
   return {data, static_cast<std::size_t>(size)};
+}
+
+std::string text_of(const ASN1_STRING* bytes) {
+  return {reinterpret_cast<const char*>(ASN1_STRING_get0_data(bytes)),
+          static_cast<std::size_t>(ASN1_STRING_length(bytes))};
+}
+
+std::vector<X509Ptr> read_certificates(std::string_view pem) {
+  std::vector<X509Ptr> all;
+  const BioPtr text = bio_of(pem);
+  while (X509Ptr one{PEM_read_bio_X509(text.get(), nullptr, no_pass_phrase, nullptr)}) all.push_back(std::move(one));
+  ERR_clear_error();  // the end of the PEM text
+  return all;
+}
+
+std::vector<CrlPtr> read_lists(std::string_view pem) {
+  std::vector<CrlPtr> all;
+  const BioPtr text = bio_of(pem);
+  while (CrlPtr one{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)}) all.push_back(std::move(one));
+  ERR_clear_error();  // the end of the PEM text
+  return all;
 }
 
 Result<X509Ptr> read_certificate(std::string_view pem) {
@@ -100,11 +122,7 @@ Result<CertificateNumber> certificate_number(const std::string& pem) {
   if (!certificate) return certificate.error();
   const ASN1_OCTET_STRING* key = X509_get0_authority_key_id(certificate->get());
   if (!key) return Error{"the certificate does not say which key of its authority has signed it"};
-  const auto digits = [](const ASN1_STRING* text) {
-    return hex({reinterpret_cast<const char*>(ASN1_STRING_get0_data(text)),
-                static_cast<std::size_t>(ASN1_STRING_length(text))});
-  };
-  return CertificateNumber{digits(X509_get0_serialNumber(certificate->get())), digits(key)};
+  return CertificateNumber{hex(text_of(X509_get0_serialNumber(certificate->get()))), hex(text_of(key))};
 }
 
 Result<Certificate> parse_certificate(const std::string& pem) {

@@ -2,9 +2,11 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.hpp"
@@ -18,6 +20,8 @@ using Digest = std::array<unsigned char, 32>;
 Digest sha256(std::string_view data);
 std::string hex(std::string_view bytes);
 std::string hex(const Digest& digest);
+/// The bytes of which hex() makes that text; nullopt: it is none.
+std::optional<std::string> unhex(std::string_view text);
 
 enum class Library { mbedtls, libcrypto };
 
@@ -115,6 +119,21 @@ Result<bool> is_listed(const std::string& lists_pem, const std::string& certific
 /// Whether each list says by an authority key identifier which key has signed it (see ListsFrom::configuration).
 bool lists_name_key(const std::string& pem);
 
+/// Which authority's a revocation list is, and how new, as the list says itself.
+struct ListOrigin {
+  std::string issuer;                 ///< DER of its distinguished name
+  std::optional<std::string> key_id;  ///< its authority key identifier; an organisation's authorities may share a name
+  std::string number;                 ///< CRL number (RFC 5280, 5.2.3), big-endian without zeros in front; empty: none
+  std::int64_t made_s = 0;            ///< Unix time
+};
+/// `entry`: PEM, of which the first list counts, or DER. An error: it cannot be read.
+Result<ListOrigin> origin_of_list(const std::string& entry);
+/// Whether a list of the one takes the place of one of the other: both are of the same key, or `old` does not say of
+/// which.
+bool is_of_same_authority(const ListOrigin& made, const ListOrigin& old);
+/// By their numbers where both have one, else by their times. Two of one second are as new as each other.
+bool is_older(const ListOrigin& made, const ListOrigin& other);
+
 class IdentityInUse;
 
 /// A signer with its name and its serialized form, ready to make transactions.
@@ -122,10 +141,31 @@ struct SigningIdentity {
   IdentityName name;
   std::string serialized;  ///< msp.SerializedIdentity
   std::shared_ptr<const Signer> signer;
-  /// Where it is renewed while clients sign with it (identities/identity_in_use.hpp): what they sign with; none: this
-  /// one.
+  /// Where it is renewed while clients sign with it: what they sign with; none: this one.
   std::shared_ptr<IdentityInUse> in_use{};
 };
+
+/// The identity that a program signs with now. A signer takes the whole of it once a transaction and keeps it until
+/// that has ended, so certificate and signature are always of one pair. Any thread.
+class IdentityInUse {
+ public:
+  explicit IdentityInUse(SigningIdentity first) { replace(std::move(first)); }
+
+  std::shared_ptr<const SigningIdentity> now() const {
+    const std::lock_guard lock(mutex_);
+    return now_;
+  }
+  void replace(SigningIdentity next) {
+    auto whole = std::make_shared<const SigningIdentity>(std::move(next));
+    const std::lock_guard lock(mutex_);
+    now_.swap(whole);
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::shared_ptr<const SigningIdentity> now_;
+};
+
 /// From an MSP's folder: DIR/signcerts/*.pem and DIR/keystore/*_sk (cryptogen, fabric-ca), priv-key.pem (fablo) or the
 /// only file that is there; names with a leading dot are passed over, as Kubernetes' secrets have them. The key by
 /// read_key_file's rule.
@@ -181,6 +221,32 @@ struct CertificateRequest {
 };
 Result<KeyAndCertificate> make_ca(const std::string& common_name, const std::string& organization);
 Result<KeyAndCertificate> issue(const KeyAndCertificate& ca, const CertificateRequest& request);
+
+// An identity whose key never leaves the host that it was made on: the authority sees the request alone.
+
+/// The subject of a certificate request. An authority may leave out, or set by itself, all of it.
+struct Subject {
+  std::string common_name;
+  std::string organization{};   ///< O; empty: none
+  std::string unit = "client";  ///< OU: "admin", "client", "peer" (NodeOUs); empty: none
+};
+struct KeyAndRequest {
+  std::string key_pem;
+  std::string request_pem;  ///< PKCS #10, "CERTIFICATE REQUEST"
+};
+/// With a new key of P-256.
+Result<KeyAndRequest> make_request(const Subject& subject);
+
+/// An error: one of them cannot be read, or the certificate is of another key.
+Status check_fits(const std::string& key_pem, const std::string& certificate_pem);
+
+/// The certificates of a PEM text, in its order, without what stands between them.
+std::vector<std::string> certificates_in(std::string_view pem);
+
+/// These certificates with the key's own first and the others behind it in their order, since programs and peers take
+/// the first for the own one, and an authority may deliver its own before it. The text as it is where it is in order.
+/// An error: as check_fits, none is of that key.
+Result<std::string> own_first(const std::string& key_pem, const std::string& certificates_pem);
 
 /// The CA's own certificate recreated, with the same name and key, that may sign documents: Fabric's CAs are for TLS
 /// and certificates alone. What the CA has issued is of this one, too.

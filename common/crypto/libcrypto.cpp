@@ -2,7 +2,6 @@
 #include <openssl/err.h>
 #include <openssl/pem.h>
 
-#include "common/crypto/der.hpp"
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {

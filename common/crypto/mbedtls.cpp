@@ -6,24 +6,29 @@
 #include <mbedtls/version.h>
 #include <sys/random.h>
 
-#include "common/crypto/der.hpp"
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
 namespace {
 
+/// An object of mbedTLS, freed at the end: numbers and keys are wiped then.
+template <typename T, auto Init, auto Free>
+struct Owned {
+  Owned() { Init(&value); }
+  ~Owned() { Free(&value); }
+  Owned(const Owned&) = delete;
+  Owned& operator=(const Owned&) = delete;
+  T value{};
+};
+using Number = Owned<mbedtls_mpi, mbedtls_mpi_init, mbedtls_mpi_free>;
+using Point = Owned<mbedtls_ecp_point, mbedtls_ecp_point_init, mbedtls_ecp_point_free>;
+using ParsedKey = Owned<mbedtls_pk_context, mbedtls_pk_init, mbedtls_pk_free>;
+
 /// mbedTLS fills a table in the group at its first multiplication, without a lock: so each thread has a group of its
 /// own.
-struct Group {
-  explicit Group(mbedtls_ecp_group_id id) {
-    mbedtls_ecp_group_init(&group);
-    valid = mbedtls_ecp_group_load(&group, id) == 0;
-  }
-  ~Group() { mbedtls_ecp_group_free(&group); }
-  Group(const Group&) = delete;
-  Group& operator=(const Group&) = delete;
-  mbedtls_ecp_group group{};
-  bool valid = false;
+struct Group : Owned<mbedtls_ecp_group, mbedtls_ecp_group_init, mbedtls_ecp_group_free> {
+  explicit Group(mbedtls_ecp_group_id id) : valid(mbedtls_ecp_group_load(&value, id) == 0) {}
+  bool valid;
 };
 
 Group& thread_group(Curve curve) {
@@ -34,14 +39,6 @@ Group& thread_group(Curve curve) {
   thread_local Group group_of_p256(MBEDTLS_ECP_DP_SECP256R1);
   return group_of_p256;
 }
-
-struct Number {
-  Number() { mbedtls_mpi_init(&value); }
-  ~Number() { mbedtls_mpi_free(&value); }  // wipes it
-  Number(const Number&) = delete;
-  Number& operator=(const Number&) = delete;
-  mbedtls_mpi value{};
-};
 
 /// mbedTLS's random source, for blinding: the operating system's.
 int system_random(void*, unsigned char* out, std::size_t count) {
@@ -65,7 +62,7 @@ int parse_key(mbedtls_pk_context* key, const unsigned char* pem, std::size_t siz
   return mbedtls_pk_parse_key(key, pem, size, nullptr, 0, system_random, nullptr);
 }
 
-int take_apart(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
+int split(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
   curve = mbedtls_ecp_keypair_get_group_id(&pair);
   return mbedtls_ecp_export(&pair, nullptr, &secret, nullptr);
 }
@@ -76,7 +73,7 @@ int parse_key(mbedtls_pk_context* key, const unsigned char* pem, std::size_t siz
   return mbedtls_pk_parse_key(key, pem, size, nullptr, 0);
 }
 
-int take_apart(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
+int split(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& curve, mbedtls_mpi& secret) {
   curve = pair.grp.id;
   return mbedtls_mpi_copy(&secret, &pair.d);
 }
@@ -92,7 +89,7 @@ class MbedtlsSigner final : public Signer {
  public:
   /// Copies the secret number out of `pair`; says on which curve it is.
   int adopt(const mbedtls_ecp_keypair& pair, mbedtls_ecp_group_id& id) {
-    const int code = take_apart(pair, id, secret_.value);
+    const int code = split(pair, id, secret_.value);
     curve_ = id == MBEDTLS_ECP_DP_SECP384R1 ? Curve::p384 : Curve::p256;
     return code;
   }
@@ -104,7 +101,7 @@ class MbedtlsSigner final : public Signer {
     const Digest digest = digest_of(message);
     Number r, s;
     EcdsaSignature signature;
-    int code = mbedtls_ecdsa_sign_det_ext(&group.group, &r.value, &s.value, &secret_.value, digest.data(),
+    int code = mbedtls_ecdsa_sign_det_ext(&group.value, &r.value, &s.value, &secret_.value, digest.data(),
                                           digest.size(), MBEDTLS_MD_SHA256, system_random, nullptr);
     if (code == 0) code = mbedtls_mpi_write_binary(&r.value, signature.r.data(), signature.r.size());
     if (code == 0) code = mbedtls_mpi_write_binary(&s.value, signature.s.data(), signature.s.size());
@@ -119,16 +116,13 @@ class MbedtlsSigner final : public Signer {
 
 class MbedtlsVerifier final : public Verifier {
  public:
-  explicit MbedtlsVerifier(Curve curve) : curve_(curve) { mbedtls_ecp_point_init(&point_); }
-  ~MbedtlsVerifier() override { mbedtls_ecp_point_free(&point_); }
-  MbedtlsVerifier(const MbedtlsVerifier&) = delete;
-  MbedtlsVerifier& operator=(const MbedtlsVerifier&) = delete;
+  explicit MbedtlsVerifier(Curve curve) : curve_(curve) {}
 
   int adopt(std::string_view point) {
-    const mbedtls_ecp_group& group = thread_group(curve_).group;
-    int code = mbedtls_ecp_point_read_binary(&group, &point_, reinterpret_cast<const unsigned char*>(point.data()),
-                                             point.size());
-    if (code == 0) code = mbedtls_ecp_check_pubkey(&group, &point_);
+    const mbedtls_ecp_group& group = thread_group(curve_).value;
+    int code = mbedtls_ecp_point_read_binary(&group, &point_.value,
+                                             reinterpret_cast<const unsigned char*>(point.data()), point.size());
+    if (code == 0) code = mbedtls_ecp_check_pubkey(&group, &point_.value);
     return code;
   }
 
@@ -140,20 +134,12 @@ class MbedtlsVerifier final : public Verifier {
     Number r, s;
     return mbedtls_mpi_read_binary(&r.value, signature->r.data(), signature->r.size()) == 0 &&
            mbedtls_mpi_read_binary(&s.value, signature->s.data(), signature->s.size()) == 0 &&
-           mbedtls_ecdsa_verify(&group.group, digest.data(), digest.size(), &point_, &r.value, &s.value) == 0;
+           mbedtls_ecdsa_verify(&group.value, digest.data(), digest.size(), &point_.value, &r.value, &s.value) == 0;
   }
 
  private:
   const Curve curve_;
-  mbedtls_ecp_point point_{};
-};
-
-struct ParsedKey {
-  ParsedKey() { mbedtls_pk_init(&context); }
-  ~ParsedKey() { mbedtls_pk_free(&context); }
-  ParsedKey(const ParsedKey&) = delete;
-  ParsedKey& operator=(const ParsedKey&) = delete;
-  mbedtls_pk_context context{};
+  Point point_;
 };
 
 }  // namespace
@@ -161,11 +147,11 @@ struct ParsedKey {
 Result<std::unique_ptr<Signer>> make_mbedtls_signer(const std::string& pem_key) {
   ParsedKey key;
   // The length that mbedTLS wants for PEM counts the final NUL.
-  int code = parse_key(&key.context, reinterpret_cast<const unsigned char*>(pem_key.c_str()), pem_key.size() + 1);
+  int code = parse_key(&key.value, reinterpret_cast<const unsigned char*>(pem_key.c_str()), pem_key.size() + 1);
   if (code != 0) return Error{"not a private key in PEM: " + message_of(code)};
   auto signer = std::make_unique<MbedtlsSigner>();
   auto curve = MBEDTLS_ECP_DP_NONE;
-  if (mbedtls_pk_can_do(&key.context, MBEDTLS_PK_ECDSA) != 0) code = signer->adopt(*mbedtls_pk_ec(key.context), curve);
+  if (mbedtls_pk_can_do(&key.value, MBEDTLS_PK_ECDSA) != 0) code = signer->adopt(*mbedtls_pk_ec(key.value), curve);
   if (code != 0) return Error{"cannot take over the private key: " + message_of(code)};
   if (curve != MBEDTLS_ECP_DP_SECP256R1 && curve != MBEDTLS_ECP_DP_SECP384R1)
     return Error{"the private key is on neither of the curves P-256 and P-384"};

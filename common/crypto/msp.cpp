@@ -138,10 +138,8 @@ class CachingRegistry final : public MspRegistry {
           "An X509 certificate with Basic Constraint: Certificate Authority equals true cannot be used as an identity"};
     }
     const StorePtr store(X509_STORE_new());
-    const BioPtr pem = bio_of(authorities.ca_pem);
-    while (X509Ptr ca{PEM_read_bio_X509(pem.get(), nullptr, no_pass_phrase, nullptr)})
-      X509_STORE_add_cert(store.get(), ca.get());
-    ERR_clear_error();  // the end of the PEM text
+    for (const X509Ptr& ca : read_certificates(authorities.ca_pem)) X509_STORE_add_cert(store.get(), ca.get());
+    ERR_clear_error();
     const StoreContextPtr context(X509_STORE_CTX_new());
     if (!context || X509_STORE_CTX_init(context.get(), store.get(), certificate, nullptr) != 1) {
       return Error{"cannot check a certificate: " + openssl_error()};
@@ -167,15 +165,6 @@ class CachingRegistry final : public MspRegistry {
     return validity;
   }
 
-  static std::vector<CrlPtr> read_lists(const std::string& pem) {
-    std::vector<CrlPtr> lists;
-    const BioPtr text = bio_of(pem);
-    while (CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)})
-      lists.push_back(std::move(list));
-    ERR_clear_error();  // the end of the PEM text
-    return lists;
-  }
-
   /// A list counts whenever it was made, and until there is another. Fabric finds those of a configuration by the key
   /// that they name (msp/mspimplvalidate.go, validateCertAgainstChain), and takes nobody where one names none, no
   /// matter who signed it.
@@ -193,8 +182,7 @@ class CachingRegistry final : public MspRegistry {
 
   static bool is_key_of(std::string_view id, X509* issuer) {
     const ASN1_OCTET_STRING* own = X509_get0_subject_key_id(issuer);
-    return own != nullptr && id == std::string_view{reinterpret_cast<const char*>(ASN1_STRING_get0_data(own)),
-                                                    static_cast<std::size_t>(ASN1_STRING_length(own))};
+    return own != nullptr && id == text_of(own);
   }
 
   static bool is_revoked(X509_CRL* list, X509* certificate, X509* issuer) {

@@ -3,13 +3,14 @@
 #include <openssl/evp.h>
 #include <openssl/x509.h>
 
+#include <array>
 #include <memory>
 #include <optional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/der.hpp"
 
 /// OpenSSL's objects as owners, for sources that link it.
 namespace ledgerline::crypto {
@@ -33,6 +34,7 @@ std::string openssl_error();
 /// Read-only view of `text`, which must outlive it.
 BioPtr bio_of(std::string_view text);
 std::string text_of(BIO* bio);
+std::string text_of(const ASN1_STRING* bytes);
 
 /// For every reader of PEM: without it libcrypto would ask for the pass phrase of an encrypted text at the terminal, or
 /// read it from standard input, and so wait for ever.
@@ -42,11 +44,31 @@ inline int no_pass_phrase(char*, int, int, void*) { return -1; }
 bool add_name(X509_NAME* name, const char* field, const std::string& value);
 
 Result<X509Ptr> read_certificate(std::string_view pem);
+/// All of a PEM text up to what is none.
+std::vector<X509Ptr> read_certificates(std::string_view pem);
+std::vector<CrlPtr> read_lists(std::string_view pem);
 Result<Certificate> describe(X509* certificate);
 Result<std::int64_t> unix_time(const ASN1_TIME* time);
 /// The key that a revocation list says has signed it, by its authority key identifier (RFC 5280, 5.2.1); empty: by name
 /// and number alone. nullopt: it has no such extension, or one that cannot be read.
 std::optional<std::string> authority_key_of(X509_CRL* list);
+// ECDSA signatures as bytes, shared by both libraries so that both refuse the same ones.
+
+enum class Curve { p256, p384 };  ///< NIST's, of FIPS 186-4: those that Fabric's organisations use
+
+using Scalar = std::array<unsigned char, 48>;  ///< big-endian; of P-256 the first 16 bytes are zero
+
+struct EcdsaSignature {
+  Scalar r{}, s{};
+};
+
+/// Strict DER, r and s in [1, n), s at most n/2 (as Fabric wants it: of the two valid signatures (r, s) and (r, n - s)
+/// only one is accepted, so nobody on the way can change a signature). Anything else: nullopt.
+std::optional<EcdsaSignature> decode_signature(std::string_view der, Curve curve);
+
+/// Brings s below n/2 and writes DER.
+std::string encode_signature(EcdsaSignature signature, Curve curve);
+
 struct PublicPoint {
   Curve curve;
   std::string bytes;  ///< 4, x, y

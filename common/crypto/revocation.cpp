@@ -3,6 +3,8 @@
 #include <openssl/pem.h>
 #include <openssl/x509v3.h>
 
+#include <algorithm>
+
 #include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
@@ -18,10 +20,8 @@ bool is_of(X509_CRL* list, X509* authority) {
 /// The MSP id of the authority that signed it; empty: none of these.
 std::string signer_of(X509_CRL* list, const std::vector<MspRoot>& roots) {
   for (const MspRoot& root : roots) {
-    const BioPtr text = bio_of(root.ca_pem);
-    while (const X509Ptr authority{PEM_read_bio_X509(text.get(), nullptr, no_pass_phrase, nullptr)})
+    for (const X509Ptr& authority : read_certificates(root.ca_pem))
       if (is_of(list, authority.get())) return root.msp_id;
-    ERR_clear_error();  // the end of the PEM text
   }
   return {};
 }
@@ -60,9 +60,7 @@ std::optional<std::string> authority_key_of(X509_CRL* list) {
       static_cast<AUTHORITY_KEYID*>(X509V3_EXT_d2i(X509_CRL_get_ext(list, at)))};
   ERR_clear_error();
   if (!said) return std::nullopt;
-  return said->keyid == nullptr ? std::string{}
-                                : std::string{reinterpret_cast<const char*>(ASN1_STRING_get0_data(said->keyid)),
-                                              static_cast<std::size_t>(ASN1_STRING_length(said->keyid))};
+  return said->keyid == nullptr ? std::string{} : text_of(said->keyid);
 }
 
 Result<std::string> list_of_entry(const std::string& entry) {
@@ -79,23 +77,52 @@ Result<std::string> list_of_entry(const std::string& entry) {
 Result<bool> is_listed(const std::string& lists_pem, const std::string& certificate_pem) {
   const auto certificate = read_certificate(certificate_pem);
   if (!certificate) return certificate.error();
-  const BioPtr text = bio_of(lists_pem);
-  bool found = false;
-  while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)}) {
+  return std::ranges::any_of(read_lists(lists_pem), [&](const CrlPtr& list) {
     X509_REVOKED* entry = nullptr;
-    found = found || X509_CRL_get0_by_cert(list.get(), &entry, certificate->get()) == 1;
-  }
-  ERR_clear_error();  // the end of the PEM text
-  return found;
+    return X509_CRL_get0_by_cert(list.get(), &entry, certificate->get()) == 1;
+  });
 }
 
 bool lists_name_key(const std::string& pem) {
-  const BioPtr text = bio_of(pem);
-  bool all = true;
-  while (const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)})
-    all = all && authority_key_of(list.get());
-  ERR_clear_error();  // the end of the PEM text
-  return all;
+  return std::ranges::all_of(read_lists(pem),
+                             [](const CrlPtr& list) { return authority_key_of(list.get()).has_value(); });
+}
+
+Result<ListOrigin> origin_of_list(const std::string& entry) {
+  const auto pem = list_of_entry(entry);
+  if (!pem) return pem.error();
+  const BioPtr text = bio_of(*pem);
+  const CrlPtr list{PEM_read_bio_X509_CRL(text.get(), nullptr, no_pass_phrase, nullptr)};
+  if (!list) return Error{"a revocation list cannot be read: " + openssl_error()};
+  ListOrigin origin;
+  unsigned char* der = nullptr;
+  const int size = i2d_X509_NAME(X509_CRL_get_issuer(list.get()), &der);
+  if (size < 0) return Error{"a revocation list's issuer cannot be read: " + openssl_error()};
+  origin.issuer.assign(reinterpret_cast<const char*>(der), static_cast<std::size_t>(size));
+  OPENSSL_free(der);
+  origin.key_id = authority_key_of(list.get());
+  const std::unique_ptr<ASN1_INTEGER, Freed<ASN1_INTEGER_free>> number{
+      static_cast<ASN1_INTEGER*>(X509_CRL_get_ext_d2i(list.get(), NID_crl_number, nullptr, nullptr))};
+  ERR_clear_error();
+  if (number) {
+    origin.number = text_of(number.get());
+    origin.number.erase(0, origin.number.find_first_not_of('\0'));
+    if (origin.number.empty()) origin.number.assign(1, '\0');
+  }
+  const auto made = unix_time(X509_CRL_get0_lastUpdate(list.get()));
+  if (!made) return made.error();
+  origin.made_s = *made;
+  return origin;
+}
+
+bool is_of_same_authority(const ListOrigin& made, const ListOrigin& old) {
+  return made.issuer == old.issuer && (!old.key_id || made.key_id == old.key_id);
+}
+
+bool is_older(const ListOrigin& made, const ListOrigin& other) {
+  if (made.number.empty() || other.number.empty()) return made.made_s < other.made_s;
+  if (made.number.size() != other.number.size()) return made.number.size() < other.number.size();
+  return made.number < other.number;
 }
 
 }  // namespace ledgerline::crypto

@@ -129,7 +129,7 @@ bool is_plain_http(const boost::system::error_code& error) {
 
 Result<RenewedTls> RenewedTls::open(TlsFiles files) {
   crypto::Renewal renewal("the page", "", 0);
-  renewal.taken(names_of(files));  // before they are read: what changes meanwhile is seen at the next look
+  renewal.ignore_present(names_of(files));  // before they are read: what changes meanwhile is seen at the next look
   TlsContext context;
   const auto own = load_server(files, context);
   if (!own) return own.error();
@@ -140,7 +140,7 @@ Result<RenewedTls> RenewedTls::open(TlsFiles files) {
 std::optional<Status> RenewedTls::look() {
   TlsContext next;
   const auto found =
-      renewal_.look_at(names_of(files_), realtime_ns() / ns_per_s, [&] { return load_server(files_, next); });
+      renewal_.check_files(names_of(files_), realtime_ns() / ns_per_s, [&] { return load_server(files_, next); });
   if (!found) return std::nullopt;
   if (!*found) return found->error();
   context_ = std::move(next);

@@ -35,7 +35,7 @@ void Certificates::start(Tell tell) {
 void Certificates::step(TimeNs now_ns, const Tell& tell) {
   if (now_ns < next_ns_) return;
   next_ns_ = now_ns + look_period_ns;
-  for (const crypto::Renewal::Word& word : ends_.look(realtime_ns() / ns_per_s)) {
+  for (const crypto::Renewal::Notice& word : ends_.look(realtime_ns() / ns_per_s)) {
     spdlog::warn("{}", word.words);
     tell(level_of(word.weight), word.words);
   }

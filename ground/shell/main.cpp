@@ -1,6 +1,6 @@
 #include <fmt/format.h>
 
-#include "chaincode/endorser/shell/within.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
@@ -61,7 +61,7 @@ int fly(Config& config) {
   // What a leader that died took with it is given up soon: newer commands say more.
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto trusted = fabric::msp_registry(config);
-  const endorser::WithinSettings within = endorser::read_within_settings(config);
+  const endorser::Settings within = endorser::read_own_endorser_settings(config);
   const fabric::Channels channels = fabric::read_channels(config);
   Status checked = config.finish();
   if (checked) checked = check_drones(flight.drones);
@@ -79,7 +79,7 @@ int fly(Config& config) {
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
     if (const auto longer_ns = fabric::take_timeouts(own); !longer_ns) return fail(longer_ns.error());
-    if (const Status s = endorser::endorse_within(within, own); !s) return fail(s.error(), exit_usage);
+    if (const Status s = endorser::start_own_endorser(within, own); !s) return fail(s.error(), exit_usage);
     auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
                              fabric::file_of_channel(checkpoint, channels, i));
     if (!made) return fail(made.error(), exit_usage);

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/endorser/shell/within.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/stream/block_subscription.hpp"
@@ -240,10 +240,10 @@ Status run(const std::string& role, const std::string& config_file, const std::s
   auto config = Config::load(config_file);
   if (!config) return config.error();
   auto ledger = fabric::ledger_config(*config);
-  const endorser::WithinSettings within = endorser::read_within_settings(*config);
+  const endorser::Settings within = endorser::read_own_endorser_settings(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  if (auto s = endorser::endorse_within(within, *ledger); !s) return s;
+  if (auto s = endorser::start_own_endorser(within, *ledger); !s) return s;
   auto client = fabric::Client::create(verification::for_contract(std::move(ledger).value()));
   if (!client) return client.error();
   Side side(role == "a", *schedule, std::move(client).value());

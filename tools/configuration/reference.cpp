@@ -62,7 +62,7 @@ Status read_ground(Config& config) {
   (void)ground::mission_settings(config);
   (void)ground::pilot_settings(config, false, false);
   (void)ground::checkpoint_path(config);
-  (void)endorser::read_within_settings(config);
+  (void)endorser::read_own_endorser_settings(config);
   (void)ground::read_bridge(config, flight.drones);
   return done;
 }
@@ -87,7 +87,7 @@ const std::vector<Source>& sources() {
        "`ledgerline-agent --config agent.toml`, on the drone's host.",
        {ledger, channels, topics, dds},
        [](Config& config) {
-         (void)endorser::read_within_settings(config);
+         (void)endorser::read_own_endorser_settings(config);
          (void)agent::read_bridge(config, agent::read_settings(config, "", {}).core.drones);
          return done;
        }},

@@ -8,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/config/config.hpp"
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/process/find_program.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"

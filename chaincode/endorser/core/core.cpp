@@ -2,12 +2,9 @@
 
 #include <fmt/format.h>
 
-#include "chaincode/endorser/core/snapshot.hpp"
-#include "chaincode/node/core/tx/block.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/channel_config.hpp"
-#include "msp/identities.pb.h"
 #include "peer/lifecycle/chaincode_definition.pb.h"
 #include "peer/lifecycle/db.pb.h"
 #include "peer/transaction.pb.h"
@@ -24,13 +21,11 @@ node::CoreConfig config_of(const fabric::ChannelAndContract& where) {
 
 /// 0: it has no certificate, as in tests.
 std::int64_t expiry_of(const crypto::SigningIdentity& identity) {
-  msp::SerializedIdentity serialized;
-  if (!serialized.ParseFromString(identity.serialized)) return 0;
-  const auto certificate = crypto::parse_certificate(serialized.id_bytes());
-  return certificate ? certificate->not_after_s : 0;
+  const auto read = crypto::read_serialized(identity.serialized);
+  return read ? read->certificate.not_after_s : 0;
 }
 
-node::Reply ask_a_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
+node::Reply refer_to_peer(const std::string& why) { return {node::Code::unavailable, why, why, {}}; }
 
 }  // namespace
 
@@ -58,18 +53,18 @@ std::optional<node::Definition> Core::read_definition() const {
 
 std::optional<node::Version> Core::defined_at() const { return definition_ ? definition_->sequence : std::nullopt; }
 
-std::string Core::not_a_peer(const crypto::SigningIdentity& identity) const {
-  const auto registry = setup_.make_registry(organisations_);
-  const auto self = registry->member(identity.serialized, std::nullopt);
-  return !self ? self.error().message : (*self)->peer ? "" : "its certificate has not OU=peer";
+Status Core::check_role(const crypto::SigningIdentity& identity) const {
+  const auto self = setup_.make_registry(organisations_)->member(identity.serialized, std::nullopt);
+  if (!self) return self.error();
+  return (*self)->peer ? Status(done) : Error{"its certificate has not OU=peer"};
 }
 
 Status Core::renew(crypto::SigningIdentity next) {
   if (!organisations_.empty()) {
-    if (const std::string why_not = not_a_peer(next); !why_not.empty())
-      return Error{"no endorsement of it would count: " + why_not};
+    if (const Status role = check_role(next); !role)
+      return Error{"no endorsement of it would count: " + role.error().message};
   }
-  not_a_peer_.clear();
+  role_ = done;
   expires_s_ = expiry_of(next);
   endorser_.set_peer(0, next);
   setup_.identity = std::move(next);
@@ -82,7 +77,7 @@ Status Core::configure(const common::Block& message) {
   if (!config->embedded_node) endorser_.answer_as_fabric([this] { return definition_; });
   embedded_node_ = config->embedded_node;
   organisations_ = std::move(config->organisations);
-  not_a_peer_ = not_a_peer(setup_.identity);
+  role_ = check_role(setup_.identity);
   endorser_.set_members(node::MemberCheck(setup_.make_registry(organisations_), config_.channel));
   return done;
 }
@@ -90,7 +85,7 @@ Status Core::configure(const common::Block& message) {
 std::string Core::snapshot() const { return to_bytes(ledger_.end(), config_block_, ledger_.state(), lifecycle_); }
 
 Status Core::restore(std::string_view bytes) {
-  auto known = snapshot_from(bytes);
+  auto known = read_snapshot(bytes);
   return known ? restore(std::move(*known)) : known.error();
 }
 
@@ -107,7 +102,7 @@ Status Core::restore(Snapshot known) {
 
 /// A transaction whose id another block has used is not valid, whichever source delivered the block. Without the ids of
 /// all blocks this cannot be detected.
-bool Core::counts(const fabric::Transaction& transaction, std::uint64_t block) const {
+bool Core::is_valid(const fabric::Transaction& transaction, std::uint64_t block) const {
   if (transaction.code != protos::VALID) return false;
   const auto known = ledger_.state().find_tx(transaction.tx_id);
   return !known || known->block == block;
@@ -123,7 +118,7 @@ void Core::write(const std::string& envelope, node::Version at) {
   definition_ = read_definition();
 }
 
-Status Core::take(const fabric::Block& block, std::string_view raw) {
+Status Core::apply(const fabric::Block& block, std::string_view raw) {
   const std::string name = fmt::format("block {}", block.number);
   if (block.number != ledger_.height()) return Error{fmt::format("{} came where {} was due", name, ledger_.height())};
   common::Block message;
@@ -135,7 +130,7 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
     return Error{name + " does not follow the one before it: it is of another chain"};
   for (std::size_t i = 0; i < block.transactions.size(); ++i) {
     const fabric::Transaction& transaction = block.transactions[i];
-    const bool valid = counts(transaction, block.number);
+    const bool valid = is_valid(transaction, block.number);
     if (transaction.config) {
       if (!valid) continue;
       if (Status configured = configure(message); !configured) return Error{name + ": " + configured.error().message};
@@ -154,16 +149,16 @@ Status Core::take(const fabric::Block& block, std::string_view raw) {
 
 node::Reply Core::process_proposal(std::string_view signed_proposal, node::Now now) {
   if (expires_s_ != 0 && now.real_ns / ns_per_s > expires_s_)
-    return ask_a_peer("the endorser's own certificate has expired");
-  if (!not_a_peer_.empty()) return ask_a_peer("no endorsement of this endorser counts: " + not_a_peer_);
+    return refer_to_peer("the endorser's own certificate has expired");
+  if (!role_) return refer_to_peer("no endorsement of this endorser counts: " + role_.error().message);
   auto read = node::read_signed_proposal(signed_proposal);
   // What cannot be read is not for it either.
   if (!read || read->proposal.channel_header.channel_id() != setup_.where.channel ||
       read->proposal.contract != setup_.where.contract)
-    return ask_a_peer(for_its_contract_alone);
+    return refer_to_peer(for_its_contract_alone);
   asks_for_blocks_ = false;
   node::Reply reply = endorser_.process_proposal(std::move(*read), now, 0);
-  if (asks_for_blocks_) return ask_a_peer("the endorser keeps no blocks: a peer answers that");
+  if (asks_for_blocks_) return refer_to_peer("the endorser keeps no blocks: a peer answers that");
   return reply;
 }
 

@@ -6,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "chaincode/endorser/core/snapshot.hpp"
 #include "chaincode/node/core/endorser.hpp"
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/types.hpp"
@@ -14,6 +13,19 @@
 #include "common/fabric/validation/block_validator.hpp"
 
 namespace ledgerline::endorser {
+
+/// What an endorser knows behind its newest block, so that it need not read the chain again.
+struct Snapshot {
+  node::ChainEnd end;
+  std::string config_block;  ///< common.Block, the newest with a configuration
+  node::State contract, lifecycle;
+};
+
+/// Numbers little-endian, texts behind their length, keys in their order.
+std::string to_bytes(const node::ChainEnd& end, std::string_view config_block, const node::State& contract,
+                     const node::State& lifecycle);
+/// An error: the bytes are not whole, or more than that. Takes no more memory than the bytes say they hold.
+Result<Snapshot> read_snapshot(std::string_view bytes);
 
 /// What it says of any question that is not of its contract: it is no peer, and keeps no blocks.
 inline constexpr const char* for_its_contract_alone = "the endorser answers for its contract alone";
@@ -36,7 +48,7 @@ class Core {
   /// The next block, as a stream that validates blocks handed it over (fabric::Client::blocks): `block` says which of
   /// the transactions in `raw` (common.Block) count. An error: it is not the next one, or a configuration in it is not
   /// read.
-  Status take(const fabric::Block& block, std::string_view raw);
+  Status apply(const fabric::Block& block, std::string_view raw);
   std::uint64_t height() const { return ledger_.height(); }
   /// The newest block's header's, as ChainCheck has it; empty: there is none.
   const std::string& hash() const { return ledger_.end().hash; }
@@ -61,9 +73,9 @@ class Core {
  private:
   std::optional<node::Definition> read_definition() const;
   Status configure(const common::Block& message);
-  /// Why the channel's organisations let nothing count that it endorses; empty: they do.
-  std::string not_a_peer(const crypto::SigningIdentity& identity) const;
-  bool counts(const fabric::Transaction& transaction, std::uint64_t block) const;
+  /// Whether what this identity endorses counts for the channel's organisations.
+  Status check_role(const crypto::SigningIdentity& identity) const;
+  bool is_valid(const fabric::Transaction& transaction, std::uint64_t block) const;
   void write(const std::string& envelope, node::Version at);
 
   Setup setup_;
@@ -76,7 +88,7 @@ class Core {
   node::Ledger ledger_;
   node::State lifecycle_;                       ///< the keys of the namespace _lifecycle
   std::optional<node::Definition> definition_;  ///< what they say
-  std::string not_a_peer_;  ///< why the configuration does not let the own identity endorse; empty: it does
+  Status role_ = done;                          ///< check_role() of the own identity by the newest configuration
   node::Endorser endorser_;
 };
 

@@ -6,6 +6,7 @@
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "common/base/result.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "common/fabric/validation/block_validator.hpp"
 
 /// A snapshot of a channel as a peer of Fabric 2.5 makes it (`peer snapshot submitrequest`).
 namespace ledgerline::endorser {
@@ -28,7 +29,7 @@ struct PeerSnapshotFiles {
   std::string ids, ids_count;
 };
 
-/// What the peer says. Nobody but its makers has signed any of it: see confirm().
+/// What the peer says. Nobody but its makers has signed any of it: see verify_snapshot().
 struct PeerSnapshot {
   node::ChainEnd end;              ///< of the newest block in it
   std::string config;              ///< common.ConfigEnvelope, the channel's newest
@@ -43,5 +44,13 @@ struct PeerSnapshot {
 /// empty: nobody has said it. Takes no more memory than the files.
 Result<PeerSnapshot> read_peer_snapshot(const PeerSnapshotFiles& files, const fabric::ChannelAndContract& where,
                                         std::string_view hash);
+
+/// Whether an endorser may begin with a peer's snapshot in place of all blocks up to it: its newest block must be in
+/// the chain that `fetch` brings, and signed by the channel's orderers, by the configurations from the trust anchor on,
+/// which `validator` knows. Gives the newest of these that the snapshot can have, common.Block: nothing of a
+/// configuration is the snapshot's word. What the contract's keys hold is. An error says what is not so, or which block
+/// did not come. Pure.
+Result<std::string> verify_snapshot(const PeerSnapshot& said, fabric::BlockValidator& validator,
+                                    const fabric::BlockValidator::Fetch& fetch);
 
 }  // namespace ledgerline::endorser

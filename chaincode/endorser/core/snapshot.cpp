@@ -1,4 +1,4 @@
-#include "chaincode/endorser/core/snapshot.hpp"
+#include "chaincode/endorser/core/core.hpp"
 
 #include <cstring>
 #include <utility>
@@ -118,7 +118,7 @@ std::string to_bytes(const node::ChainEnd& end, std::string_view config_block, c
   return std::move(to.out);
 }
 
-Result<Snapshot> snapshot_from(std::string_view bytes) {
+Result<Snapshot> read_snapshot(std::string_view bytes) {
   const bool of_before = bytes.starts_with(kind_of_before);
   if (!of_before && !bytes.starts_with(kind)) return Error{"it is no endorser's state, or of another version"};
   Reader from(bytes.substr(kind.size()));

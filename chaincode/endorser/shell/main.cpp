@@ -6,7 +6,6 @@
 #include <utility>
 
 #include "chaincode/endorser/shell/service.hpp"
-#include "chaincode/endorser/shell/serving.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
@@ -36,9 +35,7 @@ int run(Config& config) {
   if (!certificates) return fail(certificates.error(), exit_usage);
   std::atomic<bool> failed{false};
   const auto tls = ledger->tls_in_use;
-  auto service =
-      endorser::Service::start(std::move(*ledger), {settings.check_one_in, settings.checkpoint, settings.first_state},
-                               [&](const std::string&) { failed = true; });
+  auto service = endorser::Service::start(std::move(*ledger), settings, [&] { failed = true; });
   if (!service) return fail(service.error(), exit_usage);
   auto served = endorser::serve(**service, settings.serve, "serve.", tls);
   if (!served) return fail(served.error());

@@ -12,14 +12,13 @@
 #include <thread>
 
 #include "chaincode/endorser/core/core.hpp"
-#include "chaincode/endorser/core/feed.hpp"
-#include "chaincode/endorser/core/first_state.hpp"
-#include "chaincode/endorser/core/keeping.hpp"
-#include "chaincode/endorser/core/readiness.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
+#include "chaincode/endorser/core/peer_snapshot.hpp"
+#include "chaincode/endorser/shell/priority_mutex.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
-#include "chaincode/endorser/shell/two_lanes.hpp"
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/stream/block_subscription.hpp"
 
@@ -62,23 +61,23 @@ class SampledChecks {
 /// or a state that stays another one ends it for good. Any thread.
 class Service {
  public:
-  struct Options {
-    int check_one_in = 100;
-    std::string checkpoint{};  ///< a file: what it knew, written now and then and at the end; empty: none
-    FirstStateSettings first_state{};
-  };
-  /// `on_failure`: called once, from a thread of its own, when it must not go on; says why.
-  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Options& options,
-                                                std::function<void(const std::string& why)> on_failure);
+  /// Of `settings` not what is served to others. `on_failure`: called once, from a thread of its own, when it must not
+  /// go on.
+  static Result<std::unique_ptr<Service>> start(fabric::ClientConfig ledger, const Settings& settings,
+                                                std::function<void()> on_failure);
   ~Service();
 
   enum class Caller { own, other };  ///< of this process, or whom it serves: who waits behind blocks and own proposals
   node::Reply process_proposal(const std::string& signed_proposal, Caller caller);
   /// Blocks of a stream that this process reads anyway: once it has met the own stream, the own one is ended.
-  void take_shared(const fabric::Block& block, std::string_view raw) { on_block(Feed::Source::shared, block, raw); }
+  void on_shared_block(const fabric::Block& block, std::string_view raw) {
+    on_block(BlockSources::Source::shared, block, raw);
+  }
   /// The peer has delivered the same block that the shared stream took from an orderer (Block::confirmed).
-  void confirm_shared(std::uint64_t number, const std::string& hash);
-  void shared_connected(bool connected, const std::string& why) { on_connection(Feed::Source::shared, connected, why); }
+  void on_shared_confirmed(std::uint64_t number, const std::string& hash);
+  void on_shared_connection(bool connected, const std::string& why) {
+    on_connection(BlockSources::Source::shared, connected, why);
+  }
   /// It must not go on.
   void fail(const std::string& why);
   /// Waits until it answers, or has failed, or `seconds` are over.
@@ -94,18 +93,18 @@ class Service {
   Counts counts() const;
 
  private:
-  Service(fabric::ClientConfig ledger, int check_one_in, std::function<void(const std::string&)> on_failure);
-  /// process_proposal() under the lock. `renewed`: what take_renewed() said.
+  Service(fabric::ClientConfig ledger, int check_one_in, std::function<void()> on_failure);
+  /// process_proposal() under the lock. `renewed`: what apply_renewed_identity() said.
   node::Reply process_locked(const std::string& signed_proposal, Caller caller, Status& renewed);
-  /// Takes the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is refused.
-  /// With the lock held.
-  Status take_renewed();
-  void on_block(Feed::Source from, const fabric::Block& block, std::string_view raw);
-  void on_connection(Feed::Source from, bool connected, const std::string& why);
-  /// With the lock held; true: then tell_connection() without it, since a log may be slow.
+  /// Signs with the identity that is in use now (ClientConfig::identity) where it is a renewed one; an error: it is
+  /// refused. With the lock held.
+  Status apply_renewed_identity();
+  void on_block(BlockSources::Source from, const fabric::Block& block, std::string_view raw);
+  void on_connection(BlockSources::Source from, bool connected, const std::string& why);
+  /// With the lock held; true: then log_connection() without it, since a log may be slow.
   bool set_connected(bool connected);
-  static void tell_connection(bool connected, const std::string& why);
-  bool agreed() const { return readiness_.agreed(core_.defined_at()); }
+  static void log_connection(bool connected, const std::string& why);
+  bool has_agreed() const { return readiness_.has_agreed(core_.defined_at()); }
   bool choose_for_check(const std::string& signed_proposal, const std::string& answer);
   /// Of the newest that was chosen: until the peer has answered it, or a while. With the lock held, as `lock`.
   void await_check(std::unique_lock<std::mutex>& lock);
@@ -120,31 +119,29 @@ class Service {
   Status read_first_state(const FirstStateSettings& settings, const fabric::ClientConfig& ledger);
   /// Asks the peer's chain, without the lock meanwhile; with it before and after, as `lock`. False: once more.
   bool begin_with_first_state(std::unique_lock<std::mutex>& lock);
-  Status take_first_state(const std::string& config_block);
+  Status apply_first_state(const std::string& config_block);
   /// With the lock held.
   void begin_stream();
-  void keep();
+  void store_checkpoint();
   void write(std::optional<fabric::Checkpoint> due);
-  void check(SampledChecks::Check one);
+  void compare_with_peer(SampledChecks::Check one);
   bool peer_is_behind();
-  /// With the lock held; then tell_failure() without it.
+  /// With the lock held; then report_failure() without it.
   void stop_signing();
-  void tell_failure(const std::string& why);
-
-  static constexpr std::chrono::minutes keep_every{10};  // copying all takes some ten milliseconds
+  void report_failure(const std::string& why);
 
   const std::shared_ptr<const crypto::IdentityInUse> identity_;
-  const std::function<void(const std::string&)> on_failure_;
+  const std::function<void()> on_failure_;
   std::unique_ptr<fabric::PeerQuestions> peer_;
-  fabric::KeptCheckpoint kept_;            ///< until begin_stream(), without its records
+  fabric::KeptCheckpoint checkpoint_;      ///< until begin_stream(), without its records
   std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
-  mutable TwoLanes lanes_;  // its lock guards what follows; by the second lane come the proposals of others alone
-  std::condition_variable checks_wake_, checked_wakes_, ready_wakes_;
-  std::shared_ptr<const crypto::SigningIdentity> seen_identity_;  ///< the newest of identity_; signs, or was refused
+  mutable PriorityMutex mutex_;  // guards what follows; lock_later() is for the proposals of others alone
+  std::condition_variable checker_wakes_, waiters_wake_;  // the second: of those who wait for an answer or readiness
+  std::shared_ptr<const crypto::SigningIdentity> last_identity_;  ///< the newest of identity_; signs, or was refused
   Core core_;
-  Feed feed_;
-  Keeping keeping_;
+  BlockSources sources_;
+  PendingCheckpoint pending_checkpoint_;
   Readiness readiness_;
   bool stopping_ = false;
   SampledChecks checks_;
@@ -157,5 +154,26 @@ class Service {
 
 /// JSON, one key a count.
 Status write_summary(const std::string& path, const Service::Counts& counts);
+
+/// The peer's service Endorser on a TLS endpoint of its own, for any client of Fabric. Destruction gives open calls 0.2
+/// s.
+class Server {
+ public:
+  virtual ~Server() = default;
+  virtual const std::string& endpoint() const = 0;
+};
+/// `service` must outlive it. `tls`: where a renewed pair of its certificate's file appears; it then listens again with
+/// that pair, and gives open calls 0.2 s. An error names the key of `table` ("serve.", "own_endorser.") that is wrong.
+Result<std::unique_ptr<Server>> serve(Service& service, const ServeSettings& settings, const std::string& table,
+                                      std::shared_ptr<const fabric::TlsPairsInUse> tls);
+
+/// Where `settings` name an identity: an endorser of the organisation of `ledger` in this process, which all clients
+/// that are made with `ledger` afterwards ask first, and which the first of their block streams feeds. It goes with the
+/// last of them, and writes its summary then. A bad identity is an error here; later it only logs, and clients ask
+/// others.
+Status start_own_endorser(const Settings& settings, fabric::ClientConfig& ledger);
+
+/// An error where a program on several channels is to have one: it follows one channel.
+Status check_channels(const Settings& settings, const fabric::Channels& channels);
 
 }  // namespace ledgerline::endorser

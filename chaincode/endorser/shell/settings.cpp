@@ -60,8 +60,8 @@ Settings read_settings(Config& config) {
   return out;
 }
 
-WithinSettings read_within_settings(Config& config) {
-  WithinSettings out;
+Settings read_own_endorser_settings(Config& config) {
+  Settings out;
   out.msp_dir = config.text(
       {"own_endorser.msp_dir",
        "folder with an identity of OU=peer, with which this process endorses for its organisation by itself, and asks "

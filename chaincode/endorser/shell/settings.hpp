@@ -6,9 +6,9 @@
 namespace ledgerline::endorser {
 
 struct ServeSettings {
-  std::string listen;           ///< ADDRESS:PORT; port 0: a free one
-  std::string tls_certificate;  ///< PEM files of its own server
-  std::string tls_key;
+  std::string listen{};           ///< ADDRESS:PORT; port 0: a free one
+  std::string tls_certificate{};  ///< PEM files of its own server
+  std::string tls_key{};
   std::string tls_client_ca{};  ///< PEM file: clients must show a certificate of it; empty: they need none
 };
 
@@ -18,25 +18,17 @@ struct FirstStateSettings {
   std::string hash{};    ///< Fabric's snapshot_hash, that another one says it has; empty: nobody has said it
 };
 
-/// The tables [serve], [start] and [output].
 struct Settings {
-  ServeSettings serve;
-  int check_one_in = 100;  ///< of so many answers one is asked of the peer, too
-  std::string checkpoint;  ///< Service::Options::checkpoint
-  FirstStateSettings first_state;
-  std::string summary;  ///< empty: none is written
-};
-Settings read_settings(Config& config);
-
-/// The table [own_endorser]: within agent or ground.
-struct WithinSettings {
-  std::string msp_dir;  ///< empty: there is none
-  int check_one_in = 100;
-  std::string summary;
-  std::string checkpoint;  ///< Service::Options::checkpoint
-  ServeSettings serve;     ///< to others, too; `listen` empty: to none
+  std::string msp_dir{};     ///< of an endorser within another program; empty: there is none
+  int check_one_in = 100;    ///< of so many answers one is compared with the peer's, too
+  std::string summary{};     ///< empty: none is written
+  std::string checkpoint{};  ///< a file: what it knew, written now and then and at the end; empty: none
+  ServeSettings serve{};     ///< of one within another program: to others, too; `listen` empty: to none
   FirstStateSettings first_state{};
 };
-WithinSettings read_within_settings(Config& config);
+/// The tables [serve], [start] and [output].
+Settings read_settings(Config& config);
+/// The table [own_endorser]: within agent or ground.
+Settings read_own_endorser_settings(Config& config);
 
 }  // namespace ledgerline::endorser

@@ -86,7 +86,8 @@ fs::path issuing_dir(const Authorities& authorities, int organisation) {
 
 /// Registers and enrols all of an organisation.
 std::vector<Command> issuing_commands(const Authorities& authorities, int organisation,
-                                      const std::vector<identities::Wanted>& wanted, const std::string& secret) {
+                                      const std::vector<identities::CertificateSpec>& wanted,
+                                      const std::string& secret) {
   const fs::path own = home_of(authorities.dir, organisation) / registrar;
   std::vector<Command> commands{client_command(authorities, organisation,
                                                fmt::format("enrolling the registrar of {}", domain_of(organisation)),
@@ -190,8 +191,8 @@ bool authority_listens(const Authorities& authorities, int organisation) {
   return listens;
 }
 
-Result<std::vector<identities::Issued>> issue_by_authorities(
-    const Authorities& authorities, const std::vector<std::vector<identities::Wanted>>& wanted) {
+Result<std::vector<identities::IssuedCertificates>> issue_by_authorities(
+    const Authorities& authorities, const std::vector<std::vector<identities::CertificateSpec>>& wanted) {
   std::vector<std::vector<Command>> lanes;
   for (int k = 0; k < static_cast<int>(wanted.size()); ++k) {
     const auto secret = read_file(home_of(authorities.dir, k) / "registrar.secret");
@@ -199,7 +200,7 @@ Result<std::vector<identities::Issued>> issue_by_authorities(
     lanes.push_back(issuing_commands(authorities, k, wanted[k], *secret));
   }
   if (const auto ran = run_lanes(lanes, authorities.dir + "/logs/enrolment"); !ran) return ran.error();
-  std::vector<identities::Issued> all(wanted.size());
+  std::vector<identities::IssuedCertificates> all(wanted.size());
   for (int k = 0; k < static_cast<int>(wanted.size()); ++k) {
     const auto ca = read_file(certificate_of(authorities.dir, k));
     if (!ca) return ca.error();

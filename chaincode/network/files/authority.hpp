@@ -36,8 +36,8 @@ std::vector<std::string> authority_environment(const Authorities& authorities, i
 bool authority_listens(const Authorities& authorities, int organisation);
 
 /// What identities::make asks for, from the running servers.
-Result<std::vector<identities::Issued>> issue_by_authorities(
-    const Authorities& authorities, const std::vector<std::vector<identities::Wanted>>& wanted);
+Result<std::vector<identities::IssuedCertificates>> issue_by_authorities(
+    const Authorities& authorities, const std::vector<std::vector<identities::CertificateSpec>>& wanted);
 
 /// What is to be revoked: one of the two.
 struct Revoked {

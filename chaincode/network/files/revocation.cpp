@@ -17,7 +17,6 @@
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/identities/list_origin.hpp"
 #include "common/rt/retry/back_off.hpp"
 #include "msp/msp_config.pb.h"
 

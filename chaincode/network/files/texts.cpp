@@ -3,7 +3,7 @@
 #include <fmt/format.h>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/lifecycle/package.hpp"
+#include "chaincode/lifecycle/lifecycle.hpp"
 
 namespace ledgerline::fabric_network {
 namespace {

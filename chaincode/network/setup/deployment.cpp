@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/lifecycle/package.hpp"
+#include "chaincode/lifecycle/lifecycle.hpp"
 #include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -91,10 +91,10 @@ std::vector<std::string> Deployment::lifecycle(const std::string& verb, const st
                                                const std::vector<std::string>& more) const {
   std::vector<std::string> words{"lifecycle", "chaincode", verb};
   words.insert(words.end(), more.begin(), more.end());
-  words.insert(words.end(), {"-o", site_.places().orderer(1), "--tls", "--cafile",
-                             identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel,
-                             "--name", "ledgerline", "--version", chaincode_lifecycle::contract_version(), "--sequence",
-                             std::to_string(sequence)});
+  words.insert(words.end(),
+               {"-o", site_.places().orderer(1), "--tls", "--cafile",
+                identities::orderer_dir(site_.options().dir, 1) / "tls" / "ca.crt", "--channelID", channel, "--name",
+                "ledgerline", "--version", contract::version, "--sequence", std::to_string(sequence)});
   // Without one the channel's holds, /Channel/Application/Endorsement: a majority of its organisations.
   if (!site_.options().signature_policy.empty())
     words.insert(words.end(), {"--signature-policy", site_.options().signature_policy});
@@ -151,15 +151,14 @@ Status Deployment::define() {
 /// The directory keeps which version was defined; of the first one the mark is empty.
 Status Deployment::define_on(const std::string& channel) {
   const std::string mark = site_.in("done/contract-" + channel);
-  if (const auto defined = read_file(mark); defined && *defined == chaincode_lifecycle::contract_version()) return done;
+  if (const auto defined = read_file(mark); defined && *defined == contract::version) return done;
   Definition now;
   if (fs::exists(mark)) {
     const auto found = definition_on(channel);
     if (!found) return found.error();
     now = *found;
   }
-  const bool new_here =
-      now.version != chaincode_lifecycle::contract_version();  // else another host has committed it already
+  const bool new_here = now.version != contract::version;  // else another host has committed it already
   const int sequence = now.sequence + (new_here ? 1 : 0);
   // One after the other: the command waits from the newest block on, and may miss its own beside others. Those are on
   // other hosts, and then it is soon asked again.
@@ -169,7 +168,7 @@ Status Deployment::define_on(const std::string& channel) {
   if (new_here && site_.options().runs_organisation(1)) {
     if (Status s = commit(channel, sequence); !s) return s;
   }
-  return write_file(mark, chaincode_lifecycle::contract_version(), 0644);
+  return write_file(mark, contract::version, 0644);
 }
 
 Status Deployment::wait_for_definition() {
@@ -177,7 +176,7 @@ Status Deployment::wait_for_definition() {
   for (const std::string& channel : site_.options().channels) {
     for (;;) {
       const auto now = definition_on(channel);
-      if (now && now->version == chaincode_lifecycle::contract_version()) break;
+      if (now && now->version == contract::version) break;
       if (monotonic_ns() > until) {
         return now ? Error{"channel " + channel +
                            " has the contract of before yet: the host of organisation 1 commits it"}

@@ -1,6 +1,6 @@
 #include "chaincode/node/core/committer.hpp"
 
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/check.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/transaction_validator.hpp"
@@ -20,13 +20,9 @@ fabric::Policy majority_of(const std::vector<crypto::MspRoot>& organisations) {
 
 /// The network's settings may have changed since; its name may not.
 bool configures(const common::Block& block, const std::string& channel) {
-  common::Envelope envelope;
-  common::Payload payload;
-  common::ChannelHeader channel_header;
-  return block.data().data_size() == 1 && envelope.ParseFromString(block.data().data(0)) &&
-         payload.ParseFromString(envelope.payload()) &&
-         channel_header.ParseFromString(payload.header().channel_header()) && channel_header.type() == common::CONFIG &&
-         channel_header.channel_id() == channel;
+  if (block.data().data_size() != 1) return false;
+  const common::ChannelHeader header = fabric::read_form(block.data().data(0)).channel_header;
+  return header.type() == common::CONFIG && header.channel_id() == channel;
 }
 
 std::string msp_of(const std::string& creator) {
@@ -62,6 +58,8 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   LEDGERLINE_CHECK(cut.transactions.size() == static_cast<std::size_t>(block.data().data_size()),
                    "each transaction of a block gets one verdict", cut.number, cut.transactions.size());
   LEDGERLINE_CHECK(!block_in_progress_, "a block is validated when the one before it was applied", cut.number);
+  LEDGERLINE_CHECK(block.metadata().metadata_size() > common::TRANSACTIONS_FILTER, "a block has room for its flags",
+                   cut.number);
   std::string flags;
   for (const TxStatus& status : cut.transactions) flags += static_cast<char>(status.code);
   block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
@@ -70,12 +68,10 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   return cut;
 }
 
-Applied Committer::apply(const CutBlock& block) {
+std::vector<WaiterAnswer> Committer::apply(const CutBlock& block) {
   LEDGERLINE_CHECK(block_in_progress_ && block.number == ledger_.height(),
                    "the block that was validated is the next one", block.number, ledger_.height());
-  Applied applied;
-  applied.block = block.number;
-  applied.transactions = block.transactions;
+  std::vector<WaiterAnswer> answers;
   for (const Write& write : block_in_progress_->writes) {
     ledger_.state().write(write.set, write.version, write.writer);
   }
@@ -91,10 +87,10 @@ Applied Committer::apply(const CutBlock& block) {
     if (status.code != protos::BAD_PROPOSAL_TXID) ledger_.state().add_tx(status.tx_id, {status.block, status.code});
     const auto waiting = waiters_.find(status.tx_id);
     if (waiting == waiters_.end() || status.code == protos::BAD_PROPOSAL_TXID) continue;
-    for (const std::uint64_t waiter : waiting->second) applied.answers.push_back({waiter, status});
+    for (const std::uint64_t waiter : waiting->second) answers.push_back({waiter, status});
     waiters_.erase(waiting);
   }
-  return applied;
+  return answers;
 }
 
 Status Committer::check_follows(const common::Block& block, const std::string& name) const {
@@ -127,6 +123,7 @@ void Committer::replay_transaction(std::string_view envelope, Version at, int co
 }
 
 Status Committer::replay(std::string_view bytes) {
+  LEDGERLINE_CHECK(!block_in_progress_, "blocks from disk come before any that is made here", ledger_.height());
   common::Block block;
   const std::uint64_t number = ledger_.height();
   const std::string name = "block " + std::to_string(number);

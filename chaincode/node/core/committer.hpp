@@ -28,15 +28,10 @@ struct CutBlock {
   std::string warning;  ///< not empty: the block has no orderer's signature, and why
 };
 
-struct Applied {
-  std::uint64_t block = 0;
-  std::vector<TxStatus> transactions;
-  /// Answers to waiters (see watch), in the order in which they came.
-  struct Answer {
-    std::uint64_t waiter;
-    TxStatus status;
-  };
-  std::vector<Answer> answers;
+/// What a waiter is to get (see watch).
+struct WaiterAnswer {
+  std::uint64_t waiter;
+  TxStatus status;
 };
 
 /// The peer's committing half: says of each transaction of an ordered block whether it is valid, puts the block into
@@ -48,9 +43,9 @@ class Committer {
   Committer(const CoreConfig& config, std::shared_ptr<crypto::MspRegistry> members, Ledger& ledger);
 
   CutBlock validate(OrderedBlock ordered);
-  bool under_way() const { return block_in_progress_.has_value(); }
-  /// Commits the block that validate() gave. Only after it is on disk.
-  Applied apply(const CutBlock& block);
+  bool has_block_in_progress() const { return block_in_progress_.has_value(); }
+  /// Commits the block that validate() gave. Only after it is on disk. Answers in the order in which waiters came.
+  std::vector<WaiterAnswer> apply(const CutBlock& block);
   /// Takes a block from disk: state, history, transaction ids. In order, before anything else.
   Status replay(std::string_view block);
 

@@ -21,16 +21,18 @@ Result<crypto::IdentityName> NodeCore::check_signer(std::string_view serialized,
   return (*member)->name;
 }
 
-std::optional<TimeNs> NodeCore::next_cut() const { return committer_.under_way() ? std::nullopt : orderer_.next_cut(); }
+std::optional<TimeNs> NodeCore::next_cut() const {
+  return committer_.has_block_in_progress() ? std::nullopt : orderer_.next_cut();
+}
 
 std::optional<CutBlock> NodeCore::cut(Now now) {
-  if (committer_.under_way()) return std::nullopt;
+  if (committer_.has_block_in_progress()) return std::nullopt;
   auto block = orderer_.cut(now, ledger_.end());
   if (!block) return std::nullopt;
   return committer_.validate(std::move(*block));
 }
 
-Applied NodeCore::apply(const CutBlock& block) {
+std::vector<WaiterAnswer> NodeCore::apply(const CutBlock& block) {
   for (const TxStatus& one : block.transactions) orderer_.settle(one.tx_id, one.code == protos::VALID);
   return committer_.apply(block);
 }

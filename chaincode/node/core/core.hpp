@@ -47,7 +47,7 @@ class NodeCore {
   Reply evaluate(std::string_view signed_proposal, Now now) { return endorser_.evaluate(signed_proposal, now); }
   /// protos.Endorser.ProcessProposal. Out: protos.ProposalResponse of that one of the peers (refusals too, as Fabric
   /// does; a code only when the proposal cannot be answered). Here and in evaluate the peer's own contracts answer as
-  /// well (system_contracts.hpp).
+  /// well (query_system_contract).
   Reply process_proposal(std::string_view signed_proposal, Now now, std::size_t peer) {
     return endorser_.process_proposal(signed_proposal, now, peer);
   }
@@ -61,7 +61,8 @@ class NodeCore {
   /// gateway distinguishes it: an unknown channel.
   Reply order(std::string_view envelope, Now now) { return orderer_.order(envelope, now); }
   /// Whether the disk is nearly full: then order() takes nothing but endorsed commands, stops and who may do what.
-  void keep_room(bool nearly_full) { orderer_.keep_room(nearly_full); }
+  /// Returns what was so before.
+  bool set_nearly_full(bool nearly_full) { return orderer_.set_nearly_full(nearly_full); }
   /// Checks a signed request of a member: `signature` of `message` by `serialized` (a msp.SerializedIdentity).
   Result<crypto::IdentityName> check_signer(std::string_view serialized, std::string_view message,
                                             std::string_view signature, Now now) const;
@@ -72,9 +73,9 @@ class NodeCore {
   /// Makes the next block if one is due: full, or the oldest envelope's time is up.
   std::optional<CutBlock> cut(Now now);
   /// Commits the block that cut() or genesis() gave. Only after it is on disk.
-  Applied apply(const CutBlock& block);
+  std::vector<WaiterAnswer> apply(const CutBlock& block);
 
-  /// A transaction's status if it is committed; otherwise `waiter` (a name that the caller chose) gets it from apply().
+  /// As Committer's functions of these names.
   std::optional<TxStatus> watch(const std::string& tx_id, std::uint64_t waiter) {
     return committer_.watch(tx_id, waiter);
   }

@@ -2,7 +2,7 @@
 
 #include <map>
 
-#include "chaincode/node/core/system_contracts.hpp"
+#include "common/base/check.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
 #include "ledger/rwset/rwset.pb.h"
@@ -14,6 +14,10 @@ namespace {
 
 std::string refusal(const chaincode::Response& response) {
   return "chaincode response " + std::to_string(response.status) + ", " + response.message;
+}
+
+Reply malformed(const std::string& why) {
+  return {Code::invalid_argument, "failed to unpack transaction proposal: " + why, {}, {}};
 }
 
 protos::Response to_message(const chaincode::Response& response) {
@@ -81,8 +85,9 @@ Endorser::Endorser(const CoreConfig& config, MemberCheck members, std::vector<cr
       members_(std::move(members)),
       peers_(std::move(peers)),
       ledger_(ledger),
-      history_(ledger, config.contract),
-      read_version_([this](const std::string& key, Version version) { return history_.version_of(key, version); }) {}
+      history_(ledger, config.contract) {
+  LEDGERLINE_CHECK(!peers_.empty(), "somebody endorses", config.channel);
+}
 
 std::string Endorser::response_payload(const ProposalParts& proposal, const Simulation& simulation,
                                        const chaincode::Response& response, const Definition& definition) const {
@@ -99,7 +104,7 @@ std::string Endorser::response_payload(const ProposalParts& proposal, const Simu
   }
   protos::ChaincodeAction action;
   action.set_results(results.SerializeAsString());
-  if (simulation.has_event()) {
+  if (!simulation.event_name().empty()) {
     protos::ChaincodeEvent event;
     event.set_chaincode_id(config_.contract);
     event.set_tx_id(proposal.channel_header.tx_id());
@@ -136,7 +141,7 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Resul
   }
   auto member = members_.check(proposal->signature_header.creator(), read->proposal_bytes, read->signature, now);
   if (!member) return Unanswered{Kind::denied, "error validating proposal: " + member.error().message};
-  if (auto answer = ask_system_contract(ledger_, config_.channel, *proposal))
+  if (auto answer = query_system_contract(ledger_, config_.channel, *proposal))
     return Simulated{std::move(*proposal), std::move(*answer), {}};
   if (proposal->contract != config_.contract) {
     return Unanswered{Kind::unknown_contract, "no contract named '" + printable(proposal->contract, max_name) +
@@ -154,7 +159,7 @@ std::variant<Endorser::Simulated, Endorser::Unanswered> Endorser::simulate(Resul
                                                   " has been successfully defined on channel " + config_.channel +
                                                   " and try again: chaincode " + config_.contract + " not found"};
   }
-  Simulation simulation(ledger_.state(), read_version_, **member, definition_ ? Ranges::as_fabric : Ranges::as_wanted);
+  Simulation simulation(ledger_.state(), history_, **member, definition_ ? Ranges::as_fabric : Ranges::as_wanted);
   Simulated result;
   result.response = chaincode::invoke(simulation, proposal->function, proposal->args);
   if (!definition_ && result.response.status < 400) {
@@ -171,16 +176,9 @@ Reply Endorser::endorse(std::string_view signed_proposal, Now now) {
   const auto answer = simulate(read_signed_proposal(signed_proposal), now);
   const std::string failed = "failed to endorse transaction, see attached details for more info";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
-    switch (none->kind) {
-      case Kind::malformed:
-        return {Code::invalid_argument, "failed to unpack transaction proposal: " + none->what, {}, {}};
-      case Kind::unknown_channel:
-      case Kind::unknown_contract:
-        return {Code::failed_precondition, none->what, none->what, {}};
-      case Kind::denied:
-      case Kind::duplicate:
-        return {Code::aborted, failed, none->what, {}};
-    }
+    if (none->kind == Kind::malformed) return malformed(none->what);
+    if (none->kind == Kind::denied || none->kind == Kind::duplicate) return {Code::aborted, failed, none->what, {}};
+    return {Code::failed_precondition, none->what, none->what, {}};
   }
   const auto& simulated = std::get<Simulated>(answer);
   if (simulated.response.status >= 400) return {Code::aborted, failed, refusal(simulated.response), {}};
@@ -200,16 +198,9 @@ Reply Endorser::evaluate(std::string_view signed_proposal, Now now) {
   const auto answer = simulate(read_signed_proposal(signed_proposal), now);
   const std::string failed = "evaluate call to endorser returned error: ";
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
-    switch (none->kind) {
-      case Kind::malformed:
-        return {Code::invalid_argument, "failed to unpack transaction proposal: " + none->what, {}, {}};
-      case Kind::unknown_channel:
-        return {Code::unavailable, none->what, none->what, {}};
-      case Kind::unknown_contract:
-      case Kind::denied:
-      case Kind::duplicate:
-        return {Code::failed_precondition, failed + none->what, none->what, {}};
-    }
+    if (none->kind == Kind::malformed) return malformed(none->what);
+    if (none->kind == Kind::unknown_channel) return {Code::unavailable, none->what, none->what, {}};
+    return {Code::failed_precondition, failed + none->what, none->what, {}};
   }
   const auto& simulated = std::get<Simulated>(answer);
   if (simulated.response.status >= 400) {
@@ -229,14 +220,10 @@ Reply Endorser::process_proposal(SignedProposalParts signed_proposal, Now now, s
 Reply Endorser::reply_of_peer(const std::variant<Simulated, Unanswered>& answer, std::size_t peer) const {
   protos::ProposalResponse response;
   if (const auto* none = std::get_if<Unanswered>(&answer)) {
-    switch (none->kind) {
-      case Kind::unknown_channel:
-      case Kind::unknown_contract:
-        *response.mutable_response() = to_message({500, none->what, {}});
-        return {Code::ok, {}, {}, response.SerializeAsString()};
-      default:
-        return {Code::unknown, none->what, none->what, {}};
-    }
+    if (none->kind != Kind::unknown_channel && none->kind != Kind::unknown_contract)
+      return {Code::unknown, none->what, none->what, {}};
+    *response.mutable_response() = to_message({500, none->what, {}});
+    return {Code::ok, {}, {}, response.SerializeAsString()};
   }
   const auto& simulated = std::get<Simulated>(answer);
   const ProposalParts& proposal = simulated.proposal;
@@ -249,7 +236,8 @@ Reply Endorser::reply_of_peer(const std::variant<Simulated, Unanswered>& answer,
       !proposal.channel_header.channel_id().empty())
     payload = system_payload(proposal, simulated.response);
   if (!payload.empty() && simulated.response.status < 400) {
-    auto endorsement = endorse_by(peers_.at(peer), payload);
+    LEDGERLINE_CHECK(peer < peers_.size(), "each service is one of the peers'", peer, peers_.size());
+    auto endorsement = endorse_by(peers_[peer], payload);
     if (!endorsement) return {Code::unknown, endorsement.error().message, {}, {}};
     *response.mutable_endorsement() = std::move(*endorsement);
   }

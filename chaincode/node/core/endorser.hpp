@@ -8,12 +8,20 @@
 
 #include "chaincode/node/core/ledger/ledger.hpp"
 #include "chaincode/node/core/ledger/simulation.hpp"
-#include "chaincode/node/core/member_check.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "peer/proposal_response.pb.h"
 
 namespace ledgerline::node {
+
+// The contracts that every peer of Fabric has of its own, as far as tools ask them: qscc (the chain) and cscc (the
+// channels). They answer questions. A peer signs what they say of the channel; no transaction can be made of it.
+
+bool is_system_contract(const std::string& contract);
+
+/// What such a contract says; nullopt: the proposal is for none of them.
+std::optional<chaincode::Response> query_system_contract(const Ledger& ledger, const std::string& channel,
+                                                         const ProposalParts& proposal);
 
 /// What Fabric's lifecycle says of the contract.
 struct Definition {
@@ -62,7 +70,6 @@ class Endorser {
   std::vector<crypto::SigningIdentity> peers_;
   const Ledger& ledger_;
   History history_;
-  const ReadVersion read_version_;
   std::function<std::optional<Definition>()> definition_;  ///< empty: as the embedded node, without a lifecycle
 };
 

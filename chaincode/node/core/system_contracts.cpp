@@ -1,4 +1,4 @@
-#include "chaincode/node/core/system_contracts.hpp"
+#include "chaincode/node/core/endorser.hpp"
 
 #include <charconv>
 
@@ -22,8 +22,8 @@ chaincode::Response refuse(const std::string& why) { return {500, printable(why,
 
 bool is_system_contract(const std::string& contract) { return contract == "qscc" || contract == "cscc"; }
 
-std::optional<chaincode::Response> ask_system_contract(const Ledger& ledger, const std::string& channel,
-                                                       const ProposalParts& proposal) {
+std::optional<chaincode::Response> query_system_contract(const Ledger& ledger, const std::string& channel,
+                                                         const ProposalParts& proposal) {
   if (!is_system_contract(proposal.contract)) return std::nullopt;
   const std::string& function = proposal.function;
   const auto argument = [&](std::size_t i) { return i < proposal.args.size() ? proposal.args[i] : std::string(); };

@@ -1,12 +1,16 @@
 #pragma once
 #include <cstdint>
+#include <memory>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 
-/// What endorser, orderer and committer have in common: their answers, their time and their settings.
+/// What endorser, orderer and committer have in common: their answers, time, settings and check of members.
 namespace ledgerline::node {
 
 /// gRPC's status codes with their numbers; the core needs no gRPC.
@@ -32,6 +36,8 @@ struct Reply {
 
 /// Names that others chose are shown up to here (printable).
 inline constexpr std::size_t max_name = 200;
+/// So many are remembered though nothing of theirs waits for a block.
+inline constexpr std::size_t max_idle_identities = 1'024;
 
 struct Now {
   TimeNs monotonic_ns = 0;
@@ -59,6 +65,22 @@ struct CoreConfig {
   std::size_t max_stored_bytes = 256'000'000;  ///< of the values that one organisation has written
   std::vector<crypto::MspRoot> organisations;  ///< of the channel: a majority of them endorses; in the config block
   crypto::MspRoot orderers;                    ///< likewise: whose orderer signs blocks; no name: of nobody
+};
+
+/// Whether a signature is one of a member of the channel. Copies share the registry. One thread at a time.
+class MemberCheck {
+ public:
+  MemberCheck(std::shared_ptr<crypto::MspRegistry> registry, std::string channel)
+      : registry_(std::move(registry)), channel_(std::move(channel)) {}
+
+  /// `signature` of `message` by `serialized` (a msp.SerializedIdentity); the error is in Fabric's words.
+  Result<std::shared_ptr<const crypto::MspRegistry::Member>> check(std::string_view serialized,
+                                                                   std::string_view message, std::string_view signature,
+                                                                   Now now) const;
+
+ private:
+  std::shared_ptr<crypto::MspRegistry> registry_;
+  std::string channel_;
 };
 
 }  // namespace ledgerline::node

@@ -64,13 +64,13 @@ struct ServiceLimits {
 template <typename Request, typename PlaceOf, typename Work>
 grpc::ServerUnaryReactor* answer_on_core(Node& node, ServiceLimits& limits, grpc::CallbackServerContext* context,
                                          const grpc::ByteBuffer& bytes, PlaceOf place_of, Work work) {
-  Limit::Slot slot = limits.calls.take();
+  Limit::Slot slot = limits.calls.acquire();
   if (!slot) return refuse(context, too_many(limits.calls));
   const auto request = std::make_shared<Request>();
   if (!parse(bytes, *request)) return refuse(context, unparsable(request->GetTypeName()));
   const Node::Place place = place_of(*request);
-  if (place.turn == Node::Turn::later) {
-    slot = limits.questions.take();
+  if (place.turn == Turn::later) {
+    slot = limits.questions.acquire();
     if (!slot) return refuse(context, too_many(limits.questions));
   }
   grpc::ServerUnaryReactor* reactor = context->DefaultReactor();

@@ -1,7 +1,7 @@
 #include "chaincode/node/server/calls.hpp"
 #include "chaincode/node/server/services.hpp"
 #include "chaincode/node/server/streams.hpp"
-#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
 #include "orderer/ab.grpc.pb.h"
 #include "peer/events.grpc.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -105,19 +105,19 @@ class BroadcastStream final
 
   void OnReadDone(bool ok) override {
     if (!ok) return finish(grpc::Status::OK);
-    is_looked_at();
+    on_received();
     common::Envelope envelope;
     if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
     const auto order = [self = shared_from_this(), bytes = envelope.SerializeAsString()](NodeCore& core) {
       const Reply reply = core.order(bytes, read_now());
       // What is taken was signed by a member.
-      if (reply.code == Code::ok && !self->is_of_member()) return;
-      if (reply.code != Code::ok) self->is_of_nobody();
+      if (reply.code == Code::ok && !self->set_authenticated()) return;
+      if (reply.code != Code::ok) self->set_unauthenticated();
       self->acknowledge(reply);
     };
-    const bool taken = node_.post(order, Node::Turn::first, node_.sender_of(envelope));
+    const bool taken = node_.post(order, Turn::first, node_.sender_of(envelope));
     if (taken) return;
-    is_of_nobody();
+    set_unauthenticated();
     acknowledge({Code::unavailable, "the node has too many requests waiting; try again", {}, {}});
   }
   void OnWriteDone(bool ok) override {

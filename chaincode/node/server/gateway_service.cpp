@@ -43,8 +43,7 @@ class GatewayService final : public RawGateway {
     return answer_on_core<gateway::EvaluateRequest>(
         node_, limits_, context, *request,
         [this](const gateway::EvaluateRequest& call) {
-          return Node::Place{Node::Turn::later,
-                             node_.place_of(call.proposed_transaction().SerializeAsString()).requester};
+          return Node::Place{Turn::later, node_.place_of(call.proposed_transaction().SerializeAsString()).requester};
         },
         [response](NodeCore& core, const gateway::EvaluateRequest& call) {
           const Reply reply = core.evaluate(call.proposed_transaction().SerializeAsString(), read_now());
@@ -79,7 +78,7 @@ class GatewayService final : public RawGateway {
     return answer_on_core<gateway::SubmitRequest>(
         node_, limits_, context, *request,
         [this](const gateway::SubmitRequest& call) {
-          return Node::Place{Node::Turn::first, node_.sender_of(call.prepared_transaction())};
+          return Node::Place{Turn::first, node_.sender_of(call.prepared_transaction())};
         },
         [](NodeCore& core, const gateway::SubmitRequest& call) {
           const Reply reply = core.order(call.prepared_transaction().SerializeAsString(), read_now());
@@ -98,7 +97,7 @@ class GatewayService final : public RawGateway {
 
   grpc::ServerUnaryReactor* CommitStatus(grpc::CallbackServerContext* context, const grpc::ByteBuffer* bytes,
                                          grpc::ByteBuffer* response) override {
-    Limit::Slot place = waiting_limit_.take();
+    Limit::Slot place = waiting_limit_.acquire();
     if (!place) return refuse(context, too_many(waiting_limit_));
     gateway::SignedCommitStatusRequest signed_request;
     if (!parse(*bytes, signed_request)) return refuse(context, unparsable(signed_request.GetTypeName()));
@@ -113,7 +112,7 @@ class GatewayService final : public RawGateway {
     const auto begin_waiting = [this, id, reactor, request, signed_request, response](NodeCore& core) {
       begin(core, id, reactor, request, signed_request, response);
     };
-    const bool taken = node_.post(begin_waiting, Node::Turn::first, requester);
+    const bool taken = node_.post(begin_waiting, Turn::first, requester);
     if (!taken) reactor->Finish(overloaded());
     return reactor;
   }

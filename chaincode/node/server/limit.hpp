@@ -19,7 +19,7 @@ class Limit {
 
   /// Held until the last copy is gone; nullptr when all are taken. A place may outlive the limit: whatever thread has a
   /// stream last ends it, the block feed's, too.
-  Slot take() {
+  Slot acquire() {
     if (open_->fetch_add(1) < max_open_) return {open_.get(), [open = open_](void*) { --*open; }};
     --*open_;
     return nullptr;

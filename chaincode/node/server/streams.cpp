@@ -4,7 +4,7 @@
 
 #include <limits>
 
-#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
 
@@ -96,7 +96,7 @@ DeliverStream* DeliverStream::start(Node& node, Limit& limit, UnauthenticatedStr
 
 void DeliverStream::OnReadDone(bool ok) {
   if (!ok) return finish(grpc::Status::OK);
-  is_looked_at();
+  on_received();
   common::Envelope envelope;
   if (!parse(request_, envelope)) return finish(unparsable("common.Envelope"));
   const auto request = read_seek(envelope);
@@ -108,7 +108,7 @@ void DeliverStream::OnReadDone(bool ok) {
     const auto range = read_range(request.seek, core.height());
     if (!signer) return self->send_status(common::FORBIDDEN);
     if (!range) return self->send_status(common::BAD_REQUEST);
-    if (self->is_of_member()) self->begin(*range);
+    if (self->set_authenticated()) self->begin(*range);
   });
   if (!taken) send_status(common::SERVICE_UNAVAILABLE);
 }
@@ -154,7 +154,7 @@ void DeliverStream::pump() {
 }
 
 void DeliverStream::send_status(common::Status status) {
-  is_of_nobody();
+  set_unauthenticated();
   const std::lock_guard lock(mutex_);
   write_status(status);
 }

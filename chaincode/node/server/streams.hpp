@@ -36,7 +36,7 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
 
  protected:
   /// It has its place at once. The limit outlives the stream.
-  explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.take()) {}
+  explicit ServedStream(Limit& limit) : limit_(limit), place_(limit.acquire()) {}
   /// It has a place once its member is known. Both outlive the stream.
   ServedStream(Limit& limit, UnauthenticatedStreams& unauthenticated)
       : limit_(limit), unauthenticated_(&unauthenticated) {}
@@ -53,17 +53,17 @@ class ServedStream : public Reactor, public UnauthenticatedStreams::Stream, publ
   }
 
   /// Something came, which the core looks at next: nobody displaces it meanwhile.
-  void is_looked_at() {
+  void on_received() {
     if (!place_) unauthenticated_->remove(this);
   }
   /// On the core thread. A member has signed what came: from now on it has a member's place. False as in admit().
-  bool is_of_member() {
-    if (!place_) place_ = limit_.take();
+  bool set_authenticated() {
+    if (!place_) place_ = limit_.acquire();
     if (!place_) finish(too_many(limit_));
     return place_ != nullptr;
   }
   /// It was not, or nobody looks at it: what comes next may be.
-  void is_of_nobody() {
+  void set_unauthenticated() {
     if (!place_) unauthenticated_->add(this->shared_from_this());
   }
 

@@ -1,7 +1,11 @@
-#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
 
+#include "common/common.pb.h"
 #include "common/fabric/tx/form.hpp"
+#include "gateway/gateway.pb.h"
+#include "orderer/ab.pb.h"
 #include "peer/chaincode_event.pb.h"
+#include "peer/events.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {

@@ -4,7 +4,8 @@
 #include <filesystem>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
+#include "common/base/check.hpp"
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -63,18 +64,16 @@ Result<Identities> open_identities(const std::string& dir) {
 }
 
 Result<std::unique_ptr<Node>> Node::open(Options options) {
-  std::unique_ptr<Node> node(new Node);
-  node->dir_ = options.dir;
-  node->kept_bytes_ = options.kept_bytes;
-  auto files = open_directory(options.dir + "/ledger");
+  std::unique_ptr<Node> node(new Node(std::move(options)));
+  const std::string& dir = node->options_.dir;
+  auto files = open_directory(dir + "/ledger");
   if (!files) return files.error();
   node->files_ = std::move(*files);
-  auto identities = open_identities(options.dir);
+  auto identities = open_identities(dir);
   if (!identities) return identities.error();
   node->identities_ = std::move(*identities);
-  node->config_ = std::move(options.core);
-  node->config_.organisations = node->identities_.organisations;
-  node->config_.orderers = node->identities_.orderers;
+  node->options_.core.organisations = node->identities_.organisations;
+  node->options_.core.orderers = node->identities_.orderers;
   if (Status status = node->open_ledger(); !status) return status.error();
   if (Status status = node->write_config_block(); !status) return status.error();
   if (node->core_->height() < 1 + first_call_count) {
@@ -84,7 +83,7 @@ Result<std::unique_ptr<Node>> Node::open(Options options) {
   node->feed_ = std::make_unique<BlockFeed>(*node->store_);
   node->feed_->start_at(node->store_->height());
   node->core_thread_ = std::thread([raw = node.get()] { raw->run_core(); });
-  node->writer_thread_ = std::thread([raw = node.get()] { raw->run_writer(); });
+  node->writer_thread_ = std::jthread([raw = node.get()](const std::stop_token& stop) { raw->run_writer(stop); });
   return node;
 }
 
@@ -93,7 +92,7 @@ Node::~Node() { stop(); }
 Status Node::open_ledger() {
   std::shared_ptr<crypto::MspRegistry> registry =
       crypto::make_msp_registry(crypto::Library::libcrypto, identities_.organisations);
-  core_ = std::make_unique<NodeCore>(config_, registry, identities_.peers, identities_.orderer,
+  core_ = std::make_unique<NodeCore>(options_.core, registry, identities_.peers, identities_.orderer,
                                      [this](std::uint64_t number) { return store_->read(number); });
   auto store = BlockStore::open(
       *files_, [this](std::string_view block) { return core_->replay(block); },
@@ -101,26 +100,27 @@ Status Node::open_ledger() {
   if (!store) return store.error();
   store_ = std::move(*store);
   if (core_->height() == 0) return commit_now(core_->genesis());
-  spdlog::info("replayed {} blocks from {}", core_->height(), dir_);
+  spdlog::info("replayed {} blocks from {}", core_->height(), options_.dir);
   return done;
 }
 
 Status Node::write_config_block() {
   const auto block = store_->read(0);
   if (!block) return block.error();
-  return replace_file(dir_ + "/" + config_.channel + ".block", *block);
+  return replace_file(options_.dir + "/" + options_.core.channel + ".block", *block);
 }
 
 Status Node::commit_now(const CutBlock& block) {
   if (Status status = store_->append(block.bytes); !status) return status;
-  for (const TxStatus& status : core_->apply(block).transactions) {
+  core_->apply(block);
+  for (const TxStatus& status : block.transactions) {
     if (status.code != 0) return Error{"transaction " + status.tx_id + " is invalid: " + std::to_string(status.code)};
   }
   return done;
 }
 
 Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg) {
-  const fabric::ChannelAndContract where{config_.channel, config_.contract};
+  const fabric::ChannelAndContract where{options_.core.channel, options_.core.contract};
   const auto proposal = fabric::make_proposal(who, where, {function, {arg}}, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   const Reply endorsed = core_->endorse(proposal->signed_proposal, read_now());
@@ -130,7 +130,7 @@ Status Node::submit_now(const crypto::SigningIdentity& who, const std::string& f
   const Reply ordered = core_->order(*envelope, read_now());
   if (ordered.code != Code::ok) return Error{function + ": " + ordered.message};
   Now late = read_now();
-  late.monotonic_ns += config_.batch_timeout_ns;
+  late.monotonic_ns += options_.core.batch_timeout_ns;
   const auto block = core_->cut(late);
   if (!block) return Error{function + ": no block was cut"};
   return commit_now(*block);
@@ -141,7 +141,8 @@ Status Node::enroll_first() {
   for (const auto& organisation : identities_.organisations) {
     ++number;
     const auto load = [&](const char* who) {
-      return crypto::load_identity(crypto::Library::libcrypto, organisation.msp_id, user_msp_dir(dir_, number, who));
+      return crypto::load_identity(crypto::Library::libcrypto, organisation.msp_id,
+                                   user_msp_dir(options_.dir, number, who));
     };
     const auto admin = load("Admin"), user = load("User1");
     if (!admin) return admin.error();
@@ -157,7 +158,7 @@ Requester Node::requester_of(const std::string& serialized) const {
   msp::SerializedIdentity identity;
   if (!identity.ParseFromString(serialized)) return {};
   const auto is_its = [&](const crypto::MspRoot& one) { return one.msp_id == identity.mspid(); };
-  if (std::ranges::none_of(config_.organisations, is_its)) return {};
+  if (std::ranges::none_of(options_.core.organisations, is_its)) return {};
   return {identity.mspid(), serialized};
 }
 
@@ -165,7 +166,7 @@ Node::Place Node::place_of(std::string_view signed_proposal) const {
   const auto read = read_signed_proposal(signed_proposal);
   if (!read) return {};
   const ProposalParts& proposal = read->proposal;
-  const bool writes = proposal.contract == config_.contract && !contract::is_question(proposal.function);
+  const bool writes = proposal.contract == options_.core.contract && !contract::is_question(proposal.function);
   return {writes ? Turn::first : Turn::later, requester_of(proposal.signature_header.creator())};
 }
 
@@ -180,9 +181,8 @@ Requester Node::sender_of(const common::Envelope& envelope) const {
 bool Node::post(Task task, Turn turn, const Requester& requester) {
   {
     const std::lock_guard lock(mutex_);
-    TaskTurns<Task>& queue = turn == Turn::first ? tasks_ : later_;
-    if (queue.size() >= max_tasks || stopping_) return false;
-    queue.push(requester, std::move(task));
+    if (tasks_.is_full(turn) || stopping_) return false;
+    tasks_.push(turn, requester, std::move(task));
   }
   core_wakes_.notify_one();
   return true;
@@ -191,7 +191,7 @@ bool Node::post(Task task, Turn turn, const Requester& requester) {
 void Node::post_always(Task task, const Requester& requester) {
   {
     const std::lock_guard lock(mutex_);
-    tasks_.push(requester, std::move(task));
+    tasks_.push(Turn::first, requester, std::move(task));
   }
   core_wakes_.notify_one();
 }
@@ -206,70 +206,59 @@ void Node::on_failure(std::function<void(const std::string&)> handler) {
 }
 
 void Node::run_core() {
-  constexpr int max_in_a_row = 16;
-  int in_a_row = 0;
-  TimeNs look_at_disk_ns = 0;
+  TimeNs check_disk_ns = 0;
   std::unique_lock lock(mutex_);
   for (;;) {
-    const auto idle = [&] { return tasks_.empty() && later_.empty(); };
-    const auto ready = [&] { return !idle() || written_ || stopping_; };
+    const auto ready = [&] { return !tasks_.empty() || written_ || stopping_; };
     if (const auto due = failed_ ? std::nullopt : core_->next_cut()) {
       const TimeNs now = monotonic_ns();
       if (!ready() && *due > now) core_wakes_.wait_for(lock, std::chrono::nanoseconds(*due - now), ready);
     } else {
       core_wakes_.wait(lock, ready);
     }
-    if (stopping_ && idle() && !writing_ && !written_) break;
+    if (stopping_ && tasks_.empty() && !to_write_ && !written_) break;
     std::optional<CutBlock> written = std::exchange(written_, std::nullopt);
     Task task;
-    if (!idle()) {
-      // Now and then a question has its turn though others wait, so that it is answered at all.
-      const bool question = tasks_.empty() || (!later_.empty() && ++in_a_row >= max_in_a_row);
-      if (question) in_a_row = 0;
-      task = (question ? later_ : tasks_).pop();
-    }
+    if (!tasks_.empty()) task = tasks_.pop();
     const bool may_cut = !failed_;
     lock.unlock();
-    if (const TimeNs now = monotonic_ns(); now >= look_at_disk_ns) {
-      look_at_disk_ns = now + ns_per_s;
-      look_at_disk();
+    if (const TimeNs now = monotonic_ns(); now >= check_disk_ns) {
+      check_disk_ns = now + ns_per_s;
+      check_disk();
     }
     if (written) apply(*written);
     if (task) std::exchange(task, nullptr)(*core_);
     if (may_cut) {
-      if (auto block = core_->cut(read_now())) hand_to_writer(std::move(*block));
+      if (auto block = core_->cut(read_now())) start_writing(std::move(*block));
     }
     lock.lock();
     // While stopping, a block in progress is finished; after it only queued tasks can come.
-    if (stopping_ && idle() && writing_) core_wakes_.wait(lock, [&] { return written_ || !writing_; });
+    if (stopping_ && tasks_.empty()) core_wakes_.wait(lock, [&] { return written_ || !to_write_; });
   }
-  core_ended_ = true;
-  writer_wakes_.notify_one();
 }
 
 /// What commands and stops need is kept for them before the disk is full for all.
-void Node::look_at_disk() {
-  const auto room = room_at(dir_);
+void Node::check_disk() {
+  const auto room = room_at(options_.dir);
   // A disk that cannot be queried cannot be written either: the error is reported where a block is written.
   if (!room) return;
-  const bool nearly_full = room->free_bytes < std::min(kept_bytes_, room->all_bytes / 32);
-  if (nearly_full == nearly_full_) return;
+  const bool nearly_full = room->free_bytes < std::min(options_.kept_bytes, room->all_bytes / 32);
+  if (core_->set_nearly_full(nearly_full) == nearly_full) return;
   if (nearly_full) {
-    spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", dir_, room->free_bytes / 1'000);
+    spdlog::error("{} has {} kB left: commands, stops and control alone are ordered", options_.dir,
+                  room->free_bytes / 1'000);
   } else {
-    spdlog::warn("{} has room again: everything is ordered", dir_);
+    spdlog::warn("{} has room again: everything is ordered", options_.dir);
   }
-  nearly_full_ = nearly_full;
-  core_->keep_room(nearly_full);
 }
 
-void Node::hand_to_writer(CutBlock block) {
+void Node::start_writing(CutBlock block) {
   if (!block.warning.empty())
     spdlog::warn("block {} is without the orderer's signature: {}", block.number, block.warning);
   {
     const std::lock_guard lock(mutex_);
+    LEDGERLINE_CHECK(!to_write_ && !written_, "one block is in progress at most", block.number);
     to_write_ = std::move(block);
-    writing_ = true;
   }
   writer_wakes_.notify_one();
 }
@@ -288,12 +277,11 @@ Status Node::store(const CutBlock& block) {
   return stored;
 }
 
-void Node::run_writer() {
+void Node::run_writer(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   for (;;) {
-    writer_wakes_.wait(lock, [&] { return to_write_ || core_ended_; });
-    if (!to_write_) return;
-    CutBlock block = std::move(*std::exchange(to_write_, std::nullopt));
+    if (!writer_wakes_.wait(lock, stop, [&] { return to_write_.has_value(); })) return;
+    const CutBlock& block = *to_write_;
     lock.unlock();
     const TimeNs begin = monotonic_ns();
     const Status stored = store(block);
@@ -301,24 +289,24 @@ void Node::run_writer() {
     disk_.add(took);
     if (took > slow_disk_ns) spdlog::warn("the disk took {:.0f} ms for block {}", to_ms(took), block.number);
     lock.lock();
-    writing_ = false;
     if (stored) {
-      written_ = std::move(block);
+      written_ = std::move(*to_write_);
     } else {
       // The block stays in progress for ever: nothing is announced that is not on disk.
       failed_ = true;
       spdlog::error("the ledger stops: {}", stored.error().message);
       if (on_failure_) on_failure_(stored.error().message);
     }
+    to_write_.reset();
     core_wakes_.notify_one();
   }
 }
 
 void Node::apply(const CutBlock& block) {
-  const Applied applied = core_->apply(block);
+  const std::vector<WaiterAnswer> answers = core_->apply(block);
   // Readers of blocks first: commands travel that way.
   feed_->publish(block.number, block.bytes);
-  for (const Applied::Answer& answer : applied.answers) {
+  for (const WaiterAnswer& answer : answers) {
     if (on_answer_) on_answer_(answer.waiter, answer.status);
   }
 }
@@ -331,8 +319,8 @@ void Node::stop() {
   core_wakes_.notify_one();
   writer_wakes_.notify_one();
   if (core_thread_.joinable()) core_thread_.join();
+  writer_thread_.request_stop();
   if (writer_thread_.joinable()) writer_thread_.join();
-  if (core_) counts_ = core_->counts();
 }
 
 }  // namespace ledgerline::node

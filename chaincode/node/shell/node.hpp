@@ -56,8 +56,6 @@ class Node {
   Node& operator=(const Node&) = delete;
 
   using Task = std::function<void(NodeCore&)>;
-  /// Who waits for commands and states goes first; who only asks comes after them (but is not kept waiting for ever).
-  enum class Turn { first, later };
   /// Any thread. In each turn requesters take turns. False: the queue is full, the task was not taken.
   bool post(Task task, Turn turn = Turn::first, const Requester& requester = {});
   /// Of a proposal that nobody has checked: one that asks only is for later, whatever service brings it. What cannot be
@@ -77,7 +75,7 @@ class Node {
 
   BlockFeed& feed() { return *feed_; }
   const Identities& identities() const { return identities_; }
-  const CoreConfig& config() const { return config_; }
+  const CoreConfig& config() const { return options_.core; }
   /// Called once, on the core thread, for each answer to a waiter that a task left with NodeCore::watch. Set before
   /// serving.
   void on_answer(std::function<void(std::uint64_t waiter, const TxStatus&)> handler);
@@ -86,14 +84,12 @@ class Node {
 
   /// Stops the threads after the queued tasks and the block in progress.
   void stop();
-  NodeCore::Counts counts() const { return counts_; }  ///< after stop()
+  NodeCore::Counts counts() const { return core_->counts(); }  ///< after stop()
   /// How long blocks took to be on disk; after stop().
   Quantiles disk_ms() const { return disk_.quantiles_ms(); }
 
  private:
-  static constexpr std::size_t max_tasks = 4096;
-
-  Node() = default;
+  explicit Node(Options options) : options_(std::move(options)) {}
   Status open_ledger();
   /// For clients: the trust anchor.
   Status write_config_block();
@@ -101,33 +97,31 @@ class Node {
   Status submit_now(const crypto::SigningIdentity& who, const std::string& function, const std::string& arg);
   Status commit_now(const CutBlock& block);
   void run_core();
-  void run_writer();
+  void run_writer(const std::stop_token& stop);
   Status store(const CutBlock& block);
-  void look_at_disk();
-  void hand_to_writer(CutBlock block);
+  void check_disk();
+  void start_writing(CutBlock block);
   void apply(const CutBlock& block);
 
-  CoreConfig config_;
-  std::string dir_;
+  Options options_;
   Identities identities_;
   std::unique_ptr<Files> files_;
   std::unique_ptr<BlockStore> store_;
   std::unique_ptr<BlockFeed> feed_;
   std::unique_ptr<NodeCore> core_;
-  NodeCore::Counts counts_;
-  std::uint64_t kept_bytes_ = 0;
-  bool nearly_full_ = false;  // of the core thread
-  Histogram disk_;            // of the writer thread
+  Histogram disk_;  // of the writer thread
   std::function<void(std::uint64_t, const TxStatus&)> on_answer_;
   std::function<void(const std::string&)> on_failure_;
 
   std::mutex mutex_;  // guards what follows
-  std::condition_variable core_wakes_, writer_wakes_;
-  TaskTurns<Task> tasks_, later_;
-  std::optional<CutBlock> to_write_, written_;
-  bool writing_ = false, failed_ = false, stopping_ = false, core_ended_ = false;
+  std::condition_variable core_wakes_;
+  std::condition_variable_any writer_wakes_;
+  TaskQueue<Task> tasks_;
+  std::optional<CutBlock> to_write_, written_;  // the first stays until its block is on disk, or never will be
+  bool failed_ = false, stopping_ = false;
 
-  std::thread core_thread_, writer_thread_;
+  std::thread core_thread_;
+  std::jthread writer_thread_;  // is to stop once the core's has ended
 };
 
 }  // namespace ledgerline::node

@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <cstddef>
 #include <deque>
 #include <map>
@@ -70,6 +71,34 @@ class TaskTurns {
 
   Lines<Identities> organisations_;
   std::size_t size_ = 0;
+};
+
+/// Who waits for commands and states goes first; who only asks comes after them (but is not kept waiting for ever).
+enum class Turn { first, later };
+
+/// All tasks that wait for the core. Not thread-safe.
+template <typename Task>
+class TaskQueue {
+ public:
+  void push(Turn turn, const Requester& requester, Task task) { of(turn).push(requester, std::move(task)); }
+  /// The next one. Only where one waits.
+  Task pop() {
+    // Now and then a question has its turn though others wait, so that it is answered at all.
+    const bool question = of(Turn::first).empty() || (!of(Turn::later).empty() && ++in_a_row_ >= max_in_a_row);
+    if (question) in_a_row_ = 0;
+    return of(question ? Turn::later : Turn::first).pop();
+  }
+  bool empty() const { return turns_[0].empty() && turns_[1].empty(); }
+  bool is_full(Turn turn) { return of(turn).size() >= max_tasks; }
+
+ private:
+  static constexpr std::size_t max_tasks = 4096;
+  static constexpr int max_in_a_row = 16;
+
+  TaskTurns<Task>& of(Turn turn) { return turns_[static_cast<std::size_t>(turn)]; }
+
+  std::array<TaskTurns<Task>, 2> turns_;  ///< by Turn
+  int in_a_row_ = 0;
 };
 
 }  // namespace ledgerline::node

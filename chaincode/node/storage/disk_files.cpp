@@ -98,23 +98,6 @@ class Directory final : public Files {
     return std::unique_ptr<File>(std::make_unique<DiskFile>(path, std::move(fd)));
   }
 
-  Status rename(const std::string& from, const std::string& to) override {
-    if (::rename((path_ + "/" + from).c_str(), (path_ + "/" + to).c_str()) != 0) {
-      return failed("renaming", path_ + "/" + from);
-    }
-    return sync_names();
-  }
-
-  Result<std::vector<std::string>> list() const override {
-    std::vector<std::string> names;
-    std::error_code error;
-    for (std::filesystem::directory_iterator at(path_, error), end; !error && at != end; at.increment(error)) {
-      names.push_back(at->path().filename().string());
-    }
-    if (error) return Error{"listing " + path_ + ": " + error.message()};
-    return names;
-  }
-
   std::string place() const override { return path_; }
 
  private:

@@ -32,8 +32,6 @@ class Files {
   virtual ~Files() = default;
   /// Made when it is missing.
   virtual Result<std::unique_ptr<File>> open(const std::string& name) = 0;
-  virtual Status rename(const std::string& from, const std::string& to) = 0;
-  virtual Result<std::vector<std::string>> list() const = 0;
   /// For messages: where the files are.
   virtual std::string place() const = 0;
 };
@@ -45,7 +43,7 @@ Result<std::unique_ptr<Files>> open_directory(const std::string& path);
 /// "disk" or "tmpfs": on the latter a loss of power loses all, and latencies are not those of a disk.
 Result<std::string> storage_kind(const std::string& path);
 
-/// In memory. Shared by copies, so that a test can "restart"; lose_power() drops what was not synced. One thread.
+/// In memory. Shared by copies, so that a test can "restart"; cut_power() drops what was not synced. One thread.
 class MemoryFiles final : public Files {
  public:
   struct Content {
@@ -54,11 +52,9 @@ class MemoryFiles final : public Files {
     std::size_t room = SIZE_MAX;  ///< bytes that it may have
   };
   Result<std::unique_ptr<File>> open(const std::string& name) override;
-  Status rename(const std::string& from, const std::string& to) override;
-  Result<std::vector<std::string>> list() const override;
   std::string place() const override { return "memory"; }
 
-  void lose_power();
+  void cut_power();
   Content& content(const std::string& name) { return *(*contents_)[name]; }
 
  private:

@@ -45,21 +45,7 @@ Result<std::unique_ptr<File>> MemoryFiles::open(const std::string& name) {
   return std::unique_ptr<File>(std::make_unique<MemoryFile>(name, content));
 }
 
-Status MemoryFiles::rename(const std::string& from, const std::string& to) {
-  const auto found = contents_->find(from);
-  if (found == contents_->end()) return Error{from + " does not exist"};
-  (*contents_)[to] = found->second;
-  contents_->erase(from);
-  return done;
-}
-
-Result<std::vector<std::string>> MemoryFiles::list() const {
-  std::vector<std::string> names;
-  for (const auto& [name, content] : *contents_) names.push_back(name);
-  return names;
-}
-
-void MemoryFiles::lose_power() {
+void MemoryFiles::cut_power() {
   for (auto& [name, content] : *contents_) content->bytes.resize(content->synced);
 }
 

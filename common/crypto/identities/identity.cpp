@@ -10,7 +10,7 @@
 #include <filesystem>
 
 #include "common/base/files/private_file.hpp"
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 

@@ -5,7 +5,7 @@
 
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 
 namespace ledgerline::crypto {
 
@@ -27,12 +27,14 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
   return fmt::format("the certificate of {} ends in {} {}", printable(whose), left, left == 1 ? "day" : "days");
 }
 
-std::optional<Result<Renewal::Pair>> Renewal::look_at(const std::vector<std::string>& files, std::int64_t now_s,
-                                                      const Load& load) {
+std::optional<Result<Renewal::Pair>> Renewal::check_files(const std::vector<std::string>& files, std::int64_t now_s,
+                                                          const Load& load) {
   const bool is_due = due(now_s);
   if (!changed(files) && !is_due) return std::nullopt;
   auto found = load();
+  const std::string before = in_use_pem_;
   if (Status fits = check(found, now_s); !fits) return fits.error();
+  found->is_new = found->certificate_pem != before;
   return found;
 }
 
@@ -74,7 +76,7 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
                     "subject at a start alone",
                     printable(next.subject), printable(subject_))};
   // The one in use goes on to its end and behind it: what changed are the files beside it.
-  const bool in_use = !in_use_pem_.empty() && found->certificate_pem == in_use_pem_;
+  const bool in_use = is_checked_ && found->certificate_pem == in_use_pem_;
   if (!in_use && now_s < next.not_before_s) {
     valid_from_s_ = next.not_before_s;
     return Error{fmt::format("it is not valid yet, for another {} s: it is taken then, or do the clocks differ?",
@@ -83,6 +85,7 @@ Status Renewal::check(const Result<Pair>& found, std::int64_t now_s) {
   if (!in_use && now_s > next.not_after_s) return Error{"it has ended already"};
   not_after_s_ = next.not_after_s;
   in_use_pem_ = found->certificate_pem;
+  is_checked_ = true;
   reported_days_.reset();
   return done;
 }
@@ -93,13 +96,13 @@ bool Renewal::due(std::int64_t now_s) {
   return true;
 }
 
-std::optional<Renewal::Word> Renewal::look(std::int64_t now_s) {
+std::optional<Renewal::Notice> Renewal::end_notice(std::int64_t now_s) {
   const Ends end = ends(not_after_s_, now_s);
   if (end == Ends::later) return std::nullopt;
   const std::int64_t left = days_left(now_s);
   if (reported_days_ == left) return std::nullopt;
   reported_days_ = left;
-  return Word{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
+  return Notice{end == Ends::soon ? Weight::warning : Weight::alarm, end_in_words(whose_, not_after_s_, now_s)};
 }
 
 Result<Renewal::Pair> read_pair(const IdentityFiles& files) {

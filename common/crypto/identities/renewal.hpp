@@ -37,38 +37,43 @@ std::string end_in_words(const std::string& whose, std::int64_t not_after_s, std
 class Renewal {
  public:
   /// `whose`: for words; `subject`: that it must have, empty: any (of TLS alone, where nobody goes by it);
-  /// `not_after_s`: the end of the one in use.
-  Renewal(std::string whose, std::string subject, std::int64_t not_after_s)
-      : whose_(std::move(whose)), subject_(std::move(subject)), not_after_s_(not_after_s) {}
+  /// `not_after_s`: the end of the one in use, `in_use_pem`: itself, where it is known.
+  Renewal(std::string whose, std::string subject, std::int64_t not_after_s, std::string in_use_pem = {})
+      : whose_(std::move(whose)),
+        subject_(std::move(subject)),
+        not_after_s_(not_after_s),
+        in_use_pem_(std::move(in_use_pem)) {}
 
   /// A pair as it was read from the files.
   struct Pair {
     Certificate certificate;
     std::string key_pem, certificate_pem;  ///< empty key: its reader has already verified that the two fit
+    bool is_new = true;                    ///< by check_files(): not the one that was in use
   };
   using Load = std::function<Result<Pair>()>;
-  /// One look of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
+  /// One check of many, by one stat of each file: nullopt where they are as before. A change counts when the files are
   /// the same from one look to the next, since certificate and key are two; the first look counts, too, unless
-  /// taken(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
-  std::optional<Result<Pair>> look_at(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
+  /// ignore_present(). Then `load` reads them. A pair: to be used from now on. An error: why not, once for each change.
+  std::optional<Result<Pair>> check_files(const std::vector<std::string>& files, std::int64_t now_s, const Load& load);
   /// In use now, whatever its dates are.
   void begin(const Pair& in_use) {
     not_after_s_ = in_use.certificate.not_after_s;
     in_use_pem_ = in_use.certificate_pem;
+    is_checked_ = true;
   }
   /// What lies in these files now is about to be read, and is no news.
-  void taken(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
+  void ignore_present(const std::vector<std::string>& files) { taken_ = seen_ = stamps(files); }
 
   /// done: to be taken, and what is reported from here on is of the new one. An error: why not.
   Status check(const Result<Pair>& found, std::int64_t now_s);
 
   enum class Weight { warning, alarm };
-  struct Word {
+  struct Notice {
     Weight weight{};
     std::string words;
   };
   /// What is to be reported of the end now: once a day from a month before, as an alarm from three days before.
-  std::optional<Word> look(std::int64_t now_s);
+  std::optional<Notice> end_notice(std::int64_t now_s);
 
   /// True, once: what was refused as not valid yet is valid now, and is to be checked again though no file has changed.
   bool due(std::int64_t now_s);
@@ -89,7 +94,8 @@ class Renewal {
 
   std::string whose_, subject_;
   std::int64_t not_after_s_;
-  std::string in_use_pem_;  ///< empty: not known
+  std::string in_use_pem_;   ///< empty: not known
+  bool is_checked_ = false;  ///< it was found good once; what was only said to be in use is checked as any other
   std::optional<std::int64_t> reported_days_;
   std::optional<std::int64_t> valid_from_s_;  ///< of what was refused for that alone
   std::vector<Stamp> taken_, seen_;

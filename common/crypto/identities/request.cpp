@@ -1,4 +1,4 @@
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 
 #include <openssl/ec.h>
 #include <openssl/pem.h>

@@ -8,7 +8,6 @@
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/unhex.hpp"
 
 namespace ledgerline::fabric {
 namespace {

@@ -10,8 +10,8 @@
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
-#include "common/crypto/identities/request.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"

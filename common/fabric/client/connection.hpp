@@ -8,7 +8,7 @@
 #include <string>
 
 #include "common/base/random.hpp"
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
 #include "common/rt/retry/back_off.hpp"

@@ -52,8 +52,7 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
     if (!pair) return pair.error();
     const std::string whose = fmt::format("TLS, {}", files.certificate_file);
     watch->pairs_.push_back({.files = std::move(files),
-                             .in_use_pem = std::move(pair->certificate_pem),
-                             .renewal = {whose, "", pair->certificate.not_after_s}});
+                             .renewal = {whose, "", pair->certificate.not_after_s, std::move(pair->certificate_pem)}});
   }
   watch->keep_first_end();
   ledger.tls_in_use = watch->in_use_;
@@ -80,7 +79,7 @@ CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<c
       trusted_(std::move(trusted)),
       in_use_(std::make_shared<TlsPairsInUse>()),
       identity_renewal_(fmt::format("{} {}", ledger.identity.name.msp_id, ledger.identity.name.subject),
-                        ledger.identity.name.subject, end_of(ledger.identity)) {}
+                        ledger.identity.name.subject, end_of(ledger.identity), ledger.identity.serialized) {}
 
 CertificateWatch::~CertificateWatch() = default;
 
@@ -121,18 +120,17 @@ Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentit
   return Renewal::Pair{std::move(read->certificate), {}, found->serialized};
 }
 
-/// What is to be used from now on in place of `in_use`.
+/// What is to be used from now on in place of the one that is in use.
 std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const std::vector<std::string>& files,
-                                                       const std::string& in_use, std::int64_t now_s,
-                                                       const Renewal::Load& load) {
-  auto found = renewal.look_at(files, now_s, load);
+                                                       std::int64_t now_s, const Renewal::Load& load) {
+  auto found = renewal.check_files(files, now_s, load);
   if (!found) return std::nullopt;
   if (!*found) {
     tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
                                      found->error().message));
     return std::nullopt;
   }
-  if ((*found)->certificate_pem == in_use) return std::nullopt;
+  if (!(*found)->is_new) return std::nullopt;
   keep_first_end();
   tell_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(),
                                   renewal.days_left(now_s)));
@@ -151,23 +149,20 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
     if (found) next = std::move(*found);
     return pair;
   };
-  if (renewed(identity_renewal_, names, identity_->now()->serialized, now_s, load))
-    identity_->replace(std::move(*next));
+  if (renewed(identity_renewal_, names, now_s, load)) identity_->replace(std::move(*next));
   tell_end(identity_renewal_, now_s);
 }
 
 void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
   const crypto::IdentityFiles files{pair.files.certificate_file, pair.files.key_file};
-  if (auto next = renewed(pair.renewal, {files.certificate, files.private_key}, pair.in_use_pem, now_s,
-                          [&] { return crypto::read_pair(files); })) {
-    pair.in_use_pem = next->certificate_pem;
+  if (auto next = renewed(pair.renewal, {files.certificate, files.private_key}, now_s,
+                          [&] { return crypto::read_pair(files); }))
     in_use_->renew(files.certificate, {std::move(next->certificate_pem), std::move(next->key_pem)});
-  }
   tell_end(pair.renewal, now_s);
 }
 
 void CertificateWatch::tell_end(Renewal& renewal, std::int64_t now_s) {
-  if (const auto word = renewal.look(now_s))
+  if (const auto word = renewal.end_notice(now_s))
     tell_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
 }
 

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "common/config/config.hpp"
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/fabric/client/client.hpp"
 
@@ -55,7 +55,6 @@ class CertificateWatch {
  private:
   struct Pair {
     ClientConfig::TlsPair files;
-    std::string in_use_pem{};
     crypto::Renewal renewal;
   };
 
@@ -65,8 +64,7 @@ class CertificateWatch {
   void keep_first_end();
   void look_at(Pair& pair, std::int64_t now_s);
   std::optional<crypto::Renewal::Pair> renewed(crypto::Renewal& renewal, const std::vector<std::string>& files,
-                                               const std::string& in_use, std::int64_t now_s,
-                                               const crypto::Renewal::Load& load);
+                                               std::int64_t now_s, const crypto::Renewal::Load& load);
   void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
   Result<crypto::Renewal::Pair> take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
 

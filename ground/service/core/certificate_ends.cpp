@@ -30,10 +30,10 @@ void CertificateEnds::note(const fabric::Block& block) {
   }
 }
 
-std::vector<crypto::Renewal::Word> CertificateEnds::look(std::int64_t now_s) {
-  std::vector<crypto::Renewal::Word> words;
+std::vector<crypto::Renewal::Notice> CertificateEnds::look(std::int64_t now_s) {
+  std::vector<crypto::Renewal::Notice> words;
   for (auto& [name, writer] : writers_) {
-    if (auto word = writer.renewal.look(now_s)) words.push_back(std::move(*word));
+    if (auto word = writer.renewal.end_notice(now_s)) words.push_back(std::move(*word));
   }
   return words;
 }

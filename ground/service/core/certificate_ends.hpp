@@ -16,7 +16,7 @@ class CertificateEnds {
 
   void note(const fabric::Block& block);
   /// What is to be reported now (crypto::Renewal::look).
-  std::vector<crypto::Renewal::Word> look(std::int64_t now_s);
+  std::vector<crypto::Renewal::Notice> look(std::int64_t now_s);
 
  private:
   struct Writer {

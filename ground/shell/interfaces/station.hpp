@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "ground/core/flight_view.hpp"
 #include "ground/service/core/board.hpp"
 #include "ground/service/operators/leaving.hpp"

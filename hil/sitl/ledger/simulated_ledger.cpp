@@ -105,7 +105,7 @@ void SimulatedLedger::open() {
 }
 
 void SimulatedLedger::restart(TimeNs now) {
-  files_.lose_power();
+  files_.cut_power();
   open();
   writing_.reset();
   const auto lose = [&](const Pending& pending) {
@@ -215,7 +215,7 @@ void SimulatedLedger::cut_if_due(TimeNs now) {
 void SimulatedLedger::apply(TimeNs now, const node::CutBlock& block) {
   [[maybe_unused]] const Status stored = store_->append(block.bytes);
   assert(stored.ok());
-  const node::Applied applied = core_->apply(block);
+  const std::vector<node::WaiterAnswer> answers = core_->apply(block);
   const auto message = std::make_shared<common::Block>();
   [[maybe_unused]] const bool whole = message->ParseFromString(block.bytes);
   assert(whole);
@@ -224,7 +224,7 @@ void SimulatedLedger::apply(TimeNs now, const node::CutBlock& block) {
     const TimeNs earliest = member.blocks.empty() ? 0 : member.blocks.back().first;
     member.blocks.emplace_back(std::max(earliest, delivered(now, member)), message);
   }
-  for (const auto& answer : applied.answers) {
+  for (const auto& answer : answers) {
     const auto found = waiting_.find(answer.waiter);
     fabric::Outcome outcome;
     outcome.kind = answer.status.code == 0 ? fabric::Outcome::Kind::committed : fabric::Outcome::Kind::invalidated;

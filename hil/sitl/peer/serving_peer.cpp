@@ -5,8 +5,9 @@
 #include <algorithm>
 #include <utility>
 
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/enum_count.hpp"
+#include "common/base/random.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"

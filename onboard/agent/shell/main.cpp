@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <set>
 
-#include "chaincode/endorser/shell/within.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
@@ -99,7 +99,7 @@ int run(Config& config) {
   auto ledger = fabric::ledger_config(config, std::chrono::seconds(1));
   auto registry = fabric::msp_registry(config);
   const fabric::Channels channels = fabric::read_channels(config);
-  const endorser::WithinSettings within = endorser::read_within_settings(config);
+  const endorser::Settings within = endorser::read_own_endorser_settings(config);
   fabric::ClientConfig known = verification::for_contract(ledger ? *ledger : fabric::ClientConfig{});
   agent::Settings settings = agent::read_settings(config, known.identity.name.msp_id, known.where);
   bridge::BridgeConfig bridged = agent::read_bridge(config, settings.core.drones);
@@ -129,7 +129,7 @@ int run(Config& config) {
   std::vector<std::unique_ptr<agent::AgentShell>> shells;
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     if (auto status = wait_longer((*ledgers)[i], of_each[i]); !status) return fail(status.error());
-    if (const Status s = endorser::endorse_within(within, (*ledgers)[i]); !s) return fail(s.error(), exit_usage);
+    if (const Status s = endorser::start_own_endorser(within, (*ledgers)[i]); !s) return fail(s.error(), exit_usage);
     auto made = make_channel(config, std::move(of_each[i]), ledgers->size() > 1, (*ledgers)[i], participant);
     if (!made) return fail(made.error(), exit_usage);
     shells.push_back(std::move(*made));

@@ -1,5 +1,5 @@
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/der.hpp"
+#include "common/crypto/openssl.hpp"
 #include "msp/identities.pb.h"
 #include "tests/fuzz/entry.hpp"
 

@@ -1,7 +1,6 @@
 #include <algorithm>
 
 #include "chaincode/endorser/core/core.hpp"
-#include "chaincode/endorser/core/snapshot.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
@@ -42,7 +41,7 @@ class SnapshotEntry final : public Entry {
     endorser::Core core(setup());
     for (const std::string& raw : net_->chain) {
       const auto block = fabric::decode_block(raw);
-      if (!block || !core.take(*block, raw)) return {};
+      if (!block || !core.apply(*block, raw)) return {};
       all.push_back(core.snapshot());
     }
     return all;
@@ -53,7 +52,7 @@ class SnapshotEntry final : public Entry {
     if (const Status restored = core.restore(bytes); !restored)
       return core.height() == 0 && core.hash().empty() ? refused(restored.error().message) : refused("");
     const std::string again = core.snapshot();
-    const auto first = endorser::snapshot_from(bytes), second = endorser::snapshot_from(again);
+    const auto first = endorser::read_snapshot(bytes), second = endorser::read_snapshot(again);
     // The one of before did not say since when its history is.
     const std::size_t added = bytes.starts_with("ledgerline endorser 1") ? sizeof(std::uint64_t) : 0;
     if (!first || !second || first->end.height != second->end.height || again.size() != bytes.size() + added)

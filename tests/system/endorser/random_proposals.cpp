@@ -10,7 +10,7 @@
 #include <thread>
 #include <vector>
 
-#include "chaincode/endorser/core/comparison.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/asking/peer_questions.hpp"
@@ -136,7 +136,7 @@ class Asking {
       // At its start it waits until the peer has answered the same once.
       if (!mine && mine.error().message.find("has not yet answered as the peer") != std::string::npos) continue;
       const endorser::Comparison found =
-          mine && theirs ? endorser::compare(*mine, *theirs) : unanswered(mine, theirs, kind, function);
+          mine && theirs ? endorser::compare_answers(*mine, *theirs) : unanswered(mine, theirs, kind, function);
       if (found == endorser::Comparison::other_state) continue;
       if (found == endorser::Comparison::differ) return differ(function, mine, theirs);
       if (mine && theirs) {

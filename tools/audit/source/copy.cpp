@@ -58,8 +58,6 @@ class OneFile final : public node::Files {
     if (file < 0) return Error{path_ + ": cannot be read"};
     return std::unique_ptr<node::File>(std::make_unique<ReadOnlyFile>(file, path_));
   }
-  Status rename(const std::string&, const std::string&) override { return read_only; }
-  Result<std::vector<std::string>> list() const override { return std::vector<std::string>{path_}; }
   std::string place() const override { return fs::path(path_).parent_path().string(); }
 
  private:

@@ -6,8 +6,8 @@
 #include <set>
 #include <string_view>
 
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
-#include "common/crypto/identities/request.hpp"
 #include "msp/identities.pb.h"
 
 namespace ledgerline::checks {

@@ -3,7 +3,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/crypto/identities/request.hpp"
+#include "common/crypto/crypto.hpp"
 
 /// What `ledgerline init` puts on a host: new files, and the host's identity, made on it: MSP_DIR/keystore/priv_sk,
 /// which never leaves it, and MSP_DIR/signcerts/.

@@ -1,9 +1,17 @@
 #include "chaincode/node/core/ledger/ledger.hpp"
 
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
+#include "common/base/check.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::node {
+
+void Ledger::add_block(std::string hash) {
+  LEDGERLINE_CHECK(hash.size() == std::tuple_size_v<crypto::Digest>, "the next block is to follow this hash",
+                   end_.height, hash.size());
+  end_ = {end_.height + 1, std::move(hash)};
+}
 
 Result<common::Block> Ledger::block_at(std::uint64_t number) const {
   auto bytes = read_block_(number);

@@ -7,7 +7,7 @@
 
 #include "chaincode/contract/stub.hpp"
 #include "chaincode/node/core/ledger/state.hpp"
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/base/result.hpp"
 #include "common/common.pb.h"
 
@@ -32,7 +32,7 @@ class Ledger {
     end_ = std::move(end);
   }
   /// The next block is in the state: it has this hash.
-  void add_block(std::string hash) { end_ = {end_.height + 1, std::move(hash)}; }
+  void add_block(std::string hash);
   Result<common::Block> block_at(std::uint64_t number) const;
 
  private:

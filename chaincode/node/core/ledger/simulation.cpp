@@ -147,14 +147,14 @@ Result<std::vector<chaincode::KeyVersion>> Simulation::get_history(const std::st
   const std::vector<Version>* versions = state_.history(key);
   const std::size_t known = versions == nullptr ? 0 : versions->size();
   for (std::size_t i = skip; i < known && found.size() < limit; ++i) {
-    auto version = read_version_(key, (*versions)[known - 1 - i]);
+    auto version = history_.version_of(key, (*versions)[known - 1 - i]);
     if (!version) return version.error();
     found.push_back(std::move(*version));
   }
   const std::uint64_t since = state_.parts().history_since;
   if (since == 0 || found.size() == limit) return found;
   // Older ones may lie in blocks that nobody here has read.
-  const auto older = read_version_(key, {since - 1, 0});
+  const auto older = history_.version_of(key, {since - 1, 0});
   return older ? Error{"what was written before block " + std::to_string(since) + " is not known"} : older.error();
 }
 

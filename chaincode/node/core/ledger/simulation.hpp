@@ -1,16 +1,12 @@
 #pragma once
-#include <functional>
 #include <map>
 #include <string>
 
 #include "chaincode/contract/stub.hpp"
-#include "chaincode/node/core/ledger/state.hpp"
+#include "chaincode/node/core/ledger/ledger.hpp"
 #include "ledger/rwset/kvrwset/kv_rwset.pb.h"
 
 namespace ledgerline::node {
-
-/// Finds a written value in a block, with its transaction's id and time.
-using ReadVersion = std::function<Result<chaincode::KeyVersion>(const std::string& key, Version version)>;
 
 /// How a range that was read is recorded.
 enum class Ranges {
@@ -21,9 +17,9 @@ enum class Ranges {
 /// Runs a call against the committed state and records what it read and wrote.
 class Simulation final : public chaincode::Stub {
  public:
-  Simulation(const State& state, const ReadVersion& read_version, const crypto::MspRegistry::Member& caller,
+  Simulation(const State& state, History& history, const crypto::MspRegistry::Member& caller,
              Ranges recorded_ranges = Ranges::as_wanted)
-      : state_(state), read_version_(read_version), caller_(caller), recorded_ranges_(recorded_ranges) {}
+      : state_(state), history_(history), caller_(caller), recorded_ranges_(recorded_ranges) {}
 
   Result<std::optional<std::string>> get_state(const std::string& key) override;
   Status put_state(const std::string& key, const std::string& value) override;
@@ -40,13 +36,12 @@ class Simulation final : public chaincode::Stub {
   kvrwset::KVRWSet read_write_set() const;
   /// By how many bytes what the caller's organisation has written would grow.
   std::int64_t growth_bytes() const;
-  bool has_event() const { return !event_name_.empty(); }
   const std::string& event_name() const { return event_name_; }
   const std::string& event_payload() const { return event_payload_; }
 
  private:
   const State& state_;
-  const ReadVersion& read_version_;
+  History& history_;
   const crypto::MspRegistry::Member& caller_;
   const Ranges recorded_ranges_;
   std::map<std::string, std::optional<Version>> reads_;

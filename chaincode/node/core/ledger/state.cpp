@@ -2,6 +2,7 @@
 
 #include <utility>
 
+#include "common/base/check.hpp"
 #include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::node {
@@ -25,13 +26,20 @@ std::size_t State::stored_bytes(const std::string& writer) const {
   return found == stored_.end() ? 0 : found->second;
 }
 
+void State::subtract_stored(const Value& value) {
+  std::size_t& stored = stored_[value.writer];
+  LEDGERLINE_CHECK(stored >= value.bytes.size(), "what is replaced was counted when it was stored", value.writer,
+                   stored, value.bytes.size());
+  stored -= value.bytes.size();
+}
+
 void State::write(const kvrwset::KVRWSet& set, Version version, const std::string& writer) {
   for (const kvrwset::KVWrite& one : set.writes()) parts_.history[one.key()].push_back(version);
   for (auto& [key, effect] : fabric::effects_of(set)) {
     const auto found = parts_.values.find(key);
     if (effect.kind == fabric::KeyEffect::Kind::deletion) {
       if (found == parts_.values.end()) continue;
-      stored_[found->second.writer] -= found->second.bytes.size();
+      subtract_stored(found->second);
       parts_.values.erase(found);
       continue;
     }
@@ -39,7 +47,7 @@ void State::write(const kvrwset::KVRWSet& set, Version version, const std::strin
     if (found == parts_.values.end() && policy_alone) continue;
     Value& value = found == parts_.values.end() ? parts_.values[key] : found->second;
     if (!policy_alone) {
-      stored_[value.writer] -= value.bytes.size();
+      subtract_stored(value);
       stored_[writer] += effect.value.size();
       value.bytes = effect.value;
       value.writer = writer;

@@ -57,6 +57,8 @@ class State {
   void add_tx(const std::string& tx_id, Tx tx) { parts_.txs.emplace(tx_id, tx); }
 
  private:
+  void subtract_stored(const Value& value);
+
   Parts parts_;
   std::map<std::string, std::size_t> stored_;  // by who wrote
 };

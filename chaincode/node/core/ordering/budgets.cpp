@@ -2,16 +2,16 @@
 
 #include <algorithm>
 
+#include "common/base/check.hpp"
+
 namespace ledgerline::node {
 namespace {
 
-constexpr std::size_t max_standings = 1'024;  // identities; as Waiting
 /// Invalid ones that are forgiven: 50 a second cost a reader a hundredth of a core, 100 of an organisation two. With
 /// half a host whose states a new contract refuses would be silent for longer than its apply_stops takes; with ten
 /// times as many a flood of 350 a second would go on for ever.
 constexpr double identity_forgiven_per_s = 50, organisation_forgiven_per_s = 100;
 
-constexpr std::size_t max_remembered = 1'024;  // identities, though nothing of theirs waits; as Waiting
 /// Invalid ones that are forgiven. A pilot who loses a race sends again after 25 to 250 ms, ten times at most: 2 a
 /// second keep even that one within its budget. At 20 a second a flood would be forgiven as fast as it comes.
 constexpr double identity_per_s = 2, organisation_per_s = 8;
@@ -38,7 +38,7 @@ void InvalidBudget::ordered(const std::string& tx_id, const crypto::IdentityName
 void InvalidBudget::settle(const std::string& tx_id, bool valid, TimeNs now_ns) {
   const auto found = waiting_.find(tx_id);
   if (found == waiting_.end()) return;
-  if (identities_.size() >= max_standings) forget_idle(now_ns);
+  if (identities_.size() >= max_idle_identities) forget_idle(now_ns);
   Standing& standing = identities_[found->second];
   if (valid) {
     standing.had_valid = true;
@@ -63,7 +63,7 @@ void UrgentBudget::refill(Account& account, double per_s, TimeNs now_ns) {
 
 bool UrgentBudget::reserve(const std::string& tx_id, const crypto::IdentityName& who, TimeNs now_ns) {
   if (waiting_.contains(tx_id)) return false;
-  if (identities_.size() >= max_remembered) forget_idle(now_ns);
+  if (identities_.size() >= max_idle_identities) forget_idle(now_ns);
   Account& identity = identities_[who];
   Account& organisation = organisations_[who.msp_id];
   refill(identity, identity_per_s, now_ns);
@@ -86,6 +86,7 @@ void UrgentBudget::settle(const std::string& tx_id, bool gives_back) {
   Account& organisation = organisations_[found->second.msp_id];
   waiting_.erase(found);
   for (Account* account : {&identity, &organisation}) {
+    LEDGERLINE_CHECK(account->waiting > 0, "who has an urgent transaction that waits has a place taken", tx_id);
     --account->waiting;
     if (!gives_back) account->invalid += 1;
   }

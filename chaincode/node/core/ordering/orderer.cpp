@@ -2,11 +2,11 @@
 
 #include <algorithm>
 
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
+#include "common/base/check.hpp"
 #include "common/base/printable.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"
-#include "msp/identities.pb.h"
 #include "peer/transaction.pb.h"
 
 namespace ledgerline::node {
@@ -14,10 +14,8 @@ namespace {
 
 /// The certificate of a SerializedIdentity is one whose time is over.
 bool has_expired(const std::string& serialized, Now now) {
-  msp::SerializedIdentity identity;
-  if (!identity.ParseFromString(serialized)) return false;
-  const auto certificate = crypto::parse_certificate(identity.id_bytes());
-  return certificate && certificate->not_after_s < now.real_ns / ns_per_s;
+  const auto read = crypto::read_serialized(serialized);
+  return read && read->certificate.not_after_s < now.real_ns / ns_per_s;
 }
 
 Reply refuse_order(Code code, const std::string& status, const std::string& info) {
@@ -123,7 +121,9 @@ OrderedBlock Orderer::sign(common::Block block) const {
 std::optional<OrderedBlock> Orderer::cut(Now now, const ChainEnd& end) {
   const auto due = next_cut();
   if (!due || *due > now.monotonic_ns) return std::nullopt;
-  return sign(make_block(end, waiting_.take(std::max<std::size_t>(config_.batch_count, 1), config_.batch_bytes)));
+  std::vector<std::string> envelopes = waiting_.pop(std::max<std::size_t>(config_.batch_count, 1), config_.batch_bytes);
+  LEDGERLINE_CHECK(!envelopes.empty(), "a block that is due has a transaction", end.height);
+  return sign(make_block(end, envelopes));
 }
 
 OrderedBlock Orderer::genesis() const { return sign(make_block({}, {make_config_envelope(config_, identity_)})); }

@@ -4,11 +4,11 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 
-#include "chaincode/node/core/member_check.hpp"
 #include "chaincode/node/core/ordering/budgets.hpp"
 #include "chaincode/node/core/ordering/waiting.hpp"
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "chaincode/node/core/types.hpp"
 #include "common/common.pb.h"
 
@@ -42,8 +42,8 @@ class Orderer {
   OrderedBlock genesis() const;
   /// NodeCore::order.
   Reply order(std::string_view envelope, Now now);
-  /// Whether the disk is nearly full: then nothing is taken but what is urgent.
-  void keep_room(bool nearly_full) { nearly_full_ = nearly_full; }
+  /// Whether the disk is nearly full: then nothing is taken but what is urgent. Returns what was so before.
+  bool set_nearly_full(bool nearly_full) { return std::exchange(nearly_full_, nearly_full); }
   /// When cut() has to be called: now or in the past when a block is full; nullopt when nothing waits.
   std::optional<TimeNs> next_cut() const;
   /// The block that follows `end`, if one is due.

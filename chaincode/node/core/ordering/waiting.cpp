@@ -7,7 +7,6 @@
 namespace ledgerline::node {
 namespace {
 
-constexpr std::size_t max_members = 1'024;  // that are remembered though nothing of theirs waits
 /// Urgent ones that leave before one that is not. With 1 a flood of states would halve what commands get; with 16 a
 /// flood of valid commands would leave a fleet's states less than 20 a second of a slow disk's 300 blocks.
 constexpr std::size_t urgent_weight = 4;
@@ -18,14 +17,14 @@ std::size_t kind_of(Urgency urgency) { return urgency == Urgency::none ? 1 : 0; 
 
 }  // namespace
 
-void FairLane::add(Held held) {
-  Organisation& organisation = organisations_[held.sender.msp_id];
+void FairLane::add(Entry entry) {
+  Organisation& organisation = organisations_[entry.sender.msp_id];
   // Who had nothing waiting is not paid for the time in which it sent nothing.
   if (organisation.waiting.empty()) organisation.tag = std::max(organisation.tag, clock_);
-  double& tag = organisation.tags[held.sender];
-  const Place place{std::max(tag, organisation.clock), held.turn};
-  tag = place.tag + static_cast<double>(held.envelope.size());
-  organisation.waiting.emplace(place, std::move(held));
+  double& tag = organisation.tags[entry.sender];
+  const Place place{std::max(tag, organisation.clock), entry.turn};
+  tag = place.tag + static_cast<double>(entry.envelope.size());
+  organisation.waiting.emplace(place, std::move(entry));
   ++count_;
 }
 
@@ -40,16 +39,17 @@ FairLane::Organisations::const_iterator FairLane::next() const {
   return best;
 }
 
-FairLane::Held FairLane::pop() {
+FairLane::Entry FairLane::pop() {
+  LEDGERLINE_CHECK(count_ > 0, "a lane gives an envelope only while one waits", count_);
   Organisation& organisation = organisations_.at(next()->first);
   const auto first = organisation.waiting.begin();
-  Held held = std::move(first->second);
+  Entry entry = std::move(first->second);
   clock_ = organisation.tag;
   organisation.clock = first->first.tag;
-  organisation.tag += static_cast<double>(held.envelope.size());
+  organisation.tag += static_cast<double>(entry.envelope.size());
   organisation.waiting.erase(first);
   --count_;
-  return held;
+  return entry;
 }
 
 void FairLane::forget(const crypto::IdentityName& sender) {
@@ -89,7 +89,7 @@ std::optional<std::string> Waiting::refusal(const Sender& sender, const Share& o
 }
 
 std::optional<std::string> Waiting::add(const Sender& sender, std::string envelope, TimeNs now_ns) {
-  if (members_.size() >= max_members) forget_idle(now_ns);
+  if (members_.size() >= max_idle_identities) forget_idle(now_ns);
   Member& member = members_[sender.name];
   const std::size_t size = envelope.size(), kind = kind_of(sender.urgency);
   if (auto why = refusal(sender, member.waiting, size)) return why;
@@ -119,28 +119,30 @@ std::size_t Waiting::next_lane() const {
   return static_cast<std::size_t>(Urgency::none);
 }
 
-std::vector<std::string> Waiting::take(std::size_t max_count, std::size_t max_bytes) {
-  std::vector<FairLane::Held> taken;
+std::vector<std::string> Waiting::pop(std::size_t max_count, std::size_t max_bytes) {
+  std::vector<FairLane::Entry> taken;
   std::size_t bytes = 0;
   while (!empty() && taken.size() < max_count) {
     const std::size_t lane = next_lane(), size = lanes_[lane].front().envelope.size();
     if (!taken.empty() && bytes + size > max_bytes) break;
-    FairLane::Held& held = taken.emplace_back(lanes_[lane].pop());
+    FairLane::Entry& entry = taken.emplace_back(lanes_[lane].pop());
     const std::size_t kind = kind_of(static_cast<Urgency>(lane));
     urgent_in_a_row_ = kind == 0 ? urgent_in_a_row_ + 1 : 0;
-    for (Share* share : {&members_[held.sender].waiting, &organisations_[held.sender.msp_id]}) {
+    for (Share* share : {&members_[entry.sender].waiting, &organisations_[entry.sender.msp_id]}) {
       LEDGERLINE_CHECK(share->count[kind] > 0 && share->bytes[kind] >= size, "what leaves the queue was counted in it",
-                       held.sender.msp_id, share->count[kind], share->bytes[kind], size);
+                       entry.sender.msp_id, share->count[kind], share->bytes[kind], size);
       --share->count[kind];
       share->bytes[kind] -= size;
     }
-    arrivals_.erase(arrivals_.find(held.arrived_ns));
+    const auto arrival = arrivals_.find(entry.arrived_ns);
+    LEDGERLINE_CHECK(arrival != arrivals_.end() && bytes_ >= size, "what leaves has arrived", bytes_, size);
+    arrivals_.erase(arrival);
     bytes += size;
     bytes_ -= size;
   }
-  std::ranges::sort(taken, {}, &FairLane::Held::turn);
+  std::ranges::sort(taken, {}, &FairLane::Entry::turn);
   std::vector<std::string> envelopes;
-  for (FairLane::Held& held : taken) envelopes.push_back(std::move(held.envelope));
+  for (FairLane::Entry& entry : taken) envelopes.push_back(std::move(entry.envelope));
   return envelopes;
 }
 

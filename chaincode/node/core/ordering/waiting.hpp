@@ -20,31 +20,31 @@ namespace ledgerline::node {
 /// identity keep their order. One thread at a time.
 class FairLane {
  public:
-  struct Held {
+  struct Entry {
     std::string envelope;
     crypto::IdentityName sender;
     TimeNs arrived_ns = 0;
     std::uint64_t turn = 0;  ///< grows with each that arrives
   };
 
-  void add(Held held);
+  void add(Entry entry);
   bool empty() const { return count_ == 0; }
   /// The next one. Only where one waits.
-  const Held& front() const { return next()->second.waiting.begin()->second; }
-  Held pop();
+  const Entry& front() const { return next()->second.waiting.begin()->second; }
+  Entry pop();
   /// Nothing of this identity's waits any more, nor will soon.
   void forget(const crypto::IdentityName& sender);
 
  private:
   struct Place {
     double tag = 0;          ///< the sender's bytes so far, on its organisation's clock
-    std::uint64_t turn = 0;  ///< Held::turn: of equal tags the older one first
+    std::uint64_t turn = 0;  ///< Entry::turn: of equal tags the older one first
     auto operator<=>(const Place&) const = default;
   };
   struct Organisation {
     double tag = 0;    ///< its own bytes so far, on the lane's clock
     double clock = 0;  ///< the tag of its identity's that left last
-    std::map<Place, Held> waiting;
+    std::map<Place, Entry> waiting;
     std::map<crypto::IdentityName, double> tags;  ///< of each identity, behind its newest one
   };
   using Organisations = std::map<std::string, Organisation>;  ///< as many as the channel has; kept
@@ -81,7 +81,7 @@ class Waiting {
   std::optional<std::string> add(const Sender& sender, std::string envelope, TimeNs now_ns);
   /// The next ones, at most so many and so many bytes together (the first one whatever its size); among themselves in
   /// the order in which they came.
-  std::vector<std::string> take(std::size_t max_count, std::size_t max_bytes);
+  std::vector<std::string> pop(std::size_t max_count, std::size_t max_bytes);
 
   bool empty() const { return count() == 0; }
   std::size_t count() const { return arrivals_.size(); }

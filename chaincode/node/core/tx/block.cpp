@@ -1,8 +1,9 @@
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include "common/base/check.hpp"
 #include "common/configtx.pb.h"
 #include "common/configuration.pb.h"
 #include "common/fabric/tx/policy.hpp"
@@ -63,15 +64,21 @@ void set_policy(common::ConfigGroup& group, const std::string& name, int type, c
   entry.set_mod_policy("Admins");
 }
 
-/// Any member of the orderers' organisation signs blocks, as in Fabric's own sample configuration.
-void set_orderers(common::ConfigGroup& ordering, const crypto::MspRoot& orderers) {
-  common::ConfigGroup& group = (*ordering.mutable_groups())[orderers.msp_id];
-  set_value(group, "MSP", msp_config(orderers));
-  set_policy(group, "Writers", common::Policy::SIGNATURE, fabric::member_policy(orderers.msp_id));
-  common::ImplicitMetaPolicy any;
-  any.set_sub_policy("Writers");
-  any.set_rule(common::ImplicitMetaPolicy::ANY);
-  set_policy(ordering, "BlockValidation", common::Policy::IMPLICIT_META, any.SerializeAsString());
+/// A policy of which `rule` says how many of the organisations' policies `of` must hold.
+void set_policy(common::ConfigGroup& group, const std::string& name, common::ImplicitMetaPolicy::Rule rule,
+                const std::string& of) {
+  common::ImplicitMetaPolicy policy;
+  policy.set_sub_policy(of);
+  policy.set_rule(rule);
+  set_policy(group, name, common::Policy::IMPLICIT_META, policy.SerializeAsString());
+}
+
+/// Its certificates, and who in it may do what `name` is for.
+void add_organisation(common::ConfigGroup& to, const crypto::MspRoot& organisation, const std::string& name,
+                      const std::string& policy) {
+  common::ConfigGroup& group = (*to.mutable_groups())[organisation.msp_id];
+  set_value(group, "MSP", msp_config(organisation));
+  set_policy(group, name, common::Policy::SIGNATURE, policy);
 }
 
 }  // namespace
@@ -98,6 +105,8 @@ common::Block make_block(const ChainEnd& end, const std::vector<std::string>& en
 }
 
 Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer) {
+  LEDGERLINE_CHECK(block.metadata().metadata_size() > common::SIGNATURES, "a block has room for its signatures",
+                   block.header().number());
   common::OrdererBlockMetadata orderer_metadata;
   orderer_metadata.mutable_last_config()->set_index(0);
   common::Metadata signatures;
@@ -130,18 +139,16 @@ std::string make_config_envelope(const CoreConfig& config, const crypto::Signing
 
   common::ConfigGroup& application = (*root.mutable_groups())["Application"];
   set_capability(application);
-  for (const crypto::MspRoot& organisation : config.organisations) {
-    common::ConfigGroup& group = (*application.mutable_groups())[organisation.msp_id];
-    set_value(group, "MSP", msp_config(organisation));
-    set_policy(group, "Endorsement", common::Policy::SIGNATURE, fabric::peer_policy(organisation.msp_id));
-  }
-  common::ImplicitMetaPolicy majority;
-  majority.set_sub_policy("Endorsement");
-  majority.set_rule(common::ImplicitMetaPolicy::MAJORITY);
-  set_policy(application, "Endorsement", common::Policy::IMPLICIT_META, majority.SerializeAsString());
+  for (const crypto::MspRoot& organisation : config.organisations)
+    add_organisation(application, organisation, "Endorsement", fabric::peer_policy(organisation.msp_id));
+  set_policy(application, "Endorsement", common::ImplicitMetaPolicy::MAJORITY, "Endorsement");
   common::ConfigGroup& ordering = (*root.mutable_groups())["Orderer"];
   set_capability(ordering);
-  if (!config.orderers.msp_id.empty()) set_orderers(ordering, config.orderers);
+  if (!config.orderers.msp_id.empty()) {
+    // Any member of the orderers' organisation signs blocks, as in Fabric's own sample configuration.
+    add_organisation(ordering, config.orderers, "Writers", fabric::member_policy(config.orderers.msp_id));
+    set_policy(ordering, "BlockValidation", common::ImplicitMetaPolicy::ANY, "Writers");
+  }
   orderer::ConsensusType consensus;
   consensus.set_type("ledgerline-node");
   set_value(ordering, "ConsensusType", consensus);

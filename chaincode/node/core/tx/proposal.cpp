@@ -1,4 +1,4 @@
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 
 #include "chaincode/node/core/types.hpp"
 #include "common/base/printable.hpp"

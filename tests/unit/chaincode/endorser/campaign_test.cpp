@@ -380,7 +380,7 @@ class World {
       const Reply own = second.process_proposal(question.signed_proposal, now_);
       const Reply peers = channel_.peer.process_proposal(question.signed_proposal, now_);
       ASSERT_EQ(own.code, Code::ok) << own.message;
-      EXPECT_EQ(compare(own.bytes, peers.bytes), Comparison::same);
+      EXPECT_EQ(compare_answers(own.bytes, peers.bytes), Comparison::same);
       protos::ProposalResponse response;
       response.ParseFromString(own.bytes);
       if (!client.acknowledged.empty() && !client.grants) {

@@ -4,8 +4,8 @@
 
 #include <random>
 
-#include "chaincode/endorser/core/comparison.hpp"
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "peer/proposal_response.pb.h"
 #include "tests/unit/chaincode/node/core/fake_network.hpp"
 
@@ -42,7 +42,7 @@ class OwnEndorserTest : public ::testing::Test {
   void follow() {
     while (core.height() < net.chain.size()) {
       const std::string& raw = net.chain[core.height()];
-      const Status taken = core.take(*fabric::decode_block(raw), raw);
+      const Status taken = core.apply(*fabric::decode_block(raw), raw);
       ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
@@ -50,7 +50,7 @@ class OwnEndorserTest : public ::testing::Test {
   Comparison beside_the_node(const fabric::Proposal& proposal) {
     const Reply own = ask(proposal), nodes = net.core->process_proposal(proposal.signed_proposal, net.now);
     EXPECT_EQ(own.code, nodes.code) << own.message << " " << nodes.message;
-    return own.code == Code::ok ? compare(own.bytes, nodes.bytes)
+    return own.code == Code::ok ? compare_answers(own.bytes, nodes.bytes)
                                 : (own.message == nodes.message ? Comparison::same : Comparison::differ);
   }
 
@@ -119,12 +119,12 @@ TEST_F(OwnEndorserTest, ATamperedAnswerDiffers) {
   protos::ProposalResponse other;
   ASSERT_TRUE(other.ParseFromString(own));
   other.mutable_response()->set_message("all is well");
-  EXPECT_EQ(compare(own, other.SerializeAsString()), Comparison::differ);
+  EXPECT_EQ(compare_answers(own, other.SerializeAsString()), Comparison::differ);
   const std::string elsewhere = ask(net.propose(net.host, "set", note("tello1/b"))).bytes;
-  EXPECT_EQ(compare(own, "no message of any kind"), Comparison::differ);
+  EXPECT_EQ(compare_answers(own, "no message of any kind"), Comparison::differ);
   protos::ProposalResponse mixed;
   ASSERT_TRUE(mixed.ParseFromString(elsewhere));
-  EXPECT_NE(compare(own, elsewhere), Comparison::same);
+  EXPECT_NE(compare_answers(own, elsewhere), Comparison::same);
 }
 
 TEST_F(OwnEndorserTest, HistoryIsAPeersToTell) {
@@ -137,7 +137,7 @@ TEST_F(OwnEndorserTest, ABlockOutOfTurnIsRefused) {
   net.submit(net.host, "set", note("tello1/a"));
   net.submit(net.host, "set", note("tello1/b"));
   const std::string& last = net.chain.back();
-  const Status taken = core.take(*fabric::decode_block(last), last);
+  const Status taken = core.apply(*fabric::decode_block(last), last);
   ASSERT_FALSE(taken.ok());
   EXPECT_THAT(taken.error().message, HasSubstr("where 2 was due"));
   follow();
@@ -149,10 +149,10 @@ TEST_F(OwnEndorserTest, ABlockOfAnotherChainIsRefused) {
   ASSERT_TRUE(other.ParseFromString(net.chain.back()));
   other.mutable_header()->set_previous_hash(std::string(32, 'f'));
   const std::string raw = other.SerializeAsString();
-  const Status taken = core.take(*fabric::decode_block(raw), raw);
+  const Status taken = core.apply(*fabric::decode_block(raw), raw);
   ASSERT_FALSE(taken.ok());
   EXPECT_THAT(taken.error().message, HasSubstr("of another chain"));
-  EXPECT_FALSE(core.take(*fabric::decode_block(net.chain.back()), net.chain.front()).ok()) << "bytes of another block";
+  EXPECT_FALSE(core.apply(*fabric::decode_block(net.chain.back()), net.chain.front()).ok()) << "bytes of another block";
   follow();
 }
 
@@ -169,8 +169,8 @@ TEST_F(OwnEndorserTest, ATransactionOfAnIdThatWasUsedCountsForNobody) {
   const std::string raw = again.SerializeAsString();
   const auto block = fabric::decode_block(raw);
   ASSERT_EQ(block->transactions.at(0).code, 0);
-  ASSERT_TRUE(core.take(*block, raw).ok());
-  EXPECT_EQ(compare(read, ask(before).bytes), Comparison::same) << "what it writes was written once";
+  ASSERT_TRUE(core.apply(*block, raw).ok());
+  EXPECT_EQ(compare_answers(read, ask(before).bytes), Comparison::same) << "what it writes was written once";
 }
 
 TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
@@ -182,7 +182,7 @@ TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
   EXPECT_EQ(other.snapshot().size(), core.snapshot().size()) << "ids are in any order";
   net.submit(net.host, "delete", "tello1/b");
   follow();
-  ASSERT_TRUE(other.take(*fabric::decode_block(net.chain.back()), net.chain.back()).ok());
+  ASSERT_TRUE(other.apply(*fabric::decode_block(net.chain.back()), net.chain.back()).ok());
   for (const auto& proposal : {net.propose(net.host, "get", "tello1/a"), net.propose(net.host, "get", "tello1/b"),
                                net.propose(net.host, "set", note("tello1/b")), net.propose(net.pilot, "stop", "tello1"),
                                net.propose(net.host, "history", "tello1/a")}) {
@@ -190,7 +190,7 @@ TEST_F(OwnEndorserTest, AnotherCoreGoesOnWhereASnapshotWasTaken) {
     EXPECT_EQ(one.code, two.code);
     EXPECT_EQ(one.message, two.message);
     if (one.code == Code::ok) {
-      EXPECT_EQ(compare(one.bytes, two.bytes), Comparison::same);
+      EXPECT_EQ(compare_answers(one.bytes, two.bytes), Comparison::same);
     }
   }
 }
@@ -206,7 +206,7 @@ TEST_F(OwnEndorserTest, AStateAsItWasKeptBeforeIsReadAsOfTheWholeChain) {
   ASSERT_TRUE(other.restore(before).ok());
   EXPECT_EQ(other.snapshot().size(), now.size());
   const auto proposal = net.propose(net.host, "get", "tello1/a");
-  EXPECT_EQ(compare(other.process_proposal(proposal.signed_proposal, net.now).bytes, ask(proposal).bytes),
+  EXPECT_EQ(compare_answers(other.process_proposal(proposal.signed_proposal, net.now).bytes, ask(proposal).bytes),
             Comparison::same);
 }
 
@@ -236,7 +236,7 @@ TEST_F(OwnEndorserTest, WithoutAPeersIdentityItSignsNothing) {
   Core client{{{}, crypto::make_test_identity({"Org1MSP", "CN=user"}), test_members()}};
   Core outsider{{{}, crypto::make_test_identity({"Org9MSP", "CN=peer1"}), test_members()}};
   for (Core* one : {&client, &outsider}) {
-    for (const std::string& raw : net.chain) ASSERT_TRUE(one->take(*fabric::decode_block(raw), raw).ok());
+    for (const std::string& raw : net.chain) ASSERT_TRUE(one->apply(*fabric::decode_block(raw), raw).ok());
     const Reply reply = one->process_proposal(net.propose(net.host, "set", note("tello1/a")).signed_proposal, net.now);
     EXPECT_EQ(reply.code, Code::unavailable);
     EXPECT_THAT(reply.message, HasSubstr("no endorsement of this endorser counts"));

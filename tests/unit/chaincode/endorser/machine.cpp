@@ -17,7 +17,7 @@ bool Machine::show(const std::string& raw) {
   Status status = validator_->validate(message);
   const auto block = fabric::decode_block(raw);
   if (status && !block) status = block.error();
-  if (status) status = core_->take(*block, raw);
+  if (status) status = core_->apply(*block, raw);
   if (status) return true;
   readiness_.fail();
   why_ = status.error().message;
@@ -29,7 +29,7 @@ void Machine::step(std::uint64_t behind, node::Now now) {
   const std::uint64_t there = channel_.blocks.size();
   while (core_->height() + behind < there && show(channel_.blocks[core_->height()])) {
   }
-  if (readiness_.wants_height()) readiness_.take_height(readiness_.connection(), channel_.peer.height());
+  if (readiness_.needs_height()) readiness_.set_peer_height(readiness_.connection(), channel_.peer.height());
   check(now);
 }
 
@@ -45,21 +45,22 @@ void Machine::check(node::Now now) {
   }
   const node::Reply peers = channel_.peer.process_proposal(one.signed_proposal, now);
   if (peers.code != node::Code::ok) return;
-  const Comparison found = compare(one.answer, peers.bytes);
+  const Comparison found = compare_answers(one.answer, peers.bytes);
   if (found == Comparison::other_state && ++one.tried < max_tries) {
     checks_.push_front(std::move(one));
     return;
   }
-  why_ = readiness_.take_check(found, one.defined_at, core_->defined_at());
-  if (!why_.empty()) readiness_.fail();
+  const Status agrees = readiness_.record_comparison(found, one.defined_at, core_->defined_at());
+  why_ = agrees ? "" : agrees.error().message;
+  if (!agrees) readiness_.fail();
 }
 
 node::Reply Machine::process_proposal(const std::string& signed_proposal, node::Now now) {
   const node::Reply away{node::Code::unavailable, "away", "away", {}};
-  if (!runs() || !readiness_.ready(core_->height())) return away;
+  if (!runs() || !readiness_.check(core_->height())) return away;
   node::Reply reply = core_->process_proposal(signed_proposal, now);
   if (reply.code == node::Code::unavailable) return reply;
-  const bool agreed = readiness_.agreed(core_->defined_at());
+  const bool agreed = readiness_.has_agreed(core_->defined_at());
   if (reply.code == node::Code::ok && checks_.size() < max_checks && (!agreed || random_.next() % check_one_in == 0))
     checks_.push_back({signed_proposal, reply.bytes, core_->defined_at()});
   return agreed ? reply : away;

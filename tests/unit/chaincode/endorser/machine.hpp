@@ -5,7 +5,7 @@
 #include <string>
 
 #include "chaincode/endorser/core/core.hpp"
-#include "chaincode/endorser/core/readiness.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/base/random.hpp"
 #include "tests/unit/chaincode/endorser/channel.hpp"
 

@@ -5,9 +5,9 @@
 
 #include <map>
 
-#include "chaincode/endorser/core/comparison.hpp"
 #include "chaincode/endorser/core/core.hpp"
-#include "chaincode/endorser/core/first_state.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
+#include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "peer/proposal_response.pb.h"
 #include "peer/transaction.pb.h"
 #include "tests/unit/campaign.hpp"
@@ -52,7 +52,7 @@ class RandomProposals : public ::testing::Test {
   void follow() {
     for (; core_->height() < channel_.blocks.size();) {
       const std::string& raw = channel_.blocks[core_->height()];
-      const Status taken = core_->take(*fabric::decode_block(raw), raw);
+      const Status taken = core_->apply(*fabric::decode_block(raw), raw);
       ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
@@ -62,10 +62,10 @@ class RandomProposals : public ::testing::Test {
   }
   /// With what the peer's snapshot of now says, in place of all blocks.
   void restart() {
-    const auto said = read_peer_snapshot(snapshot_of(*snapshot_from(core_->snapshot())), {}, {});
+    const auto said = read_peer_snapshot(snapshot_of(*read_snapshot(core_->snapshot())), {}, {});
     ASSERT_TRUE(said.ok()) << said.error().message;
     auto validator = fabric::BlockValidator::from(channel_.blocks[0], "teleop", library);
-    const auto config = confirm(*said, *validator, [this](std::uint64_t number) {
+    const auto config = verify_snapshot(*said, *validator, [this](std::uint64_t number) {
       common::Block block;
       block.ParseFromString(channel_.blocks.at(number));
       return block;
@@ -103,7 +103,7 @@ class RandomProposals : public ::testing::Test {
       ASSERT_EQ(own.message, peers.message);
       return;
     }
-    ASSERT_EQ(compare(own.bytes, peers.bytes), Comparison::same) << function;
+    ASSERT_EQ(compare_answers(own.bytes, peers.bytes), Comparison::same) << function;
     protos::ProposalResponse response;
     ASSERT_TRUE(response.ParseFromString(own.bytes));
     ++(response.has_endorsement() ? tally.endorsed : tally.refused);

@@ -1,4 +1,4 @@
-#include "chaincode/lifecycle/package.hpp"
+#include "chaincode/lifecycle/lifecycle.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

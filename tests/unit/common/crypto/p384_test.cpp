@@ -1,7 +1,7 @@
 #include <gtest/gtest.h>
 
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/der.hpp"
+#include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
 namespace {

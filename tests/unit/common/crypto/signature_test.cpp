@@ -7,8 +7,7 @@
 #include <thread>
 
 #include "common/crypto/crypto.hpp"
-#include "common/crypto/der.hpp"
-#include "common/crypto/unhex.hpp"
+#include "common/crypto/openssl.hpp"
 
 namespace ledgerline::crypto {
 namespace {

@@ -14,7 +14,7 @@
 #include <future>
 #include <thread>
 
-#include "chaincode/endorser/shell/serving.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 #include "chaincode/shim/shim.hpp"
 #include "common/base/file.hpp"
 #include "common/fabric/client/connection.hpp"
@@ -144,10 +144,10 @@ class TlsPolicy : public testing::Test {
     config.config_block = node::text_of(crypto.parent_path().parent_path().parent_path() / "teleop.block");
     struct Running {
       std::unique_ptr<endorser::Service> service;
-      std::unique_ptr<endorser::Served> served;
+      std::unique_ptr<endorser::Server> served;
     };
     auto running = std::make_shared<Running>();
-    running->service = std::move(*endorser::Service::start(config, {}, [](const std::string&) {}));
+    running->service = std::move(*endorser::Service::start(config, {}, [] {}));
     auto served = endorser::serve(*running->service, {"127.0.0.1:0", own_.certificate, own_.private_key, authorities},
                                   "serve.", nullptr);
     EXPECT_TRUE(served) << served.error().message;

@@ -1,8 +1,8 @@
-#include "chaincode/endorser/core/first_state.hpp"
+#include "chaincode/endorser/core/peer_snapshot.hpp"
 
 #include <gmock/gmock.h>
 
-#include "chaincode/endorser/core/comparison.hpp"
+#include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
 #include "ledgerline.pb.h"
@@ -22,7 +22,7 @@ class FirstStateTest : public FollowedChannel {
     const Reply own = one.process_proposal(proposal.signed_proposal, now),
                 peers = channel.peer.process_proposal(proposal.signed_proposal, now);
     EXPECT_EQ(own.code, peers.code) << own.message << " | " << peers.message;
-    if (own.code == Code::ok) return compare(own.bytes, peers.bytes);
+    if (own.code == Code::ok) return compare_answers(own.bytes, peers.bytes);
     return own.message == peers.message ? Comparison::same : Comparison::differ;
   }
   std::string refused(const PeerSnapshotFiles& files, std::string_view hash = {}) {
@@ -122,7 +122,7 @@ TEST_F(FirstStateTest, TheNextBlockMustFollowItsNewest) {
   block.ParseFromString(other);
   block.mutable_header()->set_number(channel.blocks.size());
   const std::string raw = block.SerializeAsString();
-  EXPECT_THAT((*begun)->take(*fabric::decode_block(raw), raw).error().message, HasSubstr("of another chain"));
+  EXPECT_THAT((*begun)->apply(*fabric::decode_block(raw), raw).error().message, HasSubstr("of another chain"));
 }
 
 TEST_F(FirstStateTest, OneOfAnotherChainIsRefused) {
@@ -143,7 +143,7 @@ TEST_F(FirstStateTest, AChainThatTheOrderersHaveNotSignedIsRefused) {
   block.ParseFromString(channel.other_block(last, std::string(32, 'x'), people().forger));
   forged.end.hash = node::header_hash(block.header());
   fabric::BlockValidator anchored = make_validator();
-  const auto config = confirm(forged, anchored, [&](std::uint64_t number) -> Result<common::Block> {
+  const auto config = verify_snapshot(forged, anchored, [&](std::uint64_t number) -> Result<common::Block> {
     return number == last ? Result<common::Block>(block) : fetch(number);
   });
   ASSERT_FALSE(config.ok());
@@ -169,7 +169,7 @@ TEST_F(FirstStateTest, TheConfigurationIsTheChainsOwn) {
   config.mutable_config()->set_sequence(77);
   changed.config = config.SerializeAsString();
   fabric::BlockValidator anchored = make_validator();
-  EXPECT_FALSE(confirm(changed, anchored, [this](std::uint64_t number) { return fetch(number); }).ok());
+  EXPECT_FALSE(verify_snapshot(changed, anchored, [this](std::uint64_t number) { return fetch(number); }).ok());
 }
 
 TEST_F(FirstStateTest, OneOlderThanTheTrustAnchorIsRefused) {
@@ -177,7 +177,7 @@ TEST_F(FirstStateTest, OneOlderThanTheTrustAnchorIsRefused) {
   ASSERT_TRUE(said.ok());
   channel.revoke(people().first, people().hosts[2]);
   fabric::BlockValidator anchored = make_validator(channel.blocks.size() - 1);
-  const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
+  const auto config = verify_snapshot(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
   ASSERT_FALSE(config.ok());
   EXPECT_THAT(config.error().message, HasSubstr("is older than config_block"));
 }

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "chaincode/endorser/core/core.hpp"
-#include "chaincode/endorser/core/first_state.hpp"
+#include "chaincode/endorser/core/peer_snapshot.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/endorser/channel.hpp"
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
@@ -44,7 +44,7 @@ class FollowedChannel : public ::testing::Test {
   void follow(Core& one) {
     while (one.height() < channel.blocks.size()) {
       const std::string& raw = channel.blocks[one.height()];
-      const Status taken = one.take(*fabric::decode_block(raw), raw);
+      const Status taken = one.apply(*fabric::decode_block(raw), raw);
       ASSERT_TRUE(taken.ok()) << taken.error().message;
     }
   }
@@ -52,7 +52,7 @@ class FollowedChannel : public ::testing::Test {
   Core::Setup setup() const {
     return {{}, people().endorsers[0].identity, fabric::BlockValidator::registry_of(library)};
   }
-  Snapshot known() const { return *snapshot_from(core.snapshot()); }
+  Snapshot known() const { return *read_snapshot(core.snapshot()); }
   fabric::BlockValidator make_validator(std::size_t anchor = 0) const {
     return *fabric::BlockValidator::from(channel.blocks.at(anchor), "teleop", library);
   }
@@ -67,7 +67,7 @@ class FollowedChannel : public ::testing::Test {
     const auto said = read_peer_snapshot(files, {}, hash);
     if (!said) return said.error();
     fabric::BlockValidator anchored = make_validator();
-    const auto config = confirm(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
+    const auto config = verify_snapshot(*said, anchored, [this](std::uint64_t number) { return fetch(number); });
     if (!config) return config.error();
     auto begun = std::make_unique<Core>(setup());
     const Status restored = begun->restore({said->end, *config, said->contract, said->lifecycle});

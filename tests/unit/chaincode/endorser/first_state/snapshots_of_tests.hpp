@@ -3,8 +3,8 @@
 #include <string_view>
 #include <vector>
 
+#include "chaincode/endorser/core/core.hpp"
 #include "chaincode/endorser/core/peer_snapshot.hpp"
-#include "chaincode/endorser/core/snapshot.hpp"
 
 /// Snapshots as a peer of Fabric writes them, for tests of those who read them.
 namespace ledgerline::endorser {

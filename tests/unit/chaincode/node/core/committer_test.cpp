@@ -212,11 +212,11 @@ TEST_F(CommitterTest, WaitersHearOfTheirTransactionOnce) {
   net.core->unwatch(proposal.tx_id, 8);
   net.core->order(*fabric::sign_envelope(net.host, net.core->endorse(proposal.signed_proposal, net.now).bytes),
                   net.now);
-  const Applied applied = net.keep(*net.core->cut(net.now));
-  ASSERT_THAT(applied.answers, SizeIs(2));
-  EXPECT_EQ(applied.answers[0].waiter, 7U);
-  EXPECT_EQ(applied.answers[1].waiter, 9U);
-  EXPECT_EQ(applied.answers[0].status.block, 2U);
+  const std::vector<WaiterAnswer> answers = net.keep(*net.core->cut(net.now));
+  ASSERT_THAT(answers, SizeIs(2));
+  EXPECT_EQ(answers[0].waiter, 7U);
+  EXPECT_EQ(answers[1].waiter, 9U);
+  EXPECT_EQ(answers[0].status.block, 2U);
   EXPECT_EQ(net.core->watch(proposal.tx_id, 10)->code, 0) << "a late one is answered at once";
 }
 

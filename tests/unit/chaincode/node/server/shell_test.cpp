@@ -10,10 +10,13 @@
 #include <thread>
 
 #include "chaincode/node/server/limit.hpp"
-#include "chaincode/node/shell/block_view.hpp"
+#include "chaincode/node/shell/block_feed.hpp"
 #include "chaincode/node/shell/node.hpp"
 #include "common/fabric/tx/transaction.hpp"
+#include "gateway/gateway.pb.h"
 #include "msp/identities.pb.h"
+#include "orderer/ab.pb.h"
+#include "peer/events.pb.h"
 
 /// The node with its threads and a real directory, without gRPC.
 namespace ledgerline::node {
@@ -112,11 +115,11 @@ class Reader final : public BlockFeed::Waiter, public std::enable_shared_from_th
 // The feed's thread may hold a stream, and with it its place, when the service with its limit has ended.
 TEST(Limit, APlaceMayOutliveIt) {
   auto limit = std::make_unique<Limit>("service", 1);
-  Limit::Slot place = limit->take();
+  Limit::Slot place = limit->acquire();
   ASSERT_TRUE(place);
-  EXPECT_FALSE(limit->take());
+  EXPECT_FALSE(limit->acquire());
   place.reset();
-  place = limit->take();
+  place = limit->acquire();
   ASSERT_TRUE(place);
   limit.reset();
   place.reset();
@@ -251,15 +254,15 @@ TEST_F(ShellTest, WhoOnlyAsksComesLaterWhateverServiceBringsIt) {
     return node->place_of(proposal.signed_proposal);
   };
   for (const char* function : {"get", "history", "verify"}) {
-    EXPECT_EQ(place({}, function).turn, Node::Turn::later) << function;
+    EXPECT_EQ(place({}, function).turn, Turn::later) << function;
   }
-  EXPECT_EQ(place({"teleop", "qscc"}, "GetBlockByNumber").turn, Node::Turn::later);
+  EXPECT_EQ(place({"teleop", "qscc"}, "GetBlockByNumber").turn, Turn::later);
   for (const char* function : {"set", "command", "stop", "acquire", "anchor"}) {
-    EXPECT_EQ(place({}, function).turn, Node::Turn::first) << function;
+    EXPECT_EQ(place({}, function).turn, Turn::first) << function;
   }
   EXPECT_EQ(place({}, "stop").requester.msp_id, "Org3MSP");
   EXPECT_EQ(place({}, "stop").requester.identity, user.serialized);
-  EXPECT_EQ(node->place_of("garbage").turn, Node::Turn::later);
+  EXPECT_EQ(node->place_of("garbage").turn, Turn::later);
   msp::SerializedIdentity made_up;
   made_up.set_mspid("Org9MSP");
   EXPECT_EQ(node->requester_of(made_up.SerializeAsString()).msp_id, "")
@@ -272,7 +275,7 @@ TEST_F(ShellTest, QuestionsOfOneIdentityKeepNoOtherWaiting) {
   node->post([gate](NodeCore&) { const std::lock_guard wait(*gate); });
   Inbox<std::string> done;
   const auto ask = [&](const std::string& msp_id, const std::string& who) {
-    node->post([&done, who](NodeCore&) { done.put(who); }, Node::Turn::later, {msp_id, who});
+    node->post([&done, who](NodeCore&) { done.put(who); }, Turn::later, {msp_id, who});
   };
   for (int i = 0; i < 100; ++i) ask("Org3MSP", "sybil" + std::to_string(i % 50));
   ask("Org1MSP", "pilot");

@@ -43,8 +43,6 @@ class CrashFiles final : public Files {
     if (!file) return file.error();
     return std::unique_ptr<File>(std::make_unique<CrashFile>(std::move(*file), left_));
   }
-  Status rename(const std::string& from, const std::string& to) override { return disk_.rename(from, to); }
-  Result<std::vector<std::string>> list() const override { return disk_.list(); }
   std::string place() const override { return "a disk without power"; }
 
  private:
@@ -52,7 +50,7 @@ class CrashFiles final : public Files {
   int left_;
 };
 
-void lose_power(MemoryFiles::Content& file, CrashFiles::Leaves leaves, Random& random) {
+void cut_power(MemoryFiles::Content& file, CrashFiles::Leaves leaves, Random& random) {
   const std::size_t unsynced = file.bytes.size() - file.synced;
   if (leaves == CrashFiles::Leaves::nothing || unsynced == 0) {
     file.bytes.resize(file.synced);
@@ -103,7 +101,7 @@ TEST_F(CrashTest, NoAcknowledgedBlockIsMissingWhereverThePowerFails) {
       MemoryFiles disk;
       const std::size_t acknowledged = run_until(write, disk);
       ASSERT_EQ(acknowledged, static_cast<std::size_t>(std::max(write - 1, 0)));
-      lose_power(disk.content("blocks"), leaves, random);
+      cut_power(disk.content("blocks"), leaves, random);
 
       std::vector<std::string> found;
       const auto store = BlockStore::open(
@@ -128,7 +126,7 @@ TEST_F(CrashTest, ANodeKnowsEveryAcknowledgedTransactionAfterTheCrash) {
   for (int write = 0; write < static_cast<int>(net.chain.size()); write += 50) {
     MemoryFiles disk;
     const std::size_t acknowledged = run_until(write, disk);
-    lose_power(disk.content("blocks"), CrashFiles::Leaves::a_torn_end, random);
+    cut_power(disk.content("blocks"), CrashFiles::Leaves::a_torn_end, random);
     FakeNetwork after;
     after.chain.clear();
     const auto store = BlockStore::open(

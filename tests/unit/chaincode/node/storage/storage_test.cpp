@@ -54,7 +54,7 @@ TEST_F(StorageTest, BlocksAreThereAfterAReopen) {
 
 TEST_F(StorageTest, AppendReturnsOnlyWhenTheBlockSurvivesLossOfPower) {
   write({"zero", "one"});
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
 }
@@ -82,7 +82,7 @@ TEST_F(StorageTest, WhatAKillLeftUnsyncedIsOnDiskBeforeReadersSeeItAgain) {
   memory.content("blocks").synced = 0;  // written, but the kill came before the sync
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one"));
 }
@@ -172,8 +172,6 @@ class FailingFiles final : public Files {
   Result<std::unique_ptr<File>> open(const std::string&) override {
     return std::unique_ptr<File>(std::make_unique<FailingFile>(left_));
   }
-  Status rename(const std::string&, const std::string&) override { return done; }
-  Result<std::vector<std::string>> list() const override { return std::vector<std::string>{}; }
   std::string place() const override { return "failing"; }
 
  private:
@@ -205,7 +203,7 @@ TEST_F(StorageTest, AFullDiskTakesNothingOfABlockAndTheSameBlockWhenThereIsRoom)
   memory.content("blocks").room = SIZE_MAX;
   EXPECT_TRUE((*store)->append("one, and more").ok());
   EXPECT_FALSE((*store)->full());
-  memory.lose_power();
+  memory.cut_power();
   ASSERT_TRUE(open(memory).ok());
   EXPECT_THAT(blocks, ElementsAre("zero", "one, and more"));
   EXPECT_THAT(messages, IsEmpty());

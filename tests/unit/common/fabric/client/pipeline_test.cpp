@@ -8,7 +8,7 @@
 #include <mutex>
 #include <thread>
 
-#include "common/crypto/identities/identity_in_use.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "tests/unit/common/fabric/client/door.hpp"
 #include "tests/unit/common/fabric/client/fake_gateway.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/configtx.pb.h"
 #include "common/fabric/tx/transaction.hpp"
 #include "msp/identities.pb.h"

@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 
-#include "chaincode/node/core/tx/proposal.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 #include "tests/unit/chaincode/command_call.hpp"
@@ -70,7 +70,8 @@ class UrgencyTest : public ::testing::Test {
       }
       const auto block = net.core->cut(net.now);
       if (!block) continue;
-      for (const TxStatus& status : net.keep(*block).transactions) {
+      net.keep(*block);
+      for (const TxStatus& status : block->transactions) {
         if (status.tx_id == stop) seen.stop_blocks = net.chain.size() - stop_height;
         const auto state = states.find(status.tx_id);
         if (state == states.end()) continue;
@@ -131,10 +132,10 @@ TEST_F(UrgencyTest, AnEndorsementByAMemberWhoIsNoPeerEarnsNothing) {
         *member.signer->sign(own.action.action().proposal_response_payload() + member.serialized));
     return *fabric::sign_envelope(member, own.bytes());
   };
-  net.core->keep_room(true);
+  net.core->set_nearly_full(true);
   EXPECT_EQ(net.core->order(endorsed_by_itself(), net.now).code, Code::unavailable)
       << "a full disk takes what is urgent alone";
-  net.core->keep_room(false);
+  net.core->set_nearly_full(false);
   expect_no_harm(flood(endorsed_by_itself));
 }
 
@@ -204,7 +205,7 @@ TEST_F(UrgencyTest, WhoseTransactionsAreValidGoesOnThoughItsOrganisationSendsInv
 }
 
 TEST_F(UrgencyTest, OnAFullDiskTheEndorsedOnesAloneAreTaken) {
-  net.core->keep_room(true);
+  net.core->set_nearly_full(true);
   EXPECT_EQ(net.core->order(made_up(member, "stop", {}), net.now).code, Code::unavailable);
   EXPECT_EQ(net.core->order(net.endorsed(net.host, "set", note("tello1/odom")), net.now).code, Code::unavailable);
   EXPECT_EQ(net.core->order(net.endorsed(net.pilot, "command", command_call(1).SerializeAsString()), net.now).code,

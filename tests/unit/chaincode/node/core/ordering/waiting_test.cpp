@@ -22,7 +22,7 @@ class WaitingTest : public ::testing::Test {
   /// As they leave, each in a block of its own.
   std::vector<std::string> all() {
     std::vector<std::string> left;
-    while (!waiting.empty()) left.push_back(waiting.take(1, 1).at(0));
+    while (!waiting.empty()) left.push_back(waiting.pop(1, 1).at(0));
     return left;
   }
 
@@ -33,7 +33,7 @@ class WaitingTest : public ::testing::Test {
 
 TEST_F(WaitingTest, OfOneIdentityTheOldestIsFirst) {
   for (const char* envelope : {"a", "b", "c"}) EXPECT_EQ(add("one", envelope), std::nullopt);
-  EXPECT_THAT(waiting.take(2, 100), ElementsAre("a", "b"));
+  EXPECT_THAT(waiting.pop(2, 100), ElementsAre("a", "b"));
   EXPECT_THAT(all(), ElementsAre("c"));
   EXPECT_TRUE(waiting.empty());
 }
@@ -53,7 +53,7 @@ TEST_F(WaitingTest, AFloodDelaysEachEnvelopeOfAnotherByOneOfItsOwnAtMost) {
   for (int i = 0; i < 100; ++i) {
     add("pilot", std::string(500, 'p'));
     for (int before = 0;; ++before) {
-      const auto one = waiting.take(1, 1'000);
+      const auto one = waiting.pop(1, 1'000);
       ASSERT_EQ(one.size(), 1U);
       worst = std::max(worst, before);
       if (one[0][0] == 'p') break;
@@ -87,7 +87,7 @@ TEST_F(WaitingTest, WithinABlockTheyAreInTheOrderInWhichTheyCame) {
   add("two", "acquire", Urgency::control);
   add("one", "stop", Urgency::stop);
   add("two", "later");
-  EXPECT_THAT(waiting.take(3, 1'000), ElementsAre("state", "acquire", "stop"));
+  EXPECT_THAT(waiting.pop(3, 1'000), ElementsAre("state", "acquire", "stop"));
 }
 
 TEST_F(WaitingTest, AQuarterOfThePlacesIsKeptForUrgentOnes) {
@@ -120,7 +120,7 @@ TEST_F(WaitingTest, AnOrganisationThatMintsIdentitiesLeavesNoFasterByThem) {
   for (const Urgency urgency : {Urgency::control, Urgency::none}) {
     add_of("Org1MSP", "host", std::string(500, 'h'), urgency);
     int before = 0;
-    while (waiting.take(1, 1'000).at(0)[0] != 'h') ++before;
+    while (waiting.pop(1, 1'000).at(0)[0] != 'h') ++before;
     EXPECT_LE(before, urgency == Urgency::control ? 2 : 10) << "one of the other organisation, in its lane";
   }
 }
@@ -167,9 +167,9 @@ TEST_F(WaitingTest, TheOldestIsKnownWhicheverEntryLeaves) {
   now_ns += 5;
   add("one", "b", Urgency::control);
   EXPECT_EQ(waiting.oldest_ns(), ns_per_s);
-  EXPECT_THAT(waiting.take(1, 100), ElementsAre("b"));
+  EXPECT_THAT(waiting.pop(1, 100), ElementsAre("b"));
   EXPECT_EQ(waiting.oldest_ns(), ns_per_s);
-  EXPECT_THAT(waiting.take(1, 100), ElementsAre("a"));
+  EXPECT_THAT(waiting.pop(1, 100), ElementsAre("a"));
   EXPECT_TRUE(waiting.empty());
   EXPECT_EQ(waiting.bytes(), 0U);
 }

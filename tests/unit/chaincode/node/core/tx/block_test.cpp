@@ -1,6 +1,6 @@
 #include <gmock/gmock.h>
 
-#include "chaincode/node/core/tx/block.hpp"
+#include "chaincode/node/core/tx/messages.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 namespace ledgerline::node {

@@ -1,4 +1,4 @@
-#include "chaincode/endorser/shell/within.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
@@ -9,7 +9,7 @@
 #include <atomic>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/endorser/core/snapshot.hpp"
+#include "chaincode/endorser/core/core.hpp"
 #include "common/base/file.hpp"
 #include "common/fabric/checkpoint/checkpoint.hpp"
 #include "common/fabric/client/own_endorser.hpp"
@@ -76,7 +76,7 @@ class WithinTest : public ::testing::Test {
     const std::filesystem::path summary = organisation() / "within.json";
     fabric::ClientConfig with = config();
     with.blocks = blocks;
-    const Status begun = endorse_within({msp_dir, 10, summary, checkpoint, {}, first_state}, with);
+    const Status begun = start_own_endorser({msp_dir, 10, summary, checkpoint, {}, first_state}, with);
     EXPECT_TRUE(begun.ok()) << begun.error().message;
     {
       const auto client = fabric::Client::create(std::move(with)).value();
@@ -130,14 +130,14 @@ TEST_F(WithinTest, AnotherStartGoesOnBehindItsCheckpoint) {
   checkpoint.records.pop_back();
   ASSERT_TRUE(fabric::write_checkpoint(file, checkpoint).ok());
   fabric::ClientConfig with = config();
-  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().message, HasSubstr("is not whole"));
+  EXPECT_THAT(start_own_endorser({identity, 10, "", file, {}}, with).error().message, HasSubstr("is not whole"));
   ::chmod(file.c_str(), 0640);
-  EXPECT_THAT(endorse_within({identity, 10, "", file, {}}, with).error().message, HasSubstr("chmod 600"));
+  EXPECT_THAT(start_own_endorser({identity, 10, "", file, {}}, with).error().message, HasSubstr("chmod 600"));
 }
 
 /// As a peer of Fabric would write it that has what is in this checkpoint.
 void write_snapshot(const std::filesystem::path& folder, const std::string& checkpoint, const std::string& hash = "") {
-  auto known = snapshot_from(fabric::read_checkpoint(checkpoint, "teleop/ledgerline").value()->records).value();
+  auto known = read_snapshot(fabric::read_checkpoint(checkpoint, "teleop/ledgerline").value()->records).value();
   if (!hash.empty()) known.end.hash = hash;
   const PeerSnapshotFiles files = snapshot_of(known);
   for (const auto& [name, content] : {std::pair{peer_snapshot_file::description, &files.description},
@@ -155,7 +155,7 @@ TEST_F(WithinTest, AFirstStartGoesOnBehindAPeersSnapshot) {
   const std::filesystem::path folder = organisation() / "snapshot", states = folder / peer_snapshot_file::states;
   const auto refused = [&](const FirstStateSettings& first_state, const std::string& checkpoint = "") {
     fabric::ClientConfig with = config();
-    const Status begun = endorse_within({identity, 10, "", checkpoint, {}, first_state}, with);
+    const Status begun = start_own_endorser({identity, 10, "", checkpoint, {}, first_state}, with);
     return begun ? "it begins" : begun.error().message;
   };
   (void)send_states(identity, fabric::BlockSource::peer, file);
@@ -203,16 +203,17 @@ TEST_F(WithinTest, WithBlocksAsTheyAreOrderedItsCheckpointIsOfABlockThatThePeerH
 TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
   const std::filesystem::path peer = organisation() / "peers/peer0.org1.ledgerline";
   fabric::ClientConfig with = config();
-  const Status nowhere = endorse_within({peer / "msp", 1, "", "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
+  const Status nowhere =
+      start_own_endorser({peer / "msp", 1, "", "", {"127.0.0.1:0", peer / "tls/none.crt", ""}}, with);
   EXPECT_THAT(nowhere.error().message, HasSubstr("own_endorser.tls_certificate"));
   const ServeSettings no_authority{"127.0.0.1:0", peer / "tls/server.crt", peer / "tls/server.key",
                                    peer / "tls/none.crt"};
-  EXPECT_THAT(endorse_within({peer / "msp", 1, "", "", no_authority}, with).error().message,
+  EXPECT_THAT(start_own_endorser({peer / "msp", 1, "", "", no_authority}, with).error().message,
               HasSubstr("own_endorser.tls_client_ca"));
   const std::string at = "127.0.0.1:" + std::to_string(free_port());
   const std::filesystem::path summary = organisation() / "serving.json";
   ASSERT_TRUE(
-      endorse_within({peer / "msp", 10, summary, "", {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with)
+      start_own_endorser({peer / "msp", 10, summary, "", {at, peer / "tls/server.crt", peer / "tls/server.key"}}, with)
           .ok());
   fabric::ClientConfig other = config();
   other.endorsers = {{"Org1MSP", at, served.tls_ca_file()}, {"Org1MSP", served.endpoint(), served.tls_ca_file()}};
@@ -224,13 +225,14 @@ TEST_F(WithinTest, ItServesOtherProgramsWhereItIsAskedTo) {
 
 TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
   fabric::ClientConfig none = config();
-  EXPECT_TRUE(endorse_within({}, none).ok());
+  EXPECT_TRUE(start_own_endorser({}, none).ok());
   EXPECT_EQ(none.own_endorser, nullptr);
-  EXPECT_THAT(endorse_within({organisation() / "nowhere", 1, "", "", {}}, none).error().message,
+  EXPECT_THAT(start_own_endorser({organisation() / "nowhere", 1, "", "", {}}, none).error().message,
               HasSubstr("own_endorser.msp_dir"));
   none.orderers.clear();
-  EXPECT_THAT(endorse_within({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().message,
-              HasSubstr("no [[orderer]]"));
+  EXPECT_THAT(
+      start_own_endorser({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().message,
+      HasSubstr("no [[orderer]]"));
   none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
   EXPECT_FALSE(fabric::Client::create(none).ok());
 }

@@ -1,12 +1,10 @@
-#include "chaincode/endorser/shell/within.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 
 #include <atomic>
 #include <memory>
 #include <utility>
 #include <vector>
 
-#include "chaincode/endorser/shell/service.hpp"
-#include "chaincode/endorser/shell/serving.hpp"
 #include "common/base/log.hpp"
 #include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/renewal/certificate_watch.hpp"
@@ -14,19 +12,20 @@
 namespace ledgerline::endorser {
 namespace {
 
-class Within final : public fabric::OwnEndorser, public std::enable_shared_from_this<Within> {
+class InProcessEndorser final : public fabric::OwnEndorser, public std::enable_shared_from_this<InProcessEndorser> {
  public:
-  Within(std::unique_ptr<Service> service, std::string summary, std::unique_ptr<fabric::CertificateWatch> certificates)
+  InProcessEndorser(std::unique_ptr<Service> service, std::string summary,
+                    std::unique_ptr<fabric::CertificateWatch> certificates)
       : service_(std::move(service)), summary_(std::move(summary)), certificates_(std::move(certificates)) {}
-  ~Within() override {
+  ~InProcessEndorser() override {
     certificates_.reset();
     served_.reset();
     if (summary_.empty()) return;
     if (const Status s = write_summary(summary_, service_->counts()); !s)
       spdlog::error("own_endorser.summary: {}", s.error().message);
   }
-  Within(const Within&) = delete;
-  Within& operator=(const Within&) = delete;
+  InProcessEndorser(const InProcessEndorser&) = delete;
+  InProcessEndorser& operator=(const InProcessEndorser&) = delete;
 
   Status serve(const ServeSettings& settings, std::shared_ptr<const fabric::TlsPairsInUse> tls) {
     auto served = endorser::serve(*service_, settings, "own_endorser.", std::move(tls));
@@ -48,15 +47,15 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
     const auto self = shared_from_this();
     handlers.on_block = [self, then = std::move(handlers.on_block)](const fabric::Block& block, std::string_view raw) {
       if (then) then(block, raw);
-      self->take(block, raw);
+      self->on_block(block, raw);
     };
     handlers.on_connection = [self, then = std::move(handlers.on_connection)](bool connected, const std::string& why) {
       if (then) then(connected, why);
-      self->service_->shared_connected(connected, why);
+      self->service_->on_shared_connection(connected, why);
     };
     handlers.on_confirmed = [self, then = std::move(handlers.on_confirmed)](const auto& confirmed) {
       if (then) then(confirmed);
-      self->service_->confirm_shared(confirmed.number, confirmed.hash);
+      self->service_->on_shared_confirmed(confirmed.number, confirmed.hash);
     };
     handlers.on_contradiction = [self, then = std::move(handlers.on_contradiction)](const std::string& what) {
       if (then) then(what);
@@ -66,25 +65,25 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   }
 
  private:
-  void take(const fabric::Block& block, std::string_view raw) {
+  void on_block(const fabric::Block& block, std::string_view raw) {
     for (const fabric::Transaction& transaction : block.transactions) {
       if (transaction.problem.empty()) continue;
       service_->fail("a transaction's flag is not trusted: " + transaction.problem);
       return;
     }
-    service_->take_shared(block, raw);
+    service_->on_shared_block(block, raw);
   }
 
   const std::unique_ptr<Service> service_;
   const std::string summary_;
   std::unique_ptr<fabric::CertificateWatch> certificates_;
   std::atomic<bool> fed_{false};
-  std::unique_ptr<Served> served_;
+  std::unique_ptr<Server> served_;
 };
 
 }  // namespace
 
-Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledger) {
+Status start_own_endorser(const Settings& settings, fabric::ClientConfig& ledger) {
   if (settings.msp_dir.empty()) return done;
   if (ledger.orderers.empty())
     return Error{"own_endorser: what it endorses goes to an orderer, and no [[orderer]] is named"};
@@ -103,10 +102,9 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   auto certificates = fabric::CertificateWatch::create(watched, nullptr, served);
   if (!certificates) return Error{"own_endorser.tls_certificate and tls_key: " + certificates.error().message};
   own.identity = watched.identity;
-  auto service = Service::start(std::move(own), {settings.check_one_in, settings.checkpoint, settings.first_state},
-                                [](const std::string&) {});
+  auto service = Service::start(std::move(own), settings, [] {});
   if (!service) return Error{"own_endorser: " + service.error().message};
-  auto within = std::make_shared<Within>(std::move(*service), settings.summary, std::move(*certificates));
+  auto within = std::make_shared<InProcessEndorser>(std::move(*service), settings.summary, std::move(*certificates));
   if (!settings.serve.listen.empty()) {
     if (Status s = within->serve(settings.serve, watched.tls_in_use); !s) return s;
   }
@@ -115,7 +113,7 @@ Status endorse_within(const WithinSettings& settings, fabric::ClientConfig& ledg
   return done;
 }
 
-Status check_channels(const WithinSettings& settings, const fabric::Channels& channels) {
+Status check_channels(const Settings& settings, const fabric::Channels& channels) {
   if (settings.msp_dir.empty() || !channels.several()) return done;
   return Error{"[own_endorser] is of one channel: beside [[channel]] each needs an endorser of its own"};
 }

@@ -1,4 +1,4 @@
-#include "chaincode/node/core/member_check.hpp"
+#include "chaincode/node/core/types.hpp"
 
 namespace ledgerline::node {
 

@@ -1,9 +1,11 @@
 #pragma once
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "chaincode/node/core/types.hpp"
 #include "common/base/result.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/form.hpp"
@@ -12,7 +14,7 @@
 #include "peer/proposal.pb.h"
 #include "peer/proposal_response.pb.h"
 
-/// Proposals and transactions as Fabric lays them out: taken apart, checked for form, and made.
+/// Proposals, transactions and blocks as Fabric lays them out: taken apart, checked for form, and made.
 namespace ledgerline::node {
 
 /// A proposal, taken apart. Nothing is checked but that it parses.
@@ -45,5 +47,24 @@ std::string make_envelope(const ProposalParts& proposal, const std::string& resp
 
 /// The part of a transaction's read-write set that is the contract's own.
 kvrwset::KVRWSet set_of(const fabric::ReadWriteSet& sets, const std::string& contract);
+
+/// What the next block names.
+std::string header_hash(const common::BlockHeader& header);
+/// SHA-256 over all envelopes, one behind the other.
+std::string data_hash(const common::BlockData& data);
+
+/// Where a chain ends, and so what the next block follows.
+struct ChainEnd {
+  std::uint64_t height = 0;
+  std::string hash;  ///< of the last block's header; empty: there is none
+};
+
+/// Puts a block together, with room for signatures and flags.
+common::Block make_block(const ChainEnd& end, const std::vector<std::string>& envelopes);
+/// Adds the orderer's signature over the header.
+Status sign_block(common::Block& block, const crypto::SigningIdentity& orderer);
+
+/// The channel's configuration (organisations with their certificates, batch settings) as an envelope for block 0.
+std::string make_config_envelope(const CoreConfig& config, const crypto::SigningIdentity& orderer);
 
 }  // namespace ledgerline::node

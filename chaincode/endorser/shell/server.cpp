@@ -1,4 +1,4 @@
-#include "chaincode/endorser/shell/serving.hpp"
+#include "chaincode/endorser/shell/service.hpp"
 
 #include <chrono>
 #include <condition_variable>
@@ -40,16 +40,16 @@ class EndorserService final : public protos::Endorser::CallbackService {
   endorser::Service& service_;
 };
 
-class EndorserServer final : public Served {
+class GrpcServer final : public Server {
  public:
-  EndorserServer(Service& service, std::string certificate_file, std::shared_ptr<const fabric::TlsPairsInUse> tls)
+  GrpcServer(Service& service, std::string certificate_file, std::shared_ptr<const fabric::TlsPairsInUse> tls)
       : answers_(service), certificate_file_(std::move(certificate_file)), tls_(std::move(tls)) {}
-  ~EndorserServer() override {
+  ~GrpcServer() override {
     renewing_ = {};
-    end();
+    served_.stop();
   }
-  EndorserServer(const EndorserServer&) = delete;
-  EndorserServer& operator=(const EndorserServer&) = delete;
+  GrpcServer(const GrpcServer&) = delete;
+  GrpcServer& operator=(const GrpcServer&) = delete;
 
   Status start(fabric::TlsEndpoint at) {
     at_ = std::move(at);
@@ -63,13 +63,6 @@ class EndorserServer final : public Served {
   const std::string& endpoint() const override { return endpoint_; }
 
  private:
-  void end() {
-    if (!served_.server) return;
-    served_.server->Shutdown(std::chrono::system_clock::now() + std::chrono::milliseconds(200));
-    served_.server->Wait();
-    served_.server.reset();
-  }
-
   /// gRPC's server keeps the pair that it was made with.
   void renew(const std::stop_token& stop) {
     std::mutex mutex;
@@ -84,7 +77,7 @@ class EndorserServer final : public Served {
       if (stop.stop_requested() || !pair || (served_.server && pair->certificate_pem == at_.certificate_pem)) continue;
       at_.certificate_pem = std::move(pair->certificate_pem);
       at_.key_pem = std::move(pair->key_pem);
-      end();
+      served_.stop();
       if (auto served = fabric::serve_by_tls(at_, {&answers_})) {
         served_ = std::move(*served);
         problem.clear();
@@ -109,7 +102,7 @@ class EndorserServer final : public Served {
 
 }  // namespace
 
-Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& settings, const std::string& table,
+Result<std::unique_ptr<Server>> serve(Service& service, const ServeSettings& settings, const std::string& table,
                                       std::shared_ptr<const fabric::TlsPairsInUse> tls) {
   auto certificate = read_file(settings.tls_certificate);
   if (!certificate) return Error{table + "tls_certificate: " + certificate.error().message};
@@ -119,7 +112,7 @@ Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& set
   if (!settings.tls_client_ca.empty()) authorities.push_back(settings.tls_client_ca);
   auto client_authorities = fabric::read_client_authorities(authorities);
   if (!client_authorities) return Error{table + "tls_client_ca: " + client_authorities.error().message};
-  auto server = std::make_unique<EndorserServer>(service, settings.tls_certificate, std::move(tls));
+  auto server = std::make_unique<GrpcServer>(service, settings.tls_certificate, std::move(tls));
   if (Status s = server->start({.name = "endorser",
                                 .listen = settings.listen,
                                 .key_pem = std::move(*key),
@@ -129,7 +122,7 @@ Result<std::unique_ptr<Served>> serve(Service& service, const ServeSettings& set
                                 .max_memory_bytes = max_memory_bytes});
       !s)
     return s.error();
-  return std::unique_ptr<Served>(std::move(server));
+  return std::unique_ptr<Server>(std::move(server));
 }
 
 }  // namespace ledgerline::endorser
