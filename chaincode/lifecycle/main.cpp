@@ -5,7 +5,7 @@
 
 #include "chaincode/lifecycle/lifecycle.hpp"
 #include "chaincode/lifecycle/package.hpp"
-#include "common/access/rules.hpp"
+#include "common/access/access.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"

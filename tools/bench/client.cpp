@@ -9,6 +9,7 @@
 
 #include "chaincode/endorser/shell/within.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/stream/block_subscription.hpp"
 #include "common/msg/contract.hpp"
@@ -18,7 +19,6 @@
 #include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
-#include "common/verification/client.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/events.hpp"
 #include "tools/bench/exchange.hpp"

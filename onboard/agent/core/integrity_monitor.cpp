@@ -13,10 +13,10 @@ std::string_view name(IntegrityViolation kind) {
 void IntegrityMonitor::add(TimeNs now, IntegrityViolation kind, std::uint64_t block, std::string_view words,
                            std::uint64_t times) {
   if (times == 0) return;
-  Kept& kept = kept_.at(static_cast<std::size_t>(kind));
-  kept.reason = {kept.reason.count + times, block, printable(words, max_words)};
-  kept.newest_ns = now;
-  kept.unreported += times;
+  Violations& of_kind = all_.at(static_cast<std::size_t>(kind));
+  of_kind.reason = {of_kind.reason.count + times, block, printable(words, max_text_bytes)};
+  of_kind.newest_ns = now;
+  of_kind.unreported += times;
 }
 
 bool IntegrityMonitor::stands(TimeNs now, IntegrityViolation kind) const {
@@ -33,20 +33,21 @@ bool IntegrityMonitor::stands(TimeNs now) const {
 
 std::uint64_t IntegrityMonitor::count() const {
   std::uint64_t count = 0;
-  for (const Kept& kept : kept_) count += kept.reason.count;
+  for (const Violations& of_kind : all_) count += of_kind.reason.count;
   return count;
 }
 
-std::vector<IntegrityMonitor::Word> IntegrityMonitor::take_words(TimeNs now) {
-  std::vector<Word> words;
+std::vector<IntegrityMonitor::LogEntry> IntegrityMonitor::pop_log_entries(TimeNs now) {
+  std::vector<LogEntry> entries;
   for (std::size_t i = 0; i < violation_kinds; ++i) {
-    Kept& kept = kept_[i];
-    if (kept.unreported == 0 || (kept.reported_ns && now - *kept.reported_ns < word_gap_ns)) continue;
-    words.push_back({static_cast<IntegrityViolation>(i), kept.unreported, kept.reason.count, kept.reason.words});
-    kept.unreported = 0;
-    kept.reported_ns = now;
+    Violations& of_kind = all_[i];
+    if (of_kind.unreported == 0 || (of_kind.reported_ns && now - *of_kind.reported_ns < log_gap_ns)) continue;
+    entries.push_back(
+        {static_cast<IntegrityViolation>(i), of_kind.unreported, of_kind.reason.count, of_kind.reason.words});
+    of_kind.unreported = 0;
+    of_kind.reported_ns = now;
   }
-  return words;
+  return entries;
 }
 
 }  // namespace ledgerline::agent

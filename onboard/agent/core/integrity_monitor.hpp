@@ -32,10 +32,11 @@ std::string_view name(IntegrityViolation kind);
 /// Pure; one thread; memory bounded: of each kind its count and its newest words.
 class IntegrityMonitor {
  public:
-  static constexpr std::size_t max_words =
+  static constexpr std::size_t max_text_bytes =
       300;  ///< bytes of one reason; more is cut. An alarm is an asset of the ledger
-  /// Between two words of one kind: a peer may give thousands of reasons a second, and a log must not fill a disk.
-  static constexpr TimeNs word_gap_ns = 60 * ns_per_s;
+  /// Between two log entries of one kind: a peer may give thousands of reasons a second, and a log must not fill a
+  /// disk.
+  static constexpr TimeNs log_gap_ns = 60 * ns_per_s;
 
   struct Reason {
     std::uint64_t count = 0;
@@ -43,9 +44,9 @@ class IntegrityMonitor {
     std::string words;        ///< of the newest, printable
   };
   /// For the log.
-  struct Word {
+  struct LogEntry {
     IntegrityViolation kind{};
-    std::uint64_t since = 0;  ///< reasons of this kind since the last word of it
+    std::uint64_t since = 0;  ///< reasons of this kind since the last entry of it
     std::uint64_t count = 0;  ///< all of them
     std::string words;
   };
@@ -63,20 +64,20 @@ class IntegrityMonitor {
   std::uint64_t count() const;  ///< of all kinds
   TimeNs lasts_ns() const { return lasts_ns_; }
 
-  /// What is to be reported now: the first reason of a kind at once, then at most one each word_gap_ns.
-  std::vector<Word> take_words(TimeNs now);
+  /// What is to be reported now: the first reason of a kind at once, then at most one each log_gap_ns.
+  std::vector<LogEntry> pop_log_entries(TimeNs now);
 
  private:
-  struct Kept {
+  struct Violations {
     Reason reason;
     std::optional<TimeNs> newest_ns;
     std::uint64_t unreported = 0;
     std::optional<TimeNs> reported_ns;
   };
-  const Kept& at(IntegrityViolation kind) const { return kept_.at(static_cast<std::size_t>(kind)); }
+  const Violations& at(IntegrityViolation kind) const { return all_.at(static_cast<std::size_t>(kind)); }
 
   TimeNs lasts_ns_;
-  std::array<Kept, violation_kinds> kept_{};
+  std::array<Violations, violation_kinds> all_{};
   bool records_differ_ = false;
 };
 

@@ -5,7 +5,7 @@
 
 #include "common/fabric/client/client.hpp"
 #include "common/rt/mailbox.hpp"
-#include "onboard/agent/core/records/first_records.hpp"
+#include "onboard/agent/core/records.hpp"
 
 namespace ledgerline::agent {
 

@@ -246,7 +246,7 @@ Status LedgerFollower::take(Event& event) {
     take_second_reading(*second);
   } else if (const auto* roles = std::get_if<RolesRead>(&event)) {
     records_.on_roles(*roles);
-    if (roles->roles) core_.add_roles(*roles->roles);
+    if (roles->roles) core_.control().add_roles(*roles->roles);
     report_left_out();
   }
   return done;
@@ -280,7 +280,7 @@ Status LedgerFollower::take_block(const fabric::Block& block) {
   } else if (*next == verification::ControlStart::Next::take) {
     core_.on_block(monotonic_ns(), block, out_);
     report_by_flag();
-    records_.read_roles(core_.await_roles());
+    records_.read_roles(core_.control().await_roles());
   } else if (*next == verification::ControlStart::Next::read) {
     records_.read_in_background();
   }
@@ -288,7 +288,7 @@ Status LedgerFollower::take_block(const fabric::Block& block) {
 }
 
 void LedgerFollower::set_records(const FirstRecords& records) {
-  core_.set_roles(records.roles);
+  core_.control().set_roles(records.roles);
   for (const Control& control : records.controls) core_.set_control(monotonic_ns(), control);
   report_left_out();
 }
@@ -317,7 +317,7 @@ void LedgerFollower::take_second_reading(const SecondReading& reading) {
   const bool own_are_read = control_start_.known();
   records_.ask_again(reading.records && !own_are_read);
   if (!reading.records || !own_are_read) return;
-  const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
+  const auto verdict = second_opinion_.compare(core_.control().records(), *reading.records);
   for (const SecondOpinion::Difference& difference : verdict.alarms) {
     core_.on_violation(monotonic_ns(), IntegrityViolation::records, difference.text());
     spdlog::error(
@@ -325,7 +325,7 @@ void LedgerFollower::take_second_reading(const SecondReading& reading) {
         "the two peers lies or stands still: look at both before you fly",
         label_, difference.what, difference.ours, difference.theirs);
   }
-  core_.set_records_differ(second_opinion_.differs());
+  core_.integrity().records_differ(second_opinion_.differs());
   for (const std::string& what : verdict.cleared)
     spdlog::warn("{}{}: another organisation's peer reports the same record again", label_, what);
   records_.ask_again(verdict.again_soon);
@@ -343,7 +343,7 @@ void LedgerFollower::report_by_flag() {
 
 // No reason to distrust the ledger: an organisation that has too many roles would land others' drones by it.
 void LedgerFollower::report_left_out() {
-  const verification::Organisations& left_out = core_.roles_left_out();
+  const verification::Organisations& left_out = core_.control().roles_left_out();
   if (left_out.size() == std::exchange(left_out_reported_, left_out.size())) return;
   for (const std::string& msp_id : left_out)
     spdlog::error(
@@ -356,7 +356,7 @@ void LedgerFollower::report_left_out() {
 // confirmed yet hold states and commands alone, and change no record.
 void LedgerFollower::keep_checkpoint() {
   if (!blocks_.keeps() || !control_start_.known() || !confirmed_ || core_.height() == 0) return;
-  blocks_.keep(confirmed_->number, confirmed_->hash, to_bytes(core_.records()));
+  blocks_.keep(confirmed_->number, confirmed_->hash, to_bytes(core_.control().records()));
   confirmed_.reset();
 }
 

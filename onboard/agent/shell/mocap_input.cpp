@@ -58,7 +58,7 @@ void MocapInput::take(const std::function<void(DroneNumber, const MocapPose&)>& 
   for (Input& input : inputs_) {
     MocapMessage message{};
     while (input.ring->pop(message)) {
-      if (const auto pose = intake_.take(message)) {
+      if (const auto pose = intake_.check(message)) {
         on_pose(input.drone, *pose);
       } else {
         report_implausible(input.drone, message);

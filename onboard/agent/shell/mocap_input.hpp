@@ -9,7 +9,7 @@
 
 #include "common/dds/dds.hpp"
 #include "common/rt/spsc_ring.hpp"
-#include "onboard/agent/core/mocap_intake.hpp"
+#include "onboard/agent/core/mocap.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
 

@@ -15,33 +15,28 @@ IdleEvictor::IdleEvictor(TimeNs idle_ns, const BatchConfig& config, const std::v
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
-IdleEvictor::Slot* IdleEvictor::find(DroneNumber drone) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
-  return slot == slots_.end() ? nullptr : &*slot;
-}
-
 void IdleEvictor::restart_count(TimeNs now, Slot& slot) {
   slot.idle_since_ns = now;
   slot.repeat.reset();
 }
 
-void IdleEvictor::see(TimeNs now, DroneNumber drone, const View& view) {
-  Slot* slot = find(drone);
+void IdleEvictor::update(TimeNs now, DroneNumber drone, const View& view) {
+  Slot* slot = find_drone(slots_, drone);
   if (!slot) return;
   if (view.lease != slot->lease || !view.on_ground) restart_count(now, *slot);
   slot->lease = view.lease;
-  slot->ledger_heard = view.ledger_heard;
-  if (!view.ledger_heard) slot->idle_since_ns = std::max(slot->idle_since_ns, now - idle_ns_ + catch_up_ns);
+  slot->ledger_alive = view.ledger_alive;
+  if (!view.ledger_alive) slot->idle_since_ns = std::max(slot->idle_since_ns, now - idle_ns_ + catch_up_ns);
 }
 
-void IdleEvictor::heard(TimeNs now, DroneNumber drone) {
-  if (Slot* slot = find(drone)) restart_count(now, *slot);
+void IdleEvictor::on_command(TimeNs now, DroneNumber drone) {
+  if (Slot* slot = find_drone(slots_, drone)) restart_count(now, *slot);
 }
 
 std::optional<IdleEvictor::Sending> IdleEvictor::next(TimeNs now) {
   if (idle_ns_ == 0) return std::nullopt;
   const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) {
-    return s.lease && s.ledger_heard && s.call == 0 && now - s.idle_since_ns >= idle_ns_ &&
+    return s.lease && s.ledger_alive && s.call == 0 && now - s.idle_since_ns >= idle_ns_ &&
            (!s.repeat || now >= s.next_ns);
   });
   if (slot == slots_.end()) return std::nullopt;
@@ -75,9 +70,9 @@ std::optional<IdleEvictor::Ended> IdleEvictor::finished(TimeNs now, std::uint64_
   return ended;
 }
 
-bool IdleEvictor::evicting(DroneNumber drone) const {
-  return std::any_of(slots_.begin(), slots_.end(),
-                     [&](const Slot& s) { return s.drone.number == drone && s.call != 0; });
+bool IdleEvictor::is_evicting(DroneNumber drone) const {
+  const Slot* slot = find_drone(slots_, drone);
+  return slot && slot->call != 0;
 }
 
 bool IdleEvictor::in_flight() const {

@@ -33,7 +33,7 @@ class IdleEvictor {
   struct View {
     std::optional<std::uint64_t> lease;  ///< its epoch; none: nobody holds the drone
     bool on_ground = false;              ///< link sees it there now
-    bool ledger_heard = false;
+    bool ledger_alive = false;
   };
   struct Sending {
     std::uint64_t number = 0;  ///< never that of a frame, of transitions or of apply_stops
@@ -52,16 +52,16 @@ class IdleEvictor {
   IdleEvictor(TimeNs idle_ns, const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// How it is now; for each drone, before next().
-  void see(TimeNs now, DroneNumber drone, const View& view);
+  void update(TimeNs now, DroneNumber drone, const View& view);
   /// It was commanded under its lease.
-  void heard(TimeNs now, DroneNumber drone);
+  void on_command(TimeNs now, DroneNumber drone);
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);
   /// How call `number` ended; nothing if it is none of ours.
   std::optional<Ended> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   /// A call of this drone is in flight: its holder may lose it any moment.
-  bool evicting(DroneNumber drone) const;
+  bool is_evicting(DroneNumber drone) const;
   bool in_flight() const;
   TimeNs idle_ns() const { return idle_ns_; }
   const Counters& counters() const { return counters_; }
@@ -71,12 +71,11 @@ class IdleEvictor {
     DroneName drone{};
     std::optional<std::uint64_t> lease{};
     TimeNs idle_since_ns = 0;
-    bool ledger_heard = false;
+    bool ledger_alive = false;
     std::optional<fabric::Repeat> repeat{};  ///< of an eviction that is wanted
     TimeNs next_ns = 0;
     std::uint64_t call = 0;  ///< in flight; 0: none
   };
-  Slot* find(DroneNumber drone);
   static void restart_count(TimeNs now, Slot& slot);
 
   TimeNs idle_ns_;

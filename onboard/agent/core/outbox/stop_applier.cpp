@@ -23,9 +23,9 @@ void StopApplier::begin(TimeNs now, Slot& slot) {
   slot.again = false;
 }
 
-void StopApplier::want(TimeNs now, DroneNumber drone) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
-  if (slot == slots_.end()) return;
+void StopApplier::request(TimeNs now, DroneNumber drone) {
+  Slot* slot = find_drone(slots_, drone);
+  if (!slot) return;
   if (slot->call != 0) {
     slot->again = true;
   } else if (!slot->repeat) {
@@ -33,10 +33,10 @@ void StopApplier::want(TimeNs now, DroneNumber drone) {
   }
 }
 
-void StopApplier::renew(TimeNs now) {
+void StopApplier::request_renewal(TimeNs now) {
   if (!renewal_pause_.over(now)) return;
   renewal_pause_.failed(now, seeds_);
-  for (const Slot& slot : slots_) want(now, slot.drone.number);
+  for (const Slot& slot : slots_) request(now, slot.drone.number);
 }
 
 std::optional<StopApplier::Sending> StopApplier::next(TimeNs now) {

@@ -38,11 +38,11 @@ class StopApplier {
   StopApplier(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed);
 
   /// A stop of this drone, or a revocation that concerns it, was seen in a block or in its record.
-  void want(TimeNs now, DroneNumber drone);
+  void request(TimeNs now, DroneNumber drone);
   /// A frame of states lacked endorsements: apply_stops of all drones, at most so often as the pause has it.
-  void renew(TimeNs now);
+  void request_renewal(TimeNs now);
   /// A frame of states is on the ledger, so the records are good: the pause is short again.
-  void renewed() { renewal_pause_.succeeded(); }
+  void on_renewed() { renewal_pause_.succeeded(); }
   /// A call to make now, if any; it is then in flight.
   std::optional<Sending> next(TimeNs now);
   /// How call `number` ended; false if it is none of ours.

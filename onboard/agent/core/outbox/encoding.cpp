@@ -43,8 +43,7 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
   call.set_stream(true);
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     for (const StateSample& sample : *samples) {
-      const auto it =
-          std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
+      const auto it = std::ranges::find(drones, sample.drone, &DroneName::number);
       if (it == drones.end()) continue;
       const bool with_battery =
           std::find(frame.batteries.begin(), frame.batteries.end(), sample.drone) != frame.batteries.end();
