@@ -49,11 +49,6 @@ std::string publish(Stub& stub, const Arguments& call, const std::string& functi
   return payload;
 }
 
-std::string write_assets(const Arguments& call, const Assets& assets, bool single) {
-  if (call.json_out() && single && assets.assets_size() == 1) return to_json(assets.assets(0));
-  return write_form(call, assets);
-}
-
 Status check_id(const std::string& id) {
   if (id.empty()) return Error{"an asset has no id"};
   if (id.size() > contract::max_id_chars) {

@@ -30,8 +30,6 @@ Result<Arguments> read_arguments(const std::vector<std::string>& args);
 
 /// `message` in the form of the call.
 std::string write_form(const Arguments& call, const google::protobuf::Message& message);
-/// The same for a list of assets; `single` chooses JSON's form of one asset.
-std::string write_assets(const Arguments& call, const Assets& assets, bool single);
 
 /// An id is 1 to 128 characters of [A-Za-z0-9_./-]; no segment is empty, "." or "..".
 Status check_id(const std::string& id);

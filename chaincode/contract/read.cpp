@@ -445,15 +445,16 @@ Answer get_assets(Stub& stub, const Arguments& call) {
     }
     const auto page = PageReader(stub, call, prefix).read(query->bookmark());
     if (!page) return page.error();
-    return write_assets(call, *page, false);
+    return write_form(call, *page);
   }
   if (Status status = check_id(id); !status) return status.error();
   auto asset = get_one(stub, id);
   if (!asset) return asset.error();
   if (!*asset) return Error{id + ": not found"};
+  if (call.json_out()) return to_json(**asset);
   Assets answer;
   *answer.add_assets() = std::move(**asset);
-  return write_assets(call, answer, true);
+  return write_form(call, answer);
 }
 
 Answer get_history(Stub& stub, const Arguments& call) {

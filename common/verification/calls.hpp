@@ -42,7 +42,7 @@ enum class Match {
 Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked);
 Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked);
 /// Whether the event says what a call of `set` asked for, message or not: who reads its bytes finds that out.
-bool tells_set(const RequestedCall& call, std::string_view event_payload);
+bool reports_set(const RequestedCall& call, std::string_view event_payload);
 
 /// A plan as link takes it; of one that has at most max_setpoints.
 Plan plan_of(DroneNumber drone, const DronePlan& asked);

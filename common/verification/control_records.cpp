@@ -60,15 +60,16 @@ Result<std::vector<Control>> read_controls(const std::vector<std::string>& drone
   return controls;
 }
 
-Status keep_reading(const std::stop_token& stop, const std::function<Status()>& read, const TryWorld& world) {
+Status read_repeatedly(const std::stop_token& stop, const std::function<Status()>& read, const TryWorld& world) {
   return keep_trying(
       "the control records can be read (no block is taken before)",
       {.within_ns = max_controls_wait_ns, .first_pause_ns = 50 * ns_per_ms, .max_pause_ns = 500 * ns_per_ms},
       [&] { return stop.stop_requested(); }, read, world);
 }
 
-Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
-                                                   const Evaluate& evaluate, const TryWorld& world) {
+Result<std::vector<Control>> read_controls_repeatedly(const std::stop_token& stop,
+                                                      const std::vector<std::string>& drones, const Evaluate& evaluate,
+                                                      const TryWorld& world) {
   std::vector<Control> read;
   const auto once = [&]() -> Status {
     auto controls = read_controls(drones, evaluate);
@@ -76,7 +77,7 @@ Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, 
     read = std::move(controls).value();
     return done;
   };
-  if (auto status = keep_reading(stop, once, world); !status) return status.error();
+  if (auto status = read_repeatedly(stop, once, world); !status) return status.error();
   return read;
 }
 
@@ -124,7 +125,7 @@ Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, Ro
   const Error enough{"enough", ErrorCode::cancelled};
   const Status status = read_all(std::string(kind) + msp_id, evaluate, [&](const Asset& asset) -> Status {
     if (++records > contract::role_tables) {  // what is behind them is none of the contract's
-      roles.leave_out(msp_id);
+      roles.exclude(msp_id);
       return enough;
     }
     if (!is_table_key(asset.id(), msp_id)) return done;
@@ -132,7 +133,7 @@ Result<bool> read_tables(const Evaluate& evaluate, const std::string& msp_id, Ro
     RoleTable table;
     if (asset.msg_data().size() > contract::max_table_bytes || !parse_message(asset.msg_data(), table) ||
         static_cast<std::size_t>(table.entries_size()) > contract::max_table_entries) {
-      roles.leave_out(msp_id);
+      roles.exclude(msp_id);
       return enough;
     }
     for (const RoleTable::Entry& entry : table.entries())
@@ -149,7 +150,7 @@ Status read_records_before(const Evaluate& evaluate, const Organisations& organi
   const Error enough{"enough", ErrorCode::cancelled};
   const Status status = read_all("role", evaluate, [&](const Asset& asset) -> Status {
     if (++records > max_records_before) {
-      for (const std::string& msp_id : organisations) roles.leave_out(msp_id);
+      for (const std::string& msp_id : organisations) roles.exclude(msp_id);
       return enough;
     }
     EnrollCall record;
@@ -208,7 +209,7 @@ void Roles::add(const Roles& read) {
   left_out_.insert(read.left_out_.begin(), read.left_out_.end());
 }
 
-void Roles::leave_out(const std::string& msp_id) {
+void Roles::exclude(const std::string& msp_id) {
   organisations_[msp_id].clear();
   left_out_.insert(msp_id);
 }

@@ -28,11 +28,12 @@ Result<Control> read_control(const std::string& drone, const Evaluate& evaluate)
 Result<std::vector<Control>> read_controls(const std::vector<std::string>& drones, const Evaluate& evaluate);
 /// Reads until it succeeds, for max_controls_wait_ns at most; an error, too, when asked to stop. Says in the log why it
 /// has not yet.
-Status keep_reading(const std::stop_token& stop, const std::function<Status()>& read,
-                    const TryWorld& world = TryWorld::real());
+Status read_repeatedly(const std::stop_token& stop, const std::function<Status()>& read,
+                       const TryWorld& world = TryWorld::real());
 /// The same with read_controls().
-Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
-                                                   const Evaluate& evaluate, const TryWorld& world = TryWorld::real());
+Result<std::vector<Control>> read_controls_repeatedly(const std::stop_token& stop,
+                                                      const std::vector<std::string>& drones, const Evaluate& evaluate,
+                                                      const TryWorld& world = TryWorld::real());
 /// The ledger has just sent a block, so it answers soon or something is broken. A minute outlasts a peer's restart; a
 /// program that ends then is started again, where half of it would leave one that hears no block.
 inline constexpr TimeNs max_controls_wait_ns = 60 * ns_per_s;
@@ -91,7 +92,7 @@ class Roles {
   /// What was read; where an event has said something since, that counts.
   void add(const Roles& read);
   /// Nothing of the organisation counts: its records are too many, or none that the contract writes.
-  void leave_out(const std::string& msp_id);
+  void exclude(const std::string& msp_id);
   Role of(const crypto::IdentityName& who) const;
   std::map<crypto::IdentityName, Role> all() const;
   /// Organisations of which some or all roles were left out; for an alarm.

@@ -20,7 +20,7 @@
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/shell/events.hpp"
+#include "onboard/agent/shell/ledger_follower.hpp"
 #include "tools/bench/exchange.hpp"
 
 namespace {

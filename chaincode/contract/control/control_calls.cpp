@@ -45,46 +45,26 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
   return done;
 }
 
-/// Writes the records of one drone: those that differ, or all of them where they are of an older version.
-class DroneRecords {
- public:
-  DroneRecords(Stub& stub, std::string keeper, std::uint32_t version)
-      : stub_(stub), keeper_(std::move(keeper)), old_(version < contract::record_version) {}
-
-  template <typename Message>
-  Status write(const std::string& key, const Message& before, const Message& after) {
-    if (old_) return make_record(stub_, key, after, keeper_);
-    if (before.SerializeAsString() == after.SerializeAsString()) return done;
-    return write_record(stub_, key, after, contract::record_version);
-  }
-  Status write_owner(const std::string& drone) { return old_ ? make_owner(stub_, drone, keeper_) : done; }
-
- private:
-  Stub& stub_;
-  const std::string keeper_;
-  const bool old_;
-};
-
-Grants grants_of(const Control& control) {
-  Grants grants;
-  *grants.mutable_grants() = control.grants();
-  return grants;
-}
-
-Requests requests_of(const Control& control) {
-  Requests requests;
-  *requests.mutable_requests() = control.requests();
-  return requests;
-}
-
-/// Writes what `change` made of a control record.
+/// Writes what `change` made of a drone's records: those that differ, or all of them where they are of an older
+/// version.
 Status write_changes(Stub& stub, const Control& before, const Control& after, std::uint32_t version) {
-  const std::string& drone = after.drone();
-  DroneRecords records(stub, after.owner().msp_id(), version);
-  Status status = records.write(control_key(drone), stored_part(before), stored_part(after));
-  if (status) status = records.write(grant_key(drone), grants_of(before), grants_of(after));
-  if (status) status = records.write(request_key(drone), requests_of(before), requests_of(after));
-  if (status) status = records.write_owner(drone);
+  const std::string &drone = after.drone(), &keeper = after.owner().msp_id();
+  const bool old = version < contract::record_version;
+  const auto write = [&](const std::string& key, const auto& was, const auto& now) -> Status {
+    if (old) return make_record(stub, key, now, keeper);
+    if (was.SerializeAsString() == now.SerializeAsString()) return done;
+    return write_record(stub, key, now, contract::record_version);
+  };
+  Grants old_grants, grants;
+  *old_grants.mutable_grants() = before.grants();
+  *grants.mutable_grants() = after.grants();
+  Requests old_requests, requests;
+  *old_requests.mutable_requests() = before.requests();
+  *requests.mutable_requests() = after.requests();
+  Status status = write(control_key(drone), stored_part(before), stored_part(after));
+  if (status) status = write(grant_key(drone), old_grants, grants);
+  if (status) status = write(request_key(drone), old_requests, requests);
+  if (status && old) status = make_owner(stub, drone, keeper);
   if (!status) return status;
   for (const StopClears& cleared : after.cleared()) {
     if (clears_of(before, cleared.stopper()) == cleared.clears()) continue;

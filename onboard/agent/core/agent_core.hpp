@@ -11,12 +11,10 @@
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/agent/core/integrity_monitor.hpp"
 #include "onboard/agent/core/mocap.hpp"
-#include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/core/outbox/idle_evictor.hpp"
-#include "onboard/agent/core/outbox/stop_applier.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::agent {
@@ -183,6 +184,11 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       drop_all(frame);
       pause_.failed(now, random_);
       break;
+  }
+  for (const Slot& slot : slots_) {
+    const Counters& c = slot.counters;
+    LEDGERLINE_CHECK(c.sampled == c.on_ledger + c.merged + c.dropped + c.pending, "each sample has one end",
+                     slot.drone.name, c.sampled, c.pending);
   }
   return std::move(ended->what);
 }

@@ -5,8 +5,8 @@
 #include "common/msg/ros.hpp"
 #include "common/verification/calls.hpp"
 #include "ledgerline.pb.h"
-#include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "common/base/check.hpp"
+
 namespace ledgerline::agent {
 
 TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
@@ -83,6 +85,8 @@ bool TransitionSender::finished(TimeNs now, std::uint64_t number, const fabric::
       if (slot.kept.front().boot_id == boot_id_) slot.on_ledger = slot.kept.front().number;
       slot.kept.pop_front();
     }
+    LEDGERLINE_CHECK(slot.counters.pending == slot.kept.size(), "each transition ends on the ledger", slot.drone.name,
+                     slot.counters.pending, slot.kept.size());
   }
   return ours;
 }

@@ -142,8 +142,8 @@ TEST(RolesTest, WhatIsReadLaterDoesNotUndoAnEventSince) {
   EXPECT_THAT(roles.followed(), IsEmpty()) << "it may not be compared yet";
   roles.apply({to_message(pilot), REVOKED});
   Roles read;
-  read.take({to_message(pilot), OPERATOR});
-  read.take({to_message({"Org2MSP", "CN=rival"}), OPERATOR});
+  read.apply({to_message(pilot), OPERATOR});
+  read.apply({to_message({"Org2MSP", "CN=rival"}), OPERATOR});
   roles.add(read);
   EXPECT_EQ(roles.of(pilot), REVOKED);
   EXPECT_EQ(roles.of({"Org2MSP", "CN=rival"}), OPERATOR);

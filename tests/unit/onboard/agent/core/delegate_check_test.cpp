@@ -130,7 +130,8 @@ class DelegateCheck : public ::testing::Test {
 
 TEST_F(DelegateCheck, TheDelegateCommandsAndNobodyElse) {
   EXPECT_TRUE(flies(station));
-  for (const auto& who : {holder, rival, laptop, foreign}) EXPECT_EQ(refused(who), RefusalReason::not_holder) << who.subject;
+  for (const auto& who : {holder, rival, laptop, foreign})
+    EXPECT_EQ(refused(who), RefusalReason::not_holder) << who.subject;
   EXPECT_EQ(refused(station, epoch - 1), RefusalReason::wrong_epoch);
   start(with_delegate(nullptr));
   EXPECT_TRUE(flies(holder)) << "of a record of before";

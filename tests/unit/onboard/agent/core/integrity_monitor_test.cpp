@@ -1,4 +1,4 @@
-#include "onboard/agent/core/integrity_monitor.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 
 #include <gtest/gtest.h>
 

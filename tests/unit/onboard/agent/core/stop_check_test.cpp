@@ -113,7 +113,7 @@ TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) 
   const crypto::IdentityName far{"Org4MSP", "CN=User1@org4.ledgerline"};
   expect_refused(stop(far, conflict), "nobody knows yet what it may");
   verification::Roles read;
-  read.take({to_message(far), OPERATOR});
+  read.apply({to_message(far), OPERATOR});
   check_->control().add_roles(read);
   EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
 }

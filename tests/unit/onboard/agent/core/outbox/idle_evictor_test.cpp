@@ -1,4 +1,4 @@
-#include "onboard/agent/core/outbox/idle_evictor.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
 
 #include <gtest/gtest.h>
 

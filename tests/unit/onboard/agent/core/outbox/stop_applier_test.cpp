@@ -1,4 +1,4 @@
-#include "onboard/agent/core/outbox/stop_applier.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
 
 #include <gtest/gtest.h>
 

@@ -94,7 +94,7 @@ TEST(SecondOpinionTest, OfOrganisationsThatOneSideDoesNotFollowOrHasLeftOutNothi
   EXPECT_TRUE(SecondOpinion::differences(records(), followed).empty()) << "granted since, and not read here yet";
   left_out.roles.follow("Org3MSP");
   EXPECT_EQ(SecondOpinion::differences(left_out, followed).size(), 1U) << "followed, and without that role";
-  left_out.roles.leave_out("Org3MSP");
+  left_out.roles.exclude("Org3MSP");
   EXPECT_TRUE(SecondOpinion::differences(left_out, followed).empty());
   EXPECT_TRUE(SecondOpinion::differences(followed, left_out).empty());
 }
