@@ -345,7 +345,7 @@ class RevocationTest : public ControlCheckTest {
     one.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
     return one;
   }
-  Refusal command_refused() {
+  RefusalReason command_refused() {
     CommandCall call;
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");

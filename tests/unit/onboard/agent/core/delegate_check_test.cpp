@@ -70,7 +70,7 @@ class DelegateCheck : public ::testing::Test {
   bool flies(const crypto::IdentityName& by, std::uint64_t at = epoch, Action action = FLY) {
     return command(by, at, action).plans.size() == 1;
   }
-  Refusal refused(const crypto::IdentityName& by, std::uint64_t at = epoch) {
+  RefusalReason refused(const crypto::IdentityName& by, std::uint64_t at = epoch) {
     const auto checked = command(by, at);
     return checked.refused.empty() ? RefusalReason::none : checked.refused[0].why;
   }
