@@ -101,8 +101,8 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
 
   // Another agent that begins there takes what comes behind it.
   CommandCheck next(CheckConfig{}, drones, *registry);
-  next.set_roles(kept->roles);
-  next.set_control(kept->controls[0]);
+  next.control().set_roles(kept->roles);
+  next.control().set_control(kept->controls[0]);
   EXPECT_TRUE(next.standing_stop(now, 1));
 }
 
