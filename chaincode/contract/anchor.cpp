@@ -107,41 +107,41 @@ Status find_all(Stub& stub, const AnchorCall& asked, AnchorPage& page) {
 
 }  // namespace
 
-Response anchor(Stub& stub, const Arguments& call) {
+Answer anchor(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::anchor);
-  if (!asked) return refuse(asked.error().message);
+  if (!asked) return asked.error();
   if (asked->signers_size() > 0 || !asked->organisation().empty() || !asked->bookmark().empty())
-    return refuse("anchor: signers, organisation and bookmark are of verify alone; leave them out");
+    return Error{"anchor: signers, organisation and bookmark are of verify alone; leave them out"};
   // A key for each who anchors it: nobody is kept out, and nobody changes another's word.
   const std::string key = anchor_key(asked->digest(), stub.caller());
   for (const std::string& one : {key, anchor_key_before(asked->digest(), stub.caller())}) {
     const auto known = read_stored(stub, one);
-    if (!known) return refuse(known.error().message);
+    if (!known) return known.error();
     if (!*known) continue;
-    return refuse("anchor: " + to_text(stub.caller()) + " has anchored this digest already; verify says when");
+    return Error{"anchor: " + to_text(stub.caller()) + " has anchored this digest already; verify says when"};
   }
-  if (Status status = write_record(stub, key, *asked); !status) return refuse(status.error().message);
+  if (Status status = write_record(stub, key, *asked); !status) return status.error();
   stub.set_event(contract::anchor, write_form(call, *asked));
-  return {};
+  return std::string();
 }
 
-Response verify(Stub& stub, const Arguments& call) {
+Answer verify(Stub& stub, const Arguments& call) {
   const auto asked = read_anchor(call, contract::verify);
-  if (!asked) return refuse(asked.error().message);
+  if (!asked) return asked.error();
   const auto signers = static_cast<std::size_t>(asked->signers_size());
   if (signers > contract::max_page_anchors) {
-    return refuse("verify: it asks for " + std::to_string(signers) + " signers; the limit is " +
-                  std::to_string(contract::max_page_anchors));
+    return Error{"verify: it asks for " + std::to_string(signers) + " signers; the limit is " +
+                 std::to_string(contract::max_page_anchors)};
   }
   if (signers > 0 && (!asked->organisation().empty() || !asked->bookmark().empty()))
-    return refuse("verify: signers are answered all at once; leave organisation and bookmark out");
+    return Error{"verify: signers are answered all at once; leave organisation and bookmark out"};
   if (!asked->organisation().empty()) {
-    if (Status status = check_id(asked->organisation()); !status) return refuse("verify: " + status.error().message);
+    if (Status status = check_id(asked->organisation()); !status) return Error{"verify: " + status.error().message};
   }
   AnchorPage page(stub);
   const Status found = signers > 0 ? find_signers(stub, *asked, page) : find_all(stub, *asked, page);
-  if (!found) return refuse(found.error().message);
-  return {200, {}, write_form(call, page.anchors)};
+  if (!found) return found.error();
+  return write_form(call, page.anchors);
 }
 
 }  // namespace ledgerline::chaincode

@@ -75,39 +75,39 @@ Status check_plan(Stub& stub, const DronePlan& plan, const std::string& organisa
   if (!lease) return lease.error();
   const bool held = contains((*lease)->drones(), plan.drone());
   const bool stopped = contains((*lease)->stopped(), plan.drone());
-  if (held && (!stopped || plan.action() == LAND)) return done;
+  if (held && !access::is_outranked_by_stop(stopped, plan.action())) return done;
   return why_not(stub, plan, organisation);
 }
 
 }  // namespace
 
-Response command(Stub& stub, const Arguments& call) {
-  if (call.form == Arguments::Form::plain) return refuse("command: give plans in protobuf or JSON");
+Answer command(Stub& stub, const Arguments& call) {
+  if (call.form == Arguments::Form::plain) return Error{"command: give plans in protobuf or JSON"};
   CommandCall commands;
-  if (Status status = parse_message(call.message, commands); !status) return refuse(status.error().message);
-  if (commands.plans().empty()) return refuse("command: no plans");
+  if (Status status = parse_message(call.message, commands); !status) return status.error();
+  if (commands.plans().empty()) return Error{"command: no plans"};
   if (static_cast<std::size_t>(commands.plans_size()) > contract::max_call_assets) {
-    return refuse("the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
-                  std::to_string(contract::max_call_assets));
+    return Error{"the call has " + std::to_string(commands.plans_size()) + " plans; the limit is " +
+                 std::to_string(contract::max_call_assets)};
   }
   const std::string& organisation = commands.organisation();
   if (organisation.empty() || !check_id(organisation) || first_segment(organisation) != organisation) {
-    return refuse("command: organisation must be the MSP id of the one whose drones these are");
+    return Error{"command: organisation must be the MSP id of the one whose drones these are"};
   }
   std::set<std::string> drones;
   Records<Lease> leases(stub);
   for (const DronePlan& plan : commands.plans()) {
-    if (Status status = check_drone_name(plan.drone()); !status) return refuse(status.error().message);
-    if (!drones.insert(plan.drone()).second) return refuse(plan.drone() + ": two plans in one call");
+    if (Status status = check_drone_name(plan.drone()); !status) return status.error();
+    if (!drones.insert(plan.drone()).second) return Error{plan.drone() + ": two plans in one call"};
     if (Status status = check_plan(stub, plan, organisation, leases); !status)
-      return refuse(plan.drone() + ": " + status.error().message);
+      return Error{plan.drone() + ": " + status.error().message};
   }
   // Written without being read: commands never conflict with each other. The lease's acquire has made the key.
   const Status written =
       write_record(stub, command_key(organisation, stub.caller()), commands, contract::record_version);
-  if (!written) return refuse(written.error().message);
+  if (!written) return written.error();
   stub.set_event(contract::command, write_form(call, commands));
-  return {};
+  return std::string();
 }
 
 }  // namespace ledgerline::chaincode

@@ -2,6 +2,7 @@
 
 #include "chaincode/contract/contract_common.hpp"
 #include "common/base/check.hpp"
+#include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {
@@ -9,7 +10,7 @@ namespace {
 
 struct Function {
   const char* name;
-  Response (*run)(Stub&, const Arguments&);
+  Answer (*run)(Stub&, const Arguments&);
 };
 
 constexpr std::array functions{
@@ -36,6 +37,9 @@ constexpr std::array functions{
     Function{contract::verify, verify},
 };
 
+/// Refusals quote the call, which may hold anything; they go into text fields, headers and terminals.
+Response refuse(const std::string& why) { return {500, printable(why), {}}; }
+
 }  // namespace
 
 Response invoke(Stub& stub, const std::string& function, const std::vector<std::string>& args) {
@@ -44,7 +48,8 @@ Response invoke(Stub& stub, const std::string& function, const std::vector<std::
     const auto call = read_arguments(args);
     if (!call) return refuse(function + ": " + call.error().message);
     try {
-      return known.run(stub, *call);
+      const Answer answer = known.run(stub, *call);
+      return answer ? Response{200, {}, *answer} : refuse(answer.error().message);
     } catch (const CheckFailed& failed) {  // nothing is written: the call's set is thrown away with its answer
       return refuse("a check of the contract failed, which is a fault of its own: " + std::string(failed.what()));
     }

@@ -5,13 +5,6 @@
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::chaincode {
-namespace {
-
-std::string name_hash(const crypto::IdentityName& name) {
-  return crypto::hex(crypto::sha256(name.msp_id + "\n" + name.subject));
-}
-
-}  // namespace
 
 std::string Arguments::option(std::string_view key, std::string otherwise) const {
   for (const auto& [name, value] : options) {
@@ -49,9 +42,11 @@ std::string write_form(const Arguments& call, const google::protobuf::Message& m
   return call.json_out() ? to_json(message) : message.SerializeAsString();
 }
 
-std::string write_assets(const Arguments& call, const Assets& assets, bool single) {
-  if (call.json_out() && single && assets.assets_size() == 1) return to_json(assets.assets(0));
-  return write_form(call, assets);
+std::string publish(Stub& stub, const Arguments& call, const std::string& function,
+                    const google::protobuf::Message& event) {
+  const std::string payload = write_form(call, event);
+  stub.set_event(function, payload);
+  return payload;
 }
 
 Status check_id(const std::string& id) {
@@ -90,59 +85,6 @@ Status check_drone_name(const std::string& name) {
   }
   return done;
 }
-
-std::string asset_key(const std::string& id) { return "asset/" + id; }
-std::string control_key(const std::string& drone) { return "control/" + drone; }
-std::string owner_key(const std::string& drone) { return "owner/" + drone; }
-std::string grant_key(const std::string& drone) { return "grant/" + drone; }
-std::string request_key(const std::string& drone) { return "request/" + drone; }
-std::string drones_key(const std::string& msp_id) { return "drones/" + msp_id; }
-std::string holder_claim_key(const std::string& drone) { return request_key(drone) + "/claim"; }
-std::string stops_prefix(const std::string& drone) { return "stop/" + drone + "/"; }
-std::string stop_key(const std::string& drone, const crypto::IdentityName& stopper) {
-  return stops_prefix(drone) + name_hash(stopper);
-}
-std::string cleared_key(const std::string& drone, const crypto::IdentityName& stopper) {
-  return stop_key(drone, stopper) + "/lifted";  // on ledgers since before the function was called clear_stop
-}
-std::string claim_key(const std::string& drone, const crypto::IdentityName& claimant) {
-  return stop_key(drone, claimant) + "/claim";
-}
-std::string end_of(std::string prefix) {
-  prefix.back() = '0';  // follows "/"
-  return prefix;
-}
-std::string frame_key(const crypto::IdentityName& owner) { return "frame/" + name_hash(owner); }
-std::string command_key(const std::string& owner_msp_id, const crypto::IdentityName& writer) {
-  return "command/" + owner_msp_id + "/" + name_hash(writer);
-}
-std::string pilot_key(const std::string& owner_msp_id, const crypto::IdentityName& commander) {
-  return "pilot/" + owner_msp_id + "/" + name_hash(commander);
-}
-std::string anchors_prefix(const std::string& digest) {
-  return "anchor/" + crypto::hex(std::string_view(digest)) + "/";
-}
-std::string organisation_anchors_prefix(const std::string& digest, const std::string& msp_id) {
-  return anchors_prefix(digest) + msp_id + "/";
-}
-std::string anchor_key(const std::string& digest, const crypto::IdentityName& signer) {
-  return organisation_anchors_prefix(digest, signer.msp_id) + name_hash(signer);
-}
-std::string anchor_key_before(const std::string& digest, const crypto::IdentityName& signer) {
-  return anchors_prefix(digest) + name_hash(signer);
-}
-std::string role_table_key(const std::string& msp_id, std::size_t table) {
-  static_assert(contract::role_tables == 16, "a hex digit names each");
-  return "role/" + msp_id + "/" + "0123456789abcdef"[table % contract::role_tables];
-}
-std::size_t role_table_of(const crypto::IdentityName& who) {
-  return crypto::sha256(who.msp_id + "\n" + who.subject)[0] >> 4U;
-}
-std::string role_key_before(const crypto::IdentityName& who) { return "role/" + name_hash(who); }
-std::string lease_key(const std::string& owner_msp_id, const crypto::IdentityName& commander, std::uint64_t epoch) {
-  return "lease/" + owner_msp_id + "/" + name_hash(commander) + "/" + std::to_string(epoch);
-}
-std::string host_key(const crypto::IdentityName& host) { return "host/" + name_hash(host); }
 
 Result<std::optional<Stored>> read_stored(Stub& stub, const std::string& key) {
   auto value = stub.get_state(key);

@@ -112,58 +112,58 @@ Status write_frame(Stub& stub, const SetCall& set, Records<Host>& hosts) {
 
 }  // namespace
 
-Response set_assets(Stub& stub, const Arguments& call) {
+Answer set_assets(Stub& stub, const Arguments& call) {
   auto set = read_set(call);
-  if (!set) return refuse(set.error().message);
-  if (set->assets().empty()) return refuse("set: no assets");
+  if (!set) return set.error();
+  if (set->assets().empty()) return Error{"set: no assets"};
   if (static_cast<std::size_t>(set->assets_size()) > contract::max_call_assets) {
-    return refuse("the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
-                  std::to_string(contract::max_call_assets));
+    return Error{"the call has " + std::to_string(set->assets_size()) + " assets; the limit is " +
+                 std::to_string(contract::max_call_assets)};
   }
   Records<Host> hosts(stub);
   for (Asset& asset : *set->mutable_assets()) {
-    if (Status status = check_asset(asset); !status) return refuse(status.error().message);
-    if (Status status = check_owner(stub, asset.id(), hosts); !status) return refuse(status.error().message);
+    if (Status status = check_asset(asset); !status) return status.error();
+    if (Status status = check_owner(stub, asset.id(), hosts); !status) return status.error();
   }
   Status written = set->stream() ? write_frame(stub, *set, hosts) : write_own_keys(stub, *set, hosts);
-  if (!written) return refuse(written.error().message);
+  if (!written) return written.error();
   // A stream's event names it alone: the transaction has its call and what was written, and this would be a third copy.
   stub.set_event(contract::set, set->stream() ? std::string() : write_form(call, *set));
-  return {};
+  return std::string();
 }
 
-Response delete_asset(Stub& stub, const Arguments& call) {
+Answer delete_asset(Stub& stub, const Arguments& call) {
   DeleteCall target;
   if (call.form == Arguments::Form::plain) {
-    if (call.names.size() != 1) return refuse("delete: give one id");
+    if (call.names.size() != 1) return Error{"delete: give one id"};
     target.set_id(call.names[0]);
   } else if (Status status = parse_message(call.message, target); !status) {
-    return refuse(status.error().message);
+    return status.error();
   }
   const std::string& id = target.id();
-  if (Status status = check_id(id); !status) return refuse(status.error().message);
+  if (Status status = check_id(id); !status) return status.error();
   Records<Host> hosts(stub);
-  if (Status status = check_owner(stub, id, hosts); !status) return refuse(status.error().message);
+  if (Status status = check_owner(stub, id, hosts); !status) return status.error();
 
   const auto streams = in_frame(stub, id, hosts);
-  if (!streams) return refuse(streams.error().message);
+  if (!streams) return streams.error();
   if (*streams) {
     // The frame itself is not touched: it is written 50 times a second. What is not in the list does not count.
     erase(*(*hosts.at(host_key(stub.caller())))->mutable_streams(), id);
-    if (Status status = hosts.write(); !status) return refuse(status.error().message);
+    if (Status status = hosts.write(); !status) return status.error();
   } else {
     auto stored = read_stored(stub, asset_key(id));
-    if (!stored) return refuse(stored.error().message);
-    if (!*stored || (*stored)->deleted()) return refuse(id + ": not found");
+    if (!stored) return stored.error();
+    if (!*stored || (*stored)->deleted()) return Error{id + ": not found"};
   }
   Asset tombstone;
   tombstone.set_id(id);
   tombstone.set_topic("/" + id);
   if (Status status = write_stored(stub, asset_key(id), {tombstone}, true); !status) {
-    return refuse(status.error().message);
+    return status.error();
   }
   stub.set_event(contract::delete_, write_form(call, target));
-  return {};
+  return std::string();
 }
 
 }  // namespace ledgerline::chaincode

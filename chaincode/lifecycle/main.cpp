@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/lifecycle/lifecycle.hpp"
-#include "common/access/rules.hpp"
+#include "common/access/access.hpp"
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"

@@ -1,4 +1,4 @@
-#include "common/access/rules.hpp"
+#include "common/access/access.hpp"
 
 #include <algorithm>
 #include <array>

@@ -11,11 +11,10 @@
 namespace ledgerline::verification {
 namespace {
 
-bool read(std::string_view bytes, CommandCall& call) { return parse_message(bytes, call).ok(); }
-
-bool read(std::string_view bytes, DeleteCall& call) { return parse_message(bytes, call).ok(); }
-
-bool read(std::string_view bytes, AnchorCall& call) { return parse_message(bytes, call).ok(); }
+template <typename Message>
+bool read(std::string_view bytes, Message& call) {
+  return parse_message(bytes, call).ok();
+}
 
 /// In JSON one asset stands for a call of one.
 bool read(std::string_view bytes, SetCall& call) {
@@ -30,9 +29,8 @@ bool read(std::string_view bytes, SetCall& call) {
   return parse_message(bytes, call).ok();
 }
 
-void complete(CommandCall&) {}
-void complete(DeleteCall&) {}
-void complete(AnchorCall&) {}
+template <typename Message>
+void complete(Message&) {}
 
 /// The contract writes down the topic that a call may leave out.
 void complete(SetCall& call) {
@@ -77,13 +75,6 @@ Match match_delete(const RequestedCall& call, std::string_view event_payload) {
   return read(event_payload, reported) && reported.id() == arg ? Match::same : Match::altered;
 }
 
-template <std::size_t n>
-bool one_of(std::string_view word, const std::array<std::string_view, n>& words) {
-  return std::find(words.begin(), words.end(), word) != words.end();
-}
-
-constexpr std::array<std::string_view, 3> questions{contract::get, contract::history, contract::verify};
-
 }  // namespace
 
 Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked) {
@@ -97,7 +88,7 @@ Match match_set(const RequestedCall& call, std::string_view event_payload, SetCa
   return found == Match::same && !asked.stream() ? Match::altered : found;
 }
 
-bool tells_set(const RequestedCall& call, std::string_view event_payload) {
+bool reports_set(const RequestedCall& call, std::string_view event_payload) {
   if (call.function == contract::set && call.args.size() == 1 && call.args[0] == event_payload) return true;
   SetCall asked;
   return match_set(call, event_payload, asked) == Match::same;
@@ -121,7 +112,7 @@ Plan plan_of(DroneNumber drone, const DronePlan& asked) {
 
 Status check_event(const RequestedCall& call, std::string_view event_name, std::string_view event_payload) {
   const Error another{"its event is not the call"};
-  if (one_of(call.function, questions)) {
+  if (call.function == contract::get || call.function == contract::history || call.function == contract::verify) {
     return event_name.empty() ? Status(done) : Error{"a question has no event"};
   }
   const bool is_call = call.function == contract::command || call.function == contract::set ||
@@ -132,7 +123,7 @@ Status check_event(const RequestedCall& call, std::string_view event_name, std::
   }
   if (!is_call) return done;
   if (event_name != call.function) return another;
-  if (call.function == contract::set) return tells_set(call, event_payload) ? Status(done) : another;
+  if (call.function == contract::set) return reports_set(call, event_payload) ? Status(done) : another;
   if (call.function == contract::anchor) {
     AnchorCall anchored;
     return match(call, contract::anchor, event_payload, anchored) == Match::same ? Status(done) : another;

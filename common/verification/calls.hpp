@@ -1,4 +1,5 @@
 #pragma once
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -8,6 +9,13 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "ledgerline.pb.h"
+
+namespace ledgerline::fabric {
+class Client;
+struct ClientConfig;
+struct Outcome;
+struct RepeatLimits;
+}  // namespace ledgerline::fabric
 
 /// What may be trusted of a transaction of the contract without trusting the peer that ran it. A peer signs results;
 /// only the creator signs what was asked for. So what is done in a creator's name must be what that creator asked for,
@@ -34,7 +42,7 @@ enum class Match {
 Match match_command(const RequestedCall& call, std::string_view event_payload, CommandCall& asked);
 Match match_set(const RequestedCall& call, std::string_view event_payload, SetCall& asked);
 /// Whether the event says what a call of `set` asked for, message or not: who reads its bytes finds that out.
-bool tells_set(const RequestedCall& call, std::string_view event_payload);
+bool reports_set(const RequestedCall& call, std::string_view event_payload);
 
 /// A plan as link takes it; of one that has at most max_setpoints.
 Plan plan_of(DroneNumber drone, const DronePlan& asked);
@@ -55,5 +63,17 @@ std::optional<std::string> likely_policy(std::string_view key);
 /// States and commands, by the key's name: agent goes by a command's sequence, ground by a state's stamp. For
 /// ClientConfig::is_of_hot_path.
 bool is_of_hot_path(std::string_view key);
+
+/// A client of the contract asks those to endorse whose keys the call writes (endorsement_need, or the call itself),
+/// and signs no result whose event is not what it asked for (check_event). In ledgerline_verification_client, as the
+/// next.
+fabric::ClientConfig for_contract(fabric::ClientConfig config);
+/// submit_repeatedly() for calls of the contract: where another transaction was first, the drones are claimed for a
+/// function that claims let through (contract::is_claimed_for), so that a client that floods the ledger does not keep
+/// it off. Who may not claim goes on without. A claim is ended with the call, or the log says that it may stand. Waits;
+/// any thread.
+fabric::Outcome submit_claiming(fabric::Client& client, const fabric::Call& call,
+                                const std::vector<std::string>& drones, const fabric::RepeatLimits& limits,
+                                const std::function<void(const fabric::Outcome&)>& on_first_failure);
 
 }  // namespace ledgerline::verification

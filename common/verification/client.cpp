@@ -1,12 +1,23 @@
-#include "common/verification/client.hpp"
-
+#include "common/fabric/client/client.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/client/repeated.hpp"
 #include "common/msg/contract.hpp"
+#include "common/verification/calls.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::verification {
 
 using Kind = fabric::Outcome::Kind;
+
+fabric::ClientConfig for_contract(fabric::ClientConfig config) {
+  config.endorsement_need = [](const fabric::Call& call) { return endorsement_need(call.function); };
+  config.likely_policy = [](const std::string& key) { return likely_policy(key); };
+  config.is_of_hot_path = [](const std::string& key) { return is_of_hot_path(key); };
+  config.event_check = [](const fabric::Call& call, std::string_view event, std::string_view payload) {
+    return check_event({call.function, call.args}, event, payload);
+  };
+  return config;
+}
 
 fabric::Outcome submit_claiming(fabric::Client& client, const fabric::Call& call,
                                 const std::vector<std::string>& drones, const fabric::RepeatLimits& limits,

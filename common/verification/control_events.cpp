@@ -17,7 +17,7 @@ constexpr bool has_plain_form = std::is_same_v<Message, LeaseCall> || std::is_sa
 
 /// Plain strings: drones, and options as "key=value".
 template <typename Message>
-bool read_plain(const std::vector<std::string>& args, Message& call) {
+void read_plain(const std::vector<std::string>& args, Message& call) {
   for (const std::string& arg : args) {
     const auto equals = arg.find('=');
     if (equals == std::string::npos) {
@@ -33,24 +33,21 @@ bool read_plain(const std::vector<std::string>& args, Message& call) {
       if (key == "priority" && number) call.set_priority(static_cast<std::uint32_t>(std::stoul(value)));
     }
   }
-  return true;
 }
 
 template <typename Message>
 bool read_call(const RequestedCall& call, Message& asked) {
   if (std::all_of(call.args.begin(), call.args.end(), [](const std::string& arg) { return is_plain(arg); })) {
-    if constexpr (has_plain_form<Message>) return read_plain(call.args, asked);
-    return false;
+    if constexpr (has_plain_form<Message>) read_plain(call.args, asked);
+    return has_plain_form<Message>;
   }
   return call.args.size() == 1 && parse_message(call.args[0], asked);
 }
 
+std::set<std::string> drones_of(const RevokeCall&) { return {}; }
 template <typename Message>
 std::set<std::string> drones_of(const Message& asked) {
-  if constexpr (std::is_same_v<Message, RevokeCall>)
-    return {};
-  else
-    return {asked.drones().begin(), asked.drones().end()};
+  return {asked.drones().begin(), asked.drones().end()};
 }
 
 template <typename List>
@@ -61,14 +58,13 @@ bool names_exactly(const List& entries, const std::set<std::string>& drones) {
 }
 
 /// A list beside the drones is empty or as long as they are: the contract refuses others.
+bool fits_its_drones(const DronesCall& asked) {
+  const auto fits = [&](int entries) { return entries == 0 || entries == asked.drones_size(); };
+  return fits(asked.clears_size()) && fits(asked.epochs_size());
+}
 template <typename Message>
-bool fits_its_drones(const Message& asked) {
-  if constexpr (std::is_same_v<Message, DronesCall>) {
-    const auto fits = [&](int entries) { return entries == 0 || entries == asked.drones_size(); };
-    return fits(asked.clears_size()) && fits(asked.epochs_size());
-  } else {
-    return true;
-  }
+bool fits_its_drones(const Message&) {
+  return true;
 }
 
 template <typename Message>

@@ -1,5 +1,7 @@
 #pragma once
 #include <functional>
+#include <map>
+#include <set>
 #include <stop_token>
 #include <string>
 #include <vector>
@@ -7,6 +9,7 @@
 #include "common/base/result.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/retry/keep_trying.hpp"
+#include "common/verification/control_events.hpp"
 #include "ledgerline.pb.h"
 
 /// The control records with which a program begins: who reads the ledger's blocks knows of changes alone.
@@ -25,11 +28,12 @@ Result<Control> read_control(const std::string& drone, const Evaluate& evaluate)
 Result<std::vector<Control>> read_controls(const std::vector<std::string>& drones, const Evaluate& evaluate);
 /// Reads until it succeeds, for max_controls_wait_ns at most; an error, too, when asked to stop. Says in the log why it
 /// has not yet.
-Status keep_reading(const std::stop_token& stop, const std::function<Status()>& read,
-                    const TryWorld& world = TryWorld::real());
+Status read_repeatedly(const std::stop_token& stop, const std::function<Status()>& read,
+                       const TryWorld& world = TryWorld::real());
 /// The same with read_controls().
-Result<std::vector<Control>> keep_reading_controls(const std::stop_token& stop, const std::vector<std::string>& drones,
-                                                   const Evaluate& evaluate, const TryWorld& world = TryWorld::real());
+Result<std::vector<Control>> read_controls_repeatedly(const std::stop_token& stop,
+                                                      const std::vector<std::string>& drones, const Evaluate& evaluate,
+                                                      const TryWorld& world = TryWorld::real());
 /// The ledger has just sent a block, so it answers soon or something is broken. A minute outlasts a peer's restart; a
 /// program that ends then is started again, where half of it would leave one that hears no block.
 inline constexpr TimeNs max_controls_wait_ns = 60 * ns_per_s;
@@ -65,5 +69,42 @@ class ControlStart {
   bool reading_ = false, known_ = false, forgotten_ = false;
   std::vector<fabric::Block> held_;
 };
+
+/// MSP ids.
+using Organisations = std::set<std::string>;
+
+/// The organisations whose roles say something about these drones: their own, and those that they are granted to.
+Organisations organisations_of(const std::vector<Control>& controls);
+
+/// The roles that organisations have given to their people, as the ledger's records say at first and its events from
+/// then on. Each organisation has its own bound, so that none takes another's place, nor makes this as large as it
+/// likes. One thread.
+class Roles {
+ public:
+  void apply(const RoleChange& change);
+  /// Its roles are here, if there are any.
+  void follow(const std::string& msp_id) { organisations_[msp_id]; }
+  /// Its events are taken from now on; what was before is being read, and comes with add().
+  void await(const std::string& msp_id);
+  /// Followed or awaited.
+  bool follows(const std::string& msp_id) const { return organisations_.contains(msp_id); }
+  Organisations followed() const;  ///< without those that are awaited
+  /// What was read; where an event has said something since, that counts.
+  void add(const Roles& read);
+  /// Nothing of the organisation counts: its records are too many, or none that the contract writes.
+  void exclude(const std::string& msp_id);
+  Role of(const crypto::IdentityName& who) const;
+  std::map<crypto::IdentityName, Role> all() const;
+  /// Organisations of which some or all roles were left out; for an alarm.
+  const Organisations& left_out() const { return left_out_; }
+
+ private:
+  std::map<std::string, std::map<std::string, Role>> organisations_;  ///< by MSP id and subject
+  Organisations awaited_, left_out_;
+};
+
+/// The ledger's roles of these organisations, which are followed then. An organisation whose records are too many or
+/// damaged is left out, for its own account: the others' count. An error: the ledger does not answer.
+Result<Roles> read_roles(const Evaluate& evaluate, const Organisations& organisations);
 
 }  // namespace ledgerline::verification

@@ -54,7 +54,7 @@ Result<bool> Channel::take(const fabric::Block& block) {
   if (!next) return Error{label_ + next.error().message};
   if (*next == verification::ControlStart::Next::read) {
     control_reader_ = std::jthread([this](const std::stop_token& stop) {
-      auto controls = verification::keep_reading_controls(
+      auto controls = verification::read_controls_repeatedly(
           stop, names_, [this](const fabric::Call& call) { return client_->evaluate(call); });
       if (!stop.stop_requested()) put_(ControlsRead{std::move(controls)});
     });

@@ -11,7 +11,7 @@
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/verification/client.hpp"
+#include "common/verification/calls.hpp"
 #include "ground/shell/ground.hpp"
 
 namespace {

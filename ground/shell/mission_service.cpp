@@ -9,7 +9,7 @@
 #include "common/base/log.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
-#include "common/verification/roles.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/mission/mission.hpp"
 #include "ledgerline.pb.h"
 

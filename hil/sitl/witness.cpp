@@ -57,7 +57,7 @@ std::string plans_text(const agent::AgentCore* agent, const link::LinkCore* link
     text += fmt::format("agent: {} on the ledger, {} verified", commands.on_ledger, commands.verified);
     for (std::size_t i = 0; i < agent::refusal_count; ++i) {
       if (commands.reasons[i] > 0)
-        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::Refusal>(i)));
+        text += fmt::format(", {} {}", commands.reasons[i], agent::refusal_name(static_cast<agent::RefusalReason>(i)));
     }
   }
   if (link) {

@@ -10,7 +10,7 @@
 #include <fstream>
 #include <map>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/fabric/stream/block_intake.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/histogram_json.hpp"
@@ -190,7 +190,7 @@ class Reader {
   Reader(const Chain& chain, bool validates)
       : intake_(chain.make_intake(validates)), registry_(chain.make_registry()), now_s_(chain.now_s()) {
     check_.emplace(agent::CheckConfig{}, std::vector<agent::DroneName>{{1, "tello1"}}, *registry_);
-    check_->set_control(chain.record());
+    check_->control().set_control(chain.record());
   }
 
   TimeNs read(const Step& step, std::size_t per_block) {
@@ -199,7 +199,7 @@ class Reader {
       state.drone = 1;
       state.boot_id = boot_id;
       state.stamp_ns = step.answered_ns - static_cast<TimeNs>(i) * period_ns;
-      check_->sent(state);
+      check_->add_sent_state(state);
     }
     const TimeNs begin = cpu_ns();
     const auto block = intake_.take(step.block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });

@@ -8,9 +8,10 @@
 #include <thread>
 
 #include "common/config/config.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/sending/repeat.hpp"
-#include "common/verification/client.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline {
 

@@ -9,6 +9,7 @@
 
 #include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/stream/block_subscription.hpp"
 #include "common/msg/contract.hpp"
@@ -18,9 +19,8 @@
 #include "common/program/stop_signals.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
-#include "common/verification/client.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/shell/events.hpp"
+#include "onboard/agent/shell/ledger_follower.hpp"
 #include "tools/bench/exchange.hpp"
 
 namespace {

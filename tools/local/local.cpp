@@ -62,7 +62,7 @@ void LocalShell::take_mocap() {
   for (Drone& drone : drones_) {
     agent::MocapMessage message{};
     while (drone.ring->pop(message)) {
-      const auto measured = mocap_intake_.take(message);
+      const auto measured = mocap_intake_.check(message);
       if (!measured) {
         ++poses_implausible_;
         continue;

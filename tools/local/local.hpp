@@ -10,8 +10,7 @@
 #include "common/program/recorder.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "ground/shell/settings.hpp"
-#include "onboard/agent/core/fusion.hpp"
-#include "onboard/agent/core/mocap_intake.hpp"
+#include "onboard/agent/core/mocap.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::hil {

@@ -49,37 +49,37 @@ Status write_holders_claim(Stub& stub, const std::string& drone, Role role, bool
 }
 
 /// `write`: of one drone, by one who claims for its organisation.
-Response change_claims(Stub& stub, const Arguments& call, const std::string& function,
-                       const std::function<Status(const std::string& drone)>& write) {
+Answer change_claims(Stub& stub, const Arguments& call, const std::string& function,
+                     const std::function<Status(const std::string& drone)>& write) {
   const auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse(function + ": " + target.error().message);
+  if (!target) return Error{function + ": " + target.error().message};
   const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().message);
+  if (!role) return role.error();
   Records<Host> hosts(stub);
   for (const std::string& drone : sorted_names(target->drones())) {
     Status status = check_drone_name(drone);
-    if (!status) return refuse(status.error().message);
+    if (!status) return status.error();
     const auto for_owner = claims_for_owner(stub, drone, *role, hosts);
     if (!for_owner) {
       status = for_owner.error();
     } else {
       status = *for_owner ? write(drone) : write_holders_claim(stub, drone, *role, function == contract::claim);
     }
-    if (!status) return refuse(drone + ": " + status.error().message);
+    if (!status) return Error{drone + ": " + status.error().message};
   }
   stub.set_event(function, write_form(call, *target));
-  return {};
+  return std::string();
 }
 
 }  // namespace
 
-Response claim(Stub& stub, const Arguments& call) {
+Answer claim(Stub& stub, const Arguments& call) {
   return change_claims(stub, call, contract::claim, [&](const std::string& drone) {
     return write_claim(stub, drone, to_message(stub.caller()), true);
   });
 }
 
-Response unclaim(Stub& stub, const Arguments& call) {
+Answer unclaim(Stub& stub, const Arguments& call) {
   return change_claims(stub, call, contract::unclaim, [&](const std::string& drone) -> Status {
     const auto known = read_control(stub, drone);
     if (!known) return known.error();

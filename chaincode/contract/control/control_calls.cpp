@@ -45,46 +45,26 @@ Status follow(Records<Lease>& leases, const Control& before, const Control& afte
   return done;
 }
 
-/// Writes the records of one drone: those that differ, or all of them where they are of an older version.
-class DroneRecords {
- public:
-  DroneRecords(Stub& stub, std::string keeper, std::uint32_t version)
-      : stub_(stub), keeper_(std::move(keeper)), old_(version < contract::record_version) {}
-
-  template <typename Message>
-  Status write(const std::string& key, const Message& before, const Message& after) {
-    if (old_) return make_record(stub_, key, after, keeper_);
-    if (before.SerializeAsString() == after.SerializeAsString()) return done;
-    return write_record(stub_, key, after, contract::record_version);
-  }
-  Status write_owner(const std::string& drone) { return old_ ? make_owner(stub_, drone, keeper_) : done; }
-
- private:
-  Stub& stub_;
-  const std::string keeper_;
-  const bool old_;
-};
-
-Grants grants_of(const Control& control) {
-  Grants grants;
-  *grants.mutable_grants() = control.grants();
-  return grants;
-}
-
-Requests requests_of(const Control& control) {
-  Requests requests;
-  *requests.mutable_requests() = control.requests();
-  return requests;
-}
-
-/// Writes what `change` made of a control record.
+/// Writes what `change` made of a drone's records: those that differ, or all of them where they are of an older
+/// version.
 Status write_changes(Stub& stub, const Control& before, const Control& after, std::uint32_t version) {
-  const std::string& drone = after.drone();
-  DroneRecords records(stub, after.owner().msp_id(), version);
-  Status status = records.write(control_key(drone), stored_part(before), stored_part(after));
-  if (status) status = records.write(grant_key(drone), grants_of(before), grants_of(after));
-  if (status) status = records.write(request_key(drone), requests_of(before), requests_of(after));
-  if (status) status = records.write_owner(drone);
+  const std::string &drone = after.drone(), &keeper = after.owner().msp_id();
+  const bool old = version < contract::record_version;
+  const auto write = [&](const std::string& key, const auto& was, const auto& now) -> Status {
+    if (old) return make_record(stub, key, now, keeper);
+    if (was.SerializeAsString() == now.SerializeAsString()) return done;
+    return write_record(stub, key, now, contract::record_version);
+  };
+  Grants old_grants, grants;
+  *old_grants.mutable_grants() = before.grants();
+  *grants.mutable_grants() = after.grants();
+  Requests old_requests, requests;
+  *old_requests.mutable_requests() = before.requests();
+  *requests.mutable_requests() = after.requests();
+  Status status = write(control_key(drone), stored_part(before), stored_part(after));
+  if (status) status = write(grant_key(drone), old_grants, grants);
+  if (status) status = write(request_key(drone), old_requests, requests);
+  if (status && old) status = make_owner(stub, drone, keeper);
   if (!status) return status;
   for (const StopClears& cleared : after.cleared()) {
     if (clears_of(before, cleared.stopper()) == cleared.clears()) continue;
@@ -186,25 +166,24 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
   return stub.put_policy(frame_key(host), host.msp_id);
 }
 
-Response change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones) {
+Answer change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones) {
   const access::Caller caller = caller_of(stub);
   access::RuleInputs inputs{.roles = {.all = true}, .new_epoch = 1};
   if (Status status = read_roles(stub, access::roles_needed(asked, caller), inputs.roles); !status)
-    return refuse(status.error().message);
-  if (const auto why = access::check_call(asked, caller, inputs.roles))
-    return refuse(asked.function + ": " + why->text);
+    return status.error();
+  if (const auto why = access::check_call(asked, caller, inputs.roles)) return Error{asked.function + ": " + why->text};
   std::vector<ControlState> known;
   for (const std::string& drone : sorted_names(drones)) {
-    if (Status status = check_drone_name(drone); !status) return refuse(status.error().message);
+    if (Status status = check_drone_name(drone); !status) return status.error();
     auto control = read_control(stub, drone);
-    if (!control) return refuse(control.error().message);
-    if (!*control) return refuse(drone + ": " + access::not_enrolled_text());
+    if (!control) return control.error();
+    if (!*control) return Error{drone + ": " + access::not_enrolled_text()};
     const Control& before = (*control)->message;
     const auto claimed = check_claims(stub, **control, asked.function, caller);
-    if (!claimed) return refuse(claimed.error().message);
-    if (*claimed) return refuse(drone + ": " + (*claimed)->text);
+    if (!claimed) return claimed.error();
+    if (*claimed) return Error{drone + ": " + (*claimed)->text};
     if (Status status = read_roles(stub, access::roles_needed(asked, before), inputs.roles); !status)
-      return refuse(status.error().message);
+      return status.error();
     inputs.new_epoch = std::max(inputs.new_epoch, before.epoch() + 1);
     known.push_back(std::move(**control));
   }
@@ -213,28 +192,23 @@ Response change_controls(Stub& stub, const Arguments& call, const access::Call& 
   std::set<std::pair<std::string, crypto::IdentityName>> new_pilots;
   for (const ControlState& before : known) {
     const auto ends_own = end_claim(stub, before, asked.function);
-    if (!ends_own) return refuse(ends_own.error().message);
-    if (Status status = end_holders_claim(stub, before.message, asked.function); !status)
-      return refuse(status.error().message);
+    if (!ends_own) return ends_own.error();
+    if (Status status = end_holders_claim(stub, before.message, asked.function); !status) return status.error();
     Control control = before.message;
     if (!*ends_own || !has_nothing_to_do(before.message, asked.function)) {
       auto after = access::apply(before.message, asked, caller, inputs);
-      if (const auto* why = std::get_if<access::Refusal>(&after)) return refuse(control.drone() + ": " + why->text);
+      if (const auto* why = std::get_if<access::Refusal>(&after)) return Error{control.drone() + ": " + why->text};
       control = std::get<Control>(std::move(after));
     }
-    if (Status status = write_changes(stub, before.message, control, before.version); !status)
-      return refuse(status.error().message);
-    if (Status status = follow(leases, before.message, control, new_pilots); !status)
-      return refuse(status.error().message);
+    if (Status status = write_changes(stub, before.message, control, before.version); !status) return status.error();
+    if (Status status = follow(leases, before.message, control, new_pilots); !status) return status.error();
     *all.add_controls() = std::move(control);
   }
   for (const auto& [keeper, commander] : new_pilots) {
-    if (Status status = make_pilot(stub, keeper, commander); !status) return refuse(status.error().message);
+    if (Status status = make_pilot(stub, keeper, commander); !status) return status.error();
   }
-  if (Status status = leases.write(); !status) return refuse(status.error().message);
-  const std::string payload = write_form(call, all);
-  stub.set_event(asked.function, payload);
-  return {200, {}, payload};
+  if (Status status = leases.write(); !status) return status.error();
+  return publish(stub, call, asked.function, all);
 }
 
 }  // namespace ledgerline::chaincode

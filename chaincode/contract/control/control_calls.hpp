@@ -1,6 +1,7 @@
 #pragma once
 #include <algorithm>
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,15 @@ Status renew_host(Stub& stub, Records<Host>& hosts, const crypto::IdentityName& 
 /// the leases that follow from these; and all of a drone's records, where they are of an older version. Event and
 /// answer hold all records as they now are. A claim for the drone's organisation is over by its claimant's next
 /// `evict`, `grant`, `clear_stop` or `release`; by an `evict` or `clear_stop` also where it finds nothing to change.
-Response change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones);
+Answer change_controls(Stub& stub, const Arguments& call, const access::Call& asked, const Names& drones);
+/// The same of a call that names its drones. `check`: of what else it says.
+template <typename Message>
+Answer change_drones(Stub& stub, const Arguments& call, const std::string& function,
+                     const std::function<Status(Message&)>& check = {}) {
+  auto asked = read_drones<Message>(call);
+  const Status checked = !asked ? Status(asked.error()) : check ? check(*asked) : Status(done);
+  if (!checked) return Error{function + ": " + checked.error().message};
+  return change_controls(stub, call, {function, *asked}, asked->drones());
+}
 
 }  // namespace ledgerline::chaincode

@@ -59,11 +59,11 @@ Status check_enrolment(Stub& stub, const EnrollCall& call) {
 
 }  // namespace
 
-Response enroll(Stub& stub, const Arguments& call) {
+Answer enroll(Stub& stub, const Arguments& call) {
   EnrollCall enrolment;
-  if (call.form == Arguments::Form::plain) return refuse("enroll: give an EnrollCall in protobuf or JSON");
-  if (Status status = parse_message(call.message, enrolment); !status) return refuse(status.error().message);
-  if (Status status = check_enrolment(stub, enrolment); !status) return refuse(status.error().message);
+  if (call.form == Arguments::Form::plain) return Error{"enroll: give an EnrollCall in protobuf or JSON"};
+  if (Status status = parse_message(call.message, enrolment); !status) return status.error();
+  if (Status status = check_enrolment(stub, enrolment); !status) return status.error();
 
   const access::Call asked{contract::enroll, enrolment};
   const access::Caller caller = caller_of(stub);
@@ -71,16 +71,16 @@ Response enroll(Stub& stub, const Arguments& call) {
   Records<Host> hosts(stub);
   Records<Drones> organisations(stub);
   for (const std::string& drone : sorted_names(enrolment.drones())) {
-    if (Status status = check_drone_name(drone); !status) return refuse(status.error().message);
+    if (Status status = check_drone_name(drone); !status) return status.error();
     const auto old = read_control(stub, drone);
-    if (!old) return refuse(old.error().message);
+    if (!old) return old.error();
     Control before;
     before.set_drone(drone);
     if (*old) before = (*old)->message;
     const auto moved = move_streams(hosts, before, enrolment.identity());
-    if (!moved) return refuse(moved.error().message);
+    if (!moved) return moved.error();
     auto after = access::apply(before, asked, caller, {.roles = {.all = true}, .moves_streams = *moved});
-    if (const auto* why = std::get_if<access::Refusal>(&after)) return refuse(drone + ": " + why->text);
+    if (const auto* why = std::get_if<access::Refusal>(&after)) return Error{drone + ": " + why->text};
     Control& control = *all.add_controls();
     control = std::get<Control>(std::move(after));
     if (*old && to_name(before.owner()) == to_name(enrolment.identity())) continue;
@@ -88,47 +88,42 @@ Response enroll(Stub& stub, const Arguments& call) {
     const std::string& keeper = enrolment.identity().msp_id();
     const Status written = *old ? write_record(stub, control_key(drone), stored_part(control), (*old)->version)
                                 : make_record(stub, control_key(drone), stored_part(control), keeper);
-    if (!written) return refuse(written.error().message);
+    if (!written) return written.error();
     if (*old) continue;
-    if (Status status = add_name(stub, organisations, control); !status) return refuse(status.error().message);
+    if (Status status = add_name(stub, organisations, control); !status) return status.error();
   }
   if (!enrolment.drones().empty()) {
-    if (Status status = renew_host(stub, hosts, to_name(enrolment.identity())); !status)
-      return refuse(status.error().message);
+    if (Status status = renew_host(stub, hosts, to_name(enrolment.identity())); !status) return status.error();
   }
-  if (Status status = hosts.write(); !status) return refuse(status.error().message);
-  if (Status status = organisations.write(); !status) return refuse(status.error().message);
+  if (Status status = hosts.write(); !status) return status.error();
+  if (Status status = organisations.write(); !status) return status.error();
   if (Status status = write_role(stub, to_name(enrolment.identity()), enrolment.role()); !status)
-    return refuse("enroll: " + status.error().message);
+    return Error{"enroll: " + status.error().message};
   *all.mutable_identity() = enrolment.identity();
   all.set_role(enrolment.role());
-  const std::string payload = write_form(call, all);
-  stub.set_event(contract::enroll, payload);
-  return {200, {}, payload};
+  return publish(stub, call, contract::enroll, all);
 }
 
-Response revoke(Stub& stub, const Arguments& call) {
+Answer revoke(Stub& stub, const Arguments& call) {
   RevokeCall asked;
-  if (call.form == Arguments::Form::plain) return refuse("revoke: give a RevokeCall in protobuf or JSON");
-  if (Status status = parse_message(call.message, asked); !status) return refuse(status.error().message);
+  if (call.form == Arguments::Form::plain) return Error{"revoke: give a RevokeCall in protobuf or JSON"};
+  if (Status status = parse_message(call.message, asked); !status) return status.error();
   const Identity& who = asked.identity();
-  if (Status status = check_identity("identity", who); !status) return refuse("revoke: " + status.error().message);
+  if (Status status = check_identity("identity", who); !status) return Error{"revoke: " + status.error().message};
   if (const auto why = access::check_call({contract::revoke, asked}, caller_of(stub), {}))
-    return refuse("revoke: " + why->text);
+    return Error{"revoke: " + why->text};
   if (Status status = write_role(stub, to_name(who), REVOKED); !status)
-    return refuse("revoke: " + status.error().message);
+    return Error{"revoke: " + status.error().message};
   Records<Host> hosts(stub);  // of a drone host: nothing that it sends has an owner any more
   const auto host = hosts.at(host_key(to_name(who)), who.msp_id());
-  if (!host) return refuse(host.error().message);
-  if (Status status = renew_host(stub, hosts, to_name(who)); !status) return refuse(status.error().message);
+  if (!host) return host.error();
+  if (Status status = renew_host(stub, hosts, to_name(who)); !status) return status.error();
   (*host)->clear_drones();
-  if (Status status = hosts.write(); !status) return refuse(status.error().message);
+  if (Status status = hosts.write(); !status) return status.error();
   Controls event;
   *event.mutable_identity() = who;
   event.set_role(REVOKED);
-  const std::string payload = write_form(call, event);
-  stub.set_event(contract::revoke, payload);
-  return {200, {}, payload};
+  return publish(stub, call, contract::revoke, event);
 }
 
 }  // namespace ledgerline::chaincode

@@ -39,47 +39,43 @@ Result<std::uint64_t> check_stop(Stub& stub, const std::string& drone, const Dro
 
 }  // namespace
 
-Response stop(Stub& stub, const Arguments& call) {
+Answer stop(Stub& stub, const Arguments& call) {
   auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse("stop: " + target.error().message);
+  if (!target) return Error{"stop: " + target.error().message};
   const std::string option = call.option("cut", "");
-  if (!option.empty() && option != "true" && option != "false") return refuse("stop: cut must be true or false");
+  if (!option.empty() && option != "true" && option != "false") return Error{"stop: cut must be true or false"};
   if (option == "true") target->set_cut(true);
   if (Status status = check_beside("clears", target->clears_size(), target->drones_size()); !status)
-    return refuse("stop: " + status.error().message);
+    return Error{"stop: " + status.error().message};
   const auto role = read_role(stub, stub.caller());
-  if (!role) return refuse(role.error().message);
+  if (!role) return role.error();
 
   Stops all;
   for (const std::string& drone : sorted_names(target->drones())) {
-    if (Status status = check_drone_name(drone); !status) return refuse(status.error().message);
+    if (Status status = check_drone_name(drone); !status) return status.error();
     const auto clears = check_stop(stub, drone, *target, *role);
-    if (!clears) return refuse(drone + ": " + clears.error().message);
+    if (!clears) return Error{drone + ": " + clears.error().message};
     Stop& one = *all.add_stops();
     one.set_drone(drone);
     *one.mutable_stopper() = to_message(stub.caller());
     one.set_cut(target->cut());
     one.set_clears(*clears);
-    if (Status status = write_stop(stub, one); !status) return refuse(status.error().message);
+    if (Status status = write_stop(stub, one); !status) return status.error();
   }
-  const std::string payload = write_form(call, all);
-  stub.set_event(contract::stop, payload);
-  return {200, {}, payload};
+  return publish(stub, call, contract::stop, all);
 }
 
-Response clear_stop(Stub& stub, const Arguments& call) {
-  const auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse("clear_stop: " + target.error().message);
-  return change_controls(stub, call, {contract::clear_stop, *target}, target->drones());
+Answer clear_stop(Stub& stub, const Arguments& call) {
+  return change_drones<DronesCall>(stub, call, contract::clear_stop);
 }
 
-Response apply_stops(Stub& stub, const Arguments& call) {
+Answer apply_stops(Stub& stub, const Arguments& call) {
   const auto target = read_drones<DronesCall>(call);
-  if (!target) return refuse("apply_stops: " + target.error().message);
+  if (!target) return Error{"apply_stops: " + target.error().message};
   Records<Host> hosts(stub);
   Status renewed = renew_host(stub, hosts, stub.caller());
   if (renewed) renewed = hosts.write();
-  if (!renewed) return refuse(renewed.error().message);
+  if (!renewed) return renewed.error();
   return change_controls(stub, call, {contract::apply_stops, *target}, target->drones());
 }
 

@@ -43,7 +43,7 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
     if (!tx.problem.empty()) ++unverified_transactions_;
     if (tx.code != 0 || tx.config || tx.event_name != contract::set || tx.contract != config_.contract) continue;
     // A peer could have put other messages into the event than its writer signed.
-    if (!verification::tells_set({tx.function, tx.args}, tx.event_payload)) {
+    if (!verification::reports_set({tx.function, tx.args}, tx.event_payload)) {
       ++unverified_transactions_;
       continue;
     }

@@ -7,9 +7,10 @@
 #include <utility>
 
 #include "common/base/log.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/retry/keep_trying.hpp"
-#include "common/verification/client.hpp"
+#include "common/verification/calls.hpp"
 #include "common/verification/control_records.hpp"
 
 namespace ledgerline::bridge {

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <utility>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"

@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 

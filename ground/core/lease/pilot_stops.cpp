@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <functional>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/stops.hpp"
 

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <utility>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/json/strict.hpp"

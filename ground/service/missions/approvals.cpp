@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"

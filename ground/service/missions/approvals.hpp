@@ -9,7 +9,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/clock.hpp"
-#include "common/verification/roles.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/service/missions/book.hpp"
 #include "ledgerline.pb.h"
 

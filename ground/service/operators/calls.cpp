@@ -4,7 +4,7 @@
 
 #include <array>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::ground::service {

@@ -10,7 +10,7 @@
 
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "common/verification/roles.hpp"
+#include "common/verification/control_records.hpp"
 
 namespace ledgerline::ground::service {
 

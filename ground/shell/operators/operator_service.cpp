@@ -6,7 +6,9 @@
 #include <filesystem>
 
 #include "common/base/log.hpp"
-#include "common/verification/client.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/client/repeated.hpp"
+#include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {
 namespace {

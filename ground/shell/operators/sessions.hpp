@@ -8,7 +8,7 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/rt/workers.hpp"
-#include "common/verification/roles.hpp"
+#include "common/verification/control_records.hpp"
 #include "ground/service/missions/approvals.hpp"
 #include "ground/service/operators/leaving.hpp"
 #include "ground/service/operators/sign_ins.hpp"

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/msg/contract.hpp"

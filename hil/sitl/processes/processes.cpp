@@ -4,7 +4,6 @@
 
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
-#include "common/verification/roles.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -77,7 +76,7 @@ Status AgentProcess::start() {
   port_.begin(checkpoint_);
   if (checkpoint_) {
     for (const Control& control : records_.controls) core_->set_control(host_now, control);
-    core_->set_roles(records_.roles);
+    core_->control().set_roles(records_.roles);
     return done;
   }
   std::vector<Control> controls;
@@ -90,13 +89,13 @@ Status AgentProcess::start() {
   auto roles = verification::read_roles([&](const fabric::Call& call) { return port_.evaluate(now, call); },
                                         verification::organisations_of(controls));
   if (!roles) return roles.error();
-  core_->set_roles(std::move(*roles));
+  core_->control().set_roles(std::move(*roles));
   return done;
 }
 
 void AgentProcess::kill() {
   checkpoint_ = port_.checkpoint();
-  records_ = core_->records();
+  records_ = core_->control().records();
   core_.reset();
   out_.clear();
   port_.forget();
@@ -116,7 +115,7 @@ std::vector<agent::MocapPose> AgentProcess::take_mocap(std::size_t drone) {
     const auto message = pose_from_cdr(ring.front().second);
     if (!message) continue;
     const auto pose =
-        mocap_->take({message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
+        mocap_->check({message->header.stamp_ns, ring.front().first, message->position_m, message->orientation});
     if (pose) poses.push_back(*pose);
   }
   return poses;
@@ -149,10 +148,10 @@ void AgentProcess::step(bool stopped, std::optional<std::uint64_t> link) {
     core_->set_real_offset(mocap_->clock().offset_ns());
   }
   receive();
-  if (const auto granted = core_->await_roles(); !granted.empty()) {
+  if (const auto granted = core_->control().await_roles(); !granted.empty()) {
     const auto read = verification::read_roles(
         [&](const fabric::Call& call) { return port_.evaluate(world_.clock.now(), call); }, granted);
-    if (read) core_->add_roles(*read);
+    if (read) core_->control().add_roles(*read);
   }
   core_->step(host_now, out_);
   send(link);

@@ -18,8 +18,7 @@
 #include "hil/sitl/witness.hpp"
 #include "hil/sitl/world_setup.hpp"
 #include "onboard/agent/core/agent_core.hpp"
-#include "onboard/agent/core/fusion.hpp"
-#include "onboard/agent/core/mocap_intake.hpp"
+#include "onboard/agent/core/mocap.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "sim/core/simulator.hpp"
 

@@ -36,6 +36,24 @@ void AgentOutputs::clear() {
   violations.clear();
 }
 
+void LedgerLiveness::on_progress() {
+  ever_progress_ = true;
+  unanswered_since_ns_.reset();
+}
+
+void LedgerLiveness::on_connection(TimeNs now, bool connected) {
+  if (connected) {
+    disconnected_since_ns_.reset();
+  } else if (!disconnected_since_ns_) {
+    disconnected_since_ns_ = now;
+  }
+}
+
+bool LedgerLiveness::is_alive(TimeNs now) const {
+  const auto too_long = [&](const std::optional<TimeNs>& since) { return since && now - *since > silent_after_ns_; };
+  return ever_progress_ && !too_long(unanswered_since_ns_) && !too_long(disconnected_since_ns_);
+}
+
 AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
     : config_(std::move(config)),
       batcher_(config_.batch, config_.drones, config_.seed),
@@ -44,87 +62,71 @@ AgentCore::AgentCore(AgentConfig config, crypto::MspRegistry& registry)
       idle_(config_.idle_evict_ns, config_.batch, config_.drones, config_.seed + 3),
       alarms_(config_.batch, config_.drones, config_.seed + 4),
       check_(config_.check, config_.drones, registry),
-      integrity_(config_.integrity_hold_ns) {
-  for (std::size_t i = 0; i < config_.drones.size(); ++i) {
-    drones_.push_back(Drone{.fusion = Fusion(config_.fusion), .newest = {}, .two_way = {}});
-  }
+      integrity_(config_.integrity_hold_ns),
+      liveness_(config_.ledger_silent_after_ns) {
+  for (const DroneName& drone : config_.drones) drones_.push_back({.drone = drone, .fusion = Fusion(config_.fusion)});
 }
-
-std::size_t AgentCore::index(DroneNumber drone) const {
-  const auto it =
-      std::find_if(config_.drones.begin(), config_.drones.end(), [&](const DroneName& d) { return d.number == drone; });
-  return static_cast<std::size_t>(it - config_.drones.begin());
-}
-
-void AgentCore::set_roles(verification::Roles roles) { check_.set_roles(std::move(roles)); }
 
 void AgentCore::set_control(TimeNs now, const Control& control) {
-  check_.set_control(control);
-  const auto drone = std::find_if(config_.drones.begin(), config_.drones.end(),
-                                  [&](const DroneName& d) { return d.name == control.drone(); });
+  check_.control().set_control(control);
+  const Drone* drone = find_drone(drones_, control.drone());
   // Whether its stops were applied before this agent's start the record does not say; an apply_stops that changes
   // nothing writes nothing.
-  if (drone != config_.drones.end() && (is_stopped(control) || !control.revoked().empty()))
-    stop_applier_.want(now, drone->number);
+  if (drone && (is_stopped(control) || !control.revoked().empty())) stop_applier_.request(now, drone->drone.number);
 }
 
 void AgentCore::on_state(TimeNs now, const StateSample& sample, AgentOutputs& out) {
-  const std::size_t i = index(sample.drone);
-  if (i == drones_.size()) return;
-  drones_[i].newest = sample;
-  drones_[i].heard_ns = now;
+  Drone* drone = find_drone(drones_, sample.drone);
+  if (!drone) return;
+  drone->newest = sample;
+  drone->newest_ns = now;
   out.traces.push_back(record_of(TraceKind::state_taken, now, sample.drone, sample.sequence, sample.stamp_ns));
   batcher_.add(now, sample);
-  repeat_stop(now, sample, out);
+  repeat_stop(now, sample, *drone, out);
 }
 
 // The events of stops and their ends come once; agent or link may have been down then, or the plan may not have reached
 // link. So it is said again until link's states agree with the ledger's record.
-void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out) {
-  Drone& drone = drones_[index(sample.drone)];
+void AgentCore::repeat_stop(TimeNs now, const StateSample& sample, Drone& drone, AgentOutputs& out) {
   if (now < drone.next_stop_ns) return;
   const bool grounded = on_ground(sample.phase), link_has_stop = sample.cause == FailsafeCause::stopped;
-  auto word = check_.standing_stop(now, sample.drone);
-  if (word) {
+  auto plan = check_.standing_stop(now, sample.drone);
+  if (plan) {
     // A link that does not see the drone may have to land it without state; a new one knows of no stop.
     const bool obeyed = grounded ? link_has_stop
-                        : word->action == PlanAction::cut
+                        : plan->action == PlanAction::cut
                             ? sample.mode == FailsafeMode::cut
                             : sample.mode >= FailsafeMode::land || sample.phase == FlightPhase::landing;
-    if (grounded && link_has_stop) check_.landed(sample.drone);
+    if (grounded && link_has_stop) check_.control().on_landed(sample.drone);
     if (obeyed) return;
   } else {
     if (!grounded || !link_has_stop) return;  // or link's own: that one stands
-    word = check_.no_stop(now, sample.drone);
-    if (!word) return;
+    plan = check_.no_stop(now, sample.drone);
+    if (!plan) return;
   }
   drone.next_stop_ns = now + (in_flight(sample.phase) ? stop_gap_ns : calm_stop_gap_ns);
-  word->verified_ns = now;
-  out.plans.push_back(*word);
+  plan->verified_ns = now;
+  out.plans.push_back(*plan);
 }
 
 void AgentCore::on_mocap(TimeNs, DroneNumber drone, const MocapPose& measured, AgentOutputs& out) {
-  const std::size_t i = index(drone);
-  if (i == drones_.size()) return;
-  const bool flies = drones_[i].newest && in_flight(drones_[i].newest->phase);
-  if (auto pose = drones_[i].fusion.add(measured, flies)) {
+  Drone* ours = find_drone(drones_, drone);
+  if (!ours) return;
+  const bool flies = ours->newest && in_flight(ours->newest->phase);
+  if (auto pose = ours->fusion.add(measured, flies)) {
     pose->drone = drone;
-    drones_[i].has_pose = true;
+    ours->has_pose = true;
     out.poses.push_back(*pose);
   }
-}
-
-void AgentCore::progress(TimeNs) {
-  ever_progress_ = true;
-  unanswered_since_ns_.reset();
 }
 
 constexpr int endorsement_policy_failure = 10;  // protos.TxValidationCode
 
 void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcome& outcome, AgentOutputs& out) {
+  const CheckScope scope(checks_);
   if (transitions_.finished(now, frame, outcome) || stop_applier_.finished(now, frame, outcome) ||
-      alarms_.finished(now, frame, outcome) || take_eviction(now, frame, outcome, out)) {
-    if (outcome.kind == fabric::Outcome::Kind::committed) progress(now);
+      alarms_.finished(now, frame, outcome) || end_eviction(now, frame, outcome, out)) {
+    if (outcome.kind == fabric::Outcome::Kind::committed) liveness_.on_progress();
     return;
   }
   const auto ended = batcher_.finished(now, frame, outcome);
@@ -135,64 +137,58 @@ void AgentCore::on_outcome(TimeNs now, std::uint64_t frame, const fabric::Outcom
     out.traces.push_back(record_of(TraceKind::call_ordered, outcome.ordered_ns, 0, frame, ended->submitted_ns));
   if (outcome.kind == fabric::Outcome::Kind::invalidated && outcome.code == endorsement_policy_failure) {
     // The contract has become a newer version, and our records have no policy yet: apply_stops renews them.
-    stop_applier_.renew(now);
+    stop_applier_.request_renewal(now);
   }
   if (outcome.kind != fabric::Outcome::Kind::committed) return;
-  progress(now);
-  stop_applier_.renewed();
-  out.traces.push_back(TraceRecord{.t_ns = now,
-                                   .kind = TraceKind::frame_committed,
-                                   .extra = static_cast<std::uint32_t>(ended->samples.size()),
-                                   .id = ended->number,
-                                   .stamp_ns = ended->submitted_ns});
+  liveness_.on_progress();
+  stop_applier_.on_renewed();
+  out.traces.push_back(
+      record_of(TraceKind::frame_committed, now, 0, ended->number, ended->submitted_ns, ended->samples.size()));
 }
 
 void AgentCore::on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
-  for (const DroneName& drone : config_.drones) check_.set_evicting(drone.number, idle_.evicting(drone.number));
+  const CheckScope scope(checks_);
+  for (const DroneName& drone : config_.drones) check_.set_evicting(drone.number, idle_.is_evicting(drone.number));
   auto checked = check_.check(now, (now + real_offset_ns_) / ns_per_s, block);
   for (const auto& refused : checked.refused) {
-    out.traces.push_back(TraceRecord{.t_ns = now,
-                                     .kind = TraceKind::refused,
-                                     .drone = refused.drone,
-                                     .extra = static_cast<std::uint32_t>(refused.why),
-                                     .id = refused.sequence,
-                                     .stamp_ns = refused.state_stamp_ns});
+    out.traces.push_back(record_of(TraceKind::refused, now, refused.drone, refused.sequence, refused.state_stamp_ns,
+                                   static_cast<std::uint64_t>(refused.why)));
   }
-  violation_block(now, block, checked);
+  add_violations(now, block, checked);
   validated_share_.add(now, block);
   if (!checked.chain_ok) {
     last_chain_error_ = checked.chain_error;
     return;
   }
   ++blocks_;
-  progress(now);
-  take_checked(now, block, checked, out);
+  liveness_.on_progress();
+  apply(now, block, checked, out);
 }
 
 void AgentCore::on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out) {
+  const CheckScope scope(checks_);
   const auto checked = check_.check_refused(now, block);
-  violation_block(now, block, checked);
-  take_checked(now, block, checked, out);
+  add_violations(now, block, checked);
+  apply(now, block, checked, out);
 }
 
-void AgentCore::take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked,
-                             AgentOutputs& out) {
+void AgentCore::apply(TimeNs now, const fabric::Block& block, const CheckedBlock& checked, AgentOutputs& out) {
   for (const Plan& plan : checked.plans) {
     if (is_contract_action(plan.action) && !is_contract_stop(plan.action)) continue;
     if (plan.action == PlanAction::fly && plan.count == 0) continue;
     if (block.received_ns != 0)
       out.traces.push_back(
           record_of(TraceKind::command_in_block, block.received_ns, plan.drone, plan.sequence, plan.state_stamp_ns));
-    if (is_contract_stop(plan.action)) stop_applier_.want(now, plan.drone);  // a stop or cut of the ledger's
+    if (is_contract_stop(plan.action)) stop_applier_.request(now, plan.drone);  // a stop or cut of the ledger's
     out.traces.push_back(record_of(TraceKind::command_taken, now, plan.drone, plan.sequence, plan.state_stamp_ns));
   }
   out.unconfirmed_stops.insert(out.unconfirmed_stops.end(), checked.unconfirmed.begin(), checked.unconfirmed.end());
-  for (const DroneNumber drone : checked.revoked) stop_applier_.want(now, drone);
-  for (const DroneNumber drone : checked.commanded) idle_.heard(now, drone);
+  for (const DroneNumber drone : checked.revoked) stop_applier_.request(now, drone);
+  for (const DroneNumber drone : checked.commanded) idle_.on_command(now, drone);
   checked_.insert(checked_.end(), checked.plans.begin(), checked.plans.end());
 }
 
-void AgentCore::violation_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked) {
+void AgentCore::add_violations(TimeNs now, const fabric::Block& block, const CheckedBlock& checked) {
   if (!checked.chain_ok) integrity_.add(now, IntegrityViolation::chain, block.number, checked.chain_error);
   integrity_.add(now, IntegrityViolation::transaction, block.number, checked.unverified_problem, checked.unverified);
   for (const auto& stop : checked.unconfirmed) {
@@ -203,98 +199,54 @@ void AgentCore::violation_block(TimeNs now, const fabric::Block& block, const Co
   }
 }
 
-void AgentCore::on_connection(TimeNs now, bool connected) {
-  if (connected) {
-    disconnected_since_ns_.reset();
-  } else if (!disconnected_since_ns_) {
-    disconnected_since_ns_ = now;
-  }
-}
-
-bool AgentCore::ledger_alive(TimeNs now) const {
-  const auto too_long = [&](const std::optional<TimeNs>& since) {
-    return since && now - *since > config_.ledger_silent_after_ns;
-  };
-  return ever_progress_ && !too_long(unanswered_since_ns_) && !too_long(disconnected_since_ns_);
-}
-
 void AgentCore::hand_over_plans(TimeNs now, AgentOutputs& out) {
   for (Plan& plan : checked_) {
-    if (!LEDGERLINE_CHECK(index(plan.drone) < drones_.size(), "a verified plan is for a drone of this agent",
-                          plan.drone))
-      continue;
+    Drone* drone = find_drone(drones_, plan.drone);
+    if (!LEDGERLINE_CHECK(drone, "a verified plan is for a drone of this agent", plan.drone)) continue;
     plan.verified_ns = now;
     const bool empty = plan.action == PlanAction::fly && plan.count == 0;  // nobody's: what was flown ends
     if (!is_contract_action(plan.action) && !empty) {
-      Drone& drone = drones_[index(plan.drone)];
-      drone.last_command_verified_ns = now;
-      drone.two_way.add(now - plan.state_stamp_ns);
-      out.traces.push_back(TraceRecord{.t_ns = now,
-                                       .kind = TraceKind::command_verified,
-                                       .drone = plan.drone,
-                                       .id = plan.sequence,
-                                       .stamp_ns = plan.state_stamp_ns});
+      drone->last_command_verified_ns = now;
+      drone->two_way.add(now - plan.state_stamp_ns);
+      out.traces.push_back(record_of(TraceKind::command_verified, now, plan.drone, plan.sequence, plan.state_stamp_ns));
     }
     out.plans.push_back(plan);
   }
   checked_.clear();
 }
 
+void AgentCore::submit(TimeNs now, std::uint64_t number, fabric::Call call, bool urgent, AgentOutputs& out) {
+  liveness_.on_call(now);
+  out.submits.push_back({number, std::move(call), urgent});
+}
+
 void AgentCore::submit_frame(TimeNs now, AgentOutputs& out) {
   const auto frame = batcher_.next(now);
   if (!frame) return;
   for (const StateSample& sample : frame->samples) {
-    check_.sent(sample);
+    check_.add_sent_state(sample);
     out.traces.push_back(
         record_of(TraceKind::state_batched, now, sample.drone, sample.sequence, sample.stamp_ns, frame->number));
   }
-  if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-  out.traces.push_back(TraceRecord{.t_ns = now,
-                                   .kind = TraceKind::frame_submitted,
-                                   .extra = static_cast<std::uint32_t>(frame->samples.size()),
-                                   .id = frame->number});
-  out.submits.push_back({frame->number, encode_frame(*frame, config_.drones, real_offset_ns_), false});
-}
-
-void AgentCore::submit_transitions(TimeNs now, AgentOutputs& out) {
-  while (const auto sending = transitions_.next(now)) {
-    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-    out.submits.push_back({sending->number, encode_transitions(*sending, real_offset_ns_), true});
-  }
-}
-
-void AgentCore::submit_alarm(TimeNs now, AgentOutputs& out) {
-  const auto sending = alarms_.next(now, integrity_);
-  if (!sending) return;
-  if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-  out.submits.push_back({sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), true});
-}
-
-void AgentCore::submit_apply_stops(TimeNs now, AgentOutputs& out) {
-  while (const auto sending = stop_applier_.next(now)) {
-    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-    out.submits.push_back({sending->number, encode_apply_stops(*sending), true});
-  }
+  out.traces.push_back(record_of(TraceKind::frame_submitted, now, 0, frame->number, 0, frame->samples.size()));
+  submit(now, frame->number, encode_frame(*frame, config_.drones, real_offset_ns_), false, out);
 }
 
 void AgentCore::submit_evictions(TimeNs now, AgentOutputs& out) {
-  for (std::size_t i = 0; i < drones_.size(); ++i) {
-    const Drone& drone = drones_[i];
-    const bool seen = drone.newest && now - drone.heard_ns <= state_counts_ns;
-    const DroneNumber number = config_.drones[i].number;
-    idle_.see(now, number,
-              {.lease = check_.lease(number),
-               .on_ground = seen && on_ground(drone.newest->phase),
-               .ledger_heard = ledger_alive(now)});
+  for (const Drone& drone : drones_) {
+    const bool counts = drone.newest && now - drone.newest_ns <= state_counts_ns;
+    idle_.update(now, drone.drone.number,
+                 {.lease = control().lease(drone.drone.number),
+                  .on_ground = counts && on_ground(drone.newest->phase),
+                  .ledger_alive = ledger_alive(now)});
   }
   while (const auto sending = idle_.next(now)) {
-    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
-    out.submits.push_back({sending->number, encode_evict(*sending), true});
+    submit(now, sending->number, encode_evict(*sending), true, out);
     out.evictions.push_back({sending->drone->name, std::nullopt, {}});
   }
 }
 
-bool AgentCore::take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out) {
+bool AgentCore::end_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out) {
   const auto ended = idle_.finished(now, number, outcome);
   if (ended && ended->next) out.evictions.push_back({ended->drone->name, ended->next, outcome.message});
   return ended.has_value();
@@ -313,11 +265,14 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
   LEDGERLINE_CHECK(now >= stepped_ns_, "time does not go back", now, stepped_ns_);
   stepped_ns_ = now;
   hand_over_plans(now, out);
-  submit_apply_stops(now, out);
-  submit_transitions(now, out);
+  while (const auto sending = stop_applier_.next(now))
+    submit(now, sending->number, encode_apply_stops(*sending), true, out);
+  while (const auto sending = transitions_.next(now))
+    submit(now, sending->number, encode_transitions(*sending, real_offset_ns_), true, out);
   log_violations(now, out);
   if (submitting_) {
-    submit_alarm(now, out);
+    if (const auto sending = alarms_.next(now, integrity_))
+      submit(now, sending->number, encode_alarm(*sending, integrity_, now, real_offset_ns_), true, out);
     submit_evictions(now, out);
     submit_frame(now, out);
   }
@@ -326,7 +281,7 @@ void AgentCore::step(TimeNs now, AgentOutputs& out) {
                                    .ledger_alive = ledger_alive(now),
                                    .ledger_untrusted = integrity_.stands(now),
                                    .check_failed = checks_.failed()};
-    transitions_.tell(*out.heartbeat);
+    transitions_.report(*out.heartbeat);
     // Heartbeats keep their grid, except after a pause: then none are made up for.
     const bool paused = next_heartbeat_ns_ + config_.heartbeat_period_ns <= now;
     next_heartbeat_ns_ = (paused ? now : next_heartbeat_ns_) + config_.heartbeat_period_ns;
@@ -341,20 +296,20 @@ TimeNs AgentCore::due_ns() const {
 
 DroneReport AgentCore::report(DroneNumber drone) const {
   DroneReport report;
-  const std::size_t i = index(drone);
-  if (i == drones_.size()) return report;
+  const Drone* ours = find_drone(drones_, drone);
+  if (!ours) return report;
   report.states = batcher_.counters(drone);
   report.transitions = transitions_.counters(drone);
   report.commands = check_.counters(drone);
-  report.mocap = drones_[i].fusion.counters();
-  report.newest = drones_[i].newest;
-  report.last_command_verified_ns = drones_[i].last_command_verified_ns;
-  report.two_way = drones_[i].two_way;
+  report.mocap = ours->fusion.counters();
+  report.newest = ours->newest;
+  report.last_command_verified_ns = ours->last_command_verified_ns;
+  report.two_way = ours->two_way;
   return report;
 }
 
 void AgentCore::log_violations(TimeNs now, AgentOutputs& out) {
-  for (IntegrityMonitor::Word& word : integrity_.take_words(now)) out.violations.push_back(std::move(word));
+  for (auto& entry : integrity_.pop_log_entries(now)) out.violations.push_back(std::move(entry));
 }
 
 }  // namespace ledgerline::agent

@@ -11,12 +11,10 @@
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/agent/core/fusion.hpp"
-#include "onboard/agent/core/integrity_monitor.hpp"
-#include "onboard/agent/core/outbox/alarm_sender.hpp"
+#include "onboard/agent/core/mocap.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
-#include "onboard/agent/core/outbox/idle_evictor.hpp"
-#include "onboard/agent/core/outbox/stop_applier.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {
@@ -56,9 +54,28 @@ struct AgentOutputs {
     std::string why;                            ///< it did not get onto the ledger
   };
   std::vector<Eviction> evictions;
-  std::vector<CommandCheck::Checked::UnconfirmedStop> unconfirmed_stops;
-  std::vector<IntegrityMonitor::Word> violations;  ///< for the log
+  std::vector<CheckedBlock::UnconfirmedStop> unconfirmed_stops;
+  std::vector<IntegrityMonitor::LogEntry> violations;  ///< for the log
   void clear();
+};
+
+/// Whether the ledger is alive: it answers what is sent, and its block stream is there.
+class LedgerLiveness {
+ public:
+  explicit LedgerLiveness(TimeNs silent_after_ns) : silent_after_ns_(silent_after_ns) {}
+
+  void on_call(TimeNs now) {
+    if (!unanswered_since_ns_) unanswered_since_ns_ = now;
+  }
+  void on_progress();  ///< a block, or a call that is committed
+  void on_connection(TimeNs now, bool connected);
+  bool is_alive(TimeNs now) const;
+
+ private:
+  TimeNs silent_after_ns_;
+  bool ever_progress_ = false;
+  std::optional<TimeNs> unanswered_since_ns_;  ///< first call sent after the last sign of life
+  std::optional<TimeNs> disconnected_since_ns_;
 };
 
 /// One drone as the agent sees it, for status lines and summaries.
@@ -86,11 +103,9 @@ class AgentCore {
   void set_real_offset(TimeNs offset_ns) { real_offset_ns_ = offset_ns; }
   /// Control records as read from the ledger (`get control/<drone>`), before the first block is given.
   void set_control(TimeNs now, const Control& control);
-  void set_roles(verification::Roles roles);
-  /// As CommandCheck's.
-  verification::Organisations await_roles() { return check_.await_roles(); }
-  void add_roles(const verification::Roles& read) { check_.add_roles(read); }
-  const verification::Organisations& roles_left_out() const { return check_.roles_left_out(); }
+  /// The records and roles that are trusted; they begin with set_control() and its set_roles().
+  ControlCheck& control() { return check_.control(); }
+  const ControlCheck& control() const { return check_.control(); }
 
   void on_state(TimeNs now, const StateSample& sample, AgentOutputs& out);
   void on_transition(const Transition& transition) { transitions_.add(transition); }
@@ -99,13 +114,11 @@ class AgentCore {
   void on_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
   /// One that the stream refused: stops are taken from it, and nothing else.
   void on_refused_block(TimeNs now, const fabric::Block& block, AgentOutputs& out);
-  void on_connection(TimeNs now, bool connected);  ///< of the block stream
+  void on_connection(TimeNs now, bool connected) { liveness_.on_connection(now, connected); }  ///< of the block stream
   /// An integrity violation that was found outside, in words: by the stream, by another organisation's records.
   void on_violation(TimeNs now, IntegrityViolation kind, const std::string& words) {
     integrity_.add(now, kind, newest_block(), words);
   }
-  /// Whether another organisation's peer tells other records now.
-  void set_records_differ(bool differ) { integrity_.records_differ(differ); }
   void step(TimeNs now, AgentOutputs& out);
   /// Checks that failed in step(): the heartbeats say so from then on, and link lands the drones.
   const CheckLog& checks() const { return checks_; }
@@ -122,48 +135,42 @@ class AgentCore {
            alarms_.in_flight();
   }
 
-  bool ledger_alive(TimeNs now) const;
+  bool ledger_alive(TimeNs now) const { return liveness_.is_alive(now); }
   std::uint64_t height() const { return check_.height(); }
-  FirstRecords records() const { return check_.records(); }
   std::uint64_t blocks() const { return blocks_; }
   const std::string& last_chain_error() const { return last_chain_error_; }
-  std::uint64_t blocks_broken() const { return check_.broken_blocks(); }
+  const CommandCheck& check() const { return check_; }
   const Batcher::Transactions& transactions() const { return batcher_.transactions(); }
   const StopApplier& stop_applier() const { return stop_applier_; }
+  IntegrityMonitor& integrity() { return integrity_; }
   const IntegrityMonitor& integrity() const { return integrity_; }
   fabric::ValidatedShare& validated_share() { return validated_share_; }
   const fabric::ValidatedShare& validated_share() const { return validated_share_; }
   const AlarmSender& alarms() const { return alarms_; }
   const IdleEvictor& idle() const { return idle_; }
-  std::uint64_t unconfirmed_stops() const { return check_.unconfirmed_stops(); }
-  std::uint64_t refused_control_events() const { return check_.refused_control_events(); }
-  std::uint64_t unverified_transactions() const { return check_.unverified_transactions(); }
   const std::vector<DroneName>& drones() const { return config_.drones; }
   DroneReport report(DroneNumber drone) const;
 
  private:
   struct Drone {
+    DroneName drone;
     Fusion fusion;
-    std::optional<StateSample> newest;
-    TimeNs heard_ns = 0;  ///< when it came
+    std::optional<StateSample> newest{};
+    TimeNs newest_ns = 0;  ///< when it came
     bool has_pose = false;
     TimeNs last_command_verified_ns = 0;
     TimeNs next_stop_ns = 0;
-    Histogram two_way;
+    Histogram two_way{};
   };
-  void repeat_stop(TimeNs now, const StateSample& sample, AgentOutputs& out);
-  std::size_t index(DroneNumber drone) const;  ///< drones_.size(): not ours
+  void repeat_stop(TimeNs now, const StateSample& sample, Drone& drone, AgentOutputs& out);
   void hand_over_plans(TimeNs now, AgentOutputs& out);
+  void submit(TimeNs now, std::uint64_t number, fabric::Call call, bool urgent, AgentOutputs& out);
   void submit_frame(TimeNs now, AgentOutputs& out);
-  void submit_transitions(TimeNs now, AgentOutputs& out);
-  void submit_apply_stops(TimeNs now, AgentOutputs& out);
   void submit_evictions(TimeNs now, AgentOutputs& out);
-  void submit_alarm(TimeNs now, AgentOutputs& out);
-  void take_checked(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked, AgentOutputs& out);
-  void violation_block(TimeNs now, const fabric::Block& block, const CommandCheck::Checked& checked);
+  void apply(TimeNs now, const fabric::Block& block, const CheckedBlock& checked, AgentOutputs& out);
+  void add_violations(TimeNs now, const fabric::Block& block, const CheckedBlock& checked);
   std::uint64_t newest_block() const { return height() == 0 ? 0 : height() - 1; }
-  bool take_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
-  void progress(TimeNs now);
+  bool end_eviction(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome, AgentOutputs& out);
   bool may_send_heartbeat(TimeNs now);
 
   AgentConfig config_;
@@ -175,7 +182,8 @@ class AgentCore {
   CommandCheck check_;
   fabric::ValidatedShare validated_share_;
   IntegrityMonitor integrity_;
-  std::vector<Drone> drones_;  ///< as in config_.drones
+  LedgerLiveness liveness_;
+  std::vector<Drone> drones_;
   std::vector<Plan> checked_;  ///< waiting for step()
   TimeNs real_offset_ns_ = 0;
   TimeNs next_heartbeat_ns_ = INT64_MIN;
@@ -185,9 +193,6 @@ class AgentCore {
   bool submitting_ = true;
   std::uint64_t blocks_ = 0;
   std::string last_chain_error_;
-  bool ever_progress_ = false;
-  std::optional<TimeNs> unanswered_since_ns_;  ///< first call sent after the last sign of life
-  std::optional<TimeNs> disconnected_since_ns_;
 };
 
 }  // namespace ledgerline::agent

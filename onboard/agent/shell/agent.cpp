@@ -105,7 +105,7 @@ void Agent::wait() {
   link_woke_ = end_->woken();
 }
 
-void Agent::take_link() {
+void Agent::receive_from_link() {
   const auto of = [this](DroneNumber drone) -> AgentShell* {
     const Slot* slot = drone <= max_drones ? of_drone_[drone] : nullptr;
     return slot && slot->up() ? slot->shell.get() : nullptr;
@@ -113,21 +113,21 @@ void Agent::take_link() {
   StateSample sample;
   while (end_->take_state(sample)) {
     if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
-    if (AgentShell* shell = of(sample.drone)) shell->take_state(sample);
+    if (AgentShell* shell = of(sample.drone)) shell->on_state(sample);
   }
   // Link keeps one that nobody takes, and sends it again.
   Transition transition;
   while (end_->take_transition(transition)) {
-    if (AgentShell* shell = of(transition.drone)) shell->take_transition(transition);
+    if (AgentShell* shell = of(transition.drone)) shell->on_transition(transition);
   }
 }
 
 Status Agent::turn() {
   for (const Slot& slot : channels_) {
     if (!slot.up()) continue;
-    if (auto status = slot.shell->take_inputs(link_woke_); !status) return status;
+    if (auto status = slot.shell->handle_events(link_woke_); !status) return status;
   }
-  take_link();
+  receive_from_link();
   for (const Slot& slot : channels_) {
     if (slot.up()) slot.shell->finish_turn();
   }
@@ -166,7 +166,7 @@ void Agent::drain() {
     wait();
     for (const Slot& slot : channels_) {
       if (!slot.up()) continue;
-      if (!slot.shell->take_inputs(link_woke_)) return;  // too many blocks: the summary is still worth writing
+      if (!slot.shell->handle_events(link_woke_)) return;  // too many blocks: the summary is still worth writing
       slot.shell->finish_turn();
     }
   }

@@ -47,7 +47,7 @@ class Agent {
   void begin();
   void wait();
   Status turn();
-  void take_link();
+  void receive_from_link();
   void run_periodic_tasks(TimeNs now);
   void drain();
   Status write_summary();

@@ -98,7 +98,7 @@ Status RecordReader::confirm(const FirstRecords& records) {
 void RecordReader::read_in_background() {
   control_reader_ = std::jthread([this](const std::stop_token& stop) {
     Result<FirstRecords> records = Error{"not read yet"};
-    const Status status = verification::keep_reading(stop, [&]() -> Status {
+    const Status status = verification::read_repeatedly(stop, [&]() -> Status {
       records = read();
       return records ? Status(done) : records.error();
     });
@@ -138,7 +138,7 @@ void RecordReader::watch_witness() {
 
 void RecordReader::wait(const std::stop_token& stop, bool may_be_shortened) const {
   for (TimeNs waited_ns = 0; waited_ns < recheck_ns_ && !stop.stop_requested(); waited_ns += turn_ns) {
-    if (may_be_shortened && ask_again_ && waited_ns >= again_ns) return;
+    if (may_be_shortened && recheck_early_ && waited_ns >= again_ns) return;
     std::this_thread::sleep_for(std::chrono::nanoseconds(turn_ns));
   }
 }
@@ -178,8 +178,8 @@ void LedgerFollower::start() {
   };
   handlers.on_contradiction = [this](const std::string& what) { mailbox_.put(Contradiction{what}); };
   handlers.on_refused = [this](const fabric::Block& block) { mailbox_.put_in_turn(RefusedBlock{block}); };
-  handlers.on_confirmed = [this](const auto& confirmed) { mailbox_.put(Confirmed{confirmed.number, confirmed.hash}); };
-  handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(Continued{how}); };
+  handlers.on_confirmed = [this](const Confirmed& confirmed) { mailbox_.put(confirmed); };
+  handlers.on_continued = [this](const fabric::Continuation& how) { mailbox_.put(how); };
   blocks_.open(client_, std::move(handlers));
 }
 
@@ -200,7 +200,7 @@ Status LedgerFollower::wait_for_block_stream(const std::atomic<bool>& quit, Agen
   const auto is_open = [&]() -> Status {
     const TimeNs until_ns = monotonic_ns() + max_catching_up_ns;
     do {
-      if (auto status = take_early_events(log); !status) return status;
+      if (auto status = handle_early_events(log); !status) return status;
       if (stream_.connected && core_.height() >= catch_up_to_) return done;
       if (stream_.connected) mailbox_.wait(1 * ns_per_ms);  // the blocks since the checkpoint, a box of them at a time
     } while (stream_.connected && monotonic_ns() < until_ns);
@@ -215,11 +215,11 @@ Status LedgerFollower::wait_for_block_stream(const std::atomic<bool>& quit, Agen
       is_open);
 }
 
-Status LedgerFollower::take_early_events(AgentLog& log) {
+Status LedgerFollower::handle_early_events(AgentLog& log) {
   for (Event& event : mailbox_.take_all()) {
     // Both are held against records, which are not there or not up to date yet.
     if (std::holds_alternative<RefusedBlock>(event) || std::holds_alternative<SecondReading>(event)) continue;
-    if (auto status = take(event); !status) return status;
+    if (auto status = handle(event); !status) return status;
   }
   core_.log_violations(monotonic_ns(), out_);
   log.violations(out_);
@@ -227,32 +227,32 @@ Status LedgerFollower::take_early_events(AgentLog& log) {
   return done;
 }
 
-Status LedgerFollower::take(Event& event) {
+Status LedgerFollower::handle(Event& event) {
   const TimeNs now = monotonic_ns();
-  if (const auto* block = std::get_if<fabric::Block>(&event)) return take_block(*block);
-  if (const auto* read = std::get_if<RecordsRead>(&event)) return take_records(*read);
+  if (const auto* block = std::get_if<fabric::Block>(&event)) return on_block(*block);
+  if (const auto* read = std::get_if<RecordsRead>(&event)) return on_records(*read);
   if (const auto* refused = std::get_if<RefusedBlock>(&event)) {
     core_.on_refused_block(now, refused->block, out_);
   } else if (auto* state = std::get_if<StreamState>(&event)) {
     core_.on_connection(now, state->connected);
     stream_ = std::move(*state);
-  } else if (const auto* continued = std::get_if<Continued>(&event)) {
-    take_continued(continued->how);
+  } else if (const auto* continued = std::get_if<fabric::Continuation>(&event)) {
+    on_continued(*continued);
   } else if (auto* confirmed = std::get_if<Confirmed>(&event)) {
     confirmed_ = std::move(*confirmed);
   } else if (const auto* contradiction = std::get_if<Contradiction>(&event)) {
     core_.on_violation(now, IntegrityViolation::stream, contradiction->what);
   } else if (const auto* second = std::get_if<SecondReading>(&event)) {
-    take_second_reading(*second);
+    on_second_reading(*second);
   } else if (const auto* roles = std::get_if<RolesRead>(&event)) {
     records_.on_roles(*roles);
-    if (roles->roles) core_.add_roles(*roles->roles);
+    if (roles->roles) core_.control().add_roles(*roles->roles);
     report_left_out();
   }
   return done;
 }
 
-void LedgerFollower::take_continued(const fabric::Continuation& how) {
+void LedgerFollower::on_continued(const fabric::Continuation& how) {
   if (how.gap) {
     blocks_not_read_ = how.newest - how.verified;
     spdlog::warn(
@@ -270,7 +270,7 @@ void LedgerFollower::take_continued(const fabric::Continuation& how) {
   catch_up_to_ = how.newest > how.verified ? how.newest + 1 : 0;
 }
 
-Status LedgerFollower::take_block(const fabric::Block& block) {
+Status LedgerFollower::on_block(const fabric::Block& block) {
   if (block.confirmed)
     confirmed_ = {block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)};
   const auto next = control_start_.on_block(block);
@@ -280,7 +280,7 @@ Status LedgerFollower::take_block(const fabric::Block& block) {
   } else if (*next == verification::ControlStart::Next::take) {
     core_.on_block(monotonic_ns(), block, out_);
     report_by_flag();
-    records_.read_roles(core_.await_roles());
+    records_.read_roles(core_.control().await_roles());
   } else if (*next == verification::ControlStart::Next::read) {
     records_.read_in_background();
   }
@@ -288,14 +288,14 @@ Status LedgerFollower::take_block(const fabric::Block& block) {
 }
 
 void LedgerFollower::set_records(const FirstRecords& records) {
-  core_.set_roles(records.roles);
+  core_.control().set_roles(records.roles);
   for (const Control& control : records.controls) core_.set_control(monotonic_ns(), control);
   report_left_out();
 }
 
 // Of several channels one whose records cannot be read ends nothing: the others' drones would be held on the ground by
 // each start of the agent.
-Status LedgerFollower::take_records(const RecordsRead& read) {
+Status LedgerFollower::on_records(const RecordsRead& read) {
   if (!read.records && !several_) return read.records.error();
   if (!read.records || control_start_.is_useless()) {
     spdlog::error(
@@ -309,15 +309,15 @@ Status LedgerFollower::take_records(const RecordsRead& read) {
   return done;
 }
 
-void LedgerFollower::take_second_reading(const SecondReading& reading) {
+void LedgerFollower::on_second_reading(const SecondReading& reading) {
   const std::string problem = reading.records ? "" : reading.records.error().message;
   if (problem != witness_problem_ && !problem.empty())
     spdlog::warn("{}the control records of another organisation's peer cannot be read: {}", label_, problem);
   witness_problem_ = problem;
   const bool own_are_read = control_start_.known();
-  records_.ask_again(reading.records && !own_are_read);
+  records_.set_early_recheck(reading.records && !own_are_read);
   if (!reading.records || !own_are_read) return;
-  const auto verdict = second_opinion_.compare(core_.records(), *reading.records);
+  const auto verdict = second_opinion_.compare(core_.control().records(), *reading.records);
   for (const SecondOpinion::Difference& difference : verdict.alarms) {
     core_.on_violation(monotonic_ns(), IntegrityViolation::records, difference.text());
     spdlog::error(
@@ -325,10 +325,10 @@ void LedgerFollower::take_second_reading(const SecondReading& reading) {
         "the two peers lies or stands still: look at both before you fly",
         label_, difference.what, difference.ours, difference.theirs);
   }
-  core_.set_records_differ(second_opinion_.differs());
+  core_.integrity().records_differ(second_opinion_.differs());
   for (const std::string& what : verdict.cleared)
     spdlog::warn("{}{}: another organisation's peer reports the same record again", label_, what);
-  records_.ask_again(verdict.again_soon);
+  records_.set_early_recheck(verdict.again_soon);
 }
 
 // No reason to distrust the ledger either: a flood of somebody's keys is none.
@@ -343,7 +343,7 @@ void LedgerFollower::report_by_flag() {
 
 // No reason to distrust the ledger: an organisation that has too many roles would land others' drones by it.
 void LedgerFollower::report_left_out() {
-  const verification::Organisations& left_out = core_.roles_left_out();
+  const verification::Organisations& left_out = core_.control().roles_left_out();
   if (left_out.size() == std::exchange(left_out_reported_, left_out.size())) return;
   for (const std::string& msp_id : left_out)
     spdlog::error(
@@ -354,9 +354,9 @@ void LedgerFollower::report_left_out() {
 
 // Records and block belong together: while the records are being read, the core has taken no block. Blocks that are not
 // confirmed yet hold states and commands alone, and change no record.
-void LedgerFollower::keep_checkpoint() {
+void LedgerFollower::store_checkpoint() {
   if (!blocks_.keeps() || !control_start_.known() || !confirmed_ || core_.height() == 0) return;
-  blocks_.keep(confirmed_->number, confirmed_->hash, to_bytes(core_.records()));
+  blocks_.keep(confirmed_->number, confirmed_->hash, to_bytes(core_.control().records()));
   confirmed_.reset();
 }
 

@@ -1,22 +1,63 @@
 #pragma once
 #include <atomic>
+#include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <thread>
+#include <variant>
 #include <vector>
 
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/stream/block_subscription.hpp"
+#include "common/rt/mailbox.hpp"
 #include "common/verification/control_records.hpp"
 #include "onboard/agent/core/agent_core.hpp"
-#include "onboard/agent/core/records/first_records.hpp"
-#include "onboard/agent/core/records/second_opinion.hpp"
-#include "onboard/agent/shell/events.hpp"
+#include "onboard/agent/core/records.hpp"
 #include "onboard/agent/shell/report.hpp"
 #include "onboard/agent/shell/settings.hpp"
 
 namespace ledgerline::agent {
+
+/// How a submitted frame ended.
+struct FrameEnded {
+  std::uint64_t frame = 0;
+  fabric::Outcome outcome;
+};
+/// The block stream came up or broke.
+struct StreamState {
+  bool connected = false;
+  std::string why;
+};
+/// The records to begin with, as read after the first block had come, or why they cannot be.
+struct RecordsRead {
+  Result<FirstRecords> records;
+};
+/// The roles of organisations that a record has named since, or why they cannot be read yet.
+struct RolesRead {
+  verification::Organisations organisations;
+  Result<verification::Roles> roles;
+};
+/// The records as another organisation's peer reports them, or why it does not.
+struct SecondReading {
+  Result<FirstRecords> records;
+};
+/// A block that was taken as it was ordered is the own peer's, too. Of those that are not there are few.
+using Confirmed = fabric::Client::StreamHandlers::Confirmed;
+/// A stream of blocks contradicts what is known of the channel.
+struct Contradiction {
+  std::string what;
+};
+/// A block that a stream refused: its stops count all the same.
+struct RefusedBlock {
+  fabric::Block block;
+};
+using Event = std::variant<fabric::Block, RefusedBlock, FrameEnded, StreamState, fabric::Continuation, RecordsRead,
+                           RolesRead, SecondReading, Contradiction, Confirmed>;
+
+/// From the ledger client's threads to the main loop: blocks in turn; of the others only few can exist (one frame in
+/// flight; a contradiction for each attempt of the stream, which backs off).
+using Mailbox = ledgerline::Mailbox<Event>;
 
 /// Reads the control records and roles of a channel's drones, from the own peer and from one of another organisation
 /// (the witness), on threads of its own, which put what they read into the mailbox. All methods but read() are the
@@ -38,9 +79,9 @@ class RecordReader {
   /// The roles of these organisations and of those that could not be read before, as RolesRead; one reading at a time.
   void read_roles(verification::Organisations organisations);
   void on_roles(const RolesRead& read);
-  /// Asks the witness now and each recheck_ns, as SecondReading; sooner after ask_again(true).
+  /// Asks the witness now and each recheck_ns, as SecondReading; sooner after set_early_recheck(true).
   void watch_witness();
-  void ask_again(bool soon) { ask_again_ = soon; }
+  void set_early_recheck(bool soon) { recheck_early_ = soon; }
 
  private:
   Result<FirstRecords> read_from(const verification::Evaluate& evaluate) const;
@@ -54,7 +95,7 @@ class RecordReader {
   const std::unique_ptr<fabric::Client> witness_;
   const TimeNs recheck_ns_;
   std::atomic<bool> unconfirmed_{false};  ///< the witness is required
-  std::atomic<bool> ask_again_{false};
+  std::atomic<bool> recheck_early_{false};
   verification::Organisations unread_;       ///< whose roles are to be read, once no such reading is in progress
   std::optional<std::jthread> role_reader_;  ///< one at a time
   std::jthread control_reader_, witness_reader_;
@@ -87,18 +128,18 @@ class LedgerFollower {
   /// Waits for the block stream and the control records, each for a bounded time, with a message that names the cure.
   Status reach(const std::atomic<bool>& quit, AgentLog& log);
   /// Anything but a FrameEnded. An error ends the agent.
-  Status take(Event& event);
+  Status handle(Event& event);
   /// The newest block that the own peer has delivered too, with the records behind it.
-  void keep_checkpoint();
+  void store_checkpoint();
   void count(ShellCounters& counters) const;
 
  private:
   Status wait_for_block_stream(const std::atomic<bool>& quit, AgentLog& log);
-  Status take_early_events(AgentLog& log);
-  void take_continued(const fabric::Continuation& how);
-  Status take_block(const fabric::Block& block);
-  Status take_records(const RecordsRead& read);
-  void take_second_reading(const SecondReading& reading);
+  Status handle_early_events(AgentLog& log);
+  void on_continued(const fabric::Continuation& how);
+  Status on_block(const fabric::Block& block);
+  Status on_records(const RecordsRead& read);
+  void on_second_reading(const SecondReading& reading);
   void set_records(const FirstRecords& records);
   void report_by_flag();
   void report_left_out();

@@ -7,12 +7,13 @@
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/verification/client.hpp"
+#include "common/verification/calls.hpp"
 #include "onboard/agent/shell/agent.hpp"
 
 namespace {

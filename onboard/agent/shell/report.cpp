@@ -31,7 +31,7 @@ json to_json(const TransitionSender::Counters& c) {
 json to_json(const CommandCheck::Counters& c) {
   json reasons = json::object();
   for (std::size_t i = 0; i < refusal_count; ++i) {
-    if (c.reasons[i] > 0) reasons[std::string(refusal_name(static_cast<Refusal>(i)))] = c.reasons[i];
+    if (c.reasons[i] > 0) reasons[std::string(refusal_name(static_cast<RefusalReason>(i)))] = c.reasons[i];
   }
   return {{"on_ledger", c.on_ledger}, {"refused", c.refused}, {"refused_reasons", reasons}, {"verified", c.verified}};
 }
@@ -80,17 +80,16 @@ void AgentLog::plan_lost(const Plan& plan) const {
 void AgentLog::refusals(const AgentOutputs& out) {
   for (const TraceRecord& record : out.traces) {
     if (record.kind != TraceKind::refused || !due(record.t_ns, next_refusal_ns_, log_gap_ns)) continue;
-    spdlog::warn("{}drone {}: command {} refused: {}{}", label_, record.drone, record.id,
-                 refusal_name(static_cast<Refusal>(record.extra)),
-                 record.extra == static_cast<std::uint32_t>(Refusal::broken_chain) ? ": " + core_.last_chain_error()
-                                                                                   : std::string());
+    const auto why = static_cast<RefusalReason>(record.extra);
+    spdlog::warn("{}drone {}: command {} refused: {}{}", label_, record.drone, record.id, refusal_name(why),
+                 why == RefusalReason::broken_chain ? ": " + core_.last_chain_error() : std::string());
   }
 }
 
 void AgentLog::violations(const AgentOutputs& out) const {
-  for (const IntegrityMonitor::Word& word : out.violations)
-    spdlog::error("{}the ledger is not trusted, {} ({} of {} since the last word): {}", label_, name(word.kind),
-                  word.since, word.count, word.words);
+  for (const IntegrityMonitor::LogEntry& entry : out.violations)
+    spdlog::error("{}the ledger is not trusted, {} ({} of {} since the last word): {}", label_, name(entry.kind),
+                  entry.since, entry.count, entry.words);
 }
 
 void AgentLog::evictions(const AgentOutputs& out) const {
@@ -176,7 +175,7 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
                 {"refused", t.refused},
                 {"unavailable", t.unavailable}}},
               {"blocks", core.blocks()},
-              {"blocks_broken", core.blocks_broken()},
+              {"blocks_broken", core.check().broken_blocks()},
               {"ordered_blocks_confirmed_after_ms", shell.confirmed_after_ms},
               {"stops_applied", {{"on_ledger", stops.applied()}, {"repeated", stops.repeated()}}},
               {"evictions",
@@ -190,15 +189,15 @@ std::string summary(const AgentCore& core, const std::string& channel, const She
                {{"on_ledger", core.alarms().counters().on_ledger},
                 {"repeated", core.alarms().counters().repeated},
                 {"refused", core.alarms().counters().refused}}},
-              {"control_events_refused", core.refused_control_events()},
-              {"stops_unconfirmed", core.unconfirmed_stops()},
-              {"transactions_unverified", core.unverified_transactions()},
+              {"control_events_refused", core.control().refused_events()},
+              {"stops_unconfirmed", core.control().unconfirmed_stops()},
+              {"transactions_unverified", core.check().unverified_transactions()},
               {"transactions_by_flag", core.validated_share().by_flag()},
               {"transactions_not_by_flag", core.validated_share().validated()},
               {"blocks_not_read", shell.blocks_not_read},
               {"records_compared", shell.records_compared},
               {"records_differ", shell.records_differ},
-              {"roles_left_out_of", core.roles_left_out()},
+              {"roles_left_out_of", core.control().roles_left_out()},
               {"link_wakes", shell.link_wakes},
               {"states_without_wake", shell.states_without_wake},
               {"plans_not_handed_over", shell.plans_not_handed_over},

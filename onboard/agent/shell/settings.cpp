@@ -4,127 +4,87 @@
 
 #include <algorithm>
 
+#include "common/msg/names.hpp"
+
 namespace ledgerline::agent {
 namespace {
 
-TimeNs duration_ms(Config& config, const Key& key, TimeNs otherwise_ns, double min_ms, double max_ms) {
-  return from_seconds(config.number(key, to_ms(otherwise_ns), min_ms, max_ms) * 1e-3);
+/// Each reads what the config says in place of a default.
+void read_ms(Config& config, TimeNs& value_ns, double min_ms, double max_ms, const Key& key) {
+  value_ns = from_seconds(config.number(key, to_ms(value_ns), min_ms, max_ms) * 1e-3);
+}
+void read_s(Config& config, TimeNs& value_ns, double min_s, double max_s, const Key& key) {
+  value_ns = from_seconds(config.number(key, to_seconds(value_ns), min_s, max_s));
+}
+void read(Config& config, double& value, double min, double max, const Key& key) {
+  value = config.number(key, value, min, max);
+}
+template <typename Integer>
+void read(Config& config, Integer& value, std::int64_t min, std::int64_t max, const Key& key) {
+  value = static_cast<Integer>(config.integer(key, static_cast<std::int64_t>(value), min, max));
 }
 
-BatchConfig batch(Config& config) {
-  BatchConfig b;
-  b.min_gap_ns = duration_ms(
-      config, {"batch.min_gap_ms", "between the starts of two frames; 0: the next goes when the last is committed"},
-      b.min_gap_ns, 0, 10'000);
-  b.linger_ns = duration_ms(config,
-                            {"batch.linger_ms",
-                             "a frame waits so long for the samples of this host's other drones of the same instant; "
-                             "longer is added to every age, 0 makes a transaction of each drone's sample"},
-                            b.linger_ns, 0, 1'000);
-  b.freshness_ns = duration_ms(
-      config,
-      {"batch.freshness_ms", "a sample that had to wait until it is older is dropped: nobody would steer by it"},
-      b.freshness_ns, 1, 10'000);
-  b.first_back_off_ns = duration_ms(
-      config, {"batch.first_back_off_ms", "pause after the first failure; doubles with each further one, with jitter"},
-      b.first_back_off_ns, 1, 10'000);
-  b.max_back_off_ns = duration_ms(
-      config,
-      {"batch.max_back_off_ms", "upper bound of it: how long a ledger may be back before the next frame tries it"},
-      b.max_back_off_ns, 1, 60'000);
-  b.refused_drone_pause_ns =
-      duration_ms(config,
-                  {"batch.refused_drone_pause_ms",
-                   "a drone for whose sake a frame was refused stays out of frames so long; the others' samples go on"},
-                  b.refused_drone_pause_ns, 0, 60'000);
+void read_batch(Config& config, BatchConfig& b) {
+  read_ms(config, b.min_gap_ns, 0, 10'000,
+          {"batch.min_gap_ms", "between the starts of two frames; 0: the next goes when the last is committed"});
+  read_ms(config, b.linger_ns, 0, 1'000,
+          {"batch.linger_ms",
+           "a frame waits so long for the samples of this host's other drones of the same instant; longer is added to "
+           "every age, 0 makes a transaction of each drone's sample"});
+  read_ms(config, b.freshness_ns, 1, 10'000,
+          {"batch.freshness_ms", "a sample that had to wait until it is older is dropped: nobody would steer by it"});
+  read_ms(config, b.first_back_off_ns, 1, 10'000,
+          {"batch.first_back_off_ms", "pause after the first failure; doubles with each further one, with jitter"});
+  read_ms(config, b.max_back_off_ns, 1, 60'000,
+          {"batch.max_back_off_ms", "upper bound of it: how long a ledger may be back before the next frame tries it"});
+  read_ms(config, b.refused_drone_pause_ns, 0, 60'000,
+          {"batch.refused_drone_pause_ms",
+           "a drone for whose sake a frame was refused stays out of frames so long; the others' samples go on"});
   b.max_back_off_ns = std::max(b.max_back_off_ns, b.first_back_off_ns);
-  return b;
 }
 
-CheckConfig check(Config& config) {
-  CheckConfig c;
-  c.max_age_ns =
-      duration_ms(config,
-                  {"check.max_age_ms",
-                   "a command for an older state is refused: steering by what is no longer true is worse than "
-                   "a hold. `fly` sets it longer where blocks are cut late"},
-                  c.max_age_ns, 1, 60'000);
-  c.max_speed_mps =
-      config.number({"check.max_speed_mps", "a faster setpoint is refused; a Tello's top speed. Link bounds further"},
-                    c.max_speed_mps, 0.01, 100);
-  c.max_yaw_rate_radps = config.number({"check.max_yaw_rate_radps", "a setpoint that turns faster is refused"},
-                                       c.max_yaw_rate_radps, 0.01, 100);
-  c.horizon_ns = duration_ms(
-      config, {"check.horizon_ms", "a setpoint meant for later than now plus this is refused; as the contract does"},
-      c.horizon_ns, 10, 60'000);
-  c.stamps_kept = static_cast<std::size_t>(config.integer(
-      {"check.stamps_kept", "newest states sent, of each drone, that a command may answer: 256 are 8 s at 30 a second"},
-      static_cast<std::int64_t>(c.stamps_kept), 1, 100'000));
-  return c;
+void read_check(Config& config, CheckConfig& c) {
+  read_ms(config, c.max_age_ns, 1, 60'000,
+          {"check.max_age_ms",
+           "a command for an older state is refused: steering by what is no longer true is worse than a hold. `fly` "
+           "sets it longer where blocks are cut late"});
+  read(config, c.max_speed_mps, 0.01, 100,
+       {"check.max_speed_mps", "a faster setpoint is refused; a Tello's top speed. Link bounds further"});
+  read(config, c.max_yaw_rate_radps, 0.01, 100,
+       {"check.max_yaw_rate_radps", "a setpoint that turns faster is refused"});
+  read_ms(config, c.horizon_ns, 10, 60'000,
+          {"check.horizon_ms", "a setpoint meant for later than now plus this is refused; as the contract does"});
+  read(config, c.stamps_kept, 1, 100'000,
+       {"check.stamps_kept",
+        "newest states sent, of each drone, that a command may answer: 256 are 8 s at 30 a second"});
 }
 
-FusionConfig fusion(Config& config) {
-  FusionConfig f;
-  f.position_sigma_m = config.number({"mocap.position_sigma_m", "standard deviation of a measured position"},
-                                     f.position_sigma_m, 1e-6, 10);
-  f.acceleration_sigma_mps2 = config.number(
-      {"mocap.acceleration_sigma_mps2", "how much the velocity may change by itself; higher follows faster, noisier"},
-      f.acceleration_sigma_mps2, 1e-3, 1'000);
-  f.gate_sigma = config.number(
-      {"mocap.gate_sigma", "a measurement further off, in standard deviations, is an outlier and is dropped"},
-      f.gate_sigma, 1, 1'000);
-  f.outliers_before_reset = static_cast<int>(config.integer(
-      {"mocap.outliers_before_reset", "so many outliers in a row are the truth: the filter starts again"},
-      f.outliers_before_reset, 1, 1'000));
-  f.max_gap_ns = duration_ms(
-      config, {"mocap.max_gap_ms", "after a longer pause the filter starts again; as link's failsafe.pose_lost_ms"},
-      f.max_gap_ns, 1, 60'000);
-  f.frozen_after_ns =
-      duration_ms(config,
-                  {"mocap.frozen_after_ms",
-                   "in flight, the same position to the last bit for so long: mocap repeats what it saw last"},
-                  f.frozen_after_ns, 1, 60'000);
-  return f;
+void read_fusion(Config& config, FusionConfig& f) {
+  read(config, f.position_sigma_m, 1e-6, 10, {"mocap.position_sigma_m", "standard deviation of a measured position"});
+  read(config, f.acceleration_sigma_mps2, 1e-3, 1'000,
+       {"mocap.acceleration_sigma_mps2", "how much the velocity may change by itself; higher follows faster, noisier"});
+  read(config, f.gate_sigma, 1, 1'000,
+       {"mocap.gate_sigma", "a measurement further off, in standard deviations, is an outlier and is dropped"});
+  read(config, f.outliers_before_reset, 1, 1'000,
+       {"mocap.outliers_before_reset", "so many outliers in a row are the truth: the filter starts again"});
+  read_ms(config, f.max_gap_ns, 1, 60'000,
+          {"mocap.max_gap_ms", "after a longer pause the filter starts again; as link's failsafe.pose_lost_ms"});
+  read_ms(config, f.frozen_after_ns, 1, 60'000,
+          {"mocap.frozen_after_ms",
+           "in flight, the same position to the last bit for so long: mocap repeats what it saw last"});
 }
 
-TimeNs idle_evict(Config& config) {
+void read_idle_evict(Config& config, TimeNs& idle_evict_ns) {
   constexpr double min_s = 30;
   const Key key{
       "agent.idle_evict_s",
       "a drone that is seen on the ground for so long, without a command of who holds its lease, is taken from "
       "the holder, so that others may acquire it; 0: never, else at least 30. Longer than a change of batteries"};
-  const double idle_s = config.number(key, to_seconds(usual_idle_ns), 0, 86'400);
-  if (idle_s > 0 && idle_s < min_s) {
-    config.wrong(key.name,
-                 fmt::format("must be 0 (never), or {:g} to 86400: a holder who has just acquired the drone needs "
-                             "a moment before its first command",
-                             min_s));
-  }
-  return from_seconds(idle_s);
-}
-
-void read_output(Config& config, Settings& s) {
-  s.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
-  s.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
-  s.status_period_ns =
-      config.integer({"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"}, 250, 0,
-                     60'000) *
-      ns_per_ms;
-}
-
-void read_checkpoint_keys(Config& config, Settings& s) {
-  s.checkpoint = config.text(
-      {"output.checkpoint",
-       "file, of this agent alone, with the newest block that was verified and the control records behind it: a peer "
-       "that serves an older chain, or another one, is refused at the next start; none: each start begins from "
-       "nothing"},
-      "");
-  s.max_absence_blocks = static_cast<std::uint64_t>(config.integer(
-      {"agent.max_absence_blocks",
-       "blocks behind the checkpoint that are read one by one at a start, so that nothing on them is missed, before "
-       "the agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
-       "records are read again"},
-      1'000, 0, 1'000'000));
+  read_s(config, idle_evict_ns, 0, 86'400, key);
+  if (idle_evict_ns == 0 || to_seconds(idle_evict_ns) >= min_s) return;
+  config.wrong(key.name, fmt::format("must be 0 (never), or {:g} to 86400: a holder who has just acquired the drone "
+                                     "needs a moment before its first command",
+                                     min_s));
 }
 
 }  // namespace
@@ -139,40 +99,49 @@ Settings read_settings(Config& config, const std::string& msp_id, const fabric::
     s.core.drones.push_back(
         {static_cast<DroneNumber>(number), config.text({key + "name", "as it is enrolled to this host's identity"})});
   }
-  s.core.batch = batch(config);
-  s.core.check = check(config);
+  read_batch(config, s.core.batch);
+  read_check(config, s.core.check);
   s.core.check.msp_id = msp_id;
   s.core.check.where = where;
-  s.core.fusion = fusion(config);
-  s.core.heartbeat_period_ns = duration_ms(
-      config, {"agent.heartbeat_ms", "between two heartbeats to link, which takes agent for gone without them"},
-      s.core.heartbeat_period_ns, 1, 100);
-  s.core.ledger_silent_after_ns =
-      duration_ms(config,
-                  {"agent.ledger_silent_after_ms",
-                   "with no answer to a call, or no connection, for so long, link learns that the ledger is silent"},
-                  s.core.ledger_silent_after_ns, 10, 60'000);
-  s.core.idle_evict_ns = idle_evict(config);
-  s.recheck_ns = from_seconds(config.number(
-      {"agent.recheck_s",
-       "between two looks at the control records and roles of another organisation's peer, the first [[endorser]] of "
-       "one; a difference that lasts is an alarm, in the log and the summary (records_differ); 0: never"},
-      5, 0, 3'600));
-  s.core.integrity_hold_ns =
-      from_seconds(config.number({"agent.integrity_hold_s",
-                                  "how long an integrity violation counts (what contradicts its "
-                                  "flags, its orderers, other peers): so long the "
-                                  "alarm stands, and link learns it (its failsafe.on_untrusted_ledger)"},
-                                 to_seconds(s.core.integrity_hold_ns), 1, 3'600));
-  s.core.seed = static_cast<std::uint64_t>(config.integer(
-      {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"}, 0, 0,
-      INT64_MAX));
-  s.start_wait_ns = from_seconds(config.number(
-      {"agent.start_wait_s", "for RouDi and for the ledger, each, at the start; then it ends"}, 15, 0.1, 3'600));
-  s.priority = static_cast<int>(config.integer(
-      {"realtime.priority", "SCHED_FIFO from block to plan, below link's 80; 0: ordinary scheduling"}, 0, 0, 98));
-  read_checkpoint_keys(config, s);
-  read_output(config, s);
+  read_fusion(config, s.core.fusion);
+  read_ms(config, s.core.heartbeat_period_ns, 1, 100,
+          {"agent.heartbeat_ms", "between two heartbeats to link, which takes agent for gone without them"});
+  read_ms(config, s.core.ledger_silent_after_ns, 10, 60'000,
+          {"agent.ledger_silent_after_ms",
+           "with no answer to a call, or no connection, for so long, link learns that the ledger is silent"});
+  read_idle_evict(config, s.core.idle_evict_ns);
+  read_s(config, s.recheck_ns, 0, 3'600,
+         {"agent.recheck_s",
+          "between two looks at the control records and roles of another organisation's peer, the first [[endorser]] "
+          "of one; a difference that lasts is an alarm, in the log and the summary (records_differ); 0: never"});
+  read_s(config, s.core.integrity_hold_ns, 1, 3'600,
+         {"agent.integrity_hold_s",
+          "how long an integrity violation counts (what contradicts its flags, its orderers, other peers): so long the "
+          "alarm stands, and link learns it (its failsafe.on_untrusted_ledger)"});
+  s.core.seed = 0;
+  read(config, s.core.seed, 0, INT64_MAX,
+       {"agent.seed", "of the back-off's jitter: the same seed, the same pauses", "the time of its start"});
+  read_s(config, s.start_wait_ns, 0.1, 3'600,
+         {"agent.start_wait_s", "for RouDi and for the ledger, each, at the start; then it ends"});
+  read(config, s.priority, 0, 98,
+       {"realtime.priority", "SCHED_FIFO from block to plan, below link's 80; 0: ordinary scheduling"});
+  s.checkpoint = config.text(
+      {"output.checkpoint",
+       "file, of this agent alone, with the newest block that was verified and the control records behind it: a peer "
+       "that serves an older chain, or another one, is refused at the next start; none: each start begins from "
+       "nothing"},
+      "");
+  read(config, s.max_absence_blocks, 0, 1'000'000,
+       {"agent.max_absence_blocks",
+        "blocks behind the checkpoint that are read one by one at a start, so that nothing on them is missed, before "
+        "the agent is ready; after a longer absence the newest one counts by its orderers' signatures, and the control "
+        "records are read again"});
+  s.trace = config.text({"output.trace", "file for `ledgerline timing` and the report (binary)"}, "");
+  s.summary = config.text({"output.summary", "file with all counts, JSON, written at the end"}, "");
+  std::int64_t status_ms = 250;
+  read(config, status_ms, 0, 60'000,
+       {"output.status_period_ms", "between two status lines on standard output (JSON); 0: none"});
+  s.status_period_ns = status_ms * ns_per_ms;
   s.mocap_topic = config.text({"mocap.topic", "where mocap's poses come; {drone} is the drone's name; \"\": no mocap"},
                               usual_pose_topic);
   constexpr PoseMessage usual = PoseMessage::pose_stamped;

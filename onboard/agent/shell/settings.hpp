@@ -19,10 +19,10 @@ struct Settings {
   std::string mocap_topic;      ///< "{drone}" stands for the drone's name; empty: no mocap
   PoseMessage mocap_message = PoseMessage::pose_stamped;
   bool mocap_stamps_are_of_this_host = true;  ///< else the time of arrival counts
-  TimeNs start_wait_ns = 0;                   ///< for RouDi and the ledger, each
+  TimeNs start_wait_ns = 15 * ns_per_s;       ///< for RouDi and the ledger, each
   std::string checkpoint;                     ///< file of the newest block verified; empty: none
-  std::uint64_t max_absence_blocks = 0;       ///< behind it that are read one by one
-  TimeNs recheck_ns = 0;                      ///< between two looks at another organisation's records; 0: never
+  std::uint64_t max_absence_blocks = 1'000;   ///< behind it that are read one by one
+  TimeNs recheck_ns = 5 * ns_per_s;           ///< between two looks at another organisation's records; 0: never
   bool blocks_are_validated = false;          ///< config_block is set
   int priority = 0;  ///< SCHED_FIFO of the threads between a block and its plans; 0: ordinary. Below link's (80)
 };

@@ -1,15 +1,54 @@
 #pragma once
 #include <atomic>
+#include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "common/dds/dds.hpp"
 #include "common/program/recorder.hpp"
+#include "common/rt/spsc_ring.hpp"
+#include "onboard/agent/core/mocap.hpp"
 #include "onboard/agent/shell/ledger_follower.hpp"
-#include "onboard/agent/shell/mocap_input.hpp"
+#include "onboard/agent/shell/report.hpp"
+#include "onboard/agent/shell/settings.hpp"
 #include "onboard/ipc/ipc.hpp"
 
 namespace ledgerline::agent {
+
+/// The poses of a motion capture system, of one channel's drones, and the clock that they are stamped by. DDS's threads
+/// hand over through one wait-free ring per drone, and wake the loop, whose are all methods.
+class MocapInput {
+ public:
+  /// `settings` must outlive it; `wake`: any thread.
+  MocapInput(const Settings& settings, std::string label, dds::ParticipantPtr participant, std::function<void()> wake);
+
+  /// Subscribes to the topics, where some are configured.
+  Status open();
+  /// Hands over the poses that have come and are accepted; of the first that is not the log has a word.
+  void receive(const std::function<void(DroneNumber, const MocapPose&)>& on_pose);
+  MocapClock& clock() { return intake_.clock(); }
+  void count(ShellCounters& counters) const;
+
+ private:
+  struct Input {
+    DroneNumber drone = 0;
+    std::unique_ptr<SpscRing<MocapMessage, 64>> ring;
+    std::optional<dds::RawReader> reader;
+  };
+  void report_implausible(DroneNumber drone, const MocapMessage& message);
+
+  const Settings& settings_;
+  const std::string label_;
+  const std::function<void()> wake_;
+  MocapIntake intake_;
+  std::uint64_t implausible_ = 0;
+  std::atomic<std::uint64_t> lost_{0};
+  dds::ParticipantPtr participant_;
+  std::vector<Input> inputs_;  ///< last: their threads use the above
+};
 
 /// The I/O around the AgentCore of one channel. Agent's main loop owns all of them and the iceoryx end; the ledger
 /// client's threads hand over through the mailbox, whose descriptor wakes the loop at once; DDS wakes it, too. All
@@ -44,14 +83,14 @@ class AgentShell {
   TimeNs due_ns() const { return core_.due_ns(); }
   /// What came of the ledger and of mocap. `link_woke`: link's word began this turn. An error ends the agent; there is
   /// none where there are several channels.
-  Status take_inputs(bool link_woke);
+  Status handle_events(bool link_woke);
   /// Of a drone that flies() here.
-  void take_state(const StateSample& sample);
-  void take_transition(const Transition& transition) { core_.on_transition(transition); }
+  void on_state(const StateSample& sample);
+  void on_transition(const Transition& transition) { core_.on_transition(transition); }
   /// Behind all that was taken.
   void finish_turn();
   void write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const;
-  /// For an orderly end: until nothing is in flight, take_inputs() and finish_turn() continue.
+  /// For an orderly end: until nothing is in flight, handle_events() and finish_turn() continue.
   void stop_submitting() { core_.stop_submitting(); }
   bool has_calls_in_flight() const { return core_.has_calls_in_flight(); }
   /// JSON; the checkpoint is kept, too.

@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"

@@ -16,7 +16,6 @@
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/verification/control_records.hpp"
-#include "common/verification/roles.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
 

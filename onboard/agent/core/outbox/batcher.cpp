@@ -2,13 +2,14 @@
 
 #include <algorithm>
 
+#include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::agent {
 namespace {
 
-/// A drone that was not heard of for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
-constexpr TimeNs heard_lately_ns = 300 * ns_per_ms;
+/// A drone that has sent nothing for longer is not waited for. Three periods of the slowest usual rate, 10 Hz.
+constexpr TimeNs recent_ns = 300 * ns_per_ms;
 
 /// Of a drone's states each so-many-th brings its charge. `get` finds what the last frame has not in the frames before
 /// it, of which some may be other drones'.
@@ -26,23 +27,16 @@ Batcher::Batcher(const BatchConfig& config, const std::vector<DroneName>& drones
   for (const DroneName& drone : drones) slots_.push_back(Slot{.drone = drone});
 }
 
-Batcher::Slot* Batcher::find(DroneNumber drone) {
-  const auto it = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
-  return it == slots_.end() ? nullptr : &*it;
-}
-
-const Batcher::Slot* Batcher::find(DroneNumber drone) const { return const_cast<Batcher*>(this)->find(drone); }
-
 Batcher::Counters Batcher::counters(DroneNumber drone) const {
-  const Slot* slot = find(drone);
+  const Slot* slot = find_drone(slots_, drone);
   return slot ? slot->counters : Counters{};
 }
 
 void Batcher::add(TimeNs now, const StateSample& sample) {
-  Slot* slot = find(sample.drone);
+  Slot* slot = find_drone(slots_, sample.drone);
   if (!slot) return;
   ++slot->counters.sampled;
-  slot->heard_ns = now;
+  slot->newest_ns = now;
   if (slot->waiting && !newer(sample, *slot->waiting)) {
     ++slot->counters.merged;
     return;
@@ -60,28 +54,13 @@ bool Batcher::has_waiting() const {
   return std::any_of(slots_.begin(), slots_.end(), [](const Slot& s) { return s.waiting.has_value(); });
 }
 
-bool Batcher::ready(TimeNs now) const {
-  if (!pause_.over(now) || in_flight_.full()) return false;
-  if (!again_at_once_ && !in_flight_.may_go(now)) return false;
-  bool some = false;
-  bool all = true;
-  for (const Slot& slot : slots_) {
-    if (slot.paused_until_ns > now) continue;
-    some = some || slot.waiting.has_value();
-    all = all && (slot.waiting.has_value() || now - slot.heard_ns > heard_lately_ns);
-  }
-  if (!some) return false;
-  if (again_at_once_) return true;
-  return now - in_flight_.last_ns() >= config_.min_gap_ns && (all || now - first_waiting_ns_ >= config_.linger_ns);
-}
-
 TimeNs Batcher::due_ns(TimeNs now) const {
   TimeNs first_ns = INT64_MAX;  // of a sample that is not held back by its drone's pause
   bool all = true;
   for (const Slot& slot : slots_) {
     if (slot.waiting) first_ns = std::min(first_ns, slot.paused_until_ns);
     if (slot.paused_until_ns > now) continue;
-    all = all && (slot.waiting.has_value() || now - slot.heard_ns > heard_lately_ns);
+    all = all && (slot.waiting.has_value() || now - slot.newest_ns > recent_ns);
   }
   if (first_ns == INT64_MAX || in_flight_.full()) return INT64_MAX;
   first_ns = std::max(first_ns, pause_.until_ns());
@@ -111,7 +90,7 @@ bool Batcher::is_battery_due(TimeNs now, Slot& slot) {
 
 std::optional<Frame> Batcher::next(TimeNs now) {
   drop_stale(now);
-  if (!ready(now)) return std::nullopt;
+  if (now < due_ns(now)) return std::nullopt;
   again_at_once_ = false;
   Frame frame{.number = ++last_number_, .submitted_ns = now, .samples = {}, .repeated = {}, .batteries = {}};
   for (Slot& slot : slots_) {
@@ -132,7 +111,7 @@ std::optional<Frame> Batcher::next(TimeNs now) {
 
 void Batcher::drop_all(const Frame& frame) {
   for (const StateSample& sample : frame.samples) {
-    Slot* slot = find(sample.drone);
+    Slot* slot = find_drone(slots_, sample.drone);
     --slot->counters.pending;
     ++slot->counters.dropped;
   }
@@ -141,11 +120,11 @@ void Batcher::drop_all(const Frame& frame) {
 Batcher::Slot* Batcher::refused_drone(const Frame& frame, const fabric::Outcome& outcome) {
   if (!outcome.refusal) return nullptr;
   const auto names_it = [&](const StateSample& s) {
-    return fabric::names(*outcome.refusal, find(s.drone)->drone.name);
+    return fabric::names(*outcome.refusal, find_drone(slots_, s.drone)->drone.name);
   };
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     const auto it = std::find_if(samples->begin(), samples->end(), names_it);
-    if (it != samples->end()) return find(it->drone);
+    if (it != samples->end()) return find_drone(slots_, it->drone);
   }
   return nullptr;
 }
@@ -153,7 +132,7 @@ Batcher::Slot* Batcher::refused_drone(const Frame& frame, const fabric::Outcome&
 void Batcher::send_again_without(TimeNs now, Slot& refused, const Frame& frame) {
   refused.paused_until_ns = now + config_.refused_drone_pause_ns;
   for (const StateSample& sample : frame.samples) {
-    Slot* slot = find(sample.drone);
+    Slot* slot = find_drone(slots_, sample.drone);
     if (slot == &refused) {
       --slot->counters.pending;
       ++slot->counters.dropped;
@@ -172,7 +151,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
   if (!ended) return std::nullopt;
   const Frame& frame = ended->what;
   if (outcome.kind != fabric::Outcome::Kind::committed) {
-    for (const DroneNumber drone : frame.batteries) find(drone)->states_to_battery = 0;
+    for (const DroneNumber drone : frame.batteries) find_drone(slots_, drone)->states_to_battery = 0;
   }
   using Kind = fabric::Outcome::Kind;
   switch (outcome.kind) {
@@ -180,7 +159,7 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       ++transactions_.committed;
       pause_.succeeded();
       for (const StateSample& sample : frame.samples) {
-        Slot* slot = find(sample.drone);
+        Slot* slot = find_drone(slots_, sample.drone);
         --slot->counters.pending;
         ++slot->counters.on_ledger;
       }
@@ -205,6 +184,11 @@ std::optional<Frame> Batcher::finished(TimeNs now, std::uint64_t number, const f
       drop_all(frame);
       pause_.failed(now, random_);
       break;
+  }
+  for (const Slot& slot : slots_) {
+    const Counters& c = slot.counters;
+    LEDGERLINE_CHECK(c.sampled == c.on_ledger + c.merged + c.dropped + c.pending, "each sample has one end",
+                     slot.drone.name, c.sampled, c.pending);
   }
   return std::move(ended->what);
 }

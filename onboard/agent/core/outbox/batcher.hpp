@@ -8,7 +8,7 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry/back_off.hpp"
-#include "onboard/agent/core/drone_name.hpp"
+#include "onboard/agent/core/records.hpp"
 
 namespace ledgerline::agent {
 
@@ -70,7 +70,7 @@ class Batcher {
   std::optional<Frame> finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   /// When next() may have a frame if nothing else comes, so that nobody has to poll; INT64_MAX: not before something
-  /// comes. As of `now`, which next() was asked with last.
+  /// comes. As of `now`, which next() was called with last, and by which next() decides.
   TimeNs due_ns(TimeNs now) const;
 
   std::size_t in_flight() const { return in_flight_.size(); }
@@ -86,17 +86,14 @@ class Batcher {
     DroneName drone{};
     Counters counters{};
     std::optional<StateSample> waiting{};
-    TimeNs heard_ns = INT64_MIN / 2;
+    TimeNs newest_ns = INT64_MIN / 2;
     TimeNs paused_until_ns = INT64_MIN;
     std::optional<StateSample> sent{};  ///< newest submitted: sent again, it is not counted again
     float battery = 0;                  ///< the charge that was sent last
     TimeNs battery_ns = 0;              ///< when
     std::size_t states_to_battery = 0;  ///< it is sent again with the one behind so many
   };
-  Slot* find(DroneNumber drone);
-  const Slot* find(DroneNumber drone) const;
   Slot* refused_drone(const Frame& frame, const fabric::Outcome& outcome);
-  bool ready(TimeNs now) const;
   void drop_all(const Frame& frame);
   void drop_stale(TimeNs now);
   static bool is_battery_due(TimeNs now, Slot& slot);

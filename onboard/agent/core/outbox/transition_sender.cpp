@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <set>
 
+#include "common/base/check.hpp"
+
 namespace ledgerline::agent {
 
 TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<DroneName>& drones, std::uint64_t seed)
@@ -12,9 +14,8 @@ TransitionSender::TransitionSender(const BatchConfig& config, const std::vector<
 }
 
 void TransitionSender::add(const Transition& transition) {
-  const auto slot =
-      std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == transition.drone; });
-  if (slot == slots_.end()) return;
+  Slot* slot = find_drone(slots_, transition.drone);
+  if (!slot) return;
   if (transition.boot_id != boot_id_) {
     boot_id_ = transition.boot_id;
     for (Slot& each : slots_) each.newest = each.on_ledger = 0;
@@ -31,7 +32,7 @@ bool TransitionSender::due(const Slot& slot, TimeNs now) const {
   return !slot.kept.empty() && slot.in_flight == 0 && slot.pause.over(now);
 }
 
-void TransitionSender::take(Slot& slot, Sending& sending, std::size_t room) {
+void TransitionSender::add_to(Slot& slot, Sending& sending, std::size_t room) {
   slot.in_flight = std::min(slot.kept.size(), room);
   slot.call = sending.number;
   sending.parts.push_back(
@@ -50,12 +51,12 @@ std::optional<TransitionSender::Sending> TransitionSender::next(TimeNs now) {
   Sending sending{.number = last_call_ + 1, .parts = {}};
   const auto alone = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.alone && due(s, now); });
   if (alone != slots_.end()) {
-    take(*alone, sending, max_per_call);
+    add_to(*alone, sending, max_per_call);
   } else if (calls_of_many() < max_calls) {
     std::size_t room = max_per_call;
     for (Slot& slot : slots_) {
       if (room == 0 || !due(slot, now)) continue;
-      take(slot, sending, room);
+      add_to(slot, sending, room);
       room -= slot.in_flight;
     }
   }
@@ -84,11 +85,13 @@ bool TransitionSender::finished(TimeNs now, std::uint64_t number, const fabric::
       if (slot.kept.front().boot_id == boot_id_) slot.on_ledger = slot.kept.front().number;
       slot.kept.pop_front();
     }
+    LEDGERLINE_CHECK(slot.counters.pending == slot.kept.size(), "each transition ends on the ledger", slot.drone.name,
+                     slot.counters.pending, slot.kept.size());
   }
   return ours;
 }
 
-void TransitionSender::tell(AgentHeartbeat& heartbeat) const {
+void TransitionSender::report(AgentHeartbeat& heartbeat) const {
   heartbeat.boot_id = boot_id_;
   for (const Slot& slot : slots_) {
     heartbeat.transitions_taken.at(slot.drone.number) = slot.newest;
@@ -101,8 +104,8 @@ bool TransitionSender::pending() const {
 }
 
 TransitionSender::Counters TransitionSender::counters(DroneNumber drone) const {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone.number == drone; });
-  return slot == slots_.end() ? Counters{} : slot->counters;
+  const Slot* slot = find_drone(slots_, drone);
+  return slot ? slot->counters : Counters{};
 }
 
 }  // namespace ledgerline::agent

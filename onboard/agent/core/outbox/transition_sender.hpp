@@ -56,7 +56,7 @@ class TransitionSender {
   bool finished(TimeNs now, std::uint64_t number, const fabric::Outcome& outcome);
 
   /// What link may forget, and what it must send.
-  void tell(AgentHeartbeat& heartbeat) const;
+  void report(AgentHeartbeat& heartbeat) const;
   bool pending() const;
   Counters counters(DroneNumber drone) const;
 
@@ -74,7 +74,7 @@ class TransitionSender {
 
   bool due(const Slot& slot, TimeNs now) const;
   /// Into a call, as many as there is room for.
-  static void take(Slot& slot, Sending& sending, std::size_t room);
+  static void add_to(Slot& slot, Sending& sending, std::size_t room);
   std::size_t calls_of_many() const;
 
   std::vector<Slot> slots_;

@@ -43,16 +43,16 @@ TEST(CheckEvent, TheTopicThatTheContractWritesDownIsNoDifference) {
 
 TEST(TellsSet, EqualBytesAreTheCallWhateverTheyAre) {
   const Args asked{"no message at all"};
-  EXPECT_TRUE(tells_set({"set", asked}, asked[0]));
-  EXPECT_FALSE(tells_set({"set", asked}, "")) << "a stream's event alone has no payload";
+  EXPECT_TRUE(reports_set({"set", asked}, asked[0]));
+  EXPECT_FALSE(reports_set({"set", asked}, "")) << "a stream's event alone has no payload";
   SetCall stream = set_of("tello1/odom", "text", true);
   stream.set_stream(true);
-  EXPECT_TRUE(tells_set({"set", {stream.SerializeAsString()}}, ""));
-  EXPECT_FALSE(tells_set({"command", asked}, ""));
-  EXPECT_FALSE(tells_set({"set", asked}, "another"));
-  EXPECT_FALSE(tells_set({"command", asked}, asked[0])) << "of another function";
+  EXPECT_TRUE(reports_set({"set", {stream.SerializeAsString()}}, ""));
+  EXPECT_FALSE(reports_set({"command", asked}, ""));
+  EXPECT_FALSE(reports_set({"set", asked}, "another"));
+  EXPECT_FALSE(reports_set({"command", asked}, asked[0])) << "of another function";
   const Args two{asked[0], asked[0]};
-  EXPECT_FALSE(tells_set({"set", two}, asked[0]));
+  EXPECT_FALSE(reports_set({"set", two}, asked[0]));
 }
 
 TEST(CheckEvent, ADeletionNamesTheId) {

@@ -1,4 +1,6 @@
-#include "common/verification/client.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/client/repeated.hpp"
+#include "common/verification/calls.hpp"
 
 #include <gmock/gmock.h>
 

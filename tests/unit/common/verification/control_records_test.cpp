@@ -70,11 +70,11 @@ TEST(ControlRecords, AreReadAgainUntilTheyCome) {
     return ledger_with("tello1")(call);
   };
   std::stop_source stop;
-  EXPECT_EQ(keep_reading_controls(stop.get_token(), {"tello1"}, late)->size(), 1U);
+  EXPECT_EQ(read_controls_repeatedly(stop.get_token(), {"tello1"}, late)->size(), 1U);
   EXPECT_EQ(asked, 3);
   stop.request_stop();
   asked = 0;
-  EXPECT_FALSE(keep_reading_controls(stop.get_token(), {"tello1"}, late));
+  EXPECT_FALSE(read_controls_repeatedly(stop.get_token(), {"tello1"}, late));
 }
 
 TEST(ControlRecords, OfALedgerThatNeverAnswersAreGivenUp) {
@@ -83,7 +83,7 @@ TEST(ControlRecords, OfALedgerThatNeverAnswersAreGivenUp) {
                        .sleep = [&](TimeNs pause_ns) { now_ns += pause_ns; },
                        .warn = [](const std::string&) {}};
   const auto silent = [](const fabric::Call&) -> Result<std::string> { return Error{"not reached"}; };
-  const auto read = keep_reading_controls(std::stop_token(), {"tello1"}, silent, world);
+  const auto read = read_controls_repeatedly(std::stop_token(), {"tello1"}, silent, world);
   ASSERT_FALSE(read);
   EXPECT_THAT(read.error().message, HasSubstr("gave up after 60 s"));
   EXPECT_THAT(read.error().message, HasSubstr("not reached"));

@@ -1,8 +1,8 @@
-#include "common/verification/roles.hpp"
+#include "common/verification/control_records.hpp"
 
 #include <gmock/gmock.h>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 
@@ -126,12 +126,12 @@ TEST(RolesTest, ALedgerThatDoesNotAnswerIsAnError) {
 TEST(RolesTest, EventsOfOneOrganisationFillItsOwnBoundAlone) {
   Roles roles;
   for (std::size_t i = 0; i < contract::max_organisation_roles + 50; ++i)
-    roles.take({to_message({"Org3MSP", "CN=s" + std::to_string(i)}), OPERATOR});
-  roles.take({to_message(pilot), OPERATOR});
+    roles.apply({to_message({"Org3MSP", "CN=s" + std::to_string(i)}), OPERATOR});
+  roles.apply({to_message(pilot), OPERATOR});
   EXPECT_EQ(roles.of(pilot), OPERATOR);
   EXPECT_EQ(roles.all().size(), contract::max_organisation_roles + 1);
   EXPECT_THAT(roles.left_out(), ElementsAre("Org3MSP"));
-  roles.take({to_message({"Org3MSP", "CN=s0"}), REVOKED});
+  roles.apply({to_message({"Org3MSP", "CN=s0"}), REVOKED});
   EXPECT_EQ(roles.of({"Org3MSP", "CN=s0"}), REVOKED) << "who is known changes";
 }
 
@@ -140,10 +140,10 @@ TEST(RolesTest, WhatIsReadLaterDoesNotUndoAnEventSince) {
   roles.await("Org2MSP");
   EXPECT_TRUE(roles.follows("Org2MSP"));
   EXPECT_THAT(roles.followed(), IsEmpty()) << "it may not be compared yet";
-  roles.take({to_message(pilot), REVOKED});
+  roles.apply({to_message(pilot), REVOKED});
   Roles read;
-  read.take({to_message(pilot), OPERATOR});
-  read.take({to_message({"Org2MSP", "CN=rival"}), OPERATOR});
+  read.apply({to_message(pilot), OPERATOR});
+  read.apply({to_message({"Org2MSP", "CN=rival"}), OPERATOR});
   roles.add(read);
   EXPECT_EQ(roles.of(pilot), REVOKED);
   EXPECT_EQ(roles.of({"Org2MSP", "CN=rival"}), OPERATOR);

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ledgerline.pb.h"
@@ -88,7 +88,7 @@ TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
   const std::vector<Operator> operators{one("alice"), one("bob"), one("carol"), one("dave"), one("eve")};
   verification::Roles roles;
   const Role given[] = {OPERATOR, REVOKED, SUPERVISOR, AUDITOR};
-  for (std::size_t i = 0; i < std::size(given); ++i) roles.take({to_message(operators[i].identity), given[i]});
+  for (std::size_t i = 0; i < std::size(given); ++i) roles.apply({to_message(operators[i].identity), given[i]});
   EXPECT_THAT(dismissed(operators, roles), ElementsAre(1U, 3U));
 }
 

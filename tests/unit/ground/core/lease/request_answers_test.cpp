@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/requests.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/contract.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
@@ -24,25 +24,25 @@ Anchor anchor_of(const crypto::IdentityName& signer, const std::string& what) {
 
 TEST(MissionApprovals, AreOfOperatorsAndSupervisors) {
   verification::Roles roles;
-  roles.take({to_message(first), OPERATOR});
-  roles.take({to_message(second), SUPERVISOR});
-  roles.take({to_message(outsider_name), AUDITOR});
+  roles.apply({to_message(first), OPERATOR});
+  roles.apply({to_message(second), SUPERVISOR});
+  roles.apply({to_message(outsider_name), AUDITOR});
   Anchors anchors;
   *anchors.add_anchors() = anchor_of(first, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(second, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(outsider_name, "mission survey may be flown");
   *anchors.add_anchors() = anchor_of(host_name, "mission survey may be flown");
   EXPECT_THAT(operators_in(anchors, roles), ElementsAre(first, second));
-  roles.take({to_message(first), ROLE_NONE});
+  roles.apply({to_message(first), ROLE_NONE});
   EXPECT_THAT(operators_in(anchors, roles), ElementsAre(second)) << "a role that was taken";
 }
 
 TEST(MissionApprovals, AreAskedForByTheKeysOfThoseWhoMayApprove) {
   verification::Roles roles;
   EXPECT_THAT(approval_questions("digest", roles), IsEmpty()) << "nobody may";
-  for (int i = 0; i < 70; ++i) roles.take({to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
-  roles.take({to_message(first), SUPERVISOR});
-  roles.take({to_message(second), AUDITOR});
+  for (int i = 0; i < 70; ++i) roles.apply({to_message({"Org2MSP", "CN=" + std::to_string(i)}), OPERATOR});
+  roles.apply({to_message(first), SUPERVISOR});
+  roles.apply({to_message(second), AUDITOR});
   const auto calls = approval_questions("digest", roles);
   ASSERT_EQ(calls.size(), 2U);
   EXPECT_EQ(calls[0].signers_size(), 64) << "as many as a verify answers";

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/msg/stops.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 

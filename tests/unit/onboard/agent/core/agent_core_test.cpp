@@ -132,7 +132,7 @@ TEST_F(AgentCoreTest, ARefusedCommandLeavesATraceWithItsReasonAndNoPlan) {
   ASSERT_EQ(traces(TraceKind::refused), 1U);
   const auto it = std::find_if(out_.traces.begin(), out_.traces.end(),
                                [](const TraceRecord& r) { return r.kind == TraceKind::refused; });
-  EXPECT_EQ(it->extra, static_cast<std::uint32_t>(Refusal::foreign_boot));
+  EXPECT_EQ(it->extra, static_cast<std::uint32_t>(RefusalReason::foreign_boot));
   EXPECT_EQ(it->drone, 1);
 }
 
@@ -295,7 +295,7 @@ TEST_F(IdleHolderTest, KeepsItWithACommandNowAndThenAndDoesNotTakeOffWhileItIsTa
   EXPECT_EQ(until(now_ + usual_idle_ns + ns_per_s, FlightPhase::on_ground), 1U);
   command_takeoff();
   EXPECT_TRUE(out_.plans.empty()) << "it would be taken from him in the air";
-  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::evicting)], 1U);
+  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(RefusalReason::evicting)], 1U);
   core_.on_outcome(now_, eviction_, fabric::Outcome::failed(Kind::unavailable, "away"), out_);
   EXPECT_EQ(until(now_ + 10 * ns_per_s, FlightPhase::on_ground), 0U) << "he is not idle any more";
   out_.clear();
@@ -334,7 +334,7 @@ TEST_F(AgentCoreTest, AStateThatWaitsWasNotSentAndIsNotAnswered) {
   core_.on_block(start + 2, ledger_.block({command(1, start + 1)}), out_);
   core_.step(start + 2, out_);
   EXPECT_TRUE(out_.plans.empty());
-  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(Refusal::unknown_stamp)], 1U);
+  EXPECT_EQ(core_.report(1).commands.reasons[static_cast<std::size_t>(RefusalReason::unknown_stamp)], 1U);
 }
 
 TEST_F(AgentCoreTest, SendsHeartbeatsTwentyTimesASecond) {

@@ -24,8 +24,8 @@ constexpr std::uint64_t epoch = 5;
 class CommandCheckTest : public ::testing::Test {
  protected:
   CommandCheckTest() {
-    check_.set_control(control("tello1", epoch));
-    check_.set_control(control("tello2", epoch));
+    check_.control().set_control(control("tello1", epoch));
+    check_.control().set_control(control("tello2", epoch));
     send_state(1, boot, stamp);
     send_state(2, boot, stamp);
   }
@@ -35,7 +35,7 @@ class CommandCheckTest : public ::testing::Test {
     sample.drone = drone;
     sample.boot_id = boot_id;
     sample.stamp_ns = stamp_ns;
-    check_.sent(sample);
+    check_.add_sent_state(sample);
   }
 
   static DronePlan good_plan(std::uint64_t sequence = 1, const std::string& drone = "tello1") {
@@ -83,12 +83,12 @@ class CommandCheckTest : public ::testing::Test {
     return tx;
   }
 
-  CommandCheck::Checked give(const std::vector<Tx>& transactions, TimeNs at = now) {
+  CheckedBlock give(const std::vector<Tx>& transactions, TimeNs at = now) {
     return check_.check(at, now_s, ledger_.block(transactions));
   }
 
   /// A block with this one transaction gives no plan and one refusal, for this reason, counted and reported.
-  void expect_refused(const Tx& tx, Refusal why, TimeNs at = now) {
+  void expect_refused(const Tx& tx, RefusalReason why, TimeNs at = now) {
     const auto checked = give({tx}, at);
     EXPECT_TRUE(checked.plans.empty());
     ASSERT_EQ(checked.refused.size(), 1U);
@@ -155,7 +155,7 @@ TEST_F(CommandCheckTest, ABlockThatBreaksTheChainIsNotTrusted) {
   EXPECT_FALSE(checked.chain_error.empty());
   EXPECT_TRUE(checked.plans.empty());
   ASSERT_EQ(checked.refused.size(), 1U);
-  EXPECT_EQ(checked.refused[0].why, Refusal::broken_chain);
+  EXPECT_EQ(checked.refused[0].why, RefusalReason::broken_chain);
   EXPECT_EQ(check_.broken_blocks(), 1U);
   EXPECT_EQ(check_.counters(1).on_ledger, 0U);
 }
@@ -169,26 +169,26 @@ TEST_F(CommandCheckTest, AControlEventInABlockThatBreaksTheChainHasNoEffect) {
 TEST_F(CommandCheckTest, ATransactionFlaggedInvalidIsRefused) {
   auto tx = command(good_plan());
   tx.code = 11;
-  expect_refused(tx, Refusal::invalid_transaction);
+  expect_refused(tx, RefusalReason::invalid_transaction);
   EXPECT_EQ(check_.counters(1).on_ledger, 0U);
 }
 
 TEST_F(CommandCheckTest, ABlockWithoutFlagsIsRefused) {
   auto tx = command(good_plan());
   tx.code = -1;
-  expect_refused(tx, Refusal::invalid_transaction);
+  expect_refused(tx, RefusalReason::invalid_transaction);
 }
 
 TEST_F(CommandCheckTest, ATransactionOfAnotherChannelIsRefused) {
   auto tx = command(good_plan());
   tx.channel = "other";
-  expect_refused(tx, Refusal::wrong_channel);
+  expect_refused(tx, RefusalReason::wrong_channel);
 }
 
 TEST_F(CommandCheckTest, AnEventOfAnotherContractIsRefused) {
   auto tx = command(good_plan());
   tx.contract = "impostor";
-  expect_refused(tx, Refusal::wrong_channel);
+  expect_refused(tx, RefusalReason::wrong_channel);
 }
 
 TEST_F(CommandCheckTest, ACommandThatIsNoMessageIsRefused) {
@@ -196,14 +196,14 @@ TEST_F(CommandCheckTest, ACommandThatIsNoMessageIsRefused) {
   tx.event_payload = "\xff\xff nonsense";
   const auto checked = give({tx});
   ASSERT_EQ(checked.refused.size(), 1U);
-  EXPECT_EQ(checked.refused[0].why, Refusal::malformed);
+  EXPECT_EQ(checked.refused[0].why, RefusalReason::malformed);
   EXPECT_EQ(check_.malformed_commands(), 1U);
 }
 
 TEST_F(CommandCheckTest, AnUnknownActionIsRefused) {
   auto plan = good_plan();
   plan.set_action(static_cast<Action>(3));  // `stop` in shared memory: never to come from a command
-  expect_refused(command(plan), Refusal::malformed);
+  expect_refused(command(plan), RefusalReason::malformed);
 }
 
 TEST_F(CommandCheckTest, AFlyPlanWithoutSetpointsIsRefusedAndALandPlanWithoutIsNot) {
@@ -213,7 +213,7 @@ TEST_F(CommandCheckTest, AFlyPlanWithoutSetpointsIsRefusedAndALandPlanWithoutIsN
   EXPECT_EQ(give({command(land)}).plans.size(), 1U);
   auto fly = good_plan(2);
   fly.clear_setpoints();
-  EXPECT_EQ(give({command(fly)}).refused.at(0).why, Refusal::malformed);
+  EXPECT_EQ(give({command(fly)}).refused.at(0).why, RefusalReason::malformed);
 }
 
 TEST_F(CommandCheckTest, APlanThatItsSignerDidNotAskForIsRefused) {
@@ -221,7 +221,7 @@ TEST_F(CommandCheckTest, APlanThatItsSignerDidNotAskForIsRefused) {
   faster.mutable_setpoints(0)->set_vx(2.0F);
   auto tx = command(faster);
   tx.asked = fabric::Call{"command", {command(good_plan()).event_payload}};
-  expect_refused(tx, Refusal::altered);
+  expect_refused(tx, RefusalReason::altered);
 }
 
 TEST_F(CommandCheckTest, ACommandOutOfACallOfAnotherFunctionIsRefused) {
@@ -230,7 +230,7 @@ TEST_F(CommandCheckTest, ACommandOutOfACallOfAnotherFunctionIsRefused) {
     tx.asked = fabric::Call{function, {tx.event_payload}};
     const auto checked = give({tx});
     EXPECT_TRUE(checked.plans.empty()) << function;
-    EXPECT_EQ(checked.refused.at(0).why, Refusal::altered) << function;
+    EXPECT_EQ(checked.refused.at(0).why, RefusalReason::altered) << function;
   }
 }
 
@@ -244,7 +244,7 @@ TEST_F(CommandCheckTest, APlanThatWasAddedOrLeftOutTakesTheWholeCallDown) {
     const auto checked = give({tx});
     EXPECT_TRUE(checked.plans.empty());
     EXPECT_EQ(checked.refused.size(), 2U);  // of both drones, whichever side names them
-    for (const auto& refused : checked.refused) EXPECT_EQ(refused.why, Refusal::altered);
+    for (const auto& refused : checked.refused) EXPECT_EQ(refused.why, RefusalReason::altered);
   }
 }
 
@@ -266,7 +266,7 @@ TEST_F(CommandCheckTest, TheSamePlanInAnotherFormIsTheSamePlan) {
 TEST_F(CommandCheckTest, ASecondArgumentIsNoCommandOfOurs) {
   auto tx = command(good_plan());
   tx.asked = fabric::Call{"command", {tx.event_payload, ""}};
-  expect_refused(tx, Refusal::altered);
+  expect_refused(tx, RefusalReason::altered);
 }
 
 TEST_F(CommandCheckTest, ATransactionThatCannotBeTrustedIsCountedAndGivesNothing) {
@@ -285,65 +285,65 @@ TEST_F(CommandCheckTest, ATransactionThatCannotBeTrustedIsCountedAndGivesNothing
 TEST_F(CommandCheckTest, ASignerOfAnUnknownOrganisationIsRefused) {
   auto tx = command(good_plan());
   tx.creator = {"Org9MSP", "CN=User1@org9.ledgerline"};
-  expect_refused(tx, Refusal::unknown_signer);
+  expect_refused(tx, RefusalReason::unknown_signer);
 }
 
 TEST_F(CommandCheckTest, AForgedSignatureIsRefused) {
   auto tx = command(good_plan());
   tx.spoil.creator_signature = true;
-  expect_refused(tx, Refusal::bad_signature);
+  expect_refused(tx, RefusalReason::bad_signature);
 }
 
 TEST_F(CommandCheckTest, AnEndorsementByAnotherOrganisationAloneIsNotEnough) {
   auto tx = command(good_plan());
   tx.endorser = {"Org2MSP", "CN=peer0.org2.ledgerline"};
-  expect_refused(tx, Refusal::not_endorsed);
+  expect_refused(tx, RefusalReason::not_endorsed);
 }
 
 TEST_F(CommandCheckTest, AnEndorsementByAClientOfOurOrganisationIsNotEnough) {
   auto tx = command(good_plan());
   tx.endorser = {"Org1MSP", "CN=User1@org1.ledgerline"};
-  expect_refused(tx, Refusal::not_endorsed);
+  expect_refused(tx, RefusalReason::not_endorsed);
 }
 
 TEST_F(CommandCheckTest, AForgedEndorsementIsRefused) {
   auto tx = command(good_plan());
   tx.spoil.endorsement_signature = true;
-  expect_refused(tx, Refusal::not_endorsed);
+  expect_refused(tx, RefusalReason::not_endorsed);
 }
 
 TEST_F(CommandCheckTest, AnEndorsementOfAnotherProposalIsRefused) {
   auto tx = command(good_plan());
   tx.spoil.proposal_hash = true;
-  expect_refused(tx, Refusal::not_endorsed);
+  expect_refused(tx, RefusalReason::not_endorsed);
 }
 
 TEST_F(CommandCheckTest, ASignerWhoDoesNotHoldTheLeaseIsRefused) {
   auto tx = command(good_plan());
   tx.creator = {"Org2MSP", "CN=User2@org2.ledgerline"};
-  expect_refused(tx, Refusal::not_holder);
+  expect_refused(tx, RefusalReason::not_holder);
 }
 
 TEST_F(CommandCheckTest, ADroneWithoutAKnownLeaseTakesNoCommand) {
   auto released = control("tello1", epoch + 1);
   released.clear_holder();
-  check_.set_control(released);
+  check_.control().set_control(released);
   auto plan = good_plan();
   plan.set_epoch(epoch + 1);
-  expect_refused(command(plan), Refusal::not_holder);
+  expect_refused(command(plan), RefusalReason::not_holder);
 }
 
 TEST_F(CommandCheckTest, AStoppedDroneTakesNoCommand) {
   auto stopped = control("tello1", epoch);
   add_stop(stopped, testing::stop_of("tello1"));
-  check_.set_control(stopped);
-  expect_refused(command(good_plan()), Refusal::stopped);
+  check_.control().set_control(stopped);
+  expect_refused(command(good_plan()), RefusalReason::stopped);
 }
 
 TEST_F(CommandCheckTest, AStoppedDroneMayStillBeLandedByItsHolder) {
   auto stopped = control("tello1", epoch);
   add_stop(stopped, testing::stop_of("tello1"));
-  check_.set_control(stopped);
+  check_.control().set_control(stopped);
   auto land = good_plan();
   land.set_action(LAND);
   EXPECT_EQ(give({command(land)}).plans.size(), 1U);
@@ -352,32 +352,32 @@ TEST_F(CommandCheckTest, AStoppedDroneMayStillBeLandedByItsHolder) {
 TEST_F(CommandCheckTest, ACommandOfAnOldLeaseIsRefused) {
   auto plan = good_plan();
   plan.set_epoch(epoch - 1);
-  expect_refused(command(plan), Refusal::wrong_epoch);
+  expect_refused(command(plan), RefusalReason::wrong_epoch);
 }
 
 TEST_F(CommandCheckTest, ACommandForAnotherBootIsRefused) {
   auto plan = good_plan();
   plan.set_boot_id(boot + 1);
-  expect_refused(command(plan), Refusal::foreign_boot);
+  expect_refused(command(plan), RefusalReason::foreign_boot);
 }
 
 TEST_F(CommandCheckTest, AfterANewBootStampsOfTheOldOneAreForgotten) {
   send_state(1, boot + 1, stamp + ns_per_ms);
   auto plan = good_plan();
   plan.set_boot_id(boot + 1);  // with a stamp of the boot before
-  expect_refused(command(plan), Refusal::unknown_stamp);
+  expect_refused(command(plan), RefusalReason::unknown_stamp);
 }
 
 TEST_F(CommandCheckTest, AStampThatWasNeverSentIsRefused) {
   auto plan = good_plan();
   plan.set_state_stamp_ns(stamp - 1);
-  expect_refused(command(plan), Refusal::unknown_stamp);
+  expect_refused(command(plan), RefusalReason::unknown_stamp);
 }
 
 TEST_F(CommandCheckTest, StampsBeyondTheMemoryAreForgottenOldestFirst) {
   const TimeNs step = ns_per_ms;
   for (int i = 1; i <= 256; ++i) send_state(1, boot, stamp + i * step);
-  expect_refused(command(good_plan()), Refusal::unknown_stamp);
+  expect_refused(command(good_plan()), RefusalReason::unknown_stamp);
   auto plan = good_plan();
   plan.set_state_stamp_ns(stamp + step);
   EXPECT_EQ(give({command(plan)}).plans.size(), 1U);
@@ -385,8 +385,8 @@ TEST_F(CommandCheckTest, StampsBeyondTheMemoryAreForgottenOldestFirst) {
 
 TEST_F(CommandCheckTest, AReplayedSequenceIsRefused) {
   EXPECT_EQ(give({command(good_plan(4))}).plans.size(), 1U);
-  EXPECT_EQ(give({command(good_plan(4))}).refused.at(0).why, Refusal::replayed);
-  EXPECT_EQ(give({command(good_plan(3))}).refused.at(0).why, Refusal::replayed);
+  EXPECT_EQ(give({command(good_plan(4))}).refused.at(0).why, RefusalReason::replayed);
+  EXPECT_EQ(give({command(good_plan(3))}).refused.at(0).why, RefusalReason::replayed);
   EXPECT_EQ(give({command(good_plan(5))}).plans.size(), 1U);
 }
 
@@ -404,49 +404,49 @@ TEST_F(CommandCheckTest, SequencesRestartWithTheEpoch) {
 TEST_F(CommandCheckTest, ACommandFromAnOldStateIsRefusedAtTheLimitExactly) {
   const CheckConfig config;
   EXPECT_EQ(give({command(good_plan(1))}, stamp + config.max_age_ns).plans.size(), 1U);
-  EXPECT_EQ(give({command(good_plan(2))}, stamp + config.max_age_ns + 1).refused.at(0).why, Refusal::too_old);
+  EXPECT_EQ(give({command(good_plan(2))}, stamp + config.max_age_ns + 1).refused.at(0).why, RefusalReason::too_old);
 }
 
 TEST_F(CommandCheckTest, ASetpointFasterThanTheLimitIsRefused) {
   auto plan = good_plan();
   plan.mutable_setpoints(1)->set_vx(6.0F);
   plan.mutable_setpoints(1)->set_vy(6.0F);
-  expect_refused(command(plan), Refusal::over_limits);
+  expect_refused(command(plan), RefusalReason::over_limits);
 }
 
 TEST_F(CommandCheckTest, ASetpointThatTurnsFasterThanTheLimitIsRefused) {
   auto plan = good_plan();
   plan.mutable_setpoints(1)->set_yaw_rate(-4.0F);
-  expect_refused(command(plan), Refusal::over_limits);
+  expect_refused(command(plan), RefusalReason::over_limits);
 }
 
 TEST_F(CommandCheckTest, SetpointsThatAreNotFiniteAreRefused) {
   for (const float bad : {std::numeric_limits<float>::quiet_NaN(), std::numeric_limits<float>::infinity()}) {
     auto velocity = good_plan();
     velocity.mutable_setpoints(2)->set_vz(bad);
-    EXPECT_EQ(give({command(velocity)}).refused.at(0).why, Refusal::over_limits);
+    EXPECT_EQ(give({command(velocity)}).refused.at(0).why, RefusalReason::over_limits);
     auto yaw = good_plan();
     yaw.mutable_setpoints(2)->set_yaw_rate(bad);
-    EXPECT_EQ(give({command(yaw)}).refused.at(0).why, Refusal::over_limits);
+    EXPECT_EQ(give({command(yaw)}).refused.at(0).why, RefusalReason::over_limits);
   }
 }
 
 TEST_F(CommandCheckTest, MoreSetpointsThanAPlanHoldsAreRefused) {
   auto plan = good_plan();
   while (plan.setpoints_size() <= static_cast<int>(max_setpoints)) *plan.add_setpoints() = plan.setpoints(2);
-  expect_refused(command(plan), Refusal::over_limits);
+  expect_refused(command(plan), RefusalReason::over_limits);
 }
 
 TEST_F(CommandCheckTest, SetpointsOutOfOrderAreRefused) {
   auto plan = good_plan();
   plan.mutable_setpoints(2)->set_at_ns(plan.setpoints(1).at_ns() - 1);
-  expect_refused(command(plan), Refusal::over_limits);
+  expect_refused(command(plan), RefusalReason::over_limits);
 }
 
 TEST_F(CommandCheckTest, ASetpointBeyondTheHorizonIsRefused) {
   auto plan = good_plan();
   plan.mutable_setpoints(2)->set_at_ns(now + CheckConfig{}.horizon_ns + 1);
-  expect_refused(command(plan), Refusal::over_limits);
+  expect_refused(command(plan), RefusalReason::over_limits);
 }
 
 TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
@@ -465,7 +465,7 @@ TEST_F(CommandCheckTest, ALeaseTakenInABlockCountsFromThereOn) {
   EXPECT_EQ(checked.plans[1].count, 0U) << "the loser's plan ends";
   EXPECT_EQ(checked.plans[2].epoch, epoch + 1);
   ASSERT_EQ(checked.refused.size(), 1U);
-  EXPECT_EQ(checked.refused[0].why, Refusal::not_holder);
+  EXPECT_EQ(checked.refused[0].why, RefusalReason::not_holder);
 }
 
 TEST_F(CommandCheckTest, AControlEventWithoutOurEndorsementChangesNothing) {
@@ -475,8 +475,8 @@ TEST_F(CommandCheckTest, AControlEventWithoutOurEndorsementChangesNothing) {
   auto forged = control_event("acquire", taken);
   forged.creator = other;
   forged.endorser = {"Org2MSP", "CN=peer0.org2.ledgerline"};
-  EXPECT_EQ(give({forged}).refused.at(0).why, Refusal::not_endorsed);
-  EXPECT_EQ(check_.refused_control_events(), 1U);
+  EXPECT_EQ(give({forged}).refused.at(0).why, RefusalReason::not_endorsed);
+  EXPECT_EQ(check_.control().refused_events(), 1U);
   EXPECT_EQ(give({command(good_plan())}).plans.size(), 1U);
 }
 
@@ -496,7 +496,7 @@ TEST_F(CommandCheckTest, AStopGivesAStopPlanAtOnceThatIsNewerThanAllBefore) {
   EXPECT_EQ(checked.plans[0].action, PlanAction::stop);
   EXPECT_EQ(checked.plans[0].drone, 1);
   EXPECT_GT(checked.plans[0].sequence, 7U);
-  EXPECT_EQ(checked.refused.at(0).why, Refusal::stopped);
+  EXPECT_EQ(checked.refused.at(0).why, RefusalReason::stopped);
 }
 
 TEST_F(CommandCheckTest, AStopThatNamesNoDroneOfOursStopsNothing) {

@@ -30,7 +30,7 @@ class ControlCheckTest : public ::testing::Test {
   void start(const Control& record) {
     record_ = record;
     check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
-    check_->set_control(record_);
+    check_->control().set_control(record_);
   }
   static std::string controls(const Control& record) {
     Controls event;
@@ -48,14 +48,14 @@ class ControlCheckTest : public ::testing::Test {
   static Tx event(const std::string& name, const Control& after, const crypto::IdentityName& by) {
     return tx(name, controls(after), by);
   }
-  CommandCheck::Checked give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
+  CheckedBlock give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
   void expect_refused(const Tx& one, const char* what) {
-    const std::uint64_t before = check_->refused_control_events();
+    const std::uint64_t before = check_->control().refused_events();
     const auto checked = give(one);
     EXPECT_TRUE(checked.plans.empty()) << what;
     ASSERT_EQ(checked.refused.size(), 1U) << what;
-    EXPECT_EQ(checked.refused[0].why, Refusal::altered) << what;
-    EXPECT_EQ(check_->refused_control_events(), before + 1) << what;
+    EXPECT_EQ(checked.refused[0].why, RefusalReason::altered) << what;
+    EXPECT_EQ(check_->control().refused_events(), before + 1) << what;
   }
   void expect_taken(const Tx& one) {
     const auto checked = give(one);
@@ -345,23 +345,23 @@ class RevocationTest : public ControlCheckTest {
     one.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
     return one;
   }
-  Refusal command_refused() {
+  RefusalReason command_refused() {
     CommandCall call;
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
     plan.set_epoch(epoch);
     const auto checked = give(tx("command", call.SerializeAsString(), holder));
-    return checked.refused.empty() ? Refusal::none : checked.refused[0].why;
+    return checked.refused.empty() ? RefusalReason::none : checked.refused[0].why;
   }
   const crypto::IdentityName its_admin{"Org2MSP", "CN=Admin@org2.ledgerline"};
 };
 
 TEST_F(RevocationTest, ARevokedHolderFliesNothingFromThatBlockOn) {
-  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+  EXPECT_EQ(command_refused(), RefusalReason::unknown_stamp);
   const auto checked = give(revoke(holder, its_admin));
   EXPECT_TRUE(checked.refused.empty());
   EXPECT_EQ(checked.revoked, std::vector<DroneNumber>{1});
-  EXPECT_EQ(command_refused(), Refusal::revoked);
+  EXPECT_EQ(command_refused(), RefusalReason::revoked);
 }
 
 TEST_F(RevocationTest, ItIsOfAnAdministratorOfItsOrganisationAndAsItWasAskedFor) {
@@ -376,14 +376,14 @@ TEST_F(RevocationTest, ItIsOfAnAdministratorOfItsOrganisationAndAsItWasAskedFor)
   reported.set_role(OPERATOR);
   undone.event_payload = reported.SerializeAsString();
   expect_refused(undone, "as another role");
-  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+  EXPECT_EQ(command_refused(), RefusalReason::unknown_stamp);
 }
 
 TEST_F(RevocationTest, OfSomebodyWhomNoRecordNamesItIsNothing) {
   const auto checked = give(revoke(rival, its_admin));
   EXPECT_TRUE(checked.refused.empty());
   EXPECT_TRUE(checked.revoked.empty());
-  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+  EXPECT_EQ(command_refused(), RefusalReason::unknown_stamp);
 }
 
 TEST_F(RevocationTest, ApplyStopsOfTheHostEndsItsLeaseAndNothingElse) {
@@ -400,7 +400,7 @@ TEST_F(RevocationTest, ApplyStopsOfTheHostEndsItsLeaseAndNothingElse) {
   *handed_on.mutable_holder() = to_message(rival);
   expect_refused(event("apply_stops", handed_on, owner), "to somebody");
   expect_taken(event("apply_stops", ended, owner));
-  EXPECT_EQ(command_refused(), Refusal::not_holder);
+  EXPECT_EQ(command_refused(), RefusalReason::not_holder);
 }
 
 TEST_F(RevocationTest, EnrolledAgainItFliesAgain) {
@@ -417,7 +417,7 @@ TEST_F(RevocationTest, EnrolledAgainItFliesAgain) {
   expect_refused(enrolled, "by no administrator");
   enrolled.creator = its_admin;
   expect_taken(enrolled);
-  EXPECT_EQ(command_refused(), Refusal::unknown_stamp);
+  EXPECT_EQ(command_refused(), RefusalReason::unknown_stamp);
 }
 
 TEST_F(ControlCheckTest, LinkLearnsWhenTheLastStopIsClearedAndWhetherTheOwnersOrganisationClearedIt) {

@@ -43,16 +43,16 @@ class DelegateCheck : public ::testing::Test {
   DelegateCheck() { start(with_delegate(&station)); }
   void start(const Control& record) {
     check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
-    check_->set_control(record);
+    check_->control().set_control(record);
     StateSample sample;
     sample.drone = 1;
     sample.boot_id = boot;
     sample.stamp_ns = stamp;
-    check_->sent(sample);
+    check_->add_sent_state(sample);
     sequence_ = 0;
   }
-  CommandCheck::Checked give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
-  CommandCheck::Checked command(const crypto::IdentityName& by, std::uint64_t at = epoch, Action action = FLY) {
+  CheckedBlock give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
+  CheckedBlock command(const crypto::IdentityName& by, std::uint64_t at = epoch, Action action = FLY) {
     CommandCall call;
     DronePlan& plan = *call.add_plans();
     plan.set_drone("tello1");
@@ -70,9 +70,9 @@ class DelegateCheck : public ::testing::Test {
   bool flies(const crypto::IdentityName& by, std::uint64_t at = epoch, Action action = FLY) {
     return command(by, at, action).plans.size() == 1;
   }
-  Refusal refused(const crypto::IdentityName& by, std::uint64_t at = epoch) {
+  RefusalReason refused(const crypto::IdentityName& by, std::uint64_t at = epoch) {
     const auto checked = command(by, at);
-    return checked.refused.empty() ? Refusal::none : checked.refused[0].why;
+    return checked.refused.empty() ? RefusalReason::none : checked.refused[0].why;
   }
   static Tx event(const std::string& name, const Control& after, const crypto::IdentityName& by) {
     Controls reported;
@@ -118,7 +118,7 @@ class DelegateCheck : public ::testing::Test {
   void expect_lie(const Tx& one, const char* what) {
     const auto checked = give(one);
     ASSERT_EQ(checked.refused.size(), 1U) << what;
-    EXPECT_EQ(checked.refused[0].why, Refusal::altered) << what;
+    EXPECT_EQ(checked.refused[0].why, RefusalReason::altered) << what;
   }
   void expect_taken(const Tx& one) { EXPECT_TRUE(give(one).refused.empty()); }
 
@@ -130,11 +130,12 @@ class DelegateCheck : public ::testing::Test {
 
 TEST_F(DelegateCheck, TheDelegateCommandsAndNobodyElse) {
   EXPECT_TRUE(flies(station));
-  for (const auto& who : {holder, rival, laptop, foreign}) EXPECT_EQ(refused(who), Refusal::not_holder) << who.subject;
-  EXPECT_EQ(refused(station, epoch - 1), Refusal::wrong_epoch);
+  for (const auto& who : {holder, rival, laptop, foreign})
+    EXPECT_EQ(refused(who), RefusalReason::not_holder) << who.subject;
+  EXPECT_EQ(refused(station, epoch - 1), RefusalReason::wrong_epoch);
   start(with_delegate(nullptr));
   EXPECT_TRUE(flies(holder)) << "of a record of before";
-  EXPECT_EQ(refused(station), Refusal::not_holder);
+  EXPECT_EQ(refused(station), RefusalReason::not_holder);
   start(free_again(epoch));
   for (const auto& who : {holder, station, crypto::IdentityName{}}) EXPECT_FALSE(flies(who)) << who.subject;
 }
@@ -148,7 +149,7 @@ TEST_F(DelegateCheck, OfAStoppedDroneItLandsAndNothingElse) {
   Control stopped = with_delegate(&station);
   add_stop(stopped, agent::testing::stop_of("tello1"));
   start(stopped);
-  EXPECT_EQ(refused(station), Refusal::stopped);
+  EXPECT_EQ(refused(station), RefusalReason::stopped);
   EXPECT_TRUE(flies(station, epoch, LAND));
   EXPECT_FALSE(flies(holder, epoch, LAND));
 }
@@ -157,14 +158,14 @@ TEST_F(DelegateCheck, WithEitherRevokedNothingFliesUntilApplyStopsHasEndedTheLea
   for (const auto& who : {station, holder}) {
     start(with_delegate(&station));
     EXPECT_EQ(give(revoke(who)).revoked, std::vector<DroneNumber>{1}) << "apply_stops is due";
-    EXPECT_EQ(refused(station), Refusal::revoked) << who.subject;
+    EXPECT_EQ(refused(station), RefusalReason::revoked) << who.subject;
     Control ended = free_again();
     if (who == holder) ended.mutable_grants()->RemoveLast();  // which was to him alone
     Control kept = ended;
     *kept.mutable_delegate() = to_message(station);
     expect_lie(event("apply_stops", kept, host), "the delegate stays");
     expect_taken(event("apply_stops", ended, host));
-    EXPECT_EQ(refused(station, epoch + 1), Refusal::not_holder);
+    EXPECT_EQ(refused(station, epoch + 1), RefusalReason::not_holder);
   }
 }
 
@@ -249,7 +250,7 @@ TEST_F(DelegateCheck, AnotherDelegateIsAnotherEpochAndTheSameOneIsNot) {
   expect_lie(lease_call("acquire", with_delegate(&station, epoch + 1), holder, &station),
              "the same under another epoch");
   expect_taken(lease_call("acquire", with_delegate(nullptr, epoch + 1), holder, nullptr));
-  EXPECT_EQ(refused(station, epoch + 1), Refusal::not_holder);
+  EXPECT_EQ(refused(station, epoch + 1), RefusalReason::not_holder);
   EXPECT_TRUE(flies(holder, epoch + 1));
 }
 
@@ -280,7 +281,7 @@ TEST_F(DelegateCheck, AHandOverGivesTheLeaseWithTheDelegateThatWasRequested) {
   expect_lie(hand_over(given(nullptr), holder), "without one");
   expect_lie(hand_over(given(&laptop), station), "by the delegate");
   expect_taken(hand_over(given(&laptop), holder));
-  EXPECT_EQ(refused(station, epoch + 1), Refusal::not_holder);
+  EXPECT_EQ(refused(station, epoch + 1), RefusalReason::not_holder);
   EXPECT_TRUE(flies(laptop, epoch + 1));
 }
 
@@ -292,7 +293,7 @@ TEST_F(DelegateCheck, TheSameDelegateOfANewHolderFliesUnderTheNewEpochAlone) {
   Control after = with_delegate(&station, epoch + 1);
   *after.mutable_holder() = to_message(rival);
   expect_taken(hand_over(after, holder));
-  EXPECT_EQ(refused(station), Refusal::wrong_epoch);
+  EXPECT_EQ(refused(station), RefusalReason::wrong_epoch);
   EXPECT_TRUE(flies(station, epoch + 1));
 }
 

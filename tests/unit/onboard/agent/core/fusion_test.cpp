@@ -1,4 +1,4 @@
-#include "onboard/agent/core/fusion.hpp"
+#include "onboard/agent/core/mocap.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "onboard/agent/core/integrity_monitor.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 
 #include <gtest/gtest.h>
 
@@ -48,26 +48,26 @@ TEST(IntegrityMonitor, ReportsTheFirstOfAKindAtOnceThenOncePerMinuteWithTheirCou
   std::uint64_t words = 0;
   for (TimeNs now = start; now < start + 150 * ns_per_s; now += 10 * ns_per_ms) {
     monitor.add(now, IntegrityViolation::transaction, 7, "a", 3);
-    for (const auto& word : monitor.take_words(now)) {
+    for (const auto& word : monitor.pop_log_entries(now)) {
       EXPECT_EQ(word.since, words == 0 ? 3U : 3 * 6000U);
       ++words;
     }
   }
   EXPECT_EQ(words, 3U);
   monitor.add(start + 150 * ns_per_s, IntegrityViolation::stream, 7, "b");
-  EXPECT_EQ(monitor.take_words(start + 150 * ns_per_s).at(0).kind, IntegrityViolation::stream)
+  EXPECT_EQ(monitor.pop_log_entries(start + 150 * ns_per_s).at(0).kind, IntegrityViolation::stream)
       << "each kind for itself";
-  const auto rest = monitor.take_words(start + 180 * ns_per_s);
+  const auto rest = monitor.pop_log_entries(start + 180 * ns_per_s);
   ASSERT_EQ(rest.size(), 1U) << "what came after the last report is reported without another reason";
   EXPECT_EQ(rest[0].since, 3 * 3000U - 3);
-  EXPECT_TRUE(monitor.take_words(start + 1000 * ns_per_s).empty());
+  EXPECT_TRUE(monitor.pop_log_entries(start + 1000 * ns_per_s).empty());
 }
 
 TEST(IntegrityMonitor, WordsFromOutsideAreCutAndPrintable) {
   IntegrityMonitor monitor(lasts);
   monitor.add(start, IntegrityViolation::stream, 0, "a\nb\x1b[31m" + std::string(10'000, 'x'));
   const std::string& words = monitor.of(IntegrityViolation::stream).words;
-  EXPECT_LE(words.size(), IntegrityMonitor::max_words);
+  EXPECT_LE(words.size(), IntegrityMonitor::max_text_bytes);
   EXPECT_EQ(words.substr(0, 5), "a?b?[");
 }
 
@@ -88,8 +88,8 @@ class IntegrityInCore : public ::testing::Test {
   IntegrityInCore() {
     core_.set_control(start, control("tello1", 1));
     verification::Roles roles;
-    roles.take({to_message(LedgerOfTests::operator_name()), OPERATOR});
-    core_.set_roles(std::move(roles));
+    roles.apply({to_message(LedgerOfTests::operator_name()), OPERATOR});
+    core_.control().set_roles(std::move(roles));
   }
   bool untrusted(TimeNs now) {
     out_.clear();
@@ -164,10 +164,10 @@ TEST_F(IntegrityInCore, EachReasonIsReportedToLinkInTheLogAndOnTheLedger) {
   EXPECT_EQ(count(IntegrityViolation::chain), 1U);
   core_.on_violation(start, IntegrityViolation::stream, "another block 9");
   core_.on_violation(start, IntegrityViolation::records, "tello1: not held; there held");
-  core_.set_records_differ(true);
+  core_.integrity().records_differ(true);
   EXPECT_EQ(core_.integrity().count(), 5U);
   EXPECT_TRUE(untrusted(start + 3600 * ns_per_s)) << "the records still differ";
-  core_.set_records_differ(false);
+  core_.integrity().records_differ(false);
   EXPECT_FALSE(untrusted(start + 3601 * ns_per_s));
 }
 

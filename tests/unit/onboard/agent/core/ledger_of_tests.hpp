@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/access/identity.hpp"
+#include "common/access/access.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "ledgerline.pb.h"

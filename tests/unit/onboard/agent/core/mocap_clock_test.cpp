@@ -1,4 +1,4 @@
-#include "onboard/agent/core/mocap_clock.hpp"
+#include "onboard/agent/core/mocap.hpp"
 
 #include <gtest/gtest.h>
 

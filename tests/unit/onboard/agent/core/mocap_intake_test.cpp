@@ -1,4 +1,4 @@
-#include "onboard/agent/core/mocap_intake.hpp"
+#include "onboard/agent/core/mocap.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,7 +17,7 @@ MocapMessage good() {
 }
 
 std::optional<MocapPose> taken(const MocapMessage& message, bool stamps_of_this_host = true) {
-  return MocapIntake([] { return offset_ns; }, stamps_of_this_host).take(message);
+  return MocapIntake([] { return offset_ns; }, stamps_of_this_host).check(message);
 }
 
 TEST(MocapIntake, APoseComesOutOnThisHostsClockWithItsYaw) {

@@ -28,10 +28,10 @@ class StopCheckTest : public ::testing::Test {
   StopCheckTest() { start(control("tello1", epoch)); }
   void start(const Control& record) {
     check_.emplace(CheckConfig{}, std::vector<DroneName>{{1, "tello1"}}, *registry_);
-    check_->set_control(record);
+    check_->control().set_control(record);
     verification::Roles roles;
-    for (const auto& who : {holder, guard, outsider}) roles.take({to_message(who), OPERATOR});
-    check_->set_roles(std::move(roles));
+    for (const auto& who : {holder, guard, outsider}) roles.apply({to_message(who), OPERATOR});
+    check_->control().set_roles(std::move(roles));
   }
   /// As an honest client and contract make it.
   static Tx stop(const crypto::IdentityName& by, int code = 0, std::optional<std::uint64_t> clears = {},
@@ -61,9 +61,9 @@ class StopCheckTest : public ::testing::Test {
     tx.event_payload = reported.SerializeAsString();
     return tx;
   }
-  CommandCheck::Checked give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
+  CheckedBlock give(const Tx& one) { return check_->check(now, now_s, ledger_.block({one})); }
   /// The same transaction again, in a block of its own.
-  CommandCheck::Checked give_again(const fabric::Transaction& one, int code) {
+  CheckedBlock give_again(const fabric::Transaction& one, int code) {
     fabric::Block block = ledger_.block({});
     block.transactions.push_back(one);
     block.transactions[0].code = code;
@@ -73,7 +73,7 @@ class StopCheckTest : public ::testing::Test {
     const auto checked = give(one);
     EXPECT_TRUE(checked.plans.empty()) << what;
     ASSERT_EQ(checked.refused.size(), 1U) << what;
-    EXPECT_EQ(checked.refused[0].why, Refusal::may_not_stop) << what;
+    EXPECT_EQ(checked.refused[0].why, RefusalReason::may_not_stop) << what;
     EXPECT_FALSE(is_stopped_now()) << what;
   }
   bool is_stopped_now() const { return check_->standing_stop(now, 1).has_value(); }
@@ -98,23 +98,23 @@ TEST_F(StopCheckTest, WhoMayStopIsObeyedWhateverTheFlag) {
     call.add_plans()->set_drone("tello1");
     Tx command;
     command.event_payload = call.SerializeAsString();
-    EXPECT_EQ(give(command).refused.at(0).why, Refusal::stopped) << code;
+    EXPECT_EQ(give(command).refused.at(0).why, RefusalReason::stopped) << code;
   }
 }
 
 TEST_F(StopCheckTest, TheRolesOfAnOrganisationThatADroneIsGrantedToAreReadThen) {
   Control granted = control("tello1", epoch);
-  EXPECT_TRUE(check_->await_roles().empty()) << "all that matter are here";
+  EXPECT_TRUE(check_->control().await_roles().empty()) << "all that matter are here";
   granted.add_grants()->mutable_to()->set_msp_id("Org4MSP");
   granted.mutable_grants()->rbegin()->set_stop(true);
-  check_->set_control(granted);
-  EXPECT_EQ(check_->await_roles(), verification::Organisations{"Org4MSP"});
-  EXPECT_TRUE(check_->await_roles().empty()) << "once";
+  check_->control().set_control(granted);
+  EXPECT_EQ(check_->control().await_roles(), verification::Organisations{"Org4MSP"});
+  EXPECT_TRUE(check_->control().await_roles().empty()) << "once";
   const crypto::IdentityName far{"Org4MSP", "CN=User1@org4.ledgerline"};
   expect_refused(stop(far, conflict), "nobody knows yet what it may");
   verification::Roles read;
-  read.take({to_message(far), OPERATOR});
-  check_->add_roles(read);
+  read.apply({to_message(far), OPERATOR});
+  check_->control().add_roles(read);
   EXPECT_EQ(give(stop(far, conflict)).plans.size(), 1U);
 }
 
@@ -136,7 +136,7 @@ TEST_F(StopCheckTest, OfARefusedBlockStopsAreTakenAndNothingElse) {
   EXPECT_EQ(checked.plans[0].action, PlanAction::stop);
   EXPECT_EQ(checked.unconfirmed.size(), 1U) << "an alarm: nobody's flag says that the ledger has it";
   EXPECT_EQ(check_->height(), height);
-  EXPECT_EQ(check_->lease(1), epoch);
+  EXPECT_EQ(check_->control().lease(1), epoch);
   EXPECT_TRUE(check_->check_refused(now, block).plans.empty()) << "a stream that begins again brings it again";
 }
 
@@ -191,15 +191,15 @@ TEST_F(StopCheckTest, WhoMayNotStopIsNotObeyedAndAlarmed) {
   expect_refused(own_endorser, "the same flagged valid, which our own peer did not endorse");
   Tx forged = stop(guard, conflict);
   forged.spoil.creator_signature = true;
-  EXPECT_EQ(give(forged).refused.at(0).why, Refusal::bad_signature);
+  EXPECT_EQ(give(forged).refused.at(0).why, RefusalReason::bad_signature);
   Tx elsewhere = stop(guard, conflict);
   elsewhere.contract = "another";
-  EXPECT_EQ(give(elsewhere).refused.at(0).why, Refusal::wrong_channel);
+  EXPECT_EQ(give(elsewhere).refused.at(0).why, RefusalReason::wrong_channel);
   Control revoked = control("tello1", epoch);
   *revoked.add_revoked() = to_message(holder);
   start(revoked);
   expect_refused(stop(holder, conflict), "revoked");
-  EXPECT_EQ(check_->unconfirmed_stops(), 0U);
+  EXPECT_EQ(check_->control().unconfirmed_stops(), 0U);
 }
 
 TEST_F(StopCheckTest, AGrantLetsOneOfAnotherOrganisationStop) {
@@ -244,7 +244,7 @@ TEST_F(StopCheckTest, ARoleIsTrustedByAPeerOfItsOwnOrganisation) {
   revoked.event_name = "revoke";
   revoked.event_payload = reported.SerializeAsString();
   revoked.asked = fabric::Call{"revoke", {call.SerializeAsString()}};
-  EXPECT_EQ(give(revoked).refused.at(0).why, Refusal::not_endorsed) << "by a third organisation's";
+  EXPECT_EQ(give(revoked).refused.at(0).why, RefusalReason::not_endorsed) << "by a third organisation's";
   revoked.endorser = peer3;
   EXPECT_TRUE(give(revoked).refused.empty());
   expect_refused(stop(outsider, conflict), "revoked by its own organisation");
@@ -272,12 +272,12 @@ TEST_F(StopCheckTest, EachIsObeyedOnce) {
 
 TEST_F(StopCheckTest, ItStandsUntilTheDroneIsDownAndApplyStopsDoesNotShowIt) {
   (void)give(stop(guard, conflict));
-  check_->landed(1);
+  check_->control().on_landed(1);
   EXPECT_TRUE(is_stopped_now()) << "the ledger may have it all the same";
   EXPECT_FALSE(check_->no_stop(now, 1));
   EXPECT_TRUE(give(control_event("apply_stops", control("tello1", epoch), host)).refused.empty());
   EXPECT_TRUE(is_stopped_now()) << "it may still be in the air";
-  check_->landed(1);
+  check_->control().on_landed(1);
   EXPECT_FALSE(is_stopped_now());
   EXPECT_TRUE(check_->no_stop(now, 1));
 }
@@ -288,8 +288,8 @@ TEST_F(StopCheckTest, AHiddenOneStaysWhereApplyStopsShowsIt) {
   Stop one = stop_of("tello1");
   *one.mutable_stopper() = to_message(guard);
   add_stop(stopped, one);
-  EXPECT_EQ(give(control_event("apply_stops", stopped, host)).refused.at(0).why, Refusal::altered) << "an alarm";
-  check_->landed(1);
+  EXPECT_EQ(give(control_event("apply_stops", stopped, host)).refused.at(0).why, RefusalReason::altered) << "an alarm";
+  check_->control().on_landed(1);
   EXPECT_TRUE(is_stopped_now());
   EXPECT_FALSE(check_->no_stop(now, 1));
 }

@@ -1,4 +1,4 @@
-#include "onboard/agent/core/outbox/alarm_sender.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 
 #include <gtest/gtest.h>
 

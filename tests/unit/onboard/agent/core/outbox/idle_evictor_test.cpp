@@ -1,4 +1,4 @@
-#include "onboard/agent/core/outbox/idle_evictor.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
 
 #include <gtest/gtest.h>
 
@@ -12,7 +12,7 @@ using Next = fabric::Repeat::Next;
 
 constexpr TimeNs t0 = 100 * ns_per_s;
 constexpr TimeNs idle = 60 * ns_per_s;
-constexpr IdleEvictor::View held_on_ground{.lease = 5, .on_ground = true, .ledger_heard = true};
+constexpr IdleEvictor::View held_on_ground{.lease = 5, .on_ground = true, .ledger_alive = true};
 
 class IdleEvictorTest : public ::testing::Test {
  protected:
@@ -25,7 +25,7 @@ class IdleEvictorTest : public ::testing::Test {
   std::vector<std::uint64_t> until(TimeNs end, const IdleEvictor::View& view = held_on_ground) {
     std::vector<std::uint64_t> calls;
     for (; now_ < end; now_ += 100 * ns_per_ms) {
-      evictor_.see(now_, 1, view);
+      evictor_.update(now_, 1, view);
       while (const auto sending = evictor_.next(now_)) calls.push_back(sending->number);
     }
     return calls;
@@ -45,8 +45,8 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
   EXPECT_TRUE(until(t0 + idle).empty()) << "an agent that has just started counts from its start";
   const auto calls = until(t0 + idle + 30 * ns_per_s);
   ASSERT_EQ(calls.size(), 1U) << "one call at a time";
-  EXPECT_TRUE(evictor_.evicting(1));
-  EXPECT_FALSE(evictor_.evicting(2));
+  EXPECT_TRUE(evictor_.is_evicting(1));
+  EXPECT_FALSE(evictor_.is_evicting(2));
   const fabric::Call made = encode_evict({calls[0], &drones_[0], 7});
   EXPECT_EQ(made.function, "evict");
   DronesCall message;
@@ -60,25 +60,25 @@ TEST_F(IdleEvictorTest, AHolderOnTheGroundWhoSaysNothingIsEvictedOnceAfterTheIdl
   EXPECT_EQ(ended->next, Next::on_ledger);
   EXPECT_EQ(evictor_.counters().evicted, 1U);
   EXPECT_FALSE(evictor_.in_flight());
-  EXPECT_TRUE(until(now_ + 10 * idle, {.lease = {}, .on_ground = true, .ledger_heard = true}).empty())
+  EXPECT_TRUE(until(now_ + 10 * idle, {.lease = {}, .on_ground = true, .ledger_alive = true}).empty())
       << "nobody holds it";
 }
 
 TEST_F(IdleEvictorTest, ACommandOfTheHolderRestartsTheClock) {
   for (int i = 0; i < 10; ++i) {
     EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
-    evictor_.heard(now_, 1);
+    evictor_.on_command(now_, 1);
   }
   EXPECT_EQ(until(now_ + idle + ns_per_s).size(), 1U);
 }
 
 TEST_F(IdleEvictorTest, ANewLeaseRestartsTheClock) {
   EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
-  EXPECT_TRUE(until(now_ + idle - ns_per_s, {.lease = 6, .on_ground = true, .ledger_heard = true}).empty());
+  EXPECT_TRUE(until(now_ + idle - ns_per_s, {.lease = 6, .on_ground = true, .ledger_alive = true}).empty());
 }
 
 TEST_F(IdleEvictorTest, NobodyIsEvictedInTheAirOrWithoutStateAndTheClockRestartsOnTheGround) {
-  EXPECT_TRUE(until(t0 + 5 * idle, {.lease = 5, .on_ground = false, .ledger_heard = true}).empty());
+  EXPECT_TRUE(until(t0 + 5 * idle, {.lease = 5, .on_ground = false, .ledger_alive = true}).empty());
   EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
   EXPECT_EQ(until(now_ + 2 * ns_per_s).size(), 1U);
 }
@@ -89,7 +89,7 @@ TEST_F(IdleEvictorTest, WithZeroNobodyIsEverEvicted) {
 }
 
 TEST_F(IdleEvictorTest, WhileTheLedgerIsSilentNothingIsSentNorBeforeWhatItMissedMayHaveCome) {
-  EXPECT_TRUE(until(t0 + 2 * idle, {.lease = 5, .on_ground = true, .ledger_heard = false}).empty());
+  EXPECT_TRUE(until(t0 + 2 * idle, {.lease = 5, .on_ground = true, .ledger_alive = false}).empty());
   EXPECT_TRUE(until(now_ + IdleEvictor::catch_up_ns - ns_per_s).empty());
   EXPECT_EQ(until(now_ + 2 * ns_per_s).size(), 1U) << "it was idle all that time";
 }
@@ -133,29 +133,29 @@ TEST_F(IdleEvictorTest, ARefusalIsNotTriedAgainBeforeAnotherIdleTime) {
 TEST_F(IdleEvictorTest, ItIsGivenUpWhenTheHolderCommandsTakesOffOrChanges) {
   for (int way = 0; way < 3; ++way) {
     const auto call = first_call();
-    if (way == 0) evictor_.heard(now_, 1);
-    if (way == 1) evictor_.see(now_, 1, {.lease = 5, .on_ground = false, .ledger_heard = true});
-    if (way == 2) evictor_.see(now_, 1, {.lease = 6, .on_ground = true, .ledger_heard = true});
-    EXPECT_TRUE(evictor_.evicting(1)) << "what is in flight cannot be called back";
+    if (way == 0) evictor_.on_command(now_, 1);
+    if (way == 1) evictor_.update(now_, 1, {.lease = 5, .on_ground = false, .ledger_alive = true});
+    if (way == 2) evictor_.update(now_, 1, {.lease = 6, .on_ground = true, .ledger_alive = true});
+    EXPECT_TRUE(evictor_.is_evicting(1)) << "what is in flight cannot be called back";
     const auto ended = evictor_.finished(now_, call, outcome(Kind::unavailable));
     ASSERT_TRUE(ended);
     EXPECT_FALSE(ended->next);
     EXPECT_TRUE(until(now_ + idle - ns_per_s).empty());
-    evictor_.heard(now_, 1);
+    evictor_.on_command(now_, 1);
   }
 }
 
 TEST_F(IdleEvictorTest, AnEvictionThatSucceededIsReportedThoughItWasNoLongerWanted) {
   const auto call = first_call();
-  evictor_.heard(now_, 1);
+  evictor_.on_command(now_, 1);
   const auto ended = evictor_.finished(now_, call, outcome(Kind::committed));
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->next, Next::on_ledger);
 }
 
 TEST_F(IdleEvictorTest, WhatIsNotOursIsLeftAlone) {
-  evictor_.see(t0, 9, held_on_ground);
-  evictor_.heard(t0, 9);
+  evictor_.update(t0, 9, held_on_ground);
+  evictor_.on_command(t0, 9);
   EXPECT_FALSE(evictor_.finished(t0, 1, outcome(Kind::committed)));
   EXPECT_FALSE(evictor_.finished(t0, 0, outcome(Kind::committed)));
 }

@@ -1,4 +1,4 @@
-#include "onboard/agent/core/outbox/stop_applier.hpp"
+#include "onboard/agent/core/outbox/control_calls.hpp"
 
 #include <gtest/gtest.h>
 
@@ -30,7 +30,7 @@ class StopApplierTest : public ::testing::Test {
 
 TEST_F(StopApplierTest, AStopIsAppliedOnceAtOnce) {
   EXPECT_EQ(call(t0), 0U);
-  applier_.want(t0, 2);
+  applier_.request(t0, 2);
   const auto sending = applier_.next(t0);
   ASSERT_TRUE(sending);
   const fabric::Call made = encode_apply_stops(*sending);
@@ -48,7 +48,7 @@ TEST_F(StopApplierTest, AStopIsAppliedOnceAtOnce) {
 }
 
 TEST_F(StopApplierTest, WhateverElseBecomesOfItIsFollowedByAnotherBehindAGrowingPause) {
-  applier_.want(t0, 1);
+  applier_.request(t0, 1);
   TimeNs now = t0, last = t0;
   int calls = 0;
   for (const Kind kind : {Kind::invalidated, Kind::unavailable, Kind::overloaded, Kind::refused, Kind::invalidated}) {
@@ -65,7 +65,7 @@ TEST_F(StopApplierTest, WhateverElseBecomesOfItIsFollowedByAnotherBehindAGrowing
 }
 
 TEST_F(StopApplierTest, TheContractsRefusalEndsIt) {
-  applier_.want(t0, 1);
+  applier_.request(t0, 1);
   const auto number = call(t0);
   applier_.finished(t0, number, outcome(Kind::refused, "chaincode response 500, tello1: enrolled to another"));
   EXPECT_FALSE(applier_.pending());
@@ -73,9 +73,9 @@ TEST_F(StopApplierTest, TheContractsRefusalEndsIt) {
 }
 
 TEST_F(StopApplierTest, AStopThatComesDuringACallIsAppliedAfterIt) {
-  applier_.want(t0, 1);
+  applier_.request(t0, 1);
   const auto first = call(t0);
-  applier_.want(t0, 1);
+  applier_.request(t0, 1);
   applier_.finished(t0, first, outcome(Kind::committed));
   EXPECT_NE(call(t0), 0U) << "the first may have come before that stop";
 }
@@ -85,7 +85,7 @@ TEST_F(StopApplierTest, WhileFramesLackEndorsementsRecordsAreRenewedAtABoundedRa
   const auto lacking = [&](TimeNs from, TimeNs until) {
     renewals.clear();
     for (TimeNs now = from; now < until; now += 30 * ns_per_ms) {
-      applier_.renew(now);
+      applier_.request_renewal(now);
       while (const auto sending = applier_.next(now)) {
         if (sending->drone->number == 1) renewals.push_back(now);
         applier_.finished(now, sending->number, outcome(Kind::committed));
@@ -99,7 +99,7 @@ TEST_F(StopApplierTest, WhileFramesLackEndorsementsRecordsAreRenewedAtABoundedRa
   EXPECT_LE(renewals.size(), 125U) << "0.2, 0.4, 0.8, 1 s, half of it at least";
   for (std::size_t i = 1; i < renewals.size(); ++i) EXPECT_GE(renewals[i] - renewals[i - 1], ns_per_s / 10);
 
-  applier_.renewed();
+  applier_.on_renewed();
   const TimeNs later = t0 + 700 * ns_per_s;
   lacking(later, later + 3 * ns_per_s);
   EXPECT_EQ(renewals.front(), later);
@@ -107,8 +107,8 @@ TEST_F(StopApplierTest, WhileFramesLackEndorsementsRecordsAreRenewedAtABoundedRa
 }
 
 TEST_F(StopApplierTest, EachDronesStopsAreAppliedByACallOfTheirOwn) {
-  applier_.want(t0, 1);
-  applier_.want(t0, 2);
+  applier_.request(t0, 1);
+  applier_.request(t0, 2);
   const auto one = call(t0), two = call(t0);
   EXPECT_NE(one, 0U);
   EXPECT_NE(two, 0U);
@@ -119,7 +119,7 @@ TEST_F(StopApplierTest, EachDronesStopsAreAppliedByACallOfTheirOwn) {
 }
 
 TEST_F(StopApplierTest, WhatIsNotOursIsLeftAlone) {
-  applier_.want(t0, 9);
+  applier_.request(t0, 9);
   EXPECT_EQ(call(t0), 0U);
   EXPECT_FALSE(applier_.finished(t0, 1, outcome(Kind::committed)));
   EXPECT_FALSE(applier_.finished(t0, 0, outcome(Kind::committed)));

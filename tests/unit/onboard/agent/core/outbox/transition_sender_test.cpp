@@ -123,7 +123,7 @@ TEST(TransitionSender, WhatCameBeforeOrCameTooSoonIsLeftToLinkToSendAgain) {
   sender.add(transition(1));
   sender.add(transition(3));
   AgentHeartbeat heartbeat;
-  sender.tell(heartbeat);
+  sender.report(heartbeat);
   EXPECT_EQ(heartbeat.boot_id, 9U);
   EXPECT_EQ(heartbeat.transitions_taken[1], 1U);
   EXPECT_EQ(heartbeat.transitions_on_ledger[1], 0U);
@@ -147,13 +147,13 @@ TEST(TransitionSender, ARestartedLinkCountsFromOneAndTheOldOnesAreStillSent) {
   sender.add(transition(2));
   sender.add(transition(1, 1, 1, 10));
   AgentHeartbeat heartbeat;
-  sender.tell(heartbeat);
+  sender.report(heartbeat);
   EXPECT_EQ(heartbeat.boot_id, 10U);
   EXPECT_EQ(heartbeat.transitions_taken[1], 1U);
   const auto sending = sender.next(0);
   EXPECT_EQ(numbers(sending), (Numbers{1, 2, 1}));
   sender.finished(0, sending->number, ended(Kind::committed));
-  sender.tell(heartbeat);
+  sender.report(heartbeat);
   EXPECT_EQ(heartbeat.transitions_on_ledger[1], 1U);
 }
 
@@ -161,7 +161,7 @@ TEST(TransitionSender, WhenItIsFullLinkKeepsTheRest) {
   TransitionSender sender({}, two, 1);
   for (std::uint64_t n = 1; n <= TransitionSender::max_kept + 5; ++n) sender.add(transition(n));
   AgentHeartbeat heartbeat;
-  sender.tell(heartbeat);
+  sender.report(heartbeat);
   EXPECT_EQ(heartbeat.transitions_taken[1], TransitionSender::max_kept);
   Numbers seen;
   while (const auto sending = sender.next(0)) {

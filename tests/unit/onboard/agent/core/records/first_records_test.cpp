@@ -1,4 +1,4 @@
-#include "onboard/agent/core/records/first_records.hpp"
+#include "onboard/agent/core/records.hpp"
 
 #include <gmock/gmock.h>
 
@@ -18,7 +18,7 @@ constexpr std::int64_t now_s = 1'700'000'000;
 FirstRecords some_records() {
   FirstRecords records;
   records.controls = {testing::control("tello1", 5), testing::control("tello2", 6)};
-  records.roles.take({to_message(LedgerOfTests::operator_name()), OPERATOR});
+  records.roles.apply({to_message(LedgerOfTests::operator_name()), OPERATOR});
   return records;
 }
 
@@ -35,7 +35,7 @@ TEST(FirstRecordsTest, SayWhoseRolesTheyHave) {
   FirstRecords records = some_records();
   records.roles.follow("Org4MSP");  // which has none
   records.roles.await("Org5MSP");
-  records.roles.take({to_message({"Org5MSP", "CN=far"}), OPERATOR});
+  records.roles.apply({to_message({"Org5MSP", "CN=far"}), OPERATOR});
   const auto read = records_from(to_bytes(records), {"tello1", "tello2"});
   ASSERT_TRUE(read);
   EXPECT_TRUE(read->roles.follows("Org4MSP"));
@@ -47,9 +47,9 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
   const std::unique_ptr<crypto::MspRegistry> registry = crypto::make_test_registry({"Org1MSP", "Org2MSP", "Org3MSP"});
   const std::vector<DroneName> drones{{1, "tello1"}};
   CommandCheck check(CheckConfig{}, drones, *registry);
-  check.set_roles(some_records().roles);
-  check.set_control(some_records().controls[0]);
-  const std::size_t before = to_bytes(check.records()).size();
+  check.control().set_roles(some_records().roles);
+  check.control().set_control(some_records().controls[0]);
+  const std::size_t before = to_bytes(check.control().records()).size();
   LedgerOfTests ledger;
   for (int i = 0; i < 200; ++i) {
     EnrollCall call;
@@ -65,8 +65,8 @@ TEST(FirstRecordsTest, AreNotMadeLargeByOrganisationsThatDoNotMatter) {
     enroll.asked = fabric::Call{"enroll", {call.SerializeAsString()}};
     check.check(now, now_s, ledger.block({enroll}));
   }
-  EXPECT_EQ(check.refused_control_events(), 0U);
-  EXPECT_EQ(to_bytes(check.records()).size(), before);
+  EXPECT_EQ(check.control().refused_events(), 0U);
+  EXPECT_EQ(to_bytes(check.control().records()).size(), before);
 }
 
 TEST(FirstRecordsTest, WithoutADronesRecordAreNotTheOnesToBeginWith) {
@@ -82,8 +82,8 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   const std::vector<DroneName> drones{{1, "tello1"}};
   CommandCheck check(CheckConfig{}, drones, *registry);
   FirstRecords first = some_records();
-  check.set_roles(first.roles);
-  check.set_control(first.controls[0]);
+  check.control().set_roles(first.roles);
+  check.control().set_control(first.controls[0]);
   LedgerOfTests ledger;
   Stops stops;
   *stops.add_stops() = testing::stop_of("tello1");
@@ -92,7 +92,7 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
   stop.event_payload = stops.SerializeAsString();
   const fabric::Block block = ledger.block({stop});
   ASSERT_EQ(check.check(now, now_s, block).plans.size(), 1U);
-  const auto kept = records_from(to_bytes(check.records()), {"tello1"});
+  const auto kept = records_from(to_bytes(check.control().records()), {"tello1"});
   ASSERT_TRUE(kept);
   EXPECT_TRUE(is_stopped(kept->controls[0]));
   EXPECT_EQ(kept->roles.of(LedgerOfTests::operator_name()), OPERATOR);
@@ -101,8 +101,8 @@ TEST(FirstRecordsTest, OfACheckAreThoseThatItsBlocksHaveMade) {
 
   // Another agent that begins there takes what comes behind it.
   CommandCheck next(CheckConfig{}, drones, *registry);
-  next.set_roles(kept->roles);
-  next.set_control(kept->controls[0]);
+  next.control().set_roles(kept->roles);
+  next.control().set_control(kept->controls[0]);
   EXPECT_TRUE(next.standing_stop(now, 1));
 }
 

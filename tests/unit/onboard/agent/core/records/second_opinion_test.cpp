@@ -1,4 +1,4 @@
-#include "onboard/agent/core/records/second_opinion.hpp"
+#include "onboard/agent/core/records.hpp"
 
 #include <gtest/gtest.h>
 
@@ -11,7 +11,7 @@ namespace {
 FirstRecords records(std::uint64_t epoch = 5) {
   FirstRecords out;
   out.controls = {testing::control("tello1", epoch), testing::control("tello2", 6)};
-  out.roles.take({to_message(testing::LedgerOfTests::operator_name()), OPERATOR});
+  out.roles.apply({to_message(testing::LedgerOfTests::operator_name()), OPERATOR});
   return out;
 }
 
@@ -72,7 +72,7 @@ TEST(SecondOpinionTest, ALastingDifferenceIsOneAlarmUntilThereIsAgreement) {
 TEST(SecondOpinionTest, AStopARoleOrADroneThatOneSideDoesNotHaveIsADifference) {
   FirstRecords stopped = records(), promoted = records(), fewer = records();
   add_stop(stopped.controls[1], testing::stop_of("tello2"));
-  promoted.roles.take({to_message(testing::LedgerOfTests::operator_name()), SUPERVISOR});
+  promoted.roles.apply({to_message(testing::LedgerOfTests::operator_name()), SUPERVISOR});
   fewer.controls.pop_back();
   for (const auto& [other, what] :
        {std::pair(stopped, "tello2"), std::pair(promoted, "roles"), std::pair(fewer, "tello2")}) {
@@ -90,18 +90,18 @@ TEST(SecondOpinionTest, AStopARoleOrADroneThatOneSideDoesNotHaveIsADifference) {
 TEST(SecondOpinionTest, OfOrganisationsThatOneSideDoesNotFollowOrHasLeftOutNothingIsCompared) {
   const crypto::IdentityName far{"Org3MSP", "CN=far"};
   FirstRecords followed = records(), left_out = records();
-  followed.roles.take({to_message(far), OPERATOR});
+  followed.roles.apply({to_message(far), OPERATOR});
   EXPECT_TRUE(SecondOpinion::differences(records(), followed).empty()) << "granted since, and not read here yet";
   left_out.roles.follow("Org3MSP");
   EXPECT_EQ(SecondOpinion::differences(left_out, followed).size(), 1U) << "followed, and without that role";
-  left_out.roles.leave_out("Org3MSP");
+  left_out.roles.exclude("Org3MSP");
   EXPECT_TRUE(SecondOpinion::differences(left_out, followed).empty());
   EXPECT_TRUE(SecondOpinion::differences(followed, left_out).empty());
 }
 
 TEST(SecondOpinionTest, ARoleThatIsNoneIsAsGoodAsNoRole) {
   FirstRecords other = records();
-  other.roles.take({to_message({"Org3MSP", "CN=host"}), ROLE_NONE});
+  other.roles.apply({to_message({"Org3MSP", "CN=host"}), ROLE_NONE});
   SecondOpinion opinion;
   EXPECT_FALSE(opinion.compare(records(), other).again_soon);
 }

@@ -5,8 +5,8 @@
 #include "common/msg/ros.hpp"
 #include "common/verification/calls.hpp"
 #include "ledgerline.pb.h"
-#include "onboard/agent/core/outbox/alarm_sender.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
+#include "onboard/agent/core/outbox/integrity.hpp"
 #include "onboard/agent/core/outbox/transition_sender.hpp"
 
 namespace ledgerline::agent {
@@ -43,8 +43,7 @@ fabric::Call encode_frame(const Frame& frame, const std::vector<DroneName>& dron
   call.set_stream(true);
   for (const auto* samples : {&frame.samples, &frame.repeated}) {
     for (const StateSample& sample : *samples) {
-      const auto it =
-          std::find_if(drones.begin(), drones.end(), [&](const auto& d) { return d.number == sample.drone; });
+      const auto it = std::ranges::find(drones, sample.drone, &DroneName::number);
       if (it == drones.end()) continue;
       const bool with_battery =
           std::find(frame.batteries.begin(), frame.batteries.end(), sample.drone) != frame.batteries.end();
