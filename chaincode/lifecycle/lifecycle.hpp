@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 
 /// Fabric's lifecycle of a chaincode (`_lifecycle`), as an organisation's administrator: no program of Fabric's is
 /// needed.

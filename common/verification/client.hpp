@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeated.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::verification {

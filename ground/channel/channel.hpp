@@ -6,8 +6,8 @@
 #include <variant>
 #include <vector>
 
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 #include "ground/core/flight.hpp"
 

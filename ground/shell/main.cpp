@@ -7,7 +7,6 @@
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"

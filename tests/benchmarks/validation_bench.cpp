@@ -11,7 +11,7 @@
 #include <map>
 
 #include "common/access/identity.hpp"
-#include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/blocks/block_intake.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"

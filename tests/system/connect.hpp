@@ -8,8 +8,8 @@
 #include <thread>
 
 #include "common/config/config.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/sending/repeat.hpp"
 #include "common/verification/client.hpp"
 
 namespace ledgerline {

@@ -9,7 +9,6 @@
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/receipt/asking.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/receipt/receipt_verifier.hpp"
 #include "common/program/command_line.hpp"

@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "common/fabric/checkpoint/checkpoint.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
 
 namespace ledgerline::endorser {
 

@@ -19,9 +19,9 @@
 #include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/endorser/shell/two_lanes.hpp"
 #include "common/crypto/identities/identity_in_use.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 
 namespace ledgerline::endorser {
 

@@ -8,8 +8,8 @@
 #include "chaincode/endorser/shell/service.hpp"
 #include "chaincode/endorser/shell/serving.hpp"
 #include "common/base/log.hpp"
-#include "common/fabric/client/own_endorser.hpp"
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 
 namespace ledgerline::endorser {
 namespace {

@@ -11,8 +11,8 @@
 
 #include "common/bridge/core/report.hpp"
 #include "common/dds/raw.hpp"
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 
 namespace ledgerline::bridge {

@@ -3,9 +3,8 @@
 #include <future>
 
 #include "common/fabric/client/connection.hpp"
-#include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
-#include "common/fabric/client/streams/follower.hpp"
+#include "common/fabric/client/stream_thread.hpp"
 
 namespace ledgerline::fabric {
 namespace {

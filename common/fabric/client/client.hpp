@@ -9,10 +9,9 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/checkpoint/continuation.hpp"
-#include "common/fabric/sending/outcome.hpp"
-#include "common/fabric/sending/tls_pairs_in_use.hpp"
-#include "common/fabric/stream/block_source.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
+#include "common/fabric/client/outcome.hpp"
+#include "common/fabric/tls/tls_pairs_in_use.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
@@ -165,6 +164,25 @@ class Client {
   virtual std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
                                          std::function<void(bool, const std::string&)> on_connection,
                                          std::string after_tx_id = {}) = 0;
+};
+
+/// An endorser of the own organisation within this process (ClientConfig::own_endorser). Any thread.
+class OwnEndorser {
+ public:
+  virtual ~OwnEndorser() = default;
+
+  struct Answer {
+    std::string response{};  ///< protos.ProposalResponse
+    std::string problem{};   ///< why there is none; empty: there is
+    bool elsewhere = false;  ///< another endorser may answer
+  };
+  /// To a protos.SignedProposal. Waits for nobody outside this process, but at most 0.2 s for the first under a
+  /// definition of the contract.
+  virtual Answer endorse(const std::string& signed_proposal) = 0;
+
+  /// The handlers of a block stream that the process reads anyway, so that the blocks need not be read for the endorser
+  /// alone. It takes a block after the given handler has had it.
+  virtual Client::StreamHandlers fed_by(Client::StreamHandlers handlers) = 0;
 };
 
 }  // namespace ledgerline::fabric

@@ -12,6 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/crypto/identities/request.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -245,8 +246,7 @@ std::string describe(const grpc::Status& status) {
 Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,
                                           std::chrono::milliseconds deadline) {
   protos::SignedProposal question;
-  if (!question.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size())))
-    return Error{"what was to be asked is no proposal"};
+  if (!parse(question, signed_proposal)) return Error{"what was to be asked is no proposal"};
   protos::ProposalResponse response;
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + deadline);

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "common/fabric/client/own_endorser.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/client/pipeline.hpp"
 #include "peer/proposal.pb.h"
 

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/fabric/client/connection.hpp"
-#include "common/fabric/sending/orderer_choice.hpp"
+#include "common/fabric/client/orderer_choice.hpp"
 #include "orderer/ab.grpc.pb.h"
 
 namespace ledgerline::fabric {

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/client/endorsement_collector.hpp"
 #include "common/fabric/client/ordering.hpp"
-#include "common/fabric/sending/gathering.hpp"
 #include "gateway/gateway.grpc.pb.h"
 #include "peer/peer.grpc.pb.h"
 

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <google/protobuf/stubs/logging.h>
+
 #include <algorithm>
 #include <optional>
 #include <set>
 
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
-#include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"

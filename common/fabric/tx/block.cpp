@@ -12,11 +12,6 @@
 namespace ledgerline::fabric {
 namespace {
 
-template <typename Message>
-bool parse(Message& message, const std::string& bytes) {
-  return message.ParseFromString(bytes);
-}
-
 /// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers look at the
 /// contract's name alone before they flag a transaction valid.
 const char* read_action(const std::string& response_payload, Transaction& out) {
@@ -149,9 +144,7 @@ Result<Block> decode_block(const common::Block& block) {
 
 Result<Block> decode_block(std::string_view bytes) {
   common::Block block;
-  if (bytes.size() > INT32_MAX || !block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return Error{"a block that cannot be parsed"};
-  }
+  if (!parse(block, bytes)) return Error{"a block that cannot be parsed"};
   return decode_block(block);
 }
 

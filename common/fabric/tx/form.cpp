@@ -99,8 +99,7 @@ TransactionForm read_form(std::string_view bytes, const CreatorCheck& creator_ch
   };
   common::Envelope envelope;
   common::Payload payload;
-  if (bytes.size() > INT32_MAX || !envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
-    return wrong(protos::INVALID_OTHER_REASON);
+  if (!parse(envelope, bytes)) return wrong(protos::INVALID_OTHER_REASON);
   if (!payload.ParseFromString(envelope.payload())) return wrong(protos::BAD_PAYLOAD);
   if (!good_headers(payload.header(), form)) return wrong(protos::BAD_COMMON_HEADER);
   form.config = form.channel_header.type() == common::CONFIG;

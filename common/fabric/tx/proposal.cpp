@@ -56,11 +56,6 @@ Result<std::string> signed_envelope(const crypto::SigningIdentity& who, std::str
   return envelope.SerializeAsString();
 }
 
-template <typename Message>
-bool parse(Message& message, std::string_view bytes) {
-  return bytes.size() <= INT32_MAX && message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
-}
-
 /// The call in a ChaincodeProposalPayload; what else is in it (the transient map) does not travel with the transaction.
 std::string input_of(const std::string& proposal_payload) {
   protos::ChaincodeProposalPayload payload;

@@ -74,6 +74,13 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
 /// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
 
+/// Whose blocks a stream hands over.
+enum class BlockSource {
+  peer,     ///< the own peer's
+  ordered,  ///< the first that comes: an orderer's, where our own validation needs no flag of the peer, which confirms
+            ///< it later
+};
+
 /// Up to where a seek asks for blocks.
 enum class SeekStop {
   never,     ///< what is not there yet is waited for

@@ -7,6 +7,7 @@
 
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -84,8 +85,7 @@ Result<BlockValidator> BlockValidator::from(std::string_view anchor, const std::
   validator.channel_ = channel;
   validator.make_registry_ = std::move(make_registry);
   common::Block block;
-  if (anchor.size() > INT32_MAX || !block.ParseFromArray(anchor.data(), static_cast<int>(anchor.size())))
-    return Error{"the config block cannot be parsed"};
+  if (!parse(block, anchor)) return Error{"the config block cannot be parsed"};
   if (auto status = validator.follow(block); !status) return status.error();
   return validator;
 }

@@ -6,8 +6,8 @@
 #include <thread>
 #include <vector>
 
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 #include "onboard/agent/core/records/first_records.hpp"

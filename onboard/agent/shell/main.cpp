@@ -8,7 +8,6 @@
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"

@@ -1,4 +1,4 @@
-#include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/blocks/block_intake.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/common/fabric/validation/validated_channel.hpp"

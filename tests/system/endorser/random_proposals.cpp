@@ -13,7 +13,7 @@
 #include "chaincode/endorser/core/comparison.hpp"
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
 #include "msp/identities.pb.h"

@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 #include "orderer/ab.grpc.pb.h"

@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 #include "common/msg/contract.hpp"
 #include "msp/identities.pb.h"
 #include "peer/proposal_response.pb.h"

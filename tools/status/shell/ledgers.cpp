@@ -2,7 +2,7 @@
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/peer_queries.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/random.hpp"
-#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/client/outcome.hpp"
 #include "common/rt/retry/back_off.hpp"
 #include "onboard/agent/core/integrity_monitor.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

@@ -11,8 +11,8 @@
 
 #include "chaincode/endorser/core/snapshot.hpp"
 #include "common/base/file.hpp"
-#include "common/fabric/checkpoint/checkpoint.hpp"
-#include "common/fabric/client/own_endorser.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
+#include "common/fabric/client/client.hpp"
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
 

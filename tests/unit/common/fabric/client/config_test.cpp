@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/fabric/timeouts.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {
