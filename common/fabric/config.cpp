@@ -6,7 +6,7 @@
 #include "common/base/log.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/channels.hpp"
-#include "common/fabric/client/peer_queries.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/rt/clock.hpp"
 
@@ -182,30 +182,25 @@ Result<ChannelConfig> channel_of(const ClientConfig& config) {
     if (!block.ParseFromString(config.config_block)) return Error{"ledger.config_block: it is no block"};
     return read_channel_config(block);
   }
-  const auto questions = PeerQuestions::create(config);
+  const auto questions = PeerQueries::create(config);
   return questions ? (*questions)->channel_config() : questions.error();
 }
 
 }  // namespace
 
-Result<TimeNs> added_timeout(const ClientConfig& config) {
+Result<TimeNs> apply_timeouts(ClientConfig& config) {
   if (!config.timeouts_of_channel) return TimeNs{0};
+  const auto wrong = [&](const std::string& why) { return of_channel(config, Error{"ledger.timeouts: " + why}); };
   const auto channel = channel_of(config);
-  if (!channel) return Error{"ledger.timeouts: the channel's settings are not known: " + channel.error().message};
-  if (!channel->batching) return Error{"ledger.timeouts: the channel's configuration has no BatchTimeout"};
+  if (!channel) return wrong("the channel's settings are not known: " + channel.error().message);
+  if (!channel->batching) return wrong("the channel's configuration has no BatchTimeout");
   const TimeNs both_ns = both_ways_ns(channel->batching->timeout_ns, channel->batching->max_messages);
   spdlog::info(
       "blocks are cut {:g} s behind their first transaction, or at {}: a command may come {:g} s later than it "
       "would if each were cut at once, and limits are so much longer",
       to_seconds(channel->batching->timeout_ns), channel->batching->max_messages, to_seconds(both_ns));
+  config.deadline += std::chrono::milliseconds(both_ns / ns_per_ms);
   return both_ns;
-}
-
-Result<TimeNs> take_timeouts(ClientConfig& config) {
-  const auto longer_ns = added_timeout(config);
-  if (!longer_ns) return of_channel(config, longer_ns.error());
-  config.deadline += std::chrono::milliseconds(*longer_ns / ns_per_ms);
-  return longer_ns;
 }
 
 }  // namespace ledgerline::fabric

@@ -24,11 +24,9 @@ inline constexpr const char* blocks_not_validated =
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are trusted, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
 
-/// What `timeouts` of [ledger] adds to limits of time: 0 where it is fixed. Of config_block where there is one, so that
-/// no peer can lengthen them, else of the peer, which must answer then. Logs what it costs.
-Result<TimeNs> added_timeout(const ClientConfig& config);
-
-/// The same, of one of a program's channels: its deadline grows, and an error names it.
-Result<TimeNs> take_timeouts(ClientConfig& config);
+/// Adds to the config's deadline, and returns, what `timeouts` of [ledger] adds to limits of time: 0 where it is fixed.
+/// Of config_block where there is one, so that no peer can lengthen them, else of the peer, which must answer then.
+/// Logs what it costs; an error names the channel.
+Result<TimeNs> apply_timeouts(ClientConfig& config);
 
 }  // namespace ledgerline::fabric

@@ -21,7 +21,7 @@ class Channel {
     FlightConfig flight;
     std::unique_ptr<fabric::Client> client;  ///< for commands and blocks
     std::unique_ptr<fabric::Client> urgent;  ///< for what must not wait behind commands
-    fabric::KeptCheckpoint kept;             ///< as the last ground left it
+    fabric::StoredCheckpoint kept;           ///< as the last ground left it
   };
 
   struct Ended {

@@ -21,7 +21,6 @@
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/peer_queries.hpp"
 
 namespace ledgerline::endorser {
 
@@ -135,8 +134,8 @@ class Service {
 
   const std::shared_ptr<const crypto::IdentityInUse> identity_;
   const std::function<void(const std::string&)> on_failure_;
-  std::unique_ptr<fabric::PeerQuestions> peer_;
-  fabric::KeptCheckpoint kept_;            ///< until begin_stream(), without its records
+  std::unique_ptr<fabric::PeerQueries> peer_;
+  fabric::StoredCheckpoint kept_;          ///< until begin_stream(), without its records
   std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
   mutable TwoLanes lanes_;  // its lock guards what follows; by the second lane come the proposals of others alone

@@ -40,7 +40,7 @@ class Within final : public fabric::OwnEndorser, public std::enable_shared_from_
   Answer endorse(const std::string& signed_proposal) override {
     node::Reply reply = service_->process_proposal(signed_proposal, Service::Caller::own);
     if (reply.code == node::Code::ok) return {.response = std::move(reply.bytes)};
-    return {.problem = std::move(reply.message), .elsewhere = reply.code == node::Code::unavailable};
+    return {.response = Error{std::move(reply.message)}, .elsewhere = reply.code == node::Code::unavailable};
   }
 
   fabric::Client::StreamHandlers fed_by(fabric::Client::StreamHandlers handlers) override {

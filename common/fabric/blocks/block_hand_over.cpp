@@ -17,53 +17,33 @@ constexpr TimeNs max_missing_ns = 1 * ns_per_s;  // far beyond what an orderer's
 
 }  // namespace
 
-Result<Continuation> BlockHandOver::continue_chain(const LastVerified& verified, const common::Block& newest,
-                                                   const Fetch& fetch) {
-  const std::lock_guard lock(mutex_);
-  return intake_.continue_chain(verified, newest, fetch);
-}
-
-bool BlockHandOver::misses_definition() const {
-  const std::lock_guard lock(mutex_);
-  return intake_.misses_definition();
-}
-
-void BlockHandOver::define(const std::string& policy) {
-  const std::lock_guard lock(mutex_);
-  intake_.define(policy);
-}
-
-std::optional<std::uint64_t> BlockHandOver::begin() {
-  const std::lock_guard lock(mutex_);
-  return intake_.next_of_peer();
-}
-
 void BlockHandOver::peer_connected() {
   const std::lock_guard lock(mutex_);
   begun_ = true;
   intake_.begin();
 }
 
-BlockHandOver::TakeResult BlockHandOver::on_peer_block(const common::Block& message, TimeNs now, const Fetch& fetch) {
+Result<BlockHandOver::OrdererStream> BlockHandOver::on_peer_block(const common::Block& message, TimeNs now,
+                                                                  const Fetch& fetch) {
   const std::lock_guard lock(mutex_);
-  if (!intake_.contradiction().empty()) {
+  if (intake_.contradiction()) {
     read_on(message, now);
-    return {};
+    return OrdererStream::goes_on;
   }
-  TakeResult result = intake_.confirms_next() ? confirm(message, now) : take(message, now, fetch);
-  if (!result.problem.empty()) refuse(message);
+  auto result = intake_.confirms_next() ? confirm(message, now) : add(message, now, fetch);
+  if (!result) refuse(message);
   return result;
 }
 
-std::string BlockHandOver::contradiction() const {
+Status BlockHandOver::consistent() const {
   const std::lock_guard lock(mutex_);
-  return intake_.contradiction();
+  return intake_.contradiction() ? Status(Error{*intake_.contradiction()}) : done;
 }
 
 void BlockHandOver::read_on(const common::Block& message, TimeNs now) {
   if (now >= next_contradiction_ns_) {
     next_contradiction_ns_ = now + contradiction_period_ns;
-    report_contradiction(intake_.contradiction());
+    report_contradiction(*intake_.contradiction());
   }
   refuse(message);
 }
@@ -74,14 +54,14 @@ void BlockHandOver::refuse(const common::Block& message) const {
   if (block) handlers_.on_refused(*block);
 }
 
-BlockHandOver::TakeResult BlockHandOver::take(const common::Block& message, TimeNs now, const Fetch& fetch) {
+Result<BlockHandOver::OrdererStream> BlockHandOver::add(const common::Block& message, TimeNs now, const Fetch& fetch) {
   // "From the next new one on": the newest block that the peer sends first only says where that is.
   const bool wanted = intake_.next().has_value();
-  NotedFetch noted(fetch);
-  auto block = intake_.take(message, std::ref(noted));
+  bool fetch_failed = false;
+  auto block = intake_.add(message, watched(fetch, fetch_failed));
   if (!block) {
-    if (!noted.failed()) report_contradiction(block.error().message);
-    return {.problem = block.error().message};
+    if (!fetch_failed) report_contradiction(block.error().message);
+    return block.error();
   }
   if (wanted) {
     hand_over(*block, message, now);
@@ -89,16 +69,17 @@ BlockHandOver::TakeResult BlockHandOver::take(const common::Block& message, Time
     block->received_ns = now;
     commits_->block(*block);
   }
-  const std::string lie = intake_.take_orderer_problem();
-  if (!lie.empty()) report_contradiction(lie);
-  return {.end_orderer = !lie.empty() || !take_ordered(now).empty() || withholds(block->number, now)};
+  const auto forged = intake_.pop_orderer_problem();
+  if (forged) report_contradiction(*forged);
+  const bool ends = forged || !hand_over_ordered(now) || withholds(block->number, now);
+  return ends ? OrdererStream::ends : OrdererStream::goes_on;
 }
 
-BlockHandOver::TakeResult BlockHandOver::confirm(const common::Block& message, TimeNs now) {
+Result<BlockHandOver::OrdererStream> BlockHandOver::confirm(const common::Block& message, TimeNs now) {
   const auto confirmed = intake_.confirm(message);
   if (!confirmed) {
     report_contradiction(confirmed.error().message);
-    return {.problem = confirmed.error().message};
+    return confirmed.error();
   }
   if (*confirmed > 0 && handlers_.on_unverified)
     handlers_.on_unverified(fmt::format(
@@ -109,7 +90,8 @@ BlockHandOver::TakeResult BlockHandOver::confirm(const common::Block& message, T
   // `now` is from before this thread waited for the mutex, maybe for the orderer's.
   if (handlers_.on_confirmed)
     handlers_.on_confirmed({message.header().number(), header_hash(message.header()), ordered, std::max(ordered, now)});
-  return {.end_orderer = !take_ordered(now).empty()};  // where the bound was reached, more may be taken now
+  // Where the bound was reached, more may be taken now.
+  return hand_over_ordered(now) ? OrdererStream::goes_on : OrdererStream::ends;
 }
 
 bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
@@ -128,42 +110,42 @@ bool BlockHandOver::withholds(std::uint64_t number, TimeNs now) {
 std::optional<std::uint64_t> BlockHandOver::begin_ordered() {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
-  withheld_.clear();
+  withheld_.reset();
   orderer_connected_ = false;
   return begun_ ? intake_.begin_ordered() : std::nullopt;
 }
 
-std::string BlockHandOver::why_orderer_ended() const {
+std::optional<std::string> BlockHandOver::withheld() const {
   const std::lock_guard lock(mutex_);
   return withheld_;
 }
 
-std::string BlockHandOver::on_ordered_block(common::Block message, TimeNs now) {
+Status BlockHandOver::on_ordered_block(common::Block message, TimeNs now) {
   const std::lock_guard lock(mutex_);
   missing_since_.reset();
   orderer_connected_ = true;
-  if (!intake_.contradiction().empty()) {
+  if (intake_.contradiction()) {
     read_on(message, now);
-    return {};
+    return done;
   }
   if (const Status added = intake_.add_ordered(message); !added) {
     report_contradiction(added.error().message);
     refuse(message);
-    return added.error().message;
+    return added;
   }
-  std::string problem = take_ordered(now);
-  if (!problem.empty()) refuse(message);
-  return problem;
+  Status handed_over = hand_over_ordered(now);
+  if (!handed_over) refuse(message);
+  return handed_over;
 }
 
-std::string BlockHandOver::take_ordered(TimeNs now) {
+Status BlockHandOver::hand_over_ordered(TimeNs now) {
   while (true) {
-    auto ordered = intake_.take_ordered();
+    auto ordered = intake_.pop_ordered();
     if (!ordered) {
       report_contradiction(ordered.error().message);
-      return ordered.error().message;
+      return ordered.error();
     }
-    if (!*ordered) return {};
+    if (!*ordered) return done;
     ordered_at_[(*ordered)->block.number] = now;
     hand_over((*ordered)->block, (*ordered)->message, now);
   }
@@ -194,8 +176,8 @@ void BlockHandOver::report_unverified(const Block& block) {
   for (const Transaction& transaction : block.transactions) {
     if (transaction.problem.empty()) continue;
     ++unverified_;
-    if (!handlers_.on_unverified || (unverified_ > 1 && block.received_ns < next_word_ns_)) continue;
-    next_word_ns_ = block.received_ns + unverified_period_ns;
+    if (!handlers_.on_unverified || (unverified_ > 1 && block.received_ns < next_unverified_ns_)) continue;
+    next_unverified_ns_ = block.received_ns + unverified_period_ns;
     handlers_.on_unverified(fmt::format("block {}: transaction {}: its flag is not trusted: {}; left out ({} so far)",
                                         block.number, printable(transaction.tx_id), transaction.problem, unverified_));
   }

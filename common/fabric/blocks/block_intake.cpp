@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <utility>
 
+#include "common/base/check.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "peer/transaction.pb.h"
 
@@ -17,9 +18,9 @@ std::string not_as_ordered(std::uint64_t number) {
   return fmt::format("block {} of the peer is not the one that was ordered", number);
 }
 
-void set_flags(common::Block& message, const std::vector<Verdict>& verdicts) {
+void set_flags(common::Block& message, const std::vector<TransactionVerdict>& verdicts) {
   std::string flags;
-  for (const Verdict& verdict : verdicts) flags.push_back(static_cast<char>(verdict.code));
+  for (const TransactionVerdict& verdict : verdicts) flags.push_back(static_cast<char>(verdict.code));
   while (message.metadata().metadata_size() <= common::TRANSACTIONS_FILTER)
     message.mutable_metadata()->add_metadata("");
   message.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, std::move(flags));
@@ -32,7 +33,7 @@ void keep(std::map<std::uint64_t, Kept>& kept, std::uint64_t number, Kept one) {
 }
 
 template <typename Kept>
-std::optional<Kept> take(std::map<std::uint64_t, Kept>& kept, std::uint64_t number) {
+std::optional<Kept> pop(std::map<std::uint64_t, Kept>& kept, std::uint64_t number) {
   auto node = kept.extract(number);
   return node.empty() ? std::nullopt : std::optional(std::move(node.mapped()));
 }
@@ -53,11 +54,33 @@ void ReportedHeaders::forget_ordered() { ordered_.clear(); }
 
 void ReportedHeaders::of_peer(std::uint64_t number, std::string hash) { keep(of_peer_, number, std::move(hash)); }
 
-std::optional<ReportedHeaders::Ordered> ReportedHeaders::take_ordered(std::uint64_t number) {
-  return take(ordered_, number);
+std::optional<ReportedHeaders::Ordered> ReportedHeaders::pop_ordered(std::uint64_t number) {
+  return pop(ordered_, number);
 }
 
-std::optional<std::string> ReportedHeaders::take_of_peer(std::uint64_t number) { return take(of_peer_, number); }
+std::optional<std::string> ReportedHeaders::pop_of_peer(std::uint64_t number) { return pop(of_peer_, number); }
+
+void WaitingBlocks::add(common::Block message) {
+  const std::size_t bytes = message.ByteSizeLong();
+  if (blocks_.size() >= max_blocks || bytes_ + bytes > max_bytes) return;
+  const std::uint64_t number = message.header().number();
+  bytes_ += bytes;
+  blocks_[number] = std::move(message);
+}
+
+std::optional<common::Block> WaitingBlocks::pop(std::uint64_t number) {
+  std::optional<common::Block> out;
+  const auto found = blocks_.find(number);
+  if (found == blocks_.end()) return out;
+  bytes_ -= found->second.ByteSizeLong();
+  out = std::move(found->second);
+  blocks_.erase(found);
+  return out;
+}
+
+void WaitingBlocks::erase_up_to(std::uint64_t number) {
+  while (!blocks_.empty() && blocks_.begin()->first <= number) (void)pop(blocks_.begin()->first);
+}
 
 Result<BlockIntake> BlockIntake::make(Setup setup) {
   BlockIntake intake(std::move(setup));
@@ -74,9 +97,7 @@ Result<BlockIntake> BlockIntake::make(Setup setup) {
 /// Blocks are missing: what was followed up to there says nothing of what comes.
 void BlockIntake::forget() {
   if (!validator_) return;
-  state_.emplace(KeyState::Part{.contract = setup_.where.contract,
-                                .likely_policy = setup_.likely_policy,
-                                .is_of_hot_path = setup_.is_of_hot_path});
+  state_.emplace(KeyState::Part{.contract = setup_.where.contract, .rules = setup_.contract_rules});
   defined_ = false;
   configure();
 }
@@ -120,8 +141,8 @@ Status BlockIntake::validate_block(const common::Block& message, const Fetch& fe
   return validator_->validate(message);
 }
 
-Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch) {
-  if (!contradiction_.empty()) return Error{contradiction_};
+Result<Block> BlockIntake::add(const common::Block& message, const Fetch& fetch) {
+  if (const Status status = consistent(); !status) return status.error();
   auto block = decode_block(message);
   if (!block) return block;
   // Its place first: a configuration out of its turn, which the orderers have signed as well, is not to be followed.
@@ -131,7 +152,7 @@ Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch
   if (Status follows = chain.add(*block); !follows) return follows.error();
   if (Status valid = validate_block(message, fetch); !valid) return valid.error();
   if (Status same = compare_with_ordered(block->number, chain.hash()); !same) return same.error();
-  forget_waiting(block->number);
+  waiting_.erase_up_to(block->number);
   next_is_uncertain_ = false;
   chain_ = std::move(chain);
   next_ = chain_.height();
@@ -141,15 +162,17 @@ Result<Block> BlockIntake::take(const common::Block& message, const Fetch& fetch
 
 Error BlockIntake::contradict(std::string what) {
   contradiction_ = std::move(what);
-  return Error{contradiction_};
+  return Error{*contradiction_};
 }
+
+Status BlockIntake::consistent() const { return contradiction_ ? Status(Error{*contradiction_}) : done; }
 
 bool BlockIntake::is_signed(const common::Block& message) { return !validator_ || validator_->is_signed(message); }
 
 /// Of a block that the peer delivers.
 Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string& hash) {
   if (setup_.source == BlockSource::peer) return done;
-  const auto ordered = reported_.take_ordered(number);
+  const auto ordered = reported_.pop_ordered(number);
   if (!ordered) {
     reported_.of_peer(number, hash);
   } else if (ordered->hash != hash && is_signed(ordered->message)) {
@@ -163,14 +186,14 @@ Status BlockIntake::compare_with_ordered(std::uint64_t number, const std::string
 /// Of a block that an orderer delivers after the peer.
 Status BlockIntake::compare_with_taken(const common::Block& message, const std::string& hash) {
   const std::uint64_t number = message.header().number();
-  const auto taken = reported_.take_of_peer(number);
+  const auto taken = reported_.pop_of_peer(number);
   if (!taken || *taken == hash) return done;
   if (is_signed(message)) return contradict(not_as_ordered(number));
   return Error{fmt::format("block {} of an orderer is not the peer's, and not signed", number)};
 }
 
 Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
-  if (!contradiction_.empty()) return Error{contradiction_};
+  if (const Status status = consistent(); !status) return status.error();
   if (unconfirmed_.empty()) return Error{"no block waits to be confirmed"};
   auto& [number, ours] = *unconfirmed_.begin();
   if (message.header().number() != number)
@@ -197,16 +220,15 @@ Result<std::size_t> BlockIntake::confirm(const common::Block& message) {
 
 std::optional<std::uint64_t> BlockIntake::begin_ordered() {
   next_ordered_.reset();
-  orderer_problem_.clear();
+  orderer_problem_.reset();
   reported_.forget_ordered();
-  waiting_.clear();
-  waiting_bytes_ = 0;
+  waiting_ = {};
   if (setup_.source != BlockSource::peer) next_ordered_ = next_;
   return next_ordered_;
 }
 
 Status BlockIntake::add_ordered(common::Block message) {
-  if (!contradiction_.empty()) return Error{contradiction_};
+  if (const Status status = consistent(); !status) return status.error();
   const std::uint64_t number = message.header().number();
   if (number != next_ordered_)
     return Error{fmt::format("an orderer sent block {} where {} was due", number, next_ordered_.value_or(0))};
@@ -216,55 +238,41 @@ Status BlockIntake::add_ordered(common::Block message) {
   std::string hash = header_hash(message.header());
   if (next_ && number < *next_) return compare_with_taken(message, hash);
   reported_.ordered(message, std::move(hash));
-  keep_waiting(std::move(message));
+  waiting_.add(std::move(message));
   return done;
 }
 
-void BlockIntake::keep_waiting(common::Block message) {
-  const std::size_t bytes = message.ByteSizeLong();
-  if (waiting_.size() >= max_waiting || waiting_bytes_ + bytes > max_waiting_bytes) return;
-  const std::uint64_t number = message.header().number();
-  waiting_bytes_ += bytes;
-  waiting_[number] = {std::move(message), bytes};
-}
-
-void BlockIntake::forget_waiting(std::uint64_t up_to) {
-  while (!waiting_.empty() && waiting_.begin()->first <= up_to) {
-    waiting_bytes_ -= waiting_.begin()->second.bytes;
-    waiting_.erase(waiting_.begin());
-  }
-}
-
-bool BlockIntake::may_take_ordered() const {
+bool BlockIntake::can_take_ordered() const {
   return state_ && caught_up_ && next_ && *next_ != 0 && !next_is_uncertain_ && unconfirmed_.size() < max_unconfirmed;
 }
 
-Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
-  if (!contradiction_.empty()) return Error{contradiction_};
+Result<std::optional<BlockIntake::Ordered>> BlockIntake::pop_ordered() {
+  if (const Status status = consistent(); !status) return status.error();
   std::optional<Ordered> none;
-  if (!may_take_ordered()) return none;
-  const auto found = waiting_.find(*next_);
-  if (found == waiting_.end()) return none;
+  if (!can_take_ordered()) return none;
   const std::uint64_t number = *next_;
+  auto waiting = waiting_.pop(number);
+  if (!waiting) return none;
   Ordered out;
-  out.message = std::move(found->second.message);
-  forget_waiting(number);
+  out.message = std::move(*waiting);
+  waiting_.erase_up_to(number);
   next_is_uncertain_ = is_config(out.message);  // the peer's word decides, and is waited for
   if (next_is_uncertain_) return none;
   ChainCheck chain = chain_;
   if (Status follows = validate_ordered(out.message, chain); !follows) {
-    (void)reported_.take_ordered(number);
+    (void)reported_.pop_ordered(number);
     return follows.error();
   }
-  const std::vector<Verdict> verdicts = fabric::validate_transactions(out.message, *state_, *members_, rules_);
-  next_is_uncertain_ = !std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& verdict) {
+  const std::vector<TransactionVerdict> verdicts =
+      fabric::validate_transactions(out.message, *state_, *members_, rules_);
+  next_is_uncertain_ = !std::all_of(verdicts.begin(), verdicts.end(), [](const TransactionVerdict& verdict) {
     return verdict.code == protos::VALID && verdict.repeatable && !verdict.by_flag;
   });
   if (next_is_uncertain_) {
     ++counts_.uncertain;
     return none;
   }
-  (void)reported_.take_ordered(number);
+  (void)reported_.pop_ordered(number);
   set_flags(out.message, verdicts);
   auto block = decode_block(out.message);
   if (!block) return block.error();
@@ -272,10 +280,10 @@ Result<std::optional<BlockIntake::Ordered>> BlockIntake::take_ordered() {
   out.block.confirmed = false;
   Unconfirmed& unconfirmed = unconfirmed_[number];
   unconfirmed.hash = chain.hash();
-  for (const Verdict& verdict : verdicts) unconfirmed.sets.push_back(verdict.sets);
+  for (const TransactionVerdict& verdict : verdicts) unconfirmed.sets.push_back(verdict.sets);
   chain_ = std::move(chain);
   next_ = chain_.height();
-  take_verdicts(verdicts, out.block);
+  apply_verdicts(verdicts, out.block);
   ++counts_.ordered_first;
   return std::optional(std::move(out));
 }
@@ -303,13 +311,15 @@ void BlockIntake::validate_transactions(const common::Block& message, Block& blo
   if (validator_->config() != configured_ && validator_->config() != block.number) configure();
   // Nobody orders the first block.
   if (block.number == 0) return;
-  take_verdicts(fabric::validate_transactions(message, *state_, *members_, rules_), block);
+  apply_verdicts(fabric::validate_transactions(message, *state_, *members_, rules_), block);
   if (validator_->config() != configured_) configure();
 }
 
-void BlockIntake::take_verdicts(const std::vector<Verdict>& verdicts, Block& block) {
+void BlockIntake::apply_verdicts(const std::vector<TransactionVerdict>& verdicts, Block& block) {
+  LEDGERLINE_CHECK(verdicts.size() == block.transactions.size(), "each transaction has a verdict", verdicts.size(),
+                   block.transactions.size());
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
-    const Verdict& verdict = verdicts[i];
+    const TransactionVerdict& verdict = verdicts[i];
     Transaction& transaction = block.transactions[i];
     if (verdict.config) continue;
     if (verdict.by_flag) {

@@ -32,12 +32,27 @@ class ReportedHeaders {
   void forget_ordered();
   void of_peer(std::uint64_t number, std::string hash);
   /// What the other side delivered of that block, which is then forgotten.
-  std::optional<Ordered> take_ordered(std::uint64_t number);
-  std::optional<std::string> take_of_peer(std::uint64_t number);
+  std::optional<Ordered> pop_ordered(std::uint64_t number);
+  std::optional<std::string> pop_of_peer(std::uint64_t number);
 
  private:
   std::map<std::uint64_t, Ordered> ordered_;
   std::map<std::uint64_t, std::string> of_peer_;
+};
+
+/// An orderer's blocks that wait for their turn: so many, and so many bytes; what is beyond is dropped, since the
+/// peer's stream brings it. One thread.
+class WaitingBlocks {
+ public:
+  static constexpr std::size_t max_blocks = 64, max_bytes = 16 << 20;
+
+  void add(common::Block message);
+  std::optional<common::Block> pop(std::uint64_t number);
+  void erase_up_to(std::uint64_t number);
+
+ private:
+  std::map<std::uint64_t, common::Block> blocks_;
+  std::size_t bytes_ = 0;
 };
 
 /// Verifies the blocks that a peer serves, without its I/O: the core of every stream of blocks. Each must be
@@ -60,10 +75,7 @@ class BlockIntake {
     /// As ClientConfig::config_block. Empty: neither blocks nor transactions are validated: what the peer says counts.
     std::string config_block;
     BlockValidator::MakeRegistry make_registry;
-    /// As ClientConfig::likely_policy.
-    std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
-    /// As ClientConfig::is_of_hot_path.
-    std::function<bool(const std::string& key)> is_of_hot_path{};
+    ContractRules contract_rules{};
     /// This machine's; empty: it has none.
     std::function<TimeNs()> real_time{};
     BlockSource source = BlockSource::peer;  ///< `ordered` needs config_block
@@ -82,7 +94,7 @@ class BlockIntake {
   /// The next block, with the verified transactions: one that is flagged valid and is not is left out
   /// (code_unverified), one that is flagged invalid and is valid says so in its `problem`. An error: it is not the
   /// next block, which may still come. Where confirms_next(), the peer's next block is for confirm().
-  Result<Block> take(const common::Block& message, const Fetch& fetch);
+  Result<Block> add(const common::Block& message, const Fetch& fetch);
 
   /// Whose endorsement the contract's keys need (protos.ApplicationPolicy), where no block has defined it: it lies
   /// behind the first one, and somebody has said what it is.
@@ -97,8 +109,6 @@ class BlockIntake {
 
   /// So many blocks that were taken may be ahead of the peer; then the orderers' wait for it.
   static constexpr std::size_t max_unconfirmed = 64;
-  /// So many may wait, and so many bytes; the peer's stream brings what is beyond.
-  static constexpr std::size_t max_waiting = 64, max_waiting_bytes = 16 << 20;
   /// What the peer's stream begins with: what is not confirmed yet comes again.
   std::optional<std::uint64_t> next_of_peer() const {
     return unconfirmed_.empty() ? next_ : std::optional(unconfirmed_.begin()->first);
@@ -112,23 +122,23 @@ class BlockIntake {
   /// A connection to an orderer begins: the number of the block that it begins with. None: the peer's has to come
   /// first.
   std::optional<std::uint64_t> begin_ordered();
-  /// What the peer's block has shown of the orderer's stream since the last call; empty: nothing.
-  std::string take_orderer_problem() { return std::exchange(orderer_problem_, {}); }
+  /// What the peer's block has shown of the orderer's stream since the last call.
+  std::optional<std::string> pop_orderer_problem() { return std::exchange(orderer_problem_, std::nullopt); }
   /// A block from an orderer. An error: this orderer's block is invalid, or contradiction() says that no source is to
   /// be trusted.
   Status add_ordered(common::Block message);
-  /// The next block as an orderer has delivered it; to be called after each add_ordered() and take(), until there is
+  /// The next block as an orderer has delivered it; to be called after each add_ordered() and add(), until there is
   /// none: then the peer's stream brings the next one. An error as of add_ordered().
   struct Ordered {
     Block block;
     common::Block message;  ///< with our own verdicts as its flags
   };
-  Result<std::optional<Ordered>> take_ordered();
+  Result<std::optional<Ordered>> pop_ordered();
   /// What that orderer's stream brings next; none: there is no such stream.
   std::optional<std::uint64_t> next_ordered() const { return next_ordered_; }
   /// Once peer and orderers have delivered two chains, or the peer other verdicts: in words. Nothing is taken from then
   /// on.
-  const std::string& contradiction() const { return contradiction_; }
+  const std::optional<std::string>& contradiction() const { return contradiction_; }
 
   struct Counts {
     std::uint64_t validated = 0;      ///< transactions whose flag rests on our own validation as well
@@ -146,10 +156,10 @@ class BlockIntake {
   void validate_transactions(const common::Block& message, Block& block);
   Status validate_ordered(const common::Block& message, ChainCheck& chain);
   std::optional<TimeNs> came_ns(const Block& block) const;
-  void take_verdicts(const std::vector<Verdict>& verdicts, Block& block);
-  bool may_take_ordered() const;
-  void keep_waiting(common::Block message);
-  void forget_waiting(std::uint64_t up_to);
+  void apply_verdicts(const std::vector<TransactionVerdict>& verdicts, Block& block);
+  bool can_take_ordered() const;
+  /// An error once there is a contradiction.
+  Status consistent() const;
   Error contradict(std::string what);
   /// Whether the channel's orderers have signed that header; true where it cannot be verified.
   bool is_signed(const common::Block& message);
@@ -175,20 +185,15 @@ class BlockIntake {
   // Of the orderers' stream.
   std::optional<std::uint64_t> next_ordered_;
   ReportedHeaders reported_;
-  struct Waiting {
-    common::Block message;
-    std::size_t bytes = 0;
-  };
-  std::map<std::uint64_t, Waiting> waiting_;
-  std::size_t waiting_bytes_ = 0;
+  WaitingBlocks waiting_;
   bool next_is_uncertain_ = false;  ///< the peer has to deliver it
   struct Unconfirmed {
     std::string hash;
     std::vector<ReadWriteSet> sets;  ///< of its transactions, all valid
   };
   std::map<std::uint64_t, Unconfirmed> unconfirmed_;
-  std::string orderer_problem_;  ///< what an orderer delivered turned out to be forged
-  std::string contradiction_;
+  std::optional<std::string> orderer_problem_;  ///< what an orderer delivered turned out to be forged
+  std::optional<std::string> contradiction_;
 };
 
 }  // namespace ledgerline::fabric

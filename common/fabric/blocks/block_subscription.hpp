@@ -18,13 +18,13 @@
 namespace ledgerline::fabric {
 
 /// Where a program keeps the checkpoint of a channel, and what it found there at its start.
-struct KeptCheckpoint {
+struct StoredCheckpoint {
   std::string path{};  ///< empty: none is kept
   std::string channel{};
   std::optional<Checkpoint> last{};
 
   /// An error as read_checkpoint() has it: it says what to do, and the program must not start.
-  static Result<KeptCheckpoint> read(const std::string& path, const std::string& channel);
+  static Result<StoredCheckpoint> read(const std::string& path, const std::string& channel);
 };
 
 /// A program's subscription to the blocks of a channel: the stream of a client, which validates them and connects again
@@ -35,10 +35,10 @@ class BlockSubscription {
  public:
   struct Config {
     std::string label{};                   ///< begins each line of the log: "channel a: "
-    KeptCheckpoint kept{};                 ///< `last`: where it begins
+    StoredCheckpoint kept{};               ///< `last`: where it begins
     std::optional<std::uint64_t> first{};  ///< first block where there is no checkpoint; none: the next new one
     std::uint64_t max_absence_blocks = 0;  ///< LastVerified::max_absence_blocks
-    bool program_keeps = false;            ///< keep() is called; else each block that the peer has delivered is kept,
+    bool program_stores = false;           ///< store() is called; else each block that the peer has delivered is kept,
                                            ///< for who reads everything else again at its start
   };
   explicit BlockSubscription(Config config);
@@ -51,12 +51,12 @@ class BlockSubscription {
   /// client's threads.
   void open(Client& client, Client::StreamHandlers handlers);
   bool is_open() const { return stream_ != nullptr; }
-  /// Ends the stream, behind its last callback; keep() goes on.
+  /// Ends the stream, behind its last callback; store() goes on.
   void close() { stream_.reset(); }
 
-  bool keeps() const { return keeper_ != nullptr; }
+  bool has_checkpoint_file() const { return writer_ != nullptr; }
   /// Replaces the checkpoint that is to be written; does not wait for the disk. Nothing where none is kept.
-  void keep(std::uint64_t number, std::string hash, std::string records);
+  void store(std::uint64_t number, std::string hash, std::string records);
   /// An error says why it is not connected.
   Status connection() const;
   /// How long after the orderers the own peer delivered the same blocks, of those that were taken as they were ordered.
@@ -64,9 +64,9 @@ class BlockSubscription {
 
  private:
   Config config_;
-  std::unique_ptr<CheckpointKeeper> keeper_;         ///< null: no checkpoint is kept
-  mutable std::mutex mutex_;                         ///< guards the next two
-  std::string why_not_connected_ = "no answer yet";  ///< empty: it is connected
+  std::unique_ptr<CheckpointWriter> writer_;  ///< null: no checkpoint is kept
+  mutable std::mutex mutex_;                  ///< guards the next two
+  Status connection_ = Error{"no answer yet"};
   Histogram confirmed_after_;
   std::unique_ptr<Client::Stream> stream_;  ///< ends first: its callbacks use the above
 };
@@ -76,23 +76,16 @@ class BlockSubscription {
 ///
 ///     lost: logged ──▶ for the same reason within the rest: counted ──▶ behind it: logged with the count, rest doubles
 ///     connected: logged where the loss before it was, and at first
-class ConnectionWords {
+class ConnectionLog {
  public:
   /// Halved, a stream that is refused for an hour makes twice as many lines; doubled, a person waits longer for the
   /// news.
   static constexpr TimeNs first_rest_ns = 2 * ns_per_s, max_rest_ns = 120 * ns_per_s;
 
   /// What to say of a connection, or its end for a reason; none: nothing.
-  std::optional<std::string> on(bool connected, const std::string& why, TimeNs now) {
-    return connected ? on_connected() : on_lost(why, now);
-  }
-
- private:
-  std::optional<std::string> on_connected() {
-    if (!std::exchange(lost_is_reported_, false)) return std::nullopt;
-    return "connected";
-  }
-  std::optional<std::string> on_lost(const std::string& why, TimeNs now) {
+  std::optional<std::string> line(bool connected, const std::string& why, TimeNs now) {
+    if (connected)
+      return std::exchange(lost_is_reported_, false) ? std::optional<std::string>("connected") : std::nullopt;
     const bool again = why == why_ && now - lost_ns_ < max_rest_ns;
     lost_ns_ = now;
     if (again && now < rests_until_ns_) {
@@ -107,6 +100,7 @@ class ConnectionWords {
     return again && unreported > 0 ? fmt::format("{} ({} times more since it was reported)", why, unreported) : why;
   }
 
+ private:
   std::string why_;  ///< that was reported
   TimeNs lost_ns_ = 0, rest_ns_ = first_rest_ns, rests_until_ns_ = INT64_MIN;
   std::uint64_t unreported_ = 0;

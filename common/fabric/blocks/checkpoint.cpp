@@ -119,11 +119,11 @@ Result<Continuation> continue_behind(const LastVerified& verified, const common:
   return Continuation{ChainCheck::behind(height, std::move(hash)), last.number, height, true};
 }
 
-CheckpointKeeper::CheckpointKeeper(std::string path, std::function<void(const std::string&)> on_problem,
+CheckpointWriter::CheckpointWriter(std::string path, std::function<void(const std::string&)> on_problem,
                                    TimeNs period_ns)
     : path_(std::move(path)), on_problem_(std::move(on_problem)), period_ns_(period_ns), thread_([this] { run(); }) {}
 
-CheckpointKeeper::~CheckpointKeeper() {
+CheckpointWriter::~CheckpointWriter() {
   {
     const std::lock_guard lock(mutex_);
     stopping_ = true;
@@ -133,7 +133,7 @@ CheckpointKeeper::~CheckpointKeeper() {
   thread_.join();
 }
 
-void CheckpointKeeper::keep(Checkpoint newest) {
+void CheckpointWriter::store(Checkpoint newest) {
   {
     const std::lock_guard lock(mutex_);
     newest_ = std::move(newest);
@@ -141,7 +141,7 @@ void CheckpointKeeper::keep(Checkpoint newest) {
   wake_.notify_all();
 }
 
-void CheckpointKeeper::run() {
+void CheckpointWriter::run() {
   std::unique_lock lock(mutex_);
   while (true) {
     wake_.wait(lock, [this] { return stopping_ || newest_; });
@@ -154,7 +154,7 @@ void CheckpointKeeper::run() {
   }
 }
 
-void CheckpointKeeper::write(const Checkpoint& checkpoint) {
+void CheckpointWriter::write(const Checkpoint& checkpoint) {
   const Status status = write_checkpoint(path_, checkpoint);
   if (!status && !problem_reported_ && on_problem_) on_problem_(status.error().message);
   problem_reported_ = !status;

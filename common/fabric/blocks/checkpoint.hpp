@@ -62,20 +62,20 @@ Result<Continuation> continue_behind(const LastVerified& verified, const common:
 
 /// Writes the newest checkpoint into its file on a thread of its own, so that nobody who takes blocks waits for a disk.
 /// Destruction writes what is newest and joins. One program a file.
-class CheckpointKeeper {
+class CheckpointWriter {
  public:
   /// What is lost to a kill: so many blocks are read once more. A card in a companion computer is written to so often.
   static constexpr TimeNs usual_period_ns = 1 * ns_per_s;
 
-  /// `on_problem`: why the file is not written; once until it is again. On the keeper's thread.
-  CheckpointKeeper(std::string path, std::function<void(const std::string&)> on_problem,
+  /// `on_problem`: why the file is not written; once until it is again. On its own thread.
+  CheckpointWriter(std::string path, std::function<void(const std::string&)> on_problem,
                    TimeNs period_ns = usual_period_ns);
-  ~CheckpointKeeper();
-  CheckpointKeeper(const CheckpointKeeper&) = delete;
-  CheckpointKeeper& operator=(const CheckpointKeeper&) = delete;
+  ~CheckpointWriter();
+  CheckpointWriter(const CheckpointWriter&) = delete;
+  CheckpointWriter& operator=(const CheckpointWriter&) = delete;
 
   /// Any thread; never waits for the disk. Of several within a period the last one is written.
-  void keep(Checkpoint newest);
+  void store(Checkpoint newest);
 
  private:
   void run();
@@ -86,7 +86,7 @@ class CheckpointKeeper {
   const TimeNs period_ns_;
   bool problem_reported_ = false;
   std::mutex mutex_;
-  std::condition_variable wake_, end_;  ///< the second cuts a period short; keep() wakes nobody within one
+  std::condition_variable wake_, end_;  ///< the second cuts a period short; store() wakes nobody within one
   std::optional<Checkpoint> newest_;
   bool stopping_ = false;
   std::thread thread_;

@@ -9,7 +9,7 @@
 /// time is the caller.
 namespace ledgerline::fabric {
 
-class Gathering {
+class EndorsementCollector {
  public:
   /// Of one organisation's peer; the first that is not empty says what became of it.
   struct Answer {
@@ -28,10 +28,10 @@ class Gathering {
   };
 
   /// `asked`: the organisations. `enough`: how many must agree; `any`: one will do where no more are to be had.
-  Gathering(std::vector<std::string> asked, std::size_t enough, bool any)
+  EndorsementCollector(std::vector<std::string> asked, std::size_t enough, bool any)
       : asked_(std::move(asked)), enough_(enough), any_(any) {}
 
-  void take(Answer answer) { answers_.push_back(std::move(answer)); }
+  void add(Answer answer) { answers_.push_back(std::move(answer)); }
 
   /// `late`: who has not answered by now is not waited for.
   Next next(bool late) const {

@@ -16,43 +16,34 @@ class EventReader {
     if (!after_tx_id.empty()) handed_over_.push_back(std::move(after_tx_id));
   }
 
-  std::string follow(Follower& follower) {
+  std::string follow(StreamThread& thread) {
     if (!block_) {
-      if (std::string problem = find_start(follower); !problem.empty()) return problem;
+      // Known before the first event, so that what comes during a lost connection is not lost as well.
+      const auto newest = fetch_block(*connection_, thread, std::nullopt);
+      if (!newest) return newest.error().message;
+      block_ = newest->header().number() + 1;
     }
-    gateway::SignedChaincodeEventsRequest request;
-    if (std::string problem = make_request(request); !problem.empty()) return problem;
+    const auto request = make_request();
+    if (!request) return request.error().message;
     grpc::ClientContext context;
-    const Follower::Cancellable cancellable(follower, context);
+    const StreamThread::Cancellable cancellable(thread, context);
     const std::shared_ptr<grpc::Channel> peer = connection_->channels()->stream_peers[connection_->peer()];
     const auto stub = gateway::Gateway::NewStub(peer);
-    const auto stream = stub->ChaincodeEvents(&context, request);
+    const auto stream = stub->ChaincodeEvents(&context, *request);
     // The first answer may be far off; the question is out when the channel stands.
-    if (peer->GetState(false) == GRPC_CHANNEL_READY) follower.connected();
+    if (peer->GetState(false) == GRPC_CHANNEL_READY) thread.connected();
     gateway::ChaincodeEventsResponse response;
-    while (stream->Read(&response)) {
-      follower.connected();
-      std::string problem = take(response, follower);
-      if (!problem.empty() || follower.stopping()) {
-        context.TryCancel();
-        (void)stream->Finish();
-        return problem;
-      }
-      follower.progress();
-    }
-    return text_of(stream->Finish());
+    return read_all(thread, context, *stream, response, [&](gateway::ChaincodeEventsResponse& events) {
+      thread.connected();
+      Status handed_over = hand_over(events, thread);
+      if (handed_over) thread.progress();
+      return handed_over;
+    });
   }
 
  private:
-  /// The position must be known before the first event, else what comes during a lost connection would be lost as well.
-  std::string find_start(Follower& follower) {
-    const auto newest = fetch_block(*connection_, follower, std::nullopt);
-    if (!newest) return newest.error().message;
-    block_ = newest->header().number() + 1;
-    return {};
-  }
-
-  std::string make_request(gateway::SignedChaincodeEventsRequest& request) const {
+  Result<gateway::SignedChaincodeEventsRequest> make_request() const {
+    gateway::SignedChaincodeEventsRequest request;
     const auto self = connection_->signing();
     gateway::ChaincodeEventsRequest question;
     question.set_channel_id(connection_->config.where.channel);
@@ -62,17 +53,16 @@ class EventReader {
     if (!handed_over_.empty()) question.set_after_transaction_id(handed_over_.back());
     request.set_request(question.SerializeAsString());
     auto signature = self->signer->sign(request.request());
-    if (!signature) return signature.error().message;
+    if (!signature) return signature.error();
     request.set_signature(std::move(*signature));
-    return {};
+    return request;
   }
 
-  std::string take(gateway::ChaincodeEventsResponse& response, Follower& follower) {
-    if (response.block_number() < *block_) {
-      return fmt::format("events of block {} came where {} was due", response.block_number(), *block_);
-    }
+  Status hand_over(gateway::ChaincodeEventsResponse& response, StreamThread& thread) {
+    if (response.block_number() < *block_)
+      return Error{fmt::format("events of block {} came where {} was due", response.block_number(), *block_)};
     for (protos::ChaincodeEvent& event : *response.mutable_events()) {
-      if (follower.stopping()) break;
+      if (thread.stopping()) break;
       if (response.block_number() != *block_) handed_over_.clear();
       block_ = response.block_number();
       // A transaction has one event; after a reconnect the peer may send the block's first ones again.
@@ -80,7 +70,7 @@ class EventReader {
       handed_over_.push_back(event.tx_id());
       on_event_({*block_, event.tx_id(), std::move(*event.mutable_event_name()), std::move(*event.mutable_payload())});
     }
-    return {};
+    return done;
   }
 
   const std::shared_ptr<const Connection> connection_;
@@ -91,13 +81,13 @@ class EventReader {
 
 }  // namespace
 
-std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,
-                                              std::optional<std::uint64_t> start, std::string after_tx_id,
-                                              std::function<void(const Client::Event&)> on_event,
-                                              Follower::OnConnection on_connection) {
+std::unique_ptr<Client::Stream> open_event_stream(std::shared_ptr<const Connection> connection,
+                                                  std::optional<std::uint64_t> start, std::string after_tx_id,
+                                                  std::function<void(const Client::Event&)> on_event,
+                                                  StreamThread::OnConnection on_connection) {
   auto reader =
       std::make_shared<EventReader>(std::move(connection), start, std::move(after_tx_id), std::move(on_event));
-  return run_follower(std::move(reader), std::move(on_connection));
+  return run_reader(std::move(reader), std::move(on_connection));
 }
 
 }  // namespace ledgerline::fabric

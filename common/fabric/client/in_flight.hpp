@@ -10,36 +10,15 @@
 
 namespace ledgerline::fabric {
 
-/// When the next transaction of a stream may go while earlier ones are not committed yet. Each transaction costs the
-/// ledger far more than the samples in it, so waiting for the commit is best as long as that is quick; where blocks are
-/// cut late it would leave the ledger idle. So: behind a gap, which is
-///  - four times what endorsing and ordering took lately (within 10 to 200 ms). That is the ledger's work; waiting for
+/// The calls of one stream that have not ended, oldest first, and whether another may go, up to `max`: at once while
+/// none is in flight, else after a gap. Each transaction costs the ledger far more than the samples in it, so waiting
+/// for the commit is best as long as that is quick; where blocks are cut late it would leave the ledger idle. The gap
+/// is
+///  - four times what endorsing and ordering took recently (within 10 to 200 ms). That is the ledger's work; waiting
+///  for
 ///    a block to be cut is not in it. A ledger at its limit gets fewer transactions.
 ///  - at least an eighth of the oldest one's age: while a ledger is away, less and less is added.
-class Pacing {
- public:
-  static constexpr TimeNs min_ns = 10 * ns_per_ms, max_ns = 200 * ns_per_ms;
-
-  /// `oldest`, `last`: when the oldest of those that are not committed was submitted, and the last one.
-  bool may_go(TimeNs now, TimeNs oldest, TimeNs last) const {
-    return now - last >= std::max(gap_ns_, (now - oldest) / 8);
-  }
-  /// The earliest time at which may_go() holds of the same two.
-  TimeNs next_ns(TimeNs oldest, TimeNs last) const { return last + std::max(gap_ns_, (last - oldest + 6) / 7); }
-  void ended(const Outcome& outcome) {
-    if (outcome.ordered_after_ns == 0) return;
-    smoothed_ns_ = smoothed_ns_ == 0 ? outcome.ordered_after_ns : (7 * smoothed_ns_ + outcome.ordered_after_ns) / 8;
-    gap_ns_ = std::clamp(4 * smoothed_ns_, min_ns, max_ns);
-  }
-  TimeNs gap_ns() const { return gap_ns_; }
-
- private:
-  TimeNs smoothed_ns_ = 0;
-  TimeNs gap_ns_ = 10 * min_ns;  // until something is known
-};
-
-/// The calls of one stream that have not ended, oldest first, and whether another may go: at once while none is in
-/// flight, else after a gap (Pacing), up to `max`. `T` is what the sender needs when the call ends. One thread.
+/// `T` is what the sender needs when the call ends. One thread.
 ///
 ///     add() -> in flight -> end(): its outcome came
 ///                  |          ^
@@ -48,6 +27,7 @@ template <typename T>
 class InFlight {
  public:
   static constexpr std::size_t max = 32;
+  static constexpr TimeNs min_gap_ns = 10 * ns_per_ms, max_gap_ns = 200 * ns_per_ms;
   struct Entry {
     std::uint64_t number = 0;
     TimeNs submitted_ns = 0;
@@ -67,7 +47,10 @@ class InFlight {
     if (found == entries_.end()) return std::nullopt;
     Entry entry = std::move(*found);
     entries_.erase(found);
-    pacing_.ended(outcome);
+    if (outcome.ordered_after_ns != 0) {
+      smoothed_ns_ = smoothed_ns_ == 0 ? outcome.ordered_after_ns : (7 * smoothed_ns_ + outcome.ordered_after_ns) / 8;
+      gap_ns_ = std::clamp(4 * smoothed_ns_, min_gap_ns, max_gap_ns);
+    }
     return entry;
   }
 
@@ -87,7 +70,8 @@ class InFlight {
   /// The earliest time at which may_go() holds, if no call ends before.
   TimeNs next_ns() const {
     const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
-    return oldest == entries_.end() ? INT64_MIN : pacing_.next_ns(oldest->submitted_ns, last_ns_);
+    if (oldest == entries_.end()) return INT64_MIN;
+    return last_ns_ + std::max(gap_ns_, (last_ns_ - oldest->submitted_ns + 6) / 7);
   }
   /// The same after the newest call in flight: one that landed does not count any more, even if it is newer.
   bool may_go_behind_open(TimeNs now) const {
@@ -104,11 +88,12 @@ class InFlight {
   static bool open(const Entry& entry) { return !entry.landed; }
   bool may_go_behind(TimeNs now, TimeNs last_ns) const {
     const auto oldest = std::find_if(entries_.begin(), entries_.end(), open);
-    return oldest == entries_.end() || pacing_.may_go(now, oldest->submitted_ns, last_ns);
+    return oldest == entries_.end() || now - last_ns >= std::max(gap_ns_, (now - oldest->submitted_ns) / 8);
   }
 
   std::vector<Entry> entries_;
-  Pacing pacing_;
+  TimeNs smoothed_ns_ = 0;
+  TimeNs gap_ns_ = 10 * min_gap_ns;  // until something is known
   TimeNs last_ns_ = INT64_MIN / 2;
 };
 

@@ -51,7 +51,7 @@ class OrdererChoice {
   }
 
   /// An envelope that went to this orderer, and to no other, was seen in a block so long after it was sent.
-  void seen(std::size_t orderer, TimeNs took_ns, TimeNs now) {
+  void on_committed(std::size_t orderer, TimeNs took_ns, TimeNs now) {
     Orderer& one = orderers_[orderer];
     one.rest_ns = first_rest_ns;
     if (orderer == best_) {

@@ -1,34 +1,25 @@
-#include "common/fabric/client/peer_queries.hpp"
-
 #include "common/common.pb.h"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/client/connection.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/ledger.pb.h"
 
 namespace ledgerline::fabric {
 
-struct PeerQuestions::State {
-  std::shared_ptr<const Connection> connection;
-};
-
-Result<std::unique_ptr<PeerQuestions>> PeerQuestions::create(ClientConfig config) {
+Result<std::unique_ptr<PeerQueries>> PeerQueries::create(ClientConfig config) {
   auto connection = make_connection(std::move(config));
   if (!connection) return connection.error();
-  return std::unique_ptr<PeerQuestions>(new PeerQuestions(std::make_unique<State>(State{std::move(*connection)})));
+  return std::unique_ptr<PeerQueries>(new PeerQueries(std::move(*connection)));
 }
 
-PeerQuestions::PeerQuestions(std::unique_ptr<State> state) : state_(std::move(state)) {}
-PeerQuestions::~PeerQuestions() = default;
-
-Result<std::string> PeerQuestions::propose(std::string_view signed_proposal) {
-  const Connection& connection = *state_->connection;
-  const auto answer = ask_peer(connection.channels()->peers.front(), signed_proposal, connection.config.deadline);
+Result<std::string> PeerQueries::propose(std::string_view signed_proposal) {
+  const auto answer = query_peer(connection_->channels()->peers.front(), signed_proposal, connection_->config.deadline);
   if (!answer) return answer.error();
   return answer->SerializeAsString();
 }
 
-Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Call& call) {
-  const auto proposal =
-      make_proposal(*state_->connection->signing(), where, call, realtime_ns(), crypto::random_bytes(24));
+Result<std::string> PeerQueries::query(const ChannelAndContract& where, const Call& call) {
+  const auto proposal = make_proposal(*connection_->signing(), where, call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   const auto answer = propose(proposal->signed_proposal);
   if (!answer) return answer.error();
@@ -38,26 +29,26 @@ Result<std::string> PeerQuestions::ask(const ChannelAndContract& where, const Ca
   return std::move(*response.mutable_response()->mutable_payload());
 }
 
-Result<std::uint64_t> PeerQuestions::height() {
-  const std::string& channel = state_->connection->config.where.channel;
-  const auto answer = ask({channel, "qscc"}, {"GetChainInfo", {channel}});
+Result<std::uint64_t> PeerQueries::height() {
+  const std::string& channel = connection_->config.where.channel;
+  const auto answer = query({channel, "qscc"}, {"GetChainInfo", {channel}});
   if (!answer) return answer.error();
   common::BlockchainInfo info;
   if (!info.ParseFromString(*answer)) return Error{"the peer's answer is no BlockchainInfo"};
   return info.height();
 }
 
-Result<std::string> PeerQuestions::block(std::uint64_t number) {
-  const std::string& channel = state_->connection->config.where.channel;
-  return ask({channel, "qscc"}, {"GetBlockByNumber", {channel, std::to_string(number)}});
+Result<std::string> PeerQueries::block(std::uint64_t number) {
+  const std::string& channel = connection_->config.where.channel;
+  return query({channel, "qscc"}, {"GetBlockByNumber", {channel, std::to_string(number)}});
 }
 
-Result<std::string> PeerQuestions::config_block() {
-  const std::string& channel = state_->connection->config.where.channel;
-  return ask({channel, "cscc"}, {"GetConfigBlock", {channel}});
+Result<std::string> PeerQueries::config_block() {
+  const std::string& channel = connection_->config.where.channel;
+  return query({channel, "cscc"}, {"GetConfigBlock", {channel}});
 }
 
-Result<ChannelConfig> PeerQuestions::channel_config() {
+Result<ChannelConfig> PeerQueries::channel_config() {
   const auto bytes = config_block();
   if (!bytes) return bytes.error();
   common::Block block;

@@ -14,58 +14,58 @@ constexpr TimeNs first_reconnect_ns = 20 * ns_per_ms, max_reconnect_ns = 1 * ns_
 
 }  // namespace
 
-Follower::Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection)
+StreamThread::StreamThread(std::function<std::string(StreamThread&)> follow, OnConnection on_connection)
     : follow_(std::move(follow)),
       on_connection_(std::move(on_connection)),
       back_off_(first_reconnect_ns, max_reconnect_ns),
       thread_([this] { run(); }) {}
 
-Follower::~Follower() {
+StreamThread::~StreamThread() {
   stop();
   thread_.join();
 }
 
-void Follower::stop() {
+void StreamThread::stop() {
   const std::lock_guard lock(mutex_);
   stopping_ = true;
   if (context_ != nullptr) context_->TryCancel();
   wake_.notify_all();
 }
 
-void Follower::interrupt() {
+void StreamThread::interrupt() {
   const std::lock_guard lock(mutex_);
   if (context_ != nullptr) context_->TryCancel();
 }
 
-Follower::Cancellable::Cancellable(Follower& follower, grpc::ClientContext& context) : follower_(follower) {
+StreamThread::Cancellable::Cancellable(StreamThread& thread, grpc::ClientContext& context) : follower_(thread) {
   const std::lock_guard lock(follower_.mutex_);
   outer_ = std::exchange(follower_.context_, &context);
   if (follower_.stopping_) context.TryCancel();
 }
 
-Follower::Cancellable::~Cancellable() {
+StreamThread::Cancellable::~Cancellable() {
   const std::lock_guard lock(follower_.mutex_);
   follower_.context_ = outer_;
 }
 
-bool Follower::stopping() {
+bool StreamThread::stopping() {
   const std::lock_guard lock(mutex_);
   return stopping_;
 }
 
-bool Follower::pause(TimeNs time_ns) {
+bool StreamThread::pause(TimeNs time_ns) {
   std::unique_lock lock(mutex_);
   return !wake_.wait_for(lock, std::chrono::nanoseconds(time_ns), [this] { return stopping_; });
 }
 
-void Follower::connected() {
+void StreamThread::connected() {
   if (connected_) return;
   connected_ = true;
   last_why_.clear();
   if (on_connection_) on_connection_(true, "");
 }
 
-void Follower::run() {
+void StreamThread::run() {
   while (!stopping()) {
     const std::string why = follow_(*this);
     if (stopping()) return;
@@ -82,18 +82,17 @@ std::string text_of(const grpc::Status& status) {
                      : fmt::format("{} (gRPC {})", describe(status), static_cast<int>(status.error_code()));
 }
 
-Result<common::Block> fetch_block(const Connection& connection, Follower& follower,
+Result<common::Block> fetch_block(const Connection& connection, StreamThread& thread,
                                   std::optional<std::uint64_t> number) {
   grpc::ClientContext context;
-  const Follower::Cancellable cancellable(follower, context);
+  const StreamThread::Cancellable cancellable(thread, context);
   context.set_deadline(std::chrono::system_clock::now() + connection.config.deadline);
   const std::size_t peer = connection.peer();
   const auto channels = connection.channels();
   const auto stub = protos::Deliver::NewStub(channels->stream_peers[peer]);
   const auto stream = stub->Deliver(&context);
-  if (std::string problem = seek(connection, *stream, channels->peer_tls_hashes[peer], number, SeekStop::at_start);
-      !problem.empty())
-    return Error{problem};
+  if (const Status sent = seek(connection, *stream, channels->peer_tls_hashes[peer], number, SeekStop::at_start); !sent)
+    return sent.error();
   protos::DeliverResponse response;
   const bool read = stream->Read(&response);
   context.TryCancel();

@@ -21,12 +21,12 @@ namespace ledgerline::fabric {
 
 /// Runs one kind of stream on a thread of its own, repeatedly with back-off and jitter, until it is destroyed. The
 /// thread reads with gRPC's blocking calls, which wake it directly; destruction cancels the call that it waits in.
-class Follower final : public Client::Stream {
+class StreamThread final : public Client::Stream {
  public:
   using OnConnection = std::function<void(bool, const std::string&)>;
   /// `follow` makes one connection, hands over what comes, and returns why it ended.
-  Follower(std::function<std::string(Follower&)> follow, OnConnection on_connection);
-  ~Follower() override;
+  StreamThread(std::function<std::string(StreamThread&)> follow, OnConnection on_connection);
+  ~StreamThread() override;
   /// Ends it; the destructor waits for its thread.
   void stop();
   /// The call in progress is cancelled, as if the stream had ended. Any thread.
@@ -37,13 +37,13 @@ class Follower final : public Client::Stream {
   /// The call may be cancelled from outside while this object lives.
   class Cancellable {
    public:
-    Cancellable(Follower& follower, grpc::ClientContext& context);
+    Cancellable(StreamThread& thread, grpc::ClientContext& context);
     ~Cancellable();
     Cancellable(const Cancellable&) = delete;
     Cancellable& operator=(const Cancellable&) = delete;
 
    private:
-    Follower& follower_;
+    StreamThread& follower_;
     grpc::ClientContext* outer_ = nullptr;  ///< of a call that waits while this one is made
   };
   bool stopping();
@@ -57,7 +57,7 @@ class Follower final : public Client::Stream {
  private:
   void run();
 
-  const std::function<std::string(Follower&)> follow_;
+  const std::function<std::string(StreamThread&)> follow_;
   const OnConnection on_connection_;
   BackOff back_off_;
   Random random_{random_seed()};
@@ -70,46 +70,56 @@ class Follower final : public Client::Stream {
   std::thread thread_;
 };
 
-/// A follower of what `reader->follow(Follower&)` reads.
+/// A thread of what `reader->follow(StreamThread&)` reads.
 template <typename Reader>
-std::unique_ptr<Follower> run_follower(std::shared_ptr<Reader> reader, Follower::OnConnection on_connection) {
-  return std::make_unique<Follower>([reader](Follower& follower) { return reader->follow(follower); },
-                                    std::move(on_connection));
+std::unique_ptr<StreamThread> run_reader(std::shared_ptr<Reader> reader, StreamThread::OnConnection on_connection) {
+  return std::make_unique<StreamThread>([reader](StreamThread& thread) { return reader->follow(thread); },
+                                        std::move(on_connection));
 }
 
-// What readers of Deliver streams share.
+// What readers share.
 
 /// Why a stream ended.
 std::string text_of(const grpc::Status& status);
 
-/// Asks for blocks from `start` on; an empty text when the question is on its way. `tls_hash`: of the server that is
-/// asked.
+/// Reads until the stream ends, or `on_message` has an error: why it ended. The thread's call is `context`.
+template <typename Stream, typename Message, typename OnMessage>
+std::string read_all(StreamThread& thread, grpc::ClientContext& context, Stream& stream, Message& message,
+                     const OnMessage& on_message) {
+  while (stream.Read(&message)) {
+    const Status handled = on_message(message);
+    if (handled && !thread.stopping()) continue;
+    context.TryCancel();
+    (void)stream.Finish();
+    return handled ? std::string() : handled.error().message;
+  }
+  return text_of(stream.Finish());
+}
+
+/// Requests blocks from `start` on. `tls_hash`: of the server.
 template <typename DeliverStream>
-std::string seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
-                 std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
+Status seek(const Connection& connection, DeliverStream& stream, const std::string& tls_hash,
+            std::optional<std::uint64_t> start, SeekStop stop = SeekStop::never) {
   auto envelope = make_seek(*connection.signing(), connection.config.where.channel, start, realtime_ns(),
                             crypto::random_bytes(24), stop, tls_hash);
-  if (!envelope) return envelope.error().message;
+  if (!envelope) return envelope.error();
   common::Envelope message;
   message.ParseFromString(*envelope);
-  return stream.Write(message) ? "" : text_of(stream.Finish());
+  return stream.Write(message) ? Status(done) : Error{text_of(stream.Finish())};
 }
 
 /// One block of the peer that is asked now, while another stream waits; without a number its newest.
-Result<common::Block> fetch_block(const Connection& connection, Follower& follower,
+Result<common::Block> fetch_block(const Connection& connection, StreamThread& thread,
                                   std::optional<std::uint64_t> number);
 
-/// Where a stream of blocks begins: at a number, behind a checkpoint, or, where both are missing, with the next new
-/// one.
-struct BlocksFrom {
-  std::optional<std::uint64_t> number;
-  std::optional<LastVerified> verified;
-};
-std::unique_ptr<Client::Stream> follow_blocks(const std::shared_ptr<const Connection>& connection, BlocksFrom from,
-                                              Client::StreamHandlers handlers);
-std::unique_ptr<Client::Stream> follow_events(std::shared_ptr<const Connection> connection,
-                                              std::optional<std::uint64_t> start, std::string after_tx_id,
-                                              std::function<void(const Client::Event&)> on_event,
-                                              Follower::OnConnection on_connection);
+/// Begins at number `start`, behind a checkpoint, or, where both are missing, with the next new block.
+std::unique_ptr<Client::Stream> open_block_stream(const std::shared_ptr<const Connection>& connection,
+                                                  std::optional<std::uint64_t> start,
+                                                  std::optional<LastVerified> verified,
+                                                  Client::StreamHandlers handlers);
+std::unique_ptr<Client::Stream> open_event_stream(std::shared_ptr<const Connection> connection,
+                                                  std::optional<std::uint64_t> start, std::string after_tx_id,
+                                                  std::function<void(const Client::Event&)> on_event,
+                                                  StreamThread::OnConnection on_connection);
 
 }  // namespace ledgerline::fabric

@@ -27,7 +27,7 @@ std::vector<Peer> peers_to_ask(const Connection& connection) {
 
 /// Its answer, or why there is none.
 Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chrono::milliseconds deadline) {
-  const auto response = ask_peer(peer.channel, question, deadline);
+  const auto response = query_peer(peer.channel, question, deadline);
   if (!response) return response.error();
   if (response->response().status() != 200) return Error{words_of_peer(response->response().message())};
   return PeerAnswer{peer.name, response->SerializeAsString()};
@@ -35,7 +35,7 @@ Result<PeerAnswer> ask(const Peer& peer, const std::string& question, std::chron
 
 }  // namespace
 
-Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id) {
+Result<CollectedReceipt> collect_receipt(ClientConfig config, const std::string& tx_id) {
   config.where.contract = chain_contract;
   const std::string channel = config.where.channel;
   auto client = Client::create(config);
@@ -50,7 +50,7 @@ Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id
                                       realtime_ns(), crypto::random_bytes(24));
   if (!proposal) return proposal.error();
   std::vector<PeerAnswer> answers;
-  ReceiptRequest out;
+  CollectedReceipt out;
   for (const Peer& peer : peers_to_ask(**connection)) {
     auto answer = ask(peer, proposal->signed_proposal, settings.deadline);
     if (answer) {

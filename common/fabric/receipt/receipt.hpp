@@ -66,7 +66,7 @@ inline constexpr const char* verdict_function = "GetTransactionByID";
 Result<Receipt> make_receipt(const std::string& channel, const std::string& tx_id, std::string_view block,
                              std::string_view signed_question, const std::vector<PeerAnswer>& answers);
 
-struct ReceiptRequest {
+struct CollectedReceipt {
   Receipt receipt;
   std::vector<std::string> unheard;  ///< peers that were not reached or refused, and why
 };
@@ -75,7 +75,7 @@ struct ReceiptRequest {
 /// verdict a peer of each organisation of `config.endorsers`, and the own one where none of those is of the own
 /// organisation. Waits for each at most `config.deadline`. An error: there is no such transaction, no peer answers, or
 /// the peers differ. One thread.
-Result<ReceiptRequest> ask_receipt(ClientConfig config, const std::string& tx_id);
+Result<CollectedReceipt> collect_receipt(ClientConfig config, const std::string& tx_id);
 
 // Question and answer about a verdict, taken apart: for make_receipt and ReceiptVerifier.
 

@@ -55,7 +55,7 @@ Result<std::unique_ptr<CertificateWatch>> CertificateWatch::create(ClientConfig&
                              .in_use_pem = std::move(pair->certificate_pem),
                              .renewal = {whose, "", pair->certificate.not_after_s}});
   }
-  watch->keep_first_end();
+  watch->update_first_end();
   ledger.tls_in_use = watch->in_use_;
   return watch;
 }
@@ -84,11 +84,11 @@ CertificateWatch::CertificateWatch(const ClientConfig& ledger, std::unique_ptr<c
 
 CertificateWatch::~CertificateWatch() = default;
 
-void CertificateWatch::start(Tell tell, std::chrono::milliseconds period) {
-  tell_ = std::move(tell);
+void CertificateWatch::start(Report report, std::chrono::milliseconds period) {
+  report_ = std::move(report);
   thread_ = std::jthread([this, period](const std::stop_token& stop) {
     while (!stop.stop_requested()) {
-      look();
+      poll();
       std::unique_lock lock(mutex_);
       woken_.wait_for(lock, stop, period, [] { return false; });
     }
@@ -97,20 +97,21 @@ void CertificateWatch::start(Tell tell, std::chrono::milliseconds period) {
 
 std::int64_t CertificateWatch::days_left() const { return crypto::days_left(first_end_s_, unix_now_s()); }
 
-void CertificateWatch::keep_first_end() {
+void CertificateWatch::update_first_end() {
   std::int64_t first_s = identity_renewal_.not_after_s();
   for (const Pair& pair : pairs_) first_s = std::min(first_s, pair.renewal.not_after_s());
   first_end_s_ = first_s;
 }
 
-void CertificateWatch::look() {
+void CertificateWatch::poll() {
   const std::int64_t now_s = unix_now_s();
-  look_at_identity(now_s);
-  for (Pair& pair : pairs_) look_at(pair, now_s);
+  poll_identity(now_s);
+  for (Pair& pair : pairs_) poll_pair(pair, now_s);
 }
 
 /// Proved to be a pair by who loaded it, and of a trusted authority.
-Result<Renewal::Pair> CertificateWatch::take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const {
+Result<Renewal::Pair> CertificateWatch::checked(const Result<crypto::SigningIdentity>& found,
+                                                std::int64_t now_s) const {
   if (!found) return found.error();
   if (trusted_) {
     if (const auto member = trusted_->member(found->serialized, now_s); !member)
@@ -128,18 +129,18 @@ std::optional<Renewal::Pair> CertificateWatch::renewed(Renewal& renewal, const s
   auto found = renewal.look_at(files, now_s, load);
   if (!found) return std::nullopt;
   if (!*found) {
-    tell_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}", renewal.whose(),
-                                     found->error().message));
+    report_(Weight::alarm, fmt::format("{} keeps its old certificate, what lies on disk is refused: {}",
+                                       renewal.whose(), found->error().message));
     return std::nullopt;
   }
   if ((*found)->certificate_pem == in_use) return std::nullopt;
-  keep_first_end();
-  tell_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on", renewal.whose(),
-                                  renewal.days_left(now_s)));
+  update_first_end();
+  report_(Weight::info, fmt::format("{} has a renewed certificate, for {} days; it is used from now on",
+                                    renewal.whose(), renewal.days_left(now_s)));
   return std::move(**found);
 }
 
-void CertificateWatch::look_at_identity(std::int64_t now_s) {
+void CertificateWatch::poll_identity(std::int64_t now_s) {
   const auto files = place_.files_now();
   const std::vector<std::string> names =
       files ? std::vector{files->certificate, files->private_key} : std::vector<std::string>();
@@ -147,28 +148,28 @@ void CertificateWatch::look_at_identity(std::int64_t now_s) {
   const auto load = [&]() -> Result<Renewal::Pair> {
     auto found = files ? crypto::load_identity(place_.library, place_.msp_id, *files)
                        : Result<crypto::SigningIdentity>(files.error());
-    auto pair = take(found, now_s);
+    auto pair = checked(found, now_s);
     if (found) next = std::move(*found);
     return pair;
   };
   if (renewed(identity_renewal_, names, identity_->now()->serialized, now_s, load))
     identity_->replace(std::move(*next));
-  tell_end(identity_renewal_, now_s);
+  report_end(identity_renewal_, now_s);
 }
 
-void CertificateWatch::look_at(Pair& pair, std::int64_t now_s) {
+void CertificateWatch::poll_pair(Pair& pair, std::int64_t now_s) {
   const crypto::IdentityFiles files{pair.files.certificate_file, pair.files.key_file};
   if (auto next = renewed(pair.renewal, {files.certificate, files.private_key}, pair.in_use_pem, now_s,
                           [&] { return crypto::read_pair(files); })) {
     pair.in_use_pem = next->certificate_pem;
     in_use_->renew(files.certificate, {std::move(next->certificate_pem), std::move(next->key_pem)});
   }
-  tell_end(pair.renewal, now_s);
+  report_end(pair.renewal, now_s);
 }
 
-void CertificateWatch::tell_end(Renewal& renewal, std::int64_t now_s) {
+void CertificateWatch::report_end(Renewal& renewal, std::int64_t now_s) {
   if (const auto word = renewal.look(now_s))
-    tell_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
+    report_(word->weight == Renewal::Weight::alarm ? Weight::alarm : Weight::warning, word->words);
 }
 
 }  // namespace ledgerline::fabric

@@ -35,7 +35,7 @@ class CertificateWatch {
 
   enum class Weight { info, warning, alarm };
   /// On the watch's own thread.
-  using Tell = std::function<void(Weight weight, const std::string& words)>;
+  using Report = std::function<void(Weight weight, const std::string& words)>;
 
   /// Makes `ledger` one whose clients are renewed: before they are created. `trusted`: a registry of the watch's own,
   /// so that a certificate that is of no authority of the own MSP is refused; null, or one that does not know the
@@ -47,8 +47,8 @@ class CertificateWatch {
 
   /// For callers that have no other place to report it.
   static void log(Weight weight, const std::string& words);
-  /// Begins to look. `tell` must outlive the watch.
-  void start(Tell tell, std::chrono::milliseconds period = usual_period);
+  /// Begins to look. `report` must outlive the watch.
+  void start(Report report, std::chrono::milliseconds period = usual_period);
   /// Of the certificate that ends first: whole days, below 0 after its end. Any thread; takes no lock.
   std::int64_t days_left() const;
 
@@ -60,22 +60,22 @@ class CertificateWatch {
   };
 
   CertificateWatch(const ClientConfig& ledger, std::unique_ptr<crypto::MspRegistry> trusted);
-  void look();
-  void look_at_identity(std::int64_t now_s);
-  void keep_first_end();
-  void look_at(Pair& pair, std::int64_t now_s);
+  void poll();
+  void poll_identity(std::int64_t now_s);
+  void update_first_end();
+  void poll_pair(Pair& pair, std::int64_t now_s);
   std::optional<crypto::Renewal::Pair> renewed(crypto::Renewal& renewal, const std::vector<std::string>& files,
                                                const std::string& in_use, std::int64_t now_s,
                                                const crypto::Renewal::Load& load);
-  void tell_end(crypto::Renewal& renewal, std::int64_t now_s);
-  Result<crypto::Renewal::Pair> take(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
+  void report_end(crypto::Renewal& renewal, std::int64_t now_s);
+  Result<crypto::Renewal::Pair> checked(const Result<crypto::SigningIdentity>& found, std::int64_t now_s) const;
 
   const crypto::IdentityPlace place_;
   const std::shared_ptr<crypto::IdentityInUse> identity_;
   std::unique_ptr<crypto::MspRegistry> trusted_;
   const std::shared_ptr<TlsPairsInUse> in_use_;
   std::vector<Pair> pairs_;
-  Tell tell_;
+  Report report_;
 
   crypto::Renewal identity_renewal_;
   std::atomic<std::int64_t> first_end_s_{0};  ///< of all

@@ -165,8 +165,8 @@ std::string unsigned_envelope(const common::Header& header, const std::string& p
   return envelope.SerializeAsString();
 }
 
-Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
-                                const EventCheck& event_check) {
+Result<std::string> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                   const EventCheck& event_check) {
   protos::SignedProposal signed_proposal;
   protos::Proposal asked;
   common::Header asked_header;
@@ -185,7 +185,7 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
   }
   const Status checked = check_event(proposal, asked_header.channel_header(), opened->result.events(), event_check);
   if (!checked) return checked.error();
-  return Prepared{std::move(*opened->result.mutable_response()->mutable_payload())};
+  return std::move(*opened->result.mutable_response()->mutable_payload());
 }
 
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope) {

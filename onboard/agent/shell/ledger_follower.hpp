@@ -78,7 +78,7 @@ class LedgerFollower {
     Mailbox& mailbox;
     fabric::Client& client;
     std::unique_ptr<fabric::Client> witness;
-    fabric::KeptCheckpoint kept;
+    fabric::StoredCheckpoint kept;
   };
   explicit LedgerFollower(Parts parts);
 

@@ -62,7 +62,7 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
 
 /// What `timeouts` of [ledger] adds for this channel.
 Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
-  const auto longer_ns = fabric::take_timeouts(ledger);
+  const auto longer_ns = fabric::apply_timeouts(ledger);
   if (!longer_ns) return longer_ns.error();
   settings.core.check.max_age_ns += *longer_ns;
   settings.core.ledger_silent_after_ns += *longer_ns;
@@ -76,7 +76,7 @@ Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::S
   settings.blocks_are_validated = !known.config_block.empty();
   auto registry = fabric::msp_registry(config);
   if (!registry) return registry.error();
-  auto kept = fabric::KeptCheckpoint::read(settings.checkpoint, known.where.channel);
+  auto kept = fabric::StoredCheckpoint::read(settings.checkpoint, known.where.channel);
   if (!kept) return kept.error();
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);

@@ -104,7 +104,7 @@ Outcome take_in(const Transactions& channel, std::string_view bytes) {
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
                                            come.metadata().metadata(common::TRANSACTIONS_FILTER));
   BlockIntake intake = channel.intake();
-  const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
+  const auto taken = intake.add(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
   if (!taken) return refused(taken.error().message);
   for (const Transaction& transaction : taken->transactions) {
     if (transaction.code == protos::VALID) return accepted();

@@ -36,7 +36,7 @@ class Intake : public GrowingChannel {
         for (char& flag : flags) flag = static_cast<char>(bend(static_cast<unsigned char>(flag)));
       }
       block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
-      const auto read = intake.take(block, nothing);
+      const auto read = intake.add(block, nothing);
       EXPECT_TRUE(read) << read.error().message;
       for (std::size_t i = 0; read && i < read->transactions.size(); ++i) {
         const Transaction& one = read->transactions[i];
@@ -109,7 +109,7 @@ TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
                                                     .make_registry = BlockValidator::registry_of(library)}))
                            .value();
   intake.start_at(1);
-  EXPECT_FALSE(intake.take(later.chain_[2], nothing));
+  EXPECT_FALSE(intake.add(later.chain_[2], nothing));
   common::Block forged = later.chain_[1];  // says that it knows a later configuration
   common::Metadata metadata;
   ASSERT_TRUE(metadata.ParseFromString(forged.metadata().metadata(common::SIGNATURES)));
@@ -118,11 +118,11 @@ TEST_F(Intake, AConfigurationOutOfItsTurnIsNotFollowed) {
   metadata.set_value(value.SerializeAsString());
   forged.mutable_metadata()->set_metadata(common::SIGNATURES, metadata.SerializeAsString());
   intake.begin();
-  EXPECT_FALSE(intake.take(forged, [&](std::uint64_t number) { return Result<common::Block>(later.chain_[number]); }));
+  EXPECT_FALSE(intake.add(forged, [&](std::uint64_t number) { return Result<common::Block>(later.chain_[number]); }));
   intake.begin();
-  const auto honest = intake.take(later.chain_[1], nothing);
+  const auto honest = intake.add(later.chain_[1], nothing);
   EXPECT_TRUE(honest) << honest.error().message;
-  EXPECT_TRUE(intake.take(later.chain_[2], nothing));
+  EXPECT_TRUE(intake.add(later.chain_[2], nothing));
 }
 
 TEST_F(Intake, ValidatesEverythingWhereItHasSeenTheKeysMade) {

@@ -30,9 +30,9 @@ class BlockSubscriptionTest : public ::testing::Test, protected StreamWatch {
     problems_.clear();
     connected_ = false;
     client_ = std::move(Client::create(gateway.client_config())).value();
-    auto kept = KeptCheckpoint::read(path_, "teleop");
+    auto kept = StoredCheckpoint::read(path_, "teleop");
     ASSERT_TRUE(kept);
-    blocks_.emplace(BlockSubscription::Config{.kept = std::move(*kept), .program_keeps = program_keeps_});
+    blocks_.emplace(BlockSubscription::Config{.kept = std::move(*kept), .program_stores = program_stores_});
     blocks_->open(*client_, handlers());
   }
   void end() {
@@ -53,7 +53,7 @@ class BlockSubscriptionTest : public ::testing::Test, protected StreamWatch {
 
   const std::string dir_ = ::testing::TempDir() + "/block_subscription_" + std::to_string(::getpid());
   std::string path_ = dir_ + "/ground.checkpoint";
-  bool program_keeps_ = false;
+  bool program_stores_ = false;
   FakeGateway gateway_;
   std::unique_ptr<Client> client_;
   std::optional<BlockSubscription> blocks_;  ///< ends first
@@ -118,11 +118,11 @@ TEST_F(BlockSubscriptionTest, AnOldChainAndAForkAreRefusedAndTheFileStays) {
 
 TEST_F(BlockSubscriptionTest, AProgramThatKeepsByItselfDecidesWhatIsInTheFile) {
   grow(gateway_, 3);
-  program_keeps_ = true;
+  program_stores_ = true;
   start(gateway_);
   const std::uint64_t first = next(gateway_).back();
   EXPECT_TRUE(blocks_->connection());
-  blocks_->keep(first - 1, hash_of(gateway_.chain().at(first - 1)), "records");
+  blocks_->store(first - 1, hash_of(gateway_.chain().at(first - 1)), "records");
   end();
   EXPECT_EQ(in_file()->number, first - 1);
   EXPECT_EQ(in_file()->records, "records");

@@ -83,21 +83,21 @@ TEST_F(CheckpointFile, OfAnotherChannelIsAnError) {
 
 TEST_F(CheckpointFile, KeepsTheNewestOfManyAndIsThereAtTheEnd) {
   {
-    CheckpointKeeper keeper(path_, {}, 3600 * ns_per_s);
-    for (std::uint64_t i = 1; i <= 1'000; ++i) keeper.keep({"teleop", i, std::string(32, 'a'), {}});
+    CheckpointWriter writer(path_, {}, 3600 * ns_per_s);
+    for (std::uint64_t i = 1; i <= 1'000; ++i) writer.store({"teleop", i, std::string(32, 'a'), {}});
   }
   EXPECT_EQ((*read_checkpoint(path_, "teleop"))->number, 1'000U);
 }
 
 TEST_F(CheckpointFile, IsWrittenWithinAPeriodWhileItsKeeperLives) {
-  CheckpointKeeper keeper(path_, {}, 1 * ns_per_ms);
-  keeper.keep({"teleop", 1, std::string(32, 'a'), {}});
+  CheckpointWriter writer(path_, {}, 1 * ns_per_ms);
+  writer.store({"teleop", 1, std::string(32, 'a'), {}});
   const auto written = [&](std::uint64_t number) {
     const auto read = read_checkpoint(path_, "teleop");
     return read && *read && (*read)->number == number;
   };
   while (!written(1)) std::this_thread::sleep_for(std::chrono::milliseconds(1));  // ctest has a limit
-  keeper.keep({"teleop", 2, std::string(32, 'a'), {}});
+  writer.store({"teleop", 2, std::string(32, 'a'), {}});
   while (!written(2)) std::this_thread::sleep_for(std::chrono::milliseconds(1));
 }
 
@@ -105,10 +105,10 @@ TEST_F(CheckpointFile, ThatCannotBeWrittenIsReportedOnce) {
   std::vector<std::string> problems;
   ASSERT_TRUE(write_file(dir_ + "/file", ""));
   {
-    CheckpointKeeper keeper(
+    CheckpointWriter writer(
         dir_ + "/file/checkpoint", [&](const std::string& why) { problems.push_back(why); }, 0);
     for (int i = 0; i < 3; ++i) {
-      keeper.keep({"teleop", 1, std::string(32, 'a'), {}});
+      writer.store({"teleop", 1, std::string(32, 'a'), {}});
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
     }
   }

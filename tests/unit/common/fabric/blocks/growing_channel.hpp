@@ -39,7 +39,7 @@ class GrowingChannel : public ::testing::Test, protected ValidatedChannel {
     ASSERT_TRUE(node::sign_block(block, orderer_));
     const auto verdicts = validate(envelopes, rules_);
     std::string flags;
-    for (const Verdict& one : verdicts) flags += static_cast<char>(one.code);
+    for (const TransactionVerdict& one : verdicts) flags += static_cast<char>(one.code);
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER, flags);
     if (part_) part_->apply(chain_.size(), validate_transactions(block, *part_, *members_, rules_));
     state_.apply(++height_, verdicts);
@@ -78,7 +78,8 @@ class GrowingChannel : public ::testing::Test, protected ValidatedChannel {
                          {.where = {},
                           .config_block = chain_[0].SerializeAsString(),
                           .make_registry = BlockValidator::registry_of(library),
-                          .is_of_hot_path = [](const std::string& key) { return key.starts_with("draft/free/"); },
+                          .contract_rules = {.is_of_hot_path =
+                                                 [](const std::string& key) { return key.starts_with("draft/free/"); }},
                           .real_time = std::move(real_time),
                           .source = source}))
         .value();

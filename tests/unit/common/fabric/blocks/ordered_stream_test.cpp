@@ -56,7 +56,7 @@ class OrderedStream : public GrowingChannel {
     for (std::size_t i = 1; i < chain_.size(); ++i) gateway_->add_block("set", "");
     ClientConfig config = gateway_->client_config();
     config.config_block = chain_[0].SerializeAsString();
-    config.is_of_hot_path = [](const std::string& key) { return key.starts_with("draft/free/"); };
+    config.contract_rules.is_of_hot_path = [](const std::string& key) { return key.starts_with("draft/free/"); };
     config.where.channel = "teleop";
     config.orderers.push_back({config.endpoint, config.tls_ca_file});
     config.blocks = BlockSource::ordered;

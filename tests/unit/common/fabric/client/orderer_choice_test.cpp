@@ -24,7 +24,7 @@ class World {
         choice.failed(at, (at + 1) % 3, now);
         continue;
       }
-      choice.seen(at, took(at), now + 10 * ns_per_ms);
+      choice.on_committed(at, took(at), now + 10 * ns_per_ms);
     }
     return went;
   }
@@ -117,7 +117,7 @@ TEST(OrdererChoice, OneOrdererIsAlwaysTheOne) {
   OrdererChoice one(1);
   for (int i = 0; i < 100; ++i) {
     EXPECT_EQ(one.next(i * ns_per_s, true), 0U);
-    one.seen(0, ns_per_ms, i * ns_per_s);
+    one.on_committed(0, ns_per_ms, i * ns_per_s);
   }
   one.failed(0, 0, 200 * ns_per_s);
   EXPECT_EQ(one.next(201 * ns_per_s, true), 0U);

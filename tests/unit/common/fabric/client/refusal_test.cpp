@@ -8,7 +8,7 @@ namespace {
 
 using Kind = Outcome::Kind;
 
-TEST(Refusal, SaysWhatTheContractSaysAndOfWhat) {
+TEST(ContractRefusal, SaysWhatTheContractSaysAndOfWhat) {
   const auto refusal = refusal_in("chaincode response 500, tello3: the lease is held by Org1MSP CN=x");
   ASSERT_TRUE(refusal);
   EXPECT_EQ(refusal->about, "tello3");
@@ -16,7 +16,7 @@ TEST(Refusal, SaysWhatTheContractSaysAndOfWhat) {
   EXPECT_EQ(refusal_in("chaincode response 500, no drone is named")->about, "");
 }
 
-TEST(Refusal, IsTheContractsAlone) {
+TEST(ContractRefusal, IsTheContractsAlone) {
   for (const char* message : {"", "tello3: not the holder", "the orderer: not ready", "access denied: tello3: no",
                               "chaincode response 404, tello3: no", "chaincode response 500",
                               "chaincode response 500, error in simulation: tello3: timeout expired",
@@ -25,8 +25,8 @@ TEST(Refusal, IsTheContractsAlone) {
   }
 }
 
-TEST(Refusal, NamesItsIdAndWhatIsBelowIt) {
-  const Refusal drone{"tello3", "tello3: no"}, id{"tello3/odom", "tello3/odom: no"};
+TEST(ContractRefusal, NamesItsIdAndWhatIsBelowIt) {
+  const ContractRefusal drone{"tello3", "tello3: no"}, id{"tello3/odom", "tello3/odom: no"};
   EXPECT_TRUE(names(drone, "tello3"));
   EXPECT_TRUE(names(drone, "tello3/odom"));
   EXPECT_TRUE(names(id, "tello3/odom"));
@@ -36,7 +36,7 @@ TEST(Refusal, NamesItsIdAndWhatIsBelowIt) {
   EXPECT_FALSE(names({"", ": no"}, "")) << "of the whole call";
 }
 
-TEST(Refusal, AnOutsidersWordsNameNobody) {
+TEST(ContractRefusal, AnOutsidersWordsNameNobody) {
   const auto refusal = refusal_in("chaincode response 500, tello1: stopped by Org2MSP CN=a tello2: tello3: b");
   ASSERT_TRUE(refusal);
   EXPECT_TRUE(names(*refusal, "tello1"));
@@ -46,7 +46,7 @@ TEST(Refusal, AnOutsidersWordsNameNobody) {
   EXPECT_FALSE(names(*nobody, "tello2"));
 }
 
-TEST(Refusal, AnOutcomeHasItWhereTheContractRefused) {
+TEST(ContractRefusal, AnOutcomeHasItWhereTheContractRefused) {
   const std::string words = "chaincode response 500, tello1: no";
   EXPECT_EQ(Outcome::failed(Kind::refused, words).refusal->about, "tello1");
   EXPECT_EQ(Outcome::failed(Kind::refused, words).message, words);
