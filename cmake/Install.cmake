@@ -3,8 +3,8 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
-set(public_headers common/crypto/crypto.hpp common/fabric/checkpoint/checkpoint.hpp common/fabric/checkpoint/continuation.hpp
-  common/fabric/client/client.hpp common/fabric/sending/tls_pairs_in_use.hpp common/fabric/sending/outcome.hpp common/fabric/stream/block_source.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
+set(public_headers common/crypto/crypto.hpp common/fabric/blocks/checkpoint.hpp
+  common/fabric/client/client.hpp common/fabric/client/outcome.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
   common/base/result.hpp chaincode/shim/shim.hpp
   common/msg/contract.hpp common/msg/onboard.hpp common/rt/spsc_ring.hpp
   onboard/shim/drones_end.hpp onboard/shim/mapping.hpp onboard/shim/shim_memory.hpp)
@@ -20,7 +20,7 @@ foreach(target ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim)
   target_compile_features(${target} INTERFACE cxx_std_20)
 endforeach()
 set(dev ledgerline_fabric_client ledgerline_shim ledgerline_drone_shim ledgerline_msg
-  ledgerline_fabric_checkpoint ledgerline_fabric_serving ledgerline_fabric_stream ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session
+  ledgerline_fabric_blocks ledgerline_fabric_tls_server ledgerline_fabric_tx ledgerline_crypto ledgerline_base ledgerline_rt ledgerline_shim_session
   fabric_protos fabric_grpc)
 add_custom_target(install_dev DEPENDS ${dev})
 install(TARGETS ${dev}

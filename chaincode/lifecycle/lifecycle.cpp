@@ -48,7 +48,7 @@ bool says(const Error& error, const char* words) { return error.message.find(wor
 }  // namespace
 
 Lifecycle::Lifecycle(fabric::ChannelAndContract where, std::string msp_id,
-                     std::unique_ptr<fabric::PeerQuestions> questions, std::unique_ptr<fabric::Client> client)
+                     std::unique_ptr<fabric::PeerQueries> questions, std::unique_ptr<fabric::Client> client)
     : where_(std::move(where)),
       msp_id_(std::move(msp_id)),
       questions_(std::move(questions)),
@@ -61,7 +61,7 @@ Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
   config.blocks = fabric::BlockSource::peer;
   const fabric::ChannelAndContract where = config.where;
   const std::string msp_id = config.identity.name.msp_id;
-  auto questions = fabric::PeerQuestions::create(config);
+  auto questions = fabric::PeerQueries::create(config);
   if (!questions) return questions.error();
   config.where.contract = lifecycle_contract;
   config.deadline = transaction_limit;
@@ -72,7 +72,7 @@ Result<Lifecycle> Lifecycle::connect(fabric::ClientConfig config) {
 
 Result<std::string> Lifecycle::query(const std::string& channel, const std::string& function,
                                      const std::string& argument) {
-  return questions_->ask({channel, lifecycle_contract}, {function, {argument}});
+  return questions_->query({channel, lifecycle_contract}, {function, {argument}});
 }
 
 Status Lifecycle::submit(const std::string& function, const std::string& argument, const fabric::EndorsementNeed& need,
@@ -171,7 +171,7 @@ Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& appl
   fabric::Policy endorsement = channel.endorsement;
   if (!policy.ParseFromString(application_policy)) {
     out.policy = "one that cannot be read";
-    endorsement = fabric::nobody();
+    endorsement = fabric::unsatisfiable_policy();
   } else if (policy.has_signature_policy()) {
     out.policy = "a signature policy of its own";
     endorsement = {{policy.signature_policy().SerializeAsString()}, 1};
@@ -180,7 +180,7 @@ Fitness fitness_of(const fabric::ChannelConfig& channel, const std::string& appl
     const bool usual =
         reference.empty() || reference == "/Channel/Application/Endorsement" || reference == "Endorsement";
     out.policy = usual ? "the channel's, " + channel.endorsement_words : "the channel's " + printable(reference);
-    if (!usual) endorsement = fabric::nobody();
+    if (!usual) endorsement = fabric::unsatisfiable_policy();
   }
   const auto& all = channel.organisations;
   const auto suffice = [&](std::size_t i, std::size_t k) {

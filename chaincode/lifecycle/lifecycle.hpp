@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 
 /// Fabric's lifecycle of a chaincode (`_lifecycle`), as an organisation's administrator: no program of Fabric's is
 /// needed.
@@ -53,7 +53,7 @@ class Lifecycle {
   Result<fabric::ChannelConfig> channel() { return questions_->channel_config(); }
 
  private:
-  Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQuestions> questions,
+  Lifecycle(fabric::ChannelAndContract where, std::string msp_id, std::unique_ptr<fabric::PeerQueries> questions,
             std::unique_ptr<fabric::Client> client);
   Result<std::string> query(const std::string& channel, const std::string& function, const std::string& argument);
   /// Again until it is committed or refused, or `is_done`.
@@ -62,7 +62,7 @@ class Lifecycle {
 
   fabric::ChannelAndContract where_;
   std::string msp_id_;
-  std::unique_ptr<fabric::PeerQuestions> questions_;
+  std::unique_ptr<fabric::PeerQueries> questions_;
   std::unique_ptr<fabric::Client> client_;
 };
 

@@ -3,7 +3,7 @@
 
 /// How all of Ledgerline speaks TLS, listeners and clients alike; the page: docs/security-in-operation.md, "TLS".
 ///
-/// gRPC's listeners and clients (common/fabric/serving, common/fabric/client) cannot be configured: version 1.51 has no
+/// gRPC's listeners and clients (common/fabric/tls, common/fabric/client) cannot be configured: version 1.51 has no
 /// call for versions or ciphers. Its defaults are what stands here: tests/unit/common/crypto/tls_policy_test.cpp
 /// connects to each listener, and each client to servers, with one version and cipher at a time, to see that they still
 /// are.

@@ -39,8 +39,7 @@ void check_tables(Config& config, const Channels& channels, const std::string& b
     const Channels::Table& table = channels.all[i];
     if (!is_channel_name(table.name)) {
       config.wrong(key + "name", "must be a channel's name: a-z first, then a-z, 0-9, . and -");
-    } else if (std::find(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(i), names[i]) !=
-               names.begin() + static_cast<std::ptrdiff_t>(i)) {
+    } else if (static_cast<std::size_t>(std::ranges::find(names, names[i]) - names.begin()) < i) {
       config.wrong(key + "name", "must be another name than that of [ledger] and of each other [[channel]]");
     }
     // Silently trusting the peer on one channel of several is what nobody would see.
@@ -129,12 +128,7 @@ Channels read_channels(Config& config) {
   const ChannelAndContract ledger{config.text("ledger.channel", usual.channel),
                                   config.text("ledger.contract", usual.contract)};
   Channels channels;
-  channels.all.push_back({.name = ledger.channel,
-                          .contract = ledger.contract,
-                          .config_block = {},
-                          .endpoint = {},
-                          .tls_ca = {},
-                          .server_name = {}});
+  channels.all.push_back({.name = ledger.channel, .contract = ledger.contract});
   const std::size_t count = config.table_count(
       {"channel", "each further channel that some of the drones are on; that of [ledger] has no table"});
   for (std::size_t i = 0; i < count; ++i)

@@ -12,9 +12,8 @@ namespace ledgerline::fabric {
 /// leaves empty is as in [ledger].
 struct Channels {
   struct Table {
-    std::string name;
-    std::string contract, config_block;
-    std::string endpoint, tls_ca, server_name;
+    std::string name, contract;
+    std::string config_block{}, endpoint{}, tls_ca{}, server_name{};
     ClientConfig::TlsPair tls_pair{};
   };
   /// Of an [[orderer]], [[endorser]] or [[peer]]: the channels that it is for; empty: each that is at the endpoint of

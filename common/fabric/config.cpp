@@ -4,6 +4,10 @@
 
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/common.pb.h"
+#include "common/fabric/channels.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/rt/clock.hpp"
 
 namespace ledgerline::fabric {
@@ -168,6 +172,35 @@ Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config) {
     roots.push_back({id, std::move(*pem)});
   }
   return crypto::make_msp_registry(verifier, std::move(roots));
+}
+
+namespace {
+
+Result<ChannelConfig> channel_of(const ClientConfig& config) {
+  if (!config.config_block.empty()) {
+    common::Block block;
+    if (!block.ParseFromString(config.config_block)) return Error{"ledger.config_block: it is no block"};
+    return read_channel_config(block);
+  }
+  const auto questions = PeerQueries::create(config);
+  return questions ? (*questions)->channel_config() : questions.error();
+}
+
+}  // namespace
+
+Result<TimeNs> apply_timeouts(ClientConfig& config) {
+  if (!config.timeouts_of_channel) return TimeNs{0};
+  const auto wrong = [&](const std::string& why) { return of_channel(config, Error{"ledger.timeouts: " + why}); };
+  const auto channel = channel_of(config);
+  if (!channel) return wrong("the channel's settings are not known: " + channel.error().message);
+  if (!channel->batching) return wrong("the channel's configuration has no BatchTimeout");
+  const TimeNs both_ns = both_ways_ns(channel->batching->timeout_ns, channel->batching->max_messages);
+  spdlog::info(
+      "blocks are cut {:g} s behind their first transaction, or at {}: a command may come {:g} s later than it "
+      "would if each were cut at once, and limits are so much longer",
+      to_seconds(channel->batching->timeout_ns), channel->batching->max_messages, to_seconds(both_ns));
+  config.deadline += std::chrono::milliseconds(both_ns / ns_per_ms);
+  return both_ns;
 }
 
 }  // namespace ledgerline::fabric

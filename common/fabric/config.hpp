@@ -2,9 +2,11 @@
 #include <memory>
 #include <string>
 
+#include "common/base/result.hpp"
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/rt/clock.hpp"
 
 /// The tables of a program's config that say where the ledger is and whom to trust; used by agent and ground.
 namespace ledgerline::fabric {
@@ -21,5 +23,10 @@ inline constexpr const char* blocks_not_validated =
 
 /// Reads [[msp]] (id, ca) and ledger.verifier: the organisations whose signatures are trusted, at least one.
 Result<std::unique_ptr<crypto::MspRegistry>> msp_registry(Config& config);
+
+/// Adds to the config's deadline, and returns, what `timeouts` of [ledger] adds to limits of time: 0 where it is fixed.
+/// Of config_block where there is one, so that no peer can lengthen them, else of the peer, which must answer then.
+/// Logs what it costs; an error names the channel.
+Result<TimeNs> apply_timeouts(ClientConfig& config);
 
 }  // namespace ledgerline::fabric

@@ -68,7 +68,7 @@ int evaluate(Client& client, fabric::Call call) {
   return 0;
 }
 
-void follow_blocks(Client& client, std::uint64_t first, Printer& printer) {
+void open_block_stream(Client& client, std::uint64_t first, Printer& printer) {
   Client::StreamHandlers handlers;
   handlers.on_block = [&](const fabric::Block& block, std::string_view raw) {
     std::string line = "block " + std::to_string(block.number) + ", " + std::to_string(raw.size()) + " bytes:";
@@ -82,7 +82,7 @@ void follow_blocks(Client& client, std::uint64_t first, Printer& printer) {
   printer.wait();
 }
 
-void follow_events(Client& client, std::uint64_t first, Printer& printer) {
+void open_event_stream(Client& client, std::uint64_t first, Printer& printer) {
   const auto on_event = [&](const Client::Event& event) {
     printer.print("event " + event.name + " in block " + std::to_string(event.block) + ": " + event.payload);
   };
@@ -117,7 +117,7 @@ int main(int argc, char** argv) {
   if (words.size() != 7) return std::fprintf(stderr, "blocks and events take FIRST and COUNT\n"), 2;
   const std::uint64_t first = std::strtoull(words[5].c_str(), nullptr, 10);
   Printer printer(std::strtoull(words[6].c_str(), nullptr, 10));
-  if (words[4] == "blocks") return follow_blocks(**client, first, printer), 0;
-  if (words[4] == "events") return follow_events(**client, first, printer), 0;
+  if (words[4] == "blocks") return open_block_stream(**client, first, printer), 0;
+  if (words[4] == "events") return open_event_stream(**client, first, printer), 0;
   return std::fprintf(stderr, "unknown verb %s\n", words[4].c_str()), 2;
 }

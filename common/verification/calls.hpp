@@ -58,10 +58,10 @@ fabric::EndorsementNeed frame_need();
 fabric::EndorsementNeed endorsement_need(std::string_view function);
 
 /// The policy that a key of the contract has once it is there, for the keys whose names say whose they are; none: it
-/// has none, or the name does not say. For ClientConfig::likely_policy.
+/// has none, or the name does not say. For fabric::ContractRules.
 std::optional<std::string> likely_policy(std::string_view key);
 /// States and commands, by the key's name: agent goes by a command's sequence, ground by a state's stamp. For
-/// ClientConfig::is_of_hot_path.
+/// Of fabric::ContractRules.
 bool is_of_hot_path(std::string_view key);
 
 /// A client of the contract asks those to endorse whose keys the call writes (endorsement_need, or the call itself),

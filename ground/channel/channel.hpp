@@ -6,8 +6,8 @@
 #include <variant>
 #include <vector>
 
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 #include "ground/core/flight.hpp"
 
@@ -21,7 +21,7 @@ class Channel {
     FlightConfig flight;
     std::unique_ptr<fabric::Client> client;  ///< for commands and blocks
     std::unique_ptr<fabric::Client> urgent;  ///< for what must not wait behind commands
-    fabric::KeptCheckpoint kept;             ///< as the last ground left it
+    fabric::StoredCheckpoint kept;           ///< as the last ground left it
   };
 
   struct Ended {

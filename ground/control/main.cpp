@@ -13,7 +13,7 @@
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeated.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"

@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/service/core/certificate_ends.hpp"
 

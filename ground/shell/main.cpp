@@ -7,7 +7,6 @@
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -38,7 +37,7 @@ Result<ground::Channel::Parts> make_channel(Config& config, ground::FlightConfig
   flight.self = careful.identity.name;
   flight.trusted = std::move(trusted).value();
   flight.where = careful.where;
-  auto kept = fabric::KeptCheckpoint::read(checkpoint, careful.where.channel);
+  auto kept = fabric::StoredCheckpoint::read(checkpoint, careful.where.channel);
   if (!kept) return kept.error();
   auto client = fabric::Client::create(careful);
   auto urgent = fabric::Client::create(careful);
@@ -78,7 +77,7 @@ int fly(Config& config) {
   std::vector<ground::Channel::Parts> parts;
   for (std::size_t i = 0; i < ledgers->size(); ++i) {
     fabric::ClientConfig& own = (*ledgers)[i];
-    if (const auto longer_ns = fabric::take_timeouts(own); !longer_ns) return fail(longer_ns.error());
+    if (const auto longer_ns = fabric::apply_timeouts(own); !longer_ns) return fail(longer_ns.error());
     if (const Status s = endorser::start_own_endorser(within, own); !s) return fail(s.error(), exit_usage);
     auto made = make_channel(config, ground::flight_of_channel(flight, channels.of_drone, i), own,
                              fabric::file_of_channel(checkpoint, channels, i));

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/stream/block_source.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "ground/core/flight.hpp"
 #include "ground/mission/run.hpp"
 #include "hil/netem/impairment.hpp"

@@ -11,7 +11,7 @@
 #include <map>
 
 #include "common/access/access.hpp"
-#include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/blocks/block_intake.hpp"
 #include "common/msg/ros.hpp"
 #include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
@@ -101,7 +101,7 @@ class Chain {
         {.where = {},
          .config_block = validates ? ledger_.chain[0] : std::string(),
          .make_registry = fabric::BlockValidator::registry_of(fabric::library),
-         .likely_policy = [](const std::string& key) { return verification::likely_policy(key); }});
+         .contract_rules = {.likely_policy = [](const std::string& key) { return verification::likely_policy(key); }}});
     if (!intake) give_up(intake.error().message);
     intake->start_at(begin_);
     return std::move(*intake);
@@ -202,7 +202,7 @@ class Reader {
       check_->add_sent_state(state);
     }
     const TimeNs begin = cpu_ns();
-    const auto block = intake_.take(step.block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
+    const auto block = intake_.add(step.block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
     if (!block) give_up(block.error().message);
     const auto checked = check_->check(step.answered_ns, now_s_, *block);
     const TimeNs took_ns = cpu_ns() - begin;

@@ -9,8 +9,8 @@
 
 #include "common/config/config.hpp"
 #include "common/fabric/client/client.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/sending/repeat.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline {

@@ -41,8 +41,8 @@ bool has_unsigned_bytes(const common::Block& block) {
 }
 
 /// The first block configures a channel that has nobody yet: its transaction has no creator, the anchor stands for it.
-std::vector<fabric::Verdict> first_verdict() {
-  fabric::Verdict verdict;
+std::vector<fabric::TransactionVerdict> first_verdict() {
+  fabric::TransactionVerdict verdict;
   verdict.code = protos::VALID;
   verdict.config = true;
   return {verdict};
@@ -196,7 +196,7 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
   }
   if (next_ > 0) state_.apply(next_, verdicts);
   counts_.transactions += verdicts.size();
-  for (const fabric::Verdict& verdict : verdicts) {
+  for (const fabric::TransactionVerdict& verdict : verdicts) {
     if (verdict.code == protos::VALID) {
       ++counts_.valid;
     } else {
@@ -210,7 +210,7 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
 }
 
 /// The peer's word against our own.
-void ChainAudit::compare(const common::Block& block, const std::vector<fabric::Verdict>& verdicts) {
+void ChainAudit::compare(const common::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts) {
   const std::string& flags = metadata(block, common::TRANSACTIONS_FILTER);
   if (flags.empty()) {
     ++counts_.without_flags;
@@ -218,7 +218,7 @@ void ChainAudit::compare(const common::Block& block, const std::vector<fabric::V
   }
   for (std::size_t i = 0; i < verdicts.size() && i < flags.size(); ++i) {
     const int flag = static_cast<unsigned char>(flags[i]);
-    const fabric::Verdict& verdict = verdicts[i];
+    const fabric::TransactionVerdict& verdict = verdicts[i];
     if (flag == verdict.code) continue;
     find(i, verdict.tx_id,
          fmt::format("its flag is {}, but it is {}{}{}", code_name(flag), code_name(verdict.code),
@@ -226,7 +226,7 @@ void ChainAudit::compare(const common::Block& block, const std::vector<fabric::V
   }
 }
 
-void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::Verdict>& verdicts) {
+void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts) {
   for (std::size_t i = 0; i < verdicts.size() && i < block.transactions.size(); ++i) {
     const fabric::Transaction& tx = block.transactions[i];
     counts_.endorsements += tx.endorsements.size();

@@ -76,8 +76,8 @@ class ChainAudit {
   void check_anchor(const common::Block& block);
   void configure(const fabric::ChannelConfig& config);
   void validate_transactions(const common::Block& block, std::string_view bytes);
-  void compare(const common::Block& block, const std::vector<fabric::Verdict>& verdicts);
-  void tell(const fabric::Block& block, const std::vector<fabric::Verdict>& verdicts);
+  void compare(const common::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts);
+  void tell(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts);
 
   Trust trust_;
   std::uint64_t next_ = 0;           ///< number of the block that must come

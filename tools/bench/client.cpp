@@ -9,9 +9,9 @@
 
 #include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
 #include "common/program/command_line.hpp"

@@ -4,7 +4,7 @@
 #include "common/bridge/shell/bridges.hpp"
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"

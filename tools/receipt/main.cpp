@@ -9,7 +9,6 @@
 #include "common/config/config.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/receipt/asking.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/receipt/receipt_verifier.hpp"
 #include "common/program/command_line.hpp"
@@ -90,7 +89,7 @@ Status check_all(const fabric::ReceiptVerifier& verifier, bool as_json, const st
   std::size_t not_proven = 0;
   for (const std::string& file : files) {
     const auto bytes = read_file(file);
-    const Result<fabric::Proven> proven = bytes ? verifier.verify(*bytes) : bytes.error();
+    const Result<fabric::ReceiptProof> proven = bytes ? verifier.verify(*bytes) : bytes.error();
     if (!proven) ++not_proven;
     print_line(as_json ? receipt::json_line(file, proven, now_s()) : receipt::line(file, proven));
   }
@@ -104,7 +103,7 @@ Status make(const Options& options) {
   auto ledger = fabric::ledger_config(*config);
   if (auto status = config->finish(); !status) return status;
   if (!ledger) return ledger.error();
-  const auto asked = fabric::ask_receipt(std::move(ledger).value(), options.transaction);
+  const auto asked = fabric::collect_receipt(std::move(ledger).value(), options.transaction);
   if (!asked) return asked.error();
   for (const std::string& peer : asked->unheard) spdlog::warn("without the answer of {}", peer);
   const std::string bytes = fabric::receipt_bytes(asked->receipt);

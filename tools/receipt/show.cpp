@@ -33,7 +33,7 @@ std::string time_of(std::int64_t real_s) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%S}Z", fmt::gmtime(static_cast<std::time_t>(real_s)));
 }
 
-std::string others_of(const fabric::Proven& proven) {
+std::string others_of(const fabric::ReceiptProof& proven) {
   if (proven.others.empty()) return "no other transaction is in this block, so the receipt shows nobody else's";
   std::map<std::string, int> of_whom;
   for (const auto& other : proven.others) ++of_whom[name_of(other.creator)];
@@ -42,7 +42,7 @@ std::string others_of(const fabric::Proven& proven) {
   return fmt::format("the receipt also shows this block's other transactions (unchecked): {}", fmt::join(texts, "; "));
 }
 
-using Certificate = fabric::Proven::Certificate;
+using Certificate = fabric::ReceiptProof::Certificate;
 
 const char* name_of(Certificate::Role role) {
   switch (role) {
@@ -62,7 +62,7 @@ bool counts(const Certificate& one) {
   return !one.revoked || one.role == Certificate::Role::creator || one.role == Certificate::Role::endorser;
 }
 
-void add_lists(const fabric::Proven& proven, std::vector<std::string>& lines) {
+void add_lists(const fabric::ReceiptProof& proven, std::vector<std::string>& lines) {
   if (proven.revocation_lists.empty()) {
     lines.emplace_back("no revocation list was given: whether a certificate has been revoked was not looked at");
     return;
@@ -76,7 +76,7 @@ void add_lists(const fabric::Proven& proven, std::vector<std::string>& lines) {
 }
 
 /// A line for each of which there is something to say.
-void add_certificates(const fabric::Proven& proven, std::int64_t now_s, std::vector<std::string>& lines) {
+void add_certificates(const fabric::ReceiptProof& proven, std::int64_t now_s, std::vector<std::string>& lines) {
   const std::size_t before = lines.size();
   for (const Certificate& one : proven.certificates) {
     const std::string whose = fmt::format("certificate of {} {}", name_of(one.role), name_of(one.who));
@@ -105,7 +105,7 @@ nlohmann::json json_of(const Names& names) {
   return all;
 }
 
-nlohmann::json all_of(const fabric::Proven& proven, std::int64_t now_s) {
+nlohmann::json all_of(const fabric::ReceiptProof& proven, std::int64_t now_s) {
   nlohmann::json certificates = nlohmann::json::array(), lists = nlohmann::json::array();
   for (const Certificate& one : proven.certificates) {
     nlohmann::json text = json_of(one.who);
@@ -150,7 +150,7 @@ nlohmann::json all_of(const fabric::Proven& proven, std::int64_t now_s) {
 
 }  // namespace
 
-std::string words(const fabric::Proven& proven, std::int64_t now_s) {
+std::string words(const fabric::ReceiptProof& proven, std::int64_t now_s) {
   std::vector<std::string> lines;
   lines.push_back(fmt::format("transaction {} of channel {}", printable(proven.tx_id), printable(proven.channel)));
   lines.push_back(fmt::format("is in block {} ({}), by the word of orderers: {}", proven.block, proven.block_hash,
@@ -169,16 +169,16 @@ std::string words(const fabric::Proven& proven, std::int64_t now_s) {
   return fmt::format("{}", fmt::join(lines, "\n"));
 }
 
-std::string json(const fabric::Proven& proven, std::int64_t now_s) { return all_of(proven, now_s).dump(); }
+std::string json(const fabric::ReceiptProof& proven, std::int64_t now_s) { return all_of(proven, now_s).dump(); }
 
-std::string line(const std::string& file, const Result<fabric::Proven>& proven) {
+std::string line(const std::string& file, const Result<fabric::ReceiptProof>& proven) {
   if (!proven) return fmt::format("{}: nothing is proven: {}", file, proven.error().message);
   return fmt::format("{}: proven: transaction {} in block {}: {}, by the word of peers of {} of {} organisations", file,
                      printable(proven->tx_id), proven->block, proven->verdict, proven->peers.size(),
                      proven->organisations);
 }
 
-std::string json_line(const std::string& file, const Result<fabric::Proven>& proven, std::int64_t now_s) {
+std::string json_line(const std::string& file, const Result<fabric::ReceiptProof>& proven, std::int64_t now_s) {
   nlohmann::json all =
       proven ? all_of(*proven, now_s) : nlohmann::json{{"proven", false}, {"why", proven.error().message}};
   all["file"] = printable(file);

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "common/base/result.hpp"
-#include "common/fabric/checkpoint/checkpoint.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
 #include "common/fabric/validation/channel_state.hpp"
 
 /// How an endorser follows its peer: whose blocks it takes, when it may answer, and when it may write a checkpoint.

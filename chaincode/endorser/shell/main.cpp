@@ -10,7 +10,7 @@
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"

@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "common/base/log.hpp"
-#include "common/fabric/client/own_endorser.hpp"
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 
 namespace ledgerline::endorser {
 namespace {
@@ -39,7 +39,7 @@ class InProcessEndorser final : public fabric::OwnEndorser, public std::enable_s
   Answer endorse(const std::string& signed_proposal) override {
     node::Reply reply = service_->process_proposal(signed_proposal, Service::Caller::own);
     if (reply.code == node::Code::ok) return {.response = std::move(reply.bytes)};
-    return {.problem = std::move(reply.message), .elsewhere = reply.code == node::Code::unavailable};
+    return {.response = Error{std::move(reply.message)}, .elsewhere = reply.code == node::Code::unavailable};
   }
 
   fabric::Client::StreamHandlers fed_by(fabric::Client::StreamHandlers handlers) override {

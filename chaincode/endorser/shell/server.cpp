@@ -9,7 +9,7 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/serving/tls_server.hpp"
+#include "common/fabric/tls/tls_server.hpp"
 #include "peer/peer.grpc.pb.h"
 
 namespace ledgerline::endorser {

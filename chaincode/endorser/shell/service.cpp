@@ -85,7 +85,7 @@ Result<std::unique_ptr<Service>> Service::start(fabric::ClientConfig ledger, con
   if (ledger.config_block.empty())
     return Error{"ledger.config_block is missing: an endorser signs only by blocks that the channel's orderers signed"};
   if (!ledger.identity.in_use) ledger.identity.in_use = std::make_shared<crypto::IdentityInUse>(ledger.identity);
-  auto peer = fabric::PeerQuestions::create(ledger);
+  auto peer = fabric::PeerQueries::create(ledger);
   if (!peer) return peer.error();
   auto client = fabric::Client::create(ledger);
   if (!client) return client.error();
@@ -117,7 +117,7 @@ void Service::begin_stream() {
                                                                                     .kept = std::move(checkpoint_),
                                                                                     .first = 0,
                                                                                     .max_absence_blocks = any_absence,
-                                                                                    .program_keeps = true});
+                                                                                    .program_stores = true});
   blocks_->open(*client_, std::move(handlers));
 }
 
@@ -146,7 +146,7 @@ Status Service::restore(const std::string& path, const fabric::ChannelAndContrac
     return Error{fmt::format(
         "{}: others than its owner may read or write it, and it decides what is endorsed; run: chmod 600 {}", path,
         path)};
-  auto kept = fabric::KeptCheckpoint::read(path, where.channel + "/" + where.contract);
+  auto kept = fabric::StoredCheckpoint::read(path, where.channel + "/" + where.contract);
   if (!kept) return kept.error();
   checkpoint_ = std::move(*kept);
   if (!checkpoint_.last) return done;
@@ -219,12 +219,12 @@ Status Service::apply_first_state(const std::string& config_block) {
 
 /// What failed is not what another start is to begin with. With the lock held, or alone.
 void Service::store_checkpoint() {
-  if (!blocks_ || !blocks_->keeps() || readiness_.failed() || core_.height() == 0) return;
+  if (!blocks_ || !blocks_->has_checkpoint_file() || readiness_.failed() || core_.height() == 0) return;
   write(pending_checkpoint_.offer({{}, core_.height() - 1, core_.hash(), core_.snapshot()}));
 }
 
 void Service::write(std::optional<fabric::Checkpoint> due) {
-  if (blocks_ && due) blocks_->keep(due->number, std::move(due->hash), std::move(due->records));
+  if (blocks_ && due) blocks_->store(due->number, std::move(due->hash), std::move(due->records));
 }
 
 void Service::on_shared_confirmed(std::uint64_t number, const std::string& hash) {
@@ -259,7 +259,7 @@ void Service::on_block(BlockSources::Source from, const fabric::Block& block, st
     if (readiness_.failed() || first_state_) return;
     if (sources_.accepts(from, block.number, core_.height())) taken = core_.apply(block, raw);
     if (!taken) stop_signing();  // at once: the block may be half taken
-    if (taken && blocks_ && blocks_->keeps() && block.confirmed)
+    if (taken && blocks_ && blocks_->has_checkpoint_file() && block.confirmed)
       write(pending_checkpoint_.on_peer_block(
           block.number, fabric::block_header_hash(block.number, block.previous_hash, block.data_hash)));
     counts_.blocks = core_.height();

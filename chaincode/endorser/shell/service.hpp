@@ -17,10 +17,9 @@
 #include "chaincode/endorser/shell/priority_mutex.hpp"
 #include "chaincode/endorser/shell/settings.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 
 namespace ledgerline::endorser {
 
@@ -132,8 +131,8 @@ class Service {
 
   const std::shared_ptr<const crypto::IdentityInUse> identity_;
   const std::function<void()> on_failure_;
-  std::unique_ptr<fabric::PeerQuestions> peer_;
-  fabric::KeptCheckpoint checkpoint_;      ///< until begin_stream(), without its records
+  std::unique_ptr<fabric::PeerQueries> peer_;
+  fabric::StoredCheckpoint checkpoint_;      ///< until begin_stream(), without its records
   std::optional<FirstState> first_state_;  ///< what is in it is the checker's; until it is gone no block is taken
 
   mutable PriorityMutex mutex_;  // guards what follows; lock_later() is for the proposals of others alone

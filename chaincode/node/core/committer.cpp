@@ -47,7 +47,7 @@ CutBlock Committer::validate(OrderedBlock ordered) {
   if (cut.number == 0) {
     cut.transactions.push_back({"", 0, protos::VALID});  // the config block, which is the node's own
   } else {
-    for (fabric::Verdict& verdict : fabric::validate_transactions(block, view_, *members_, rules_)) {
+    for (fabric::TransactionVerdict& verdict : fabric::validate_transactions(block, view_, *members_, rules_)) {
       const Version at{cut.number, cut.transactions.size()};
       if (verdict.code == protos::VALID) {
         writes.push_back({at, set_of(verdict.sets, config_.contract), std::move(verdict.creator_msp)});

@@ -5,7 +5,7 @@
 #include "chaincode/node/server/services.hpp"
 #include "common/base/file.hpp"
 #include "common/fabric/channels.hpp"
-#include "common/fabric/serving/tls_server.hpp"
+#include "common/fabric/tls/tls_server.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"

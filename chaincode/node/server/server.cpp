@@ -9,7 +9,7 @@
 #include "chaincode/node/server/services.hpp"
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
-#include "common/fabric/serving/tls_server.hpp"
+#include "common/fabric/tls/tls_server.hpp"
 
 namespace ledgerline::node {
 namespace {

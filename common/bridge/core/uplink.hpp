@@ -11,7 +11,7 @@
 #include "common/bridge/core/frame.hpp"
 #include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
-#include "common/fabric/sending/in_flight.hpp"
+#include "common/fabric/client/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"

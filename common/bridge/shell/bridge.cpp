@@ -106,7 +106,7 @@ void DownlinkWriters::report_to(nlohmann::json& status, nlohmann::json& topics) 
 
 Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                crypto::MspRegistry& trusted, dds::ParticipantPtr participant,
-                                               fabric::KeptCheckpoint kept) {
+                                               fabric::StoredCheckpoint kept) {
   const fabric::ClientConfig careful = verification::for_contract(ledger);
   auto client = fabric::Client::create(careful);
   if (!client) return client.error();
@@ -118,7 +118,7 @@ Result<std::unique_ptr<Bridge>> Bridge::create(const BridgeConfig& config, const
 
 Bridge::Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
                dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client,
-               std::unique_ptr<fabric::Client> bulk, fabric::KeptCheckpoint kept)
+               std::unique_ptr<fabric::Client> bulk, fabric::StoredCheckpoint kept)
     : rules_(config.rules),
       channel_(ledger.where.channel),
       participant_(std::move(participant)),

@@ -11,8 +11,8 @@
 
 #include "common/bridge/core/report.hpp"
 #include "common/dds/raw.hpp"
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/verification/control_records.hpp"
 
 namespace ledgerline::bridge {
@@ -55,7 +55,7 @@ class Bridge {
   /// this channel, read already.
   static Result<std::unique_ptr<Bridge>> create(const BridgeConfig& config, const fabric::ClientConfig& ledger,
                                                 crypto::MspRegistry& trusted, dds::ParticipantPtr participant,
-                                                fabric::KeptCheckpoint kept);
+                                                fabric::StoredCheckpoint kept);
   ~Bridge() { end(); }
 
   /// Opens the block stream, publishes latched values of the ledger, then begins to carry. Ends early, with an error,
@@ -75,7 +75,7 @@ class Bridge {
   };
   Bridge(const BridgeConfig& config, const fabric::ClientConfig& ledger, crypto::MspRegistry& trusted,
          dds::ParticipantPtr participant, std::unique_ptr<fabric::Client> client, std::unique_ptr<fabric::Client> bulk,
-         fabric::KeptCheckpoint kept);
+         fabric::StoredCheckpoint kept);
   Status open_named_topics();
   void on_seen(const dds::DiscoveredTopic& seen);
   void take_seen();

@@ -76,7 +76,7 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
       if (named == ledgers.end() || !anchor->empty()) on_channel.config_block = std::move(*anchor);
     }
     if (on_channel.config_block.empty()) spdlog::warn("channel {}: {}", channel, fabric::blocks_not_validated);
-    auto kept = fabric::KeptCheckpoint::read(checkpoint_of(config, channel, ledger.where.channel), channel);
+    auto kept = fabric::StoredCheckpoint::read(checkpoint_of(config, channel, ledger.where.channel), channel);
     if (!kept) return kept.error();
     auto bridge = Bridge::create(of_channel, on_channel, trusted, participant, std::move(*kept));
     if (!bridge) return bridge.error();

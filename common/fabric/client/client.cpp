@@ -3,9 +3,8 @@
 #include <future>
 
 #include "common/fabric/client/connection.hpp"
-#include "common/fabric/client/own_endorser.hpp"
 #include "common/fabric/client/pipeline.hpp"
-#include "common/fabric/client/streams/follower.hpp"
+#include "common/fabric/client/stream_thread.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -27,30 +26,30 @@ class GatewayClient final : public Client {
 
   Result<std::string> evaluate(Call call) override {
     gateway::EvaluateResponse response;
-    const Status asked = ask<gateway::EvaluateRequest>(
+    const Status answered = query<gateway::EvaluateRequest>(
         call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, const gateway::EvaluateRequest& request) {
           return stub.Evaluate(&context, request, &response);
         });
-    if (!asked) return asked.error();
+    if (!answered) return answered.error();
     return std::move(*response.mutable_result()->mutable_payload());
   }
 
   Result<std::string> evaluate_at_peer(Call call) override {
     protos::ProposalResponse response;
-    const Status asked = keep_asking(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
+    const Status answered = query_repeatedly(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
       protos::SignedProposal request;
       request.ParseFromString(proposal.signed_proposal);
       return protos::Endorser::NewStub(connection_->channels()->peers[0])
           ->ProcessProposal(&context, request, &response);
     });
-    if (!asked) return asked.error();
+    if (!answered) return answered.error();
     if (response.response().status() >= 400) return Error{words_of_peer(response.response().message())};
     return std::move(*response.mutable_response()->mutable_payload());
   }
 
   Status endorsable(Call call) override {
     gateway::EndorseResponse response;
-    return ask<gateway::EndorseRequest>(
+    return query<gateway::EndorseRequest>(
         call, [&](gateway::Gateway::Stub& stub, grpc::ClientContext& context, gateway::EndorseRequest& request) {
           if (call.need && !call.need->organisation.empty())
             request.add_endorsing_organizations(call.need->organisation);
@@ -59,17 +58,17 @@ class GatewayClient final : public Client {
   }
 
   std::unique_ptr<Stream> blocks(std::optional<std::uint64_t> start, StreamHandlers handlers) override {
-    return follow_blocks(connection_, {start, std::nullopt}, shared(std::move(handlers)));
+    return open_block_stream(connection_, start, std::nullopt, shared(std::move(handlers)));
   }
 
   std::unique_ptr<Stream> blocks_behind(LastVerified verified, StreamHandlers handlers) override {
-    return follow_blocks(connection_, {std::nullopt, std::move(verified)}, shared(std::move(handlers)));
+    return open_block_stream(connection_, std::nullopt, std::move(verified), shared(std::move(handlers)));
   }
 
   std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
                                  std::function<void(bool, const std::string&)> on_connection,
                                  std::string after_tx_id) override {
-    return follow_events(connection_, start, std::move(after_tx_id), std::move(on_event), std::move(on_connection));
+    return open_event_stream(connection_, start, std::move(after_tx_id), std::move(on_event), std::move(on_connection));
   }
 
  private:
@@ -80,8 +79,8 @@ class GatewayClient final : public Client {
 
   /// A question to the gateway until it answers, within the deadline.
   template <typename Request, typename Rpc>
-  Status ask(const Call& call, const Rpc& rpc) {
-    return keep_asking(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
+  Status query(const Call& call, const Rpc& rpc) {
+    return query_repeatedly(call, [&](const Proposal& proposal, grpc::ClientContext& context) {
       Request request;
       request.set_transaction_id(proposal.tx_id);
       request.set_channel_id(connection_->config.where.channel);
@@ -92,11 +91,11 @@ class GatewayClient final : public Client {
   }
 
   template <typename Rpc>
-  Status keep_asking(const Call& call, const Rpc& rpc) {
+  Status query_repeatedly(const Call& call, const Rpc& rpc) {
     const auto deadline = std::chrono::system_clock::now() + connection_->config.deadline;
-    BackOff back_off(first_retry_ns, max_retry_ns);
+    Attempts attempts;
     Random random(random_seed());
-    for (int attempt = 1;; ++attempt) {
+    while (true) {
       auto proposal = make_proposal(*connection_->signing(), connection_->config.where, call, realtime_ns(),
                                     crypto::random_bytes(24));
       if (!proposal) return proposal.error();
@@ -104,11 +103,9 @@ class GatewayClient final : public Client {
       context.set_deadline(deadline);
       const grpc::Status status = rpc(*proposal, context);
       if (status.ok()) return done;
-      const std::chrono::nanoseconds wait(back_off.next(random));
-      if (!may_pass(status) || attempt == max_attempts || std::chrono::system_clock::now() + wait >= deadline) {
-        return Error{describe(status)};
-      }
-      std::this_thread::sleep_for(wait);
+      const auto next = attempts.next(status, deadline, random);
+      if (!next) return Error{describe(status)};
+      std::this_thread::sleep_until(*next);
     }
   }
 

@@ -2,24 +2,59 @@
 #include <chrono>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
-#include "common/fabric/checkpoint/continuation.hpp"
-#include "common/fabric/sending/outcome.hpp"
-#include "common/fabric/sending/tls_pairs_in_use.hpp"
-#include "common/fabric/stream/block_source.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
+#include "common/fabric/client/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
 
 /// Client of a Fabric gateway, its peer's Endorser and Deliver services, and orderers. Nothing here knows which ledger
 /// it talks to. An example is example.cpp beside this file; for use outside this tree see docs/library.md.
 namespace ledgerline::fabric {
 
+class Connection;
 class OwnEndorser;
+struct ChannelConfig;
+
+/// The TLS pairs of a program's clients that were renewed while it runs, as they were checked: what lies in the files
+/// may be something else by then. Any thread.
+class TlsPairsInUse {
+ public:
+  struct Pair {
+    std::string certificate_pem, key_pem;
+  };
+
+  /// Of the pair whose certificate is in that file. Connections are recreated after it.
+  void renew(const std::string& certificate_file, Pair pair) {
+    const std::lock_guard lock(mutex_);
+    pairs_[certificate_file] = std::move(pair);
+    ++renewals_;
+  }
+  /// None: it was not renewed, so its files count.
+  std::optional<Pair> of(const std::string& certificate_file) const {
+    const std::lock_guard lock(mutex_);
+    const auto found = pairs_.find(certificate_file);
+    return found == pairs_.end() ? std::nullopt : std::optional(found->second);
+  }
+  std::uint64_t renewals() const {
+    const std::lock_guard lock(mutex_);
+    return renewals_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  std::map<std::string, Pair> pairs_;  ///< at most one for each pair that a config names
+  std::uint64_t renewals_ = 0;
+};
 
 struct ClientConfig {
   std::string endpoint;     ///< "127.0.0.1:7051"
@@ -62,22 +97,11 @@ struct ClientConfig {
   /// Whose blocks blocks() hands over. Beside the peer's alone it needs `orderers`; `ordered` needs config_block, too.
   BlockSource blocks = BlockSource::peer;
   ChannelAndContract where;
-  /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
-  /// as refused. Empty: any event of the called contract is signed. On the client's own thread.
-  std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check;
-  /// Whose endorsements a call needs that does not say so itself, since only who knows the contract can say. Empty:
-  /// that of one peer, the own one. On the client's own thread.
-  std::function<EndorsementNeed(const Call& call)> endorsement_need;
-  /// The policy of its own that a key of the contract has once it is there (common.SignaturePolicyEnvelope), since only
-  /// who knows the contract can say; none: it has none, or that is not known. On a stream's thread.
-  std::function<std::optional<std::string>(const std::string& key)> likely_policy;
-  /// Keys whose readers go by a count or stamp in the value, so that a write that is delivered twice tells them
-  /// nothing, since only who knows the contract can say. On a stream's thread.
-  std::function<bool(const std::string& key)> is_of_hot_path;
+  ContractRules contract_rules;
   crypto::SigningIdentity identity;
   crypto::IdentityPlace identity_place{};    ///< that it was loaded from, for who renews it
   std::size_t max_in_flight = 64;            ///< further submits are refused at once with Outcome::Kind::overloaded
-  bool timeouts_of_channel = false;          ///< limits of time grow by what the channel's blocks take (timeouts.hpp)
+  bool timeouts_of_channel = false;          ///< limits of time grow by what the channel's blocks take (config.hpp)
   std::chrono::milliseconds deadline{5000};  ///< of one call, from submit() or evaluate() to its end
   std::chrono::milliseconds endorse_timeout{300};  ///< with peers that others do not need to wait for
 };
@@ -165,6 +189,51 @@ class Client {
   virtual std::unique_ptr<Stream> events(std::optional<std::uint64_t> start, std::function<void(const Event&)> on_event,
                                          std::function<void(bool, const std::string&)> on_connection,
                                          std::string after_tx_id = {}) = 0;
+};
+
+/// An endorser of the own organisation within this process (ClientConfig::own_endorser). Any thread.
+class OwnEndorser {
+ public:
+  virtual ~OwnEndorser() = default;
+
+  struct Answer {
+    Result<std::string> response;  ///< protos.ProposalResponse
+    bool elsewhere = false;        ///< there is none, but another endorser may answer
+  };
+  /// To a protos.SignedProposal. Waits for nobody outside this process, but at most 0.2 s for the first under a
+  /// definition of the contract.
+  virtual Answer endorse(const std::string& signed_proposal) = 0;
+
+  /// The handlers of a block stream that the process reads anyway, so that the blocks need not be read for the endorser
+  /// alone. It takes a block after the given handler has had it.
+  virtual Client::StreamHandlers fed_by(Client::StreamHandlers handlers) = 0;
+};
+
+/// What a program queries of the peer of its config directly, waiting at most the config's deadline: not a call of its
+/// own, but about the peer. Any thread.
+class PeerQueries {
+ public:
+  static Result<std::unique_ptr<PeerQueries>> create(ClientConfig config);
+
+  /// The peer's protos.ProposalResponse to somebody's protos.SignedProposal.
+  Result<std::string> propose(std::string_view signed_proposal);
+  /// How many blocks the peer has of the channel.
+  Result<std::uint64_t> height();
+  /// A serialized common.Block of the channel.
+  Result<std::string> block(std::uint64_t number);
+  /// The channel's newest config block, as the peer reports it: a common.Block for read_channel_config. Nobody has
+  /// validated it.
+  Result<std::string> config_block();
+  /// That, read.
+  Result<ChannelConfig> channel_config();
+  /// The payload of a peer's answer to a call of one of its own contracts ("qscc", "cscc", "_lifecycle"), with a
+  /// channel or without (""); an error is the peer's word.
+  Result<std::string> query(const ChannelAndContract& where, const Call& call);
+
+ private:
+  explicit PeerQueries(std::shared_ptr<const Connection> connection) : connection_(std::move(connection)) {}
+
+  std::shared_ptr<const Connection> connection_;
 };
 
 }  // namespace ledgerline::fabric

@@ -12,6 +12,7 @@
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
+#include "common/fabric/tx/form.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "gateway/gateway.pb.h"
 #include "peer/peer.grpc.pb.h"
@@ -55,17 +56,6 @@ ClientConfig::Server with_pair(ClientConfig::Server server, const ClientConfig& 
   return server;
 }
 
-Result<std::vector<std::string>> tls_hashes(const std::vector<ClientConfig::Server>& servers,
-                                            const ClientConfig& config) {
-  std::vector<std::string> out;
-  for (const ClientConfig::Server& server : servers) {
-    auto hash = tls_hash_of(with_pair(server, config).tls_pair, config.tls_in_use.get());
-    if (!hash) return hash.error();
-    out.push_back(std::move(*hash));
-  }
-  return out;
-}
-
 Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& server, const TlsPairsInUse* in_use) {
   if (server.endpoint.empty()) return Error{"the ledger's endpoint is missing; give it as HOST:PORT"};
   auto authorities = crypto::read_certificate_file(server.tls_ca_file);
@@ -97,50 +87,44 @@ Result<std::shared_ptr<grpc::Channel>> make_channel(const ClientConfig::Server& 
 }
 
 Result<std::shared_ptr<const GrpcChannels>> make_channels(const ClientConfig& config) {
+  using Servers = std::vector<ClientConfig::Server>;
   auto channels = std::make_shared<GrpcChannels>();
-  for (auto* into : {&channels->peers, &channels->stream_peers}) {
-    auto channel = make_channel({config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair},
-                                config.tls_in_use.get());
-    if (!channel) return channel.error();
-    into->push_back(std::move(*channel));
-  }
-  using Made = std::vector<std::shared_ptr<grpc::Channel>>;
-  const auto connect = [&](const ClientConfig::Server& server) {
-    return make_channel(with_pair(server, config), config.tls_in_use.get());
-  };
-  const auto add = [&](const std::vector<ClientConfig::Server>& servers, Made& into) -> Status {
+  const TlsPairsInUse* const in_use = config.tls_in_use.get();
+  const auto connect = [&](const Servers& servers, std::vector<std::shared_ptr<grpc::Channel>>& into) -> Status {
     for (const ClientConfig::Server& server : servers) {
-      auto channel = connect(server);
+      auto channel = make_channel(with_pair(server, config), in_use);
       if (!channel) return channel.error();
       into.push_back(std::move(*channel));
     }
     return done;
   };
-  if (auto s = add(config.other_peers, channels->peers); !s) return s.error();
-  if (auto s = add(config.other_peers, channels->stream_peers); !s) return s.error();
-  if (auto s = add(config.orderers, channels->orderers); !s) return s.error();
+  const auto hash = [&](const Servers& servers, std::vector<std::string>& into) -> Status {
+    for (const ClientConfig::Server& server : servers) {
+      auto of_pair = tls_hash_of(with_pair(server, config).tls_pair, in_use);
+      if (!of_pair) return of_pair.error();
+      into.push_back(std::move(*of_pair));
+    }
+    return done;
+  };
+  Servers peers{{config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair}};
+  peers.insert(peers.end(), config.other_peers.begin(), config.other_peers.end());
+  if (auto s = connect(peers, channels->peers); !s) return s.error();
+  if (auto s = connect(peers, channels->stream_peers); !s) return s.error();
+  if (auto s = connect(config.orderers, channels->orderers); !s) return s.error();
   if (config.blocks != BlockSource::peer) {
-    if (auto s = add(config.orderers, channels->stream_orderers); !s) return s.error();
+    if (auto s = connect(config.orderers, channels->stream_orderers); !s) return s.error();
   }
   for (const ClientConfig::Endorser& endorser : config.endorsers) {
     if (endorser.endpoint == config.endpoint) {
       channels->endorsers.push_back(channels->peers[0]);
-      continue;
+    } else if (auto s = connect({{endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair}},
+                                channels->endorsers);
+               !s) {
+      return s.error();
     }
-    auto to_endorser = connect({endorser.endpoint, endorser.tls_ca_file, endorser.server_name, endorser.tls_pair});
-    if (!to_endorser) return to_endorser.error();
-    channels->endorsers.push_back(std::move(*to_endorser));
   }
-  using Servers = std::vector<ClientConfig::Server>;
-  Servers peers{{config.endpoint, config.tls_ca_file, config.server_name, config.tls_pair}};
-  peers.insert(peers.end(), config.other_peers.begin(), config.other_peers.end());
-  for (const auto& [servers, into] :
-       {std::pair<const Servers*, std::vector<std::string>*>(&peers, &channels->peer_tls_hashes),
-        {&config.orderers, &channels->orderer_tls_hashes}}) {
-    auto hashes = tls_hashes(*servers, config);
-    if (!hashes) return hashes.error();
-    *into = std::move(*hashes);
-  }
+  if (auto s = hash(peers, channels->peer_tls_hashes); !s) return s.error();
+  if (auto s = hash(config.orderers, channels->orderer_tls_hashes); !s) return s.error();
   return std::shared_ptr<const GrpcChannels>(std::move(channels));
 }
 
@@ -221,6 +205,11 @@ bool may_pass(const grpc::Status& status) {
          status.error_code() == grpc::StatusCode::RESOURCE_EXHAUSTED;
 }
 
+std::optional<Attempts::Time> Attempts::next(const grpc::Status& status, Time deadline, Random& random) {
+  const Time at = std::chrono::system_clock::now() + std::chrono::nanoseconds(back_off_.next(random));
+  return may_pass(status) && ++made_ < max_made && at < deadline ? std::optional(at) : std::nullopt;
+}
+
 std::string describe(const grpc::Status& status) {
   // google.rpc.Status, whose field 3 is the list of details; no package has its C++ without more of googleapis.
   google::protobuf::Empty wrapper;
@@ -242,11 +231,10 @@ std::string describe(const grpc::Status& status) {
   return words_of_peer(text.empty() ? status.error_message() : text);
 }
 
-Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,
-                                          std::chrono::milliseconds deadline) {
+Result<protos::ProposalResponse> query_peer(const std::shared_ptr<grpc::Channel>& peer,
+                                            std::string_view signed_proposal, std::chrono::milliseconds deadline) {
   protos::SignedProposal question;
-  if (!question.ParseFromArray(signed_proposal.data(), static_cast<int>(signed_proposal.size())))
-    return Error{"what was to be asked is no proposal"};
+  if (!parse(question, signed_proposal)) return Error{"what was to be asked is no proposal"};
   protos::ProposalResponse response;
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + deadline);
@@ -260,6 +248,47 @@ std::uint64_t random_seed() {
   std::uint64_t seed = 0;
   std::memcpy(&seed, bytes.data(), sizeof seed);
   return seed;
+}
+
+void Commits::on_update(std::function<void()> wake) {
+  const std::lock_guard lock(mutex_);
+  wake_ = std::move(wake);
+}
+
+bool Commits::await(const std::string& tx_id) {
+  const std::lock_guard lock(mutex_);
+  if (streams_ == 0) return false;
+  awaited_.insert(tx_id);
+  return true;
+}
+
+void Commits::forget(const std::string& tx_id) {
+  const std::lock_guard lock(mutex_);
+  awaited_.erase(tx_id);
+}
+
+Commits::Update Commits::pop_update() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(update_, {});
+}
+
+void Commits::connected(bool is) {
+  const std::lock_guard lock(mutex_);
+  streams_ += is ? 1 : -1;
+  if (streams_ > 0 || awaited_.empty()) return;
+  update_.lost = true;
+  if (wake_) wake_();
+}
+
+void Commits::block(const Block& block) {
+  const std::lock_guard lock(mutex_);
+  bool some = false;
+  for (const Transaction& tx : block.transactions) {
+    if (awaited_.erase(tx.tx_id) == 0) continue;
+    update_.seen.push_back({tx.tx_id, block.number, tx.code});
+    some = true;
+  }
+  if (some && wake_) wake_();
 }
 
 }  // namespace ledgerline::fabric

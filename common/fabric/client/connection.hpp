@@ -5,12 +5,14 @@
 #include <functional>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
+#include <unordered_set>
+#include <vector>
 
 #include "common/base/random.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/commits.hpp"
 #include "common/rt/retry/back_off.hpp"
 #include "peer/proposal_response.pb.h"
 
@@ -28,6 +30,43 @@ struct GrpcChannels {
   std::vector<std::shared_ptr<grpc::Channel>> orderers;
   std::vector<std::shared_ptr<grpc::Channel>> stream_orderers;  ///< likewise; none where their blocks are not read
   std::vector<std::shared_ptr<grpc::Channel>> endorsers;        ///< as in the config; the own peer's is its own
+};
+
+/// Between a client's block streams, which see transactions committed, and its pipeline, which waits for some of them.
+/// Any thread; the streams may outlive the pipeline.
+class Commits {
+ public:
+  struct Observation {
+    std::string tx_id;
+    std::uint64_t block = 0;
+    int code = 0;
+  };
+
+  // The pipeline's side.
+
+  /// `wake` comes on a stream's thread when there is something to pop_update(); an empty one ends that.
+  void on_update(std::function<void()> wake);
+  /// Whether a stream is there that would see it. False: ask the peer.
+  bool await(const std::string& tx_id);
+  void forget(const std::string& tx_id);
+  /// What was seen of the awaited; each once. `lost`: no stream is left, so what is still awaited has to be asked for.
+  struct Update {
+    std::vector<Observation> seen;
+    bool lost = false;
+  };
+  Update pop_update();
+
+  // A stream's side.
+
+  void connected(bool is);
+  void block(const Block& block);
+
+ private:
+  std::mutex mutex_;  ///< held while `wake` is called
+  std::function<void()> wake_;
+  std::unordered_set<std::string> awaited_;
+  Update update_;
+  int streams_ = 0;
 };
 
 class Connection {
@@ -64,14 +103,23 @@ bool may_pass(const grpc::Status& status);
 std::string describe(const grpc::Status& status);
 
 /// The peer's own answer to somebody's protos.SignedProposal, waiting at most `deadline`.
-Result<protos::ProposalResponse> ask_peer(const std::shared_ptr<grpc::Channel>& peer, std::string_view signed_proposal,
-                                          std::chrono::milliseconds deadline);
+Result<protos::ProposalResponse> query_peer(const std::shared_ptr<grpc::Channel>& peer,
+                                            std::string_view signed_proposal, std::chrono::milliseconds deadline);
 
 /// For a BackOff's jitter: another in each client of a process.
 std::uint64_t random_seed();
 
 /// Attempts of one call that is safe to repeat; with back-off they take well below half a second.
-inline constexpr int max_attempts = 5;
-inline constexpr TimeNs first_retry_ns = 20 * ns_per_ms, max_retry_ns = 200 * ns_per_ms;
+class Attempts {
+ public:
+  using Time = std::chrono::system_clock::time_point;
+  /// One has ended so: when the next may begin; none: no further one.
+  std::optional<Time> next(const grpc::Status& status, Time deadline, Random& random);
+
+ private:
+  static constexpr int max_made = 5;
+  int made_ = 0;
+  BackOff back_off_{20 * ns_per_ms, 200 * ns_per_ms};
+};
 
 }  // namespace ledgerline::fabric

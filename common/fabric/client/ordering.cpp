@@ -59,13 +59,13 @@ void Ordering::connect() {
     stream_ = streams_[which_] = std::make_shared<Stream>();
     auto stub = orderer::AtomicBroadcast::NewStub(orderers_[which_]);
     stream_->io = stub->PrepareAsyncBroadcast(&stream_->context, &queue_);
-    stream_->io->StartCall(tag([this](bool ok) { ok ? write() : go_on("the orderer's stream does not start"); }));
+    stream_->io->StartCall(tag([this](bool ok) { ok ? write() : try_next("the orderer's stream does not start"); }));
     return;
   }
-  if (state == GRPC_CHANNEL_TRANSIENT_FAILURE) return go_on("the orderer is not reached");
+  if (state == GRPC_CHANNEL_TRANSIENT_FAILURE) return try_next("the orderer is not reached");
   const auto until = std::min(deadline_, std::chrono::system_clock::now() + connect_limit);
   channel.NotifyOnStateChange(state, until, &queue_,
-                              tag([this](bool ok) { ok ? connect() : go_on("the orderer is not reached"); }));
+                              tag([this](bool ok) { ok ? connect() : try_next("the orderer is not reached"); }));
 }
 
 void Ordering::write() {
@@ -73,23 +73,23 @@ void Ordering::write() {
   silence_ = std::make_shared<grpc::Alarm>();
   const auto limit = which_ == choice_.best() ? answer_limit : probe_limit;
   silence_->Set(&queue_, std::chrono::system_clock::now() + limit, tag([this, silence = silence_](bool ok) {
-    if (ok) go_on("no acknowledgement in time");
+    if (ok) try_next("no acknowledgement in time");
   }));
   stream_->io->Write(envelope_, tag([this](bool ok) {
-                       if (!ok) return go_on("the orderer's stream broke");
+                       if (!ok) return try_next("the orderer's stream broke");
                        stream_->io->Read(&stream_->response, tag([this](bool read) { on_acknowledged(read); }));
                      }));
 }
 
 void Ordering::on_acknowledged(bool ok) {
-  if (!ok) return go_on("the orderer's stream broke");
+  if (!ok) return try_next("the orderer's stream broke");
   const orderer::BroadcastResponse& response = stream_->response;
   switch (response.status()) {
     case common::SUCCESS:
       back_off_.succeeded();
       return finish(Ended::acknowledged, {});
     case common::SERVICE_UNAVAILABLE:  // no leader, or too busy: it was not taken
-      return go_on(words_of_peer(response.info()));
+      return try_next(words_of_peer(response.info()));
     default:
       // Orderers end the stream after a refusal.
       drop_stream();
@@ -98,7 +98,7 @@ void Ordering::on_acknowledged(bool ok) {
 }
 
 /// The next orderer, after a pause; the deadline ends it.
-void Ordering::go_on(const std::string& why) {
+void Ordering::try_next(const std::string& why) {
   drop_stream();
   if (silence_) silence_->Cancel();
   if (ended_) return finish(sent_ ? Ended::open : Ended::not_sent, why);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "common/fabric/client/connection.hpp"
-#include "common/fabric/sending/orderer_choice.hpp"
+#include "common/fabric/client/orderer_choice.hpp"
 #include "orderer/ab.grpc.pb.h"
 
 namespace ledgerline::fabric {
@@ -40,7 +40,7 @@ class Ordering {
   /// Where the newest envelope went last.
   std::size_t which() const { return which_; }
   /// An envelope that went to this orderer alone was seen in a block.
-  void seen(std::size_t orderer, TimeNs took_ns) { choice_.seen(orderer, took_ns, monotonic_ns()); }
+  void on_committed(std::size_t orderer, TimeNs took_ns) { choice_.on_committed(orderer, took_ns, monotonic_ns()); }
   /// The same orderers over new connections, from the next envelope on.
   void renew(std::vector<std::shared_ptr<grpc::Channel>> orderers);
   /// Cancels the stream; what is in flight reports no outcome any more. Before the queue's shutdown.
@@ -57,7 +57,7 @@ class Ordering {
   void connect();
   void write();
   void on_acknowledged(bool ok);
-  void go_on(const std::string& why);
+  void try_next(const std::string& why);
   void drop_stream();
   void cancel_streams();
   void pass_on();

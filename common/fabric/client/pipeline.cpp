@@ -27,6 +27,12 @@ bool leaves_open(const grpc::Status& status) {
 // A block stream that has not brought a transaction after this may be far behind; the peer is asked then.
 constexpr std::chrono::milliseconds stream_timeout{500};
 
+/// The pipeline makes no other requests.
+template <typename Pending>
+std::shared_ptr<Pending> pending_of(const EndorsementStage::RequestPtr& request) {
+  return std::static_pointer_cast<Pending>(request);
+}
+
 Outcome in_block(std::uint64_t block, int code) {
   Outcome outcome;
   outcome.kind = code == protos::VALID ? Outcome::Kind::committed : Outcome::Kind::invalidated;
@@ -43,10 +49,15 @@ Outcome in_block(std::uint64_t block, int code) {
 }  // namespace
 
 Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
-    : connection_(std::move(connection)), within_(connection_->channels()->endorsers.size()) {
-  take_channels();
-  rest_until_.resize(within_ + 1);
-  connection_->commits->on_news([this] {
+    : connection_(std::move(connection)),
+      endorsement_(
+          connection_, queue_,
+          {.on_endorsed = [this](const auto& request,
+                                 const auto& envelope) { on_endorsed(pending_of<Pending>(request), envelope); },
+           .on_failed = [this](const auto& request, Outcome::Kind kind,
+                               const std::string& why) { finish(pending_of<Pending>(request), kind, why); }}) {
+  renew_channels();
+  connection_->commits->on_update([this] {
     const std::lock_guard lock(mutex_);
     wake();
   });
@@ -54,7 +65,7 @@ Pipeline::Pipeline(std::shared_ptr<const Connection> connection)
 }
 
 Pipeline::~Pipeline() {
-  connection_->commits->on_news({});
+  connection_->commits->on_update({});
   {
     const std::lock_guard lock(mutex_);
     wake();
@@ -63,30 +74,20 @@ Pipeline::~Pipeline() {
   thread_.join();
 }
 
-void Pipeline::take_channels() {
-  auto now = connection_->channels();
-  if (now == channels_) return;
-  channels_ = std::move(now);
-  gateways_.clear();
-  proposals_.clear();
-  endorsers_.clear();
-  for (const auto& peer : channels_->peers) {
-    gateways_.push_back(gateway::Gateway::NewStub(peer));
-    proposals_.push_back(protos::Endorser::NewStub(peer));
-  }
-  for (const auto& endorser : channels_->endorsers) endorsers_.push_back(protos::Endorser::NewStub(endorser));
-  if (channels_->orderers.empty()) return;
+void Pipeline::renew_channels() {
+  const GrpcChannels* const channels = endorsement_.renew_channels();
+  if (channels == nullptr || channels->orderers.empty()) return;
   if (ordering_)
-    ordering_->renew(channels_->orderers);
+    ordering_->renew(channels->orderers);
   else
-    ordering_.emplace(channels_->orderers, queue_);
+    ordering_.emplace(channels->orderers, queue_);
 }
 
 void Pipeline::wake() {
   if (woken_ || stopping_) return;
   woken_ = true;
   auto alarm = std::make_shared<grpc::Alarm>();
-  alarm->Set(&queue_, std::chrono::system_clock::now(), new Tag([this, alarm](bool) { take_inbox(); }));
+  alarm->Set(&queue_, std::chrono::system_clock::now(), new QueueTag([this, alarm](bool) { read_inbox(); }));
 }
 
 void Pipeline::submit(Call call, std::function<void(Outcome)> done) {
@@ -106,12 +107,12 @@ void Pipeline::run() {
   void* tag = nullptr;
   bool ok = false;
   while (queue_.Next(&tag, &ok)) {
-    const std::unique_ptr<Tag> then(static_cast<Tag*>(tag));
+    const std::unique_ptr<QueueTag> then(static_cast<QueueTag*>(tag));
     (*then)(ok);
   }
 }
 
-void Pipeline::take_inbox() {
+void Pipeline::read_inbox() {
   std::vector<Job> jobs;
   bool stopping = false;
   {
@@ -121,27 +122,27 @@ void Pipeline::take_inbox() {
     stopping = stopping_;
   }
   for (Job& job : jobs) begin(std::move(job));
-  take_commits();
+  read_commits();
   if (stopping) end_all();
 }
 
-void Pipeline::take_commits() {
-  const Commits::Update news = connection_->commits->take();
+void Pipeline::read_commits() {
+  const Commits::Update news = connection_->commits->pop_update();
   for (const Commits::Observation& seen : news.seen) {
     const auto found = std::find_if(live_.begin(), live_.end(),
                                     [&](const auto& one) { return one.second->proposal.tx_id == seen.tx_id; });
     if (found == live_.end()) continue;
     const PendingPtr p = found->second;
-    if (p->orderer) ordering_->seen(*p->orderer, monotonic_ns() - p->sent_ns);
+    if (p->orderer) ordering_->on_committed(*p->orderer, monotonic_ns() - p->sent_ns);
     // Sent twice after a lost acknowledgement: only the peer knows what became of the first one.
-    seen.code == protos::DUPLICATE_TXID ? ask_status(p) : finish(p, in_block(seen.block, seen.code));
+    seen.code == protos::DUPLICATE_TXID ? request_status(p) : finish(p, in_block(seen.block, seen.code));
   }
   if (!news.lost) return;
   std::vector<PendingPtr> awaited;
   for (const auto& [number, p] : live_) {
     if (p->awaited) awaited.push_back(p);
   }
-  for (const PendingPtr& p : awaited) ask_status(p);
+  for (const PendingPtr& p : awaited) request_status(p);
 }
 
 void Pipeline::begin(Job job) {
@@ -156,7 +157,7 @@ void Pipeline::begin(Job job) {
     return;
   }
   live_.emplace(p->number, p);
-  take_channels();
+  renew_channels();
   p->self = connection_->signing();
   auto proposal = make_proposal(*p->self, connection_->config.where, p->call, realtime_ns(), crypto::random_bytes(24));
   if (!proposal) {
@@ -166,20 +167,20 @@ void Pipeline::begin(Job job) {
   p->proposal = std::move(*proposal);
   if (p->call.need) {
     p->need = *p->call.need;
-  } else if (connection_->config.endorsement_need) {
-    p->need = connection_->config.endorsement_need(p->call);
+  } else if (const auto& need_of = connection_->config.contract_rules.endorsement_need) {
+    p->need = need_of(p->call);
   }
   if (p->need.in_order) order_.push_back(p);
-  endorse(p);
+  endorsement_.endorse(p);
 }
 
-void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
+void Pipeline::on_endorsed(const PendingPtr& p, const Result<std::string>& unsigned_envelope) {
   if (!unsigned_envelope) {
     finish(p, Outcome::Kind::refused, unsigned_envelope.error().message);
     return;
   }
   EventCheck event_check;
-  if (const auto& check = connection_->config.event_check; check)
+  if (const auto& check = connection_->config.contract_rules.event_check; check)
     event_check = [&](std::string_view name, std::string_view payload) { return check(p->call, name, payload); };
   auto prepared = check_prepared(p->proposal, *unsigned_envelope, event_check);
   if (!prepared) {
@@ -191,7 +192,7 @@ void Pipeline::take_endorsed(const PendingPtr& p, const Result<std::string>& uns
     finish(p, Outcome::Kind::refused, envelope.error().message);
     return;
   }
-  p->answer = std::move(prepared->answer);
+  p->answer = std::move(*prepared);
   p->envelope = std::move(*envelope);
   p->endorsed_ns = monotonic_ns();
   p->stage = Stage::ready;
@@ -216,8 +217,7 @@ void Pipeline::send_next() {
 
 void Pipeline::send(const PendingPtr& p) {
   p->stage = Stage::sent;
-  p->attempts = 0;
-  p->back_off.succeeded();
+  p->attempts = {};
   p->awaited = p->call.reported_by_block && connection_->commits->await(p->proposal.tx_id);
   if (ordering_) {
     // Who goes by counts or stamps does not mind a late one.
@@ -235,7 +235,7 @@ void Pipeline::send(const PendingPtr& p) {
   } else {
     submit_through_gateway(p);
   }
-  p->awaited ? await_commit(p) : ask_status(p);
+  p->awaited ? await_commit(p) : request_status(p);
 }
 
 void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std::string& why) {
@@ -250,14 +250,12 @@ void Pipeline::on_ordered(const PendingPtr& p, Ordering::Ended ended, const std:
       p->submit_problem = "the orderer: " + why;
       break;
     case Ordering::Ended::acknowledged:
-      acknowledged(p);
+      p->ordered_ns = monotonic_ns();
       break;
   }
   p->stage = Stage::acknowledged;
   send_next();
 }
-
-void Pipeline::acknowledged(const PendingPtr& p) { p->ordered_ns = monotonic_ns(); }
 
 void Pipeline::submit_through_gateway(const PendingPtr& p) {
   gateway::SubmitRequest request;
@@ -265,9 +263,11 @@ void Pipeline::submit_through_gateway(const PendingPtr& p) {
   request.set_channel_id(connection_->config.where.channel);
   request.mutable_prepared_transaction()->ParseFromString(p->envelope);
   p->envelope.clear();
-  p->submit = make_unary<gateway::SubmitResponse>(p);
-  p->submit->reader = gateways_[connection_->peer()]->AsyncSubmit(&p->submit->context, request, &queue_);
-  await(p, p->submit, &Pipeline::on_submitted);
+  p->submit = std::make_shared<UnaryCall<gateway::SubmitResponse>>(p->deadline);
+  p->submit->reader = endorsement_.gateway().AsyncSubmit(&p->submit->context, request, &queue_);
+  await(p->submit, [this, p] {
+    if (p->stage != Stage::finished) on_submitted(p);
+  });
 }
 
 void Pipeline::on_submitted(const PendingPtr& p) {
@@ -277,7 +277,7 @@ void Pipeline::on_submitted(const PendingPtr& p) {
     return;
   }
   if (status.ok()) {
-    acknowledged(p);
+    p->ordered_ns = monotonic_ns();
   } else {
     p->submit_problem = describe(status);
   }
@@ -288,12 +288,12 @@ void Pipeline::on_submitted(const PendingPtr& p) {
 void Pipeline::await_commit(const PendingPtr& p) {
   p->alarm = std::make_shared<grpc::Alarm>();
   p->alarm->Set(&queue_, std::min(p->deadline, std::chrono::system_clock::now() + stream_timeout),
-                new Tag([this, p](bool ok) {
-                  if (ok && p->awaited) ask_status(p);
+                new QueueTag([this, p](bool ok) {
+                  if (ok && p->awaited) request_status(p);
                 }));
 }
 
-void Pipeline::ask_status(const PendingPtr& p) {
+void Pipeline::request_status(const PendingPtr& p) {
   if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
   p->awaited = false;
   const crypto::SigningIdentity& who = *p->self;
@@ -309,15 +309,20 @@ void Pipeline::ask_status(const PendingPtr& p) {
     return;
   }
   request.set_signature(std::move(*signature));
-  p->status = make_unary<gateway::CommitStatusResponse>(p);
-  p->status->reader = gateways_[connection_->peer()]->AsyncCommitStatus(&p->status->context, request, &queue_);
-  await(p, p->status, &Pipeline::on_status);
+  p->status = std::make_shared<UnaryCall<gateway::CommitStatusResponse>>(p->deadline);
+  p->status->reader = endorsement_.gateway().AsyncCommitStatus(&p->status->context, request, &queue_);
+  await(p->status, [this, p] {
+    if (p->stage != Stage::finished) on_status(p);
+  });
 }
 
 void Pipeline::on_status(const PendingPtr& p) {
   const grpc::Status& status = p->status->status;
   if (!status.ok()) {
-    if (retry(p, status, &Pipeline::ask_status)) return;
+    const auto again = [this, p] {
+      if (p->stage != Stage::finished) request_status(p);
+    };
+    if (endorsement_.retry(p, status, again)) return;
     std::string why = "submitted, but its status is not known: " + describe(status);
     if (!p->submit_problem.empty()) why += "; Submit: " + p->submit_problem;
     finish(p, Outcome::Kind::unavailable, why);
@@ -325,16 +330,6 @@ void Pipeline::on_status(const PendingPtr& p) {
   }
   const gateway::CommitStatusResponse& response = p->status->response;
   finish(p, in_block(response.block_number(), response.result()));
-}
-
-bool Pipeline::retry(const PendingPtr& p, const grpc::Status& status, void (Pipeline::*again)(const PendingPtr&)) {
-  const auto at = std::chrono::system_clock::now() + std::chrono::nanoseconds(p->back_off.next(random_));
-  if (!may_pass(status) || ++p->attempts >= max_attempts || at >= p->deadline) return false;
-  p->alarm = std::make_shared<grpc::Alarm>();
-  p->alarm->Set(&queue_, at, new Tag([this, p, again](bool) {
-    if (p->stage != Stage::finished) (this->*again)(p);
-  }));
-  return true;
 }
 
 void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string& message) {
@@ -345,15 +340,10 @@ void Pipeline::finish(const PendingPtr& p, Outcome::Kind kind, const std::string
 
 void Pipeline::finish(const PendingPtr& p, Outcome outcome) {
   p->stage = Stage::finished;
-  // It may have read what the peers had replaced already, or may not endorse any more.
-  if (outcome.kind == Outcome::Kind::invalidated && p->endorser) let_rest(*p->endorser);
   // What is still in flight comes back as cancelled, finds the call finished, and is dropped.
-  if (p->endorse) p->endorse->context.TryCancel();
-  if (p->propose) p->propose->context.TryCancel();
-  for (const auto& unary : p->asked) unary->context.TryCancel();
+  endorsement_.end(*p, outcome.kind == Outcome::Kind::invalidated);
   if (p->submit) p->submit->context.TryCancel();
   if (p->status) p->status->context.TryCancel();
-  if (p->alarm) p->alarm->Cancel();
   if (p->awaited) connection_->commits->forget(p->proposal.tx_id);
   p->awaited = false;
   live_.erase(p->number);

@@ -6,9 +6,14 @@
 
 #include "common/base/result.hpp"
 
+namespace protos {
+class ProcessedTransaction;
+}
+
 /// A receipt: one file that shows what became of one transaction, to somebody who has no network and trusts nobody
 /// but the authorities of the channel's organisations and orderers (receipt_verifier.hpp). Pure.
 namespace ledgerline::fabric {
+struct ClientConfig;
 
 struct Receipt {
   /// A signature of somebody who is named beside it: orderers sign `block.orderers_value`, `signer` and the header;
@@ -60,5 +65,33 @@ inline constexpr const char* verdict_function = "GetTransactionByID";
 /// is none, and the peers that say different things. Nothing is verified: that needs to know whom to trust.
 Result<Receipt> make_receipt(const std::string& channel, const std::string& tx_id, std::string_view block,
                              std::string_view signed_question, const std::vector<PeerAnswer>& answers);
+
+struct CollectedReceipt {
+  Receipt receipt;
+  std::vector<std::string> unheard;  ///< peers that were not reached or refused, and why
+};
+
+/// Asks the ledger for all that a receipt of transaction `tx_id` is made of: the own peer for its block, and for the
+/// verdict a peer of each organisation of `config.endorsers`, and the own one where none of those is of the own
+/// organisation. Waits for each at most `config.deadline`. An error: there is no such transaction, no peer answers, or
+/// the peers differ. One thread.
+Result<CollectedReceipt> collect_receipt(ClientConfig config, const std::string& tx_id);
+
+// Question and answer about a verdict, taken apart: for make_receipt and ReceiptVerifier.
+
+struct Question {
+  std::string hash;         ///< what ties answers to it
+  std::int64_t time_s = 0;  ///< Unix time, by the asker's word
+};
+/// Reads a protos.Proposal. An error: it does not ask chain_contract for the verdict on that transaction, in the one
+/// form that a question has. (The hash is over three texts, one behind the other, and does not say where one ends.)
+Result<Question> read_question(std::string_view question, const std::string& channel, const std::string& tx_id);
+
+/// What a peer said: the transaction as its chain has it, with its code. `payload`: protos.ProposalResponsePayload.
+/// An error: it is no answer to the question with that hash.
+Result<protos::ProcessedTransaction> read_answer(std::string_view payload, const std::string& hash);
+
+/// VALID, or the name of another protos.TxValidationCode.
+std::string name_of_code(int code);
 
 }  // namespace ledgerline::fabric

@@ -2,13 +2,13 @@
 
 #include <fmt/format.h>
 #include <google/protobuf/stubs/logging.h>
+
 #include <algorithm>
 #include <optional>
 #include <set>
 
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
-#include "common/fabric/receipt/answer.hpp"
 #include "common/fabric/receipt/receipt.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
@@ -20,12 +20,12 @@ namespace {
 constexpr std::size_t max_name = 200;  // of what others chose, in a message
 
 using Names = std::vector<crypto::IdentityName>;
-using Role = Proven::Certificate::Role;
+using Role = ReceiptProof::Certificate::Role;
 
 std::string text_of(const crypto::IdentityName& name) { return name.msp_id + " " + name.subject; }
 
 /// Tells of a certificate by which something is proven; `used_s`: see there.
-Status note(Role role, const Members::Found& found, std::int64_t used_s, Proven& out) {
+Status note(Role role, const Members::Found& found, std::int64_t used_s, ReceiptProof& out) {
   const auto certificate = crypto::parse_certificate(found.member->pem);
   if (!certificate) return certificate.error();
   out.certificates.push_back(
@@ -34,9 +34,9 @@ Status note(Role role, const Members::Found& found, std::int64_t used_s, Proven&
 }
 
 /// Behind a refusal: those of a role whose word does not count. Empty where there are none.
-std::string not_counted(Role role, const Proven& out) {
+std::string not_counted(Role role, const ReceiptProof& out) {
   std::string text;
-  for (const Proven::Certificate& one : out.certificates) {
+  for (const ReceiptProof::Certificate& one : out.certificates) {
     if (one.role != role || !one.revoked) continue;
     text += (text.empty() ? "; revoked, so not counted: " : ", ") + text_of(one.who);
   }
@@ -59,7 +59,7 @@ Result<Block> open_block(const Receipt::Block& from) {
   return decode_block(block);
 }
 
-Status read_orderers(const Receipt::Block& block, const Members& members, Proven& out) {
+Status read_orderers(const Receipt::Block& block, const Members& members, ReceiptProof& out) {
   const auto wrong = [&](const std::string& why) { return Error{fmt::format("block {}: {}", block.number, why)}; };
   const std::string header = block_header_bytes(block.number, block.previous_hash, block.data_hash);
   Names all;
@@ -99,7 +99,7 @@ Result<std::size_t> find_transaction(const Receipt& receipt, const Block& block)
 
 /// Endorsements of this very call that are good.
 Status read_endorsers(const Transaction& transaction, const OpenedTransaction& opened, const Members& members,
-                      Proven& out) {
+                      ReceiptProof& out) {
   const common::Header& header = opened.payload.header();
   if (opened.response.proposal_hash() !=
       proposal_hash(header.channel_header(), header.signature_header(), opened.action.chaincode_proposal_payload()))
@@ -116,7 +116,8 @@ Status read_endorsers(const Transaction& transaction, const OpenedTransaction& o
 }
 
 /// Creator and call into `out`: what the creator signed.
-Status read_call(const Transaction& transaction, const OpenedTransaction& opened, const Members& members, Proven& out) {
+Status read_call(const Transaction& transaction, const OpenedTransaction& opened, const Members& members,
+                 ReceiptProof& out) {
   const auto wrong = [&](const std::string& why) { return Error{fmt::format("transaction {}: {}", out.tx_id, why)}; };
   common::SignatureHeader header;
   if (!header.ParseFromString(opened.payload.header().signature_header())) return wrong("its creator cannot be read");
@@ -136,7 +137,8 @@ Status read_call(const Transaction& transaction, const OpenedTransaction& opened
 }
 
 /// The verdict into `out`: what peers signed.
-Status read_verdict(const Receipt& receipt, const common::Envelope& envelope, const Members& members, Proven& out) {
+Status read_verdict(const Receipt& receipt, const common::Envelope& envelope, const Members& members,
+                    ReceiptProof& out) {
   const auto question = read_question(receipt.question, receipt.channel, receipt.tx_id);
   if (!question) return question.error();
   std::string last;  // organisation
@@ -172,7 +174,7 @@ Status read_verdict(const Receipt& receipt, const common::Envelope& envelope, co
                            out.peers.size(), out.organisations, not_counted(Role::peer, out))};
 }
 
-Proven::Other other_of(const Transaction& transaction, const Members& members) {
+ReceiptProof::Other other_of(const Transaction& transaction, const Members& members) {
   const auto creator = members.find(transaction.creator);
   return {transaction.tx_id, creator ? creator->member->name : crypto::IdentityName{}};
 }
@@ -220,7 +222,7 @@ Result<ReceiptVerifier> ReceiptVerifier::from(ReceiptTrust trust) {
   return verifier;
 }
 
-Result<Proven> ReceiptVerifier::verify(std::string_view bytes) const {
+Result<ReceiptProof> ReceiptVerifier::verify(std::string_view bytes) const {
   const auto receipt = read_receipt(bytes);
   if (!receipt) return receipt.error();
   if (receipt->channel != channel_)
@@ -228,7 +230,7 @@ Result<Proven> ReceiptVerifier::verify(std::string_view bytes) const {
   const auto block = open_block(receipt->block);
   if (!block) return block.error();
   const auto at = find_transaction(*receipt, *block);
-  Proven out;
+  ReceiptProof out;
   out.channel = channel_;
   out.tx_id = receipt->tx_id;
   out.block = block->number;

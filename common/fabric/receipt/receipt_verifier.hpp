@@ -37,7 +37,7 @@ struct ReceiptTrust {
 };
 
 /// What a receipt proves, and by whose word.
-struct Proven {
+struct ReceiptProof {
   std::string channel, tx_id;
   std::uint64_t block = 0;
   std::string block_hash;                      ///< hex, of its header: what the next block names
@@ -83,14 +83,14 @@ struct Proven {
 /// receipt outlives them. Who is on a revocation list has no word any more as orderer or as answering peer, since the
 /// receipt has no time that its key's thief could not claim. Creator and endorsers stay what they were: the channel's
 /// peers validated them when the transaction came, and their verdict is what is proven. All of it is reported beside
-/// that (Proven::Certificate). Any thread; checked certificates are kept between receipts.
+/// that (ReceiptProof::Certificate). Any thread; checked certificates are kept between receipts.
 class ReceiptVerifier {
  public:
   /// An error names the certificate that cannot be read, or what is missing.
   static Result<ReceiptVerifier> from(ReceiptTrust trust);
 
   /// The error names the first thing that is wrong.
-  Result<Proven> verify(std::string_view receipt) const;
+  Result<ReceiptProof> verify(std::string_view receipt) const;
 
  private:
   ReceiptVerifier() = default;

@@ -12,11 +12,6 @@
 namespace ledgerline::fabric {
 namespace {
 
-template <typename Message>
-bool parse(Message& message, const std::string& bytes) {
-  return message.ParseFromString(bytes);
-}
-
 /// What the endorsers signed: event, and that it is of this contract and transaction. Fabric's peers look at the
 /// contract's name alone before they flag a transaction valid.
 const char* read_action(const std::string& response_payload, Transaction& out) {
@@ -149,9 +144,7 @@ Result<Block> decode_block(const common::Block& block) {
 
 Result<Block> decode_block(std::string_view bytes) {
   common::Block block;
-  if (bytes.size() > INT32_MAX || !block.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()))) {
-    return Error{"a block that cannot be parsed"};
-  }
+  if (!parse(block, bytes)) return Error{"a block that cannot be parsed"};
   return decode_block(block);
 }
 
@@ -204,5 +197,25 @@ Status ChainCheck::add(const Block& block) {
   hash_ = block_header_hash(block.number, block.previous_hash, block.data_hash);
   return done;
 }
+
+void ValidatedShare::add(TimeNs now, const Block& block) {
+  for (const Transaction& tx : block.transactions) {
+    if (tx.config) continue;
+    ++(tx.by_flag ? by_flag_ : validated_);
+    ++now_.of;
+    if (tx.by_flag) ++now_.by_flag;
+  }
+  if (now - begun_ns_ < window_ns) return;
+  begun_ns_ = now;
+  const Rise window = std::exchange(now_, {});
+  if (window.of < fewest) return;
+  if (low_ && 2 * window.by_flag > window.of) {
+    rise_ = window;
+    low_ = false;
+  }
+  if (4 * window.by_flag < window.of) low_ = true;
+}
+
+std::optional<ValidatedShare::Rise> ValidatedShare::pop_rise() { return std::exchange(rise_, std::nullopt); }
 
 }  // namespace ledgerline::fabric

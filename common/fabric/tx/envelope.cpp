@@ -1,6 +1,6 @@
 #include "common/fabric/tx/envelope.hpp"
 
-#include <cstdint>
+#include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::fabric {
 
@@ -19,9 +19,9 @@ std::string OpenedTransaction::bytes() {
 
 Result<OpenedTransaction> open_transaction(std::string_view bytes) {
   OpenedTransaction out;
-  if (bytes.size() > INT32_MAX || !out.envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())) ||
-      !out.payload.ParseFromString(out.envelope.payload()) || !out.transaction.ParseFromString(out.payload.data()) ||
-      out.transaction.actions_size() != 1 || !out.action.ParseFromString(out.transaction.actions(0).payload()) ||
+  if (!parse(out.envelope, bytes) || !out.payload.ParseFromString(out.envelope.payload()) ||
+      !out.transaction.ParseFromString(out.payload.data()) || out.transaction.actions_size() != 1 ||
+      !out.action.ParseFromString(out.transaction.actions(0).payload()) ||
       !out.response.ParseFromString(out.action.action().proposal_response_payload()) ||
       !out.result.ParseFromString(out.response.extension())) {
     return Error{"it is no transaction of one action"};

@@ -70,6 +70,19 @@ bool read_collection(const rwset::CollectionHashedReadWriteSet& collection, kvrw
   return true;
 }
 
+constexpr std::uint8_t upsert = 1, new_metadata = 2, no_metadata = 4, deletion = 8;
+
+struct KeyChange {
+  std::uint8_t flags = 0;  // a sum, as in Fabric
+  KeyEffect effect;
+};
+
+KeyEffect::Kind kind_of(std::uint8_t flags) {
+  if ((flags & deletion) != 0) return KeyEffect::Kind::deletion;
+  if ((flags & upsert) != 0 && (flags & (new_metadata | no_metadata)) != 0) return KeyEffect::Kind::value_and_policy;
+  return flags == upsert ? KeyEffect::Kind::value : KeyEffect::Kind::policy;
+}
+
 }  // namespace
 
 std::string transaction_id(const common::SignatureHeader& header) {
@@ -99,8 +112,7 @@ TransactionForm read_form(std::string_view bytes, const CreatorCheck& creator_ch
   };
   common::Envelope envelope;
   common::Payload payload;
-  if (bytes.size() > INT32_MAX || !envelope.ParseFromArray(bytes.data(), static_cast<int>(bytes.size())))
-    return wrong(protos::INVALID_OTHER_REASON);
+  if (!parse(envelope, bytes)) return wrong(protos::INVALID_OTHER_REASON);
   if (!payload.ParseFromString(envelope.payload())) return wrong(protos::BAD_PAYLOAD);
   if (!good_headers(payload.header(), form)) return wrong(protos::BAD_COMMON_HEADER);
   form.config = form.channel_header.type() == common::CONFIG;
@@ -130,23 +142,6 @@ ReadWriteSet read_sets(const std::string& results) {
   }
   return out;
 }
-
-namespace {
-
-constexpr std::uint8_t upsert = 1, new_metadata = 2, no_metadata = 4, deletion = 8;
-
-struct KeyChange {
-  std::uint8_t flags = 0;  // a sum, as in Fabric
-  KeyEffect effect;
-};
-
-KeyEffect::Kind kind_of(std::uint8_t flags) {
-  if ((flags & deletion) != 0) return KeyEffect::Kind::deletion;
-  if ((flags & upsert) != 0 && (flags & (new_metadata | no_metadata)) != 0) return KeyEffect::Kind::value_and_policy;
-  return flags == upsert ? KeyEffect::Kind::value : KeyEffect::Kind::policy;
-}
-
-}  // namespace
 
 std::map<std::string, KeyEffect> effects_of(const kvrwset::KVRWSet& set) {
   std::map<std::string, KeyChange> said;

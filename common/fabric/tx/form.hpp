@@ -1,4 +1,5 @@
 #pragma once
+#include <cstdint>
 #include <functional>
 #include <map>
 #include <string>
@@ -13,6 +14,12 @@
 
 /// Transactions opened as a peer's committer opens them, with Fabric's code of the first thing that is wrong. Pure.
 namespace ledgerline::fabric {
+
+/// A message of protobuf out of at most 2 GiB.
+template <typename Message>
+bool parse(Message& message, std::string_view bytes) {
+  return bytes.size() <= INT32_MAX && message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
+}
 
 /// Hex SHA-256 of nonce and creator.
 std::string transaction_id(const common::SignatureHeader& header);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/fabric/tx/form.hpp"
 #include "common/policies.pb.h"
 #include "msp/msp_principal.pb.h"
 
@@ -71,7 +72,7 @@ std::string member_policy(const std::string& msp_id) { return policy_of(msp_id, 
 
 bool satisfies(std::string_view policy, const std::vector<Endorser>& endorsers) {
   common::SignaturePolicyEnvelope envelope;
-  if (!envelope.ParseFromArray(policy.data(), static_cast<int>(policy.size()))) return false;
+  if (!parse(envelope, policy)) return false;
   std::vector<bool> used(endorsers.size(), false);
   return holds(envelope, envelope.rule(), endorsers, used, 0);
 }

@@ -37,6 +37,6 @@ struct Policy {
 };
 bool satisfies(const Policy& policy, const std::vector<Endorser>& endorsers);
 /// One that nobody can satisfy.
-inline Policy nobody() { return {{}, 1}; }
+inline Policy unsatisfiable_policy() { return {{}, 1}; }
 
 }  // namespace ledgerline::fabric

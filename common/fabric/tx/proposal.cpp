@@ -56,11 +56,6 @@ Result<std::string> signed_envelope(const crypto::SigningIdentity& who, std::str
   return envelope.SerializeAsString();
 }
 
-template <typename Message>
-bool parse(Message& message, std::string_view bytes) {
-  return bytes.size() <= INT32_MAX && message.ParseFromArray(bytes.data(), static_cast<int>(bytes.size()));
-}
-
 /// The call in a ChaincodeProposalPayload; what else is in it (the transient map) does not travel with the transaction.
 std::string input_of(const std::string& proposal_payload) {
   protos::ChaincodeProposalPayload payload;
@@ -170,8 +165,8 @@ std::string unsigned_envelope(const common::Header& header, const std::string& p
   return envelope.SerializeAsString();
 }
 
-Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
-                                const EventCheck& event_check) {
+Result<std::string> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                   const EventCheck& event_check) {
   protos::SignedProposal signed_proposal;
   protos::Proposal asked;
   common::Header asked_header;
@@ -190,7 +185,7 @@ Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsig
   }
   const Status checked = check_event(proposal, asked_header.channel_header(), opened->result.events(), event_check);
   if (!checked) return checked.error();
-  return Prepared{std::move(*opened->result.mutable_response()->mutable_payload())};
+  return std::move(*opened->result.mutable_response()->mutable_payload());
 }
 
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope) {

@@ -33,13 +33,29 @@ struct Call {
   /// Its end may be reported as soon as a block stream of the same client brings it, which is sooner and cheaper than
   /// asking the peer; the peer's state may not show it yet, though. For writes that no later call of the client reads.
   bool reported_by_block = false;
-  /// Where its maker knows better than its function's name tells (ClientConfig::endorsement_need).
+  /// Where its maker knows better than its function's name tells (ContractRules::endorsement_need).
   std::optional<EndorsementNeed> need{};
 };
 
 /// What a peer, an orderer or a contract says of a call, for logs and terminals: one printable line, of a length into
 /// which a refusal fits that names each drone of an organisation.
 std::string words_of_peer(std::string_view text);
+
+/// What only those know who know the contract. Each may be missing.
+struct ContractRules {
+  /// Says of a call's result why its event (no name: none) cannot follow from the call; it is then not signed, and ends
+  /// as refused. None: any event of the called contract is signed. On a client's own thread.
+  std::function<Status(const Call& call, std::string_view event, std::string_view payload)> event_check{};
+  /// Whose endorsements a call needs that does not say so itself. None: that of one peer, the own one. On a client's
+  /// own thread.
+  std::function<EndorsementNeed(const Call& call)> endorsement_need{};
+  /// The policy of its own that a key has once it is there (common.SignaturePolicyEnvelope); none: it has none, or that
+  /// is not known. On a stream's thread.
+  std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
+  /// Keys whose readers go by a count or stamp in the value, so that a write that is delivered twice tells them
+  /// nothing. On a stream's thread.
+  std::function<bool(const std::string& key)> is_of_hot_path{};
+};
 
 struct ChannelAndContract {
   std::string channel = "teleop";
@@ -58,21 +74,24 @@ Result<Proposal> make_proposal(const crypto::SigningIdentity& who, const Channel
 /// contract refused: for those who ask peers themselves. `responses`: protos.ProposalResponse of each.
 Result<std::string> assemble(const Proposal& proposal, const std::vector<std::string>& responses);
 
-/// What an endorsed proposal came back as: the contract's answer, and proof that the envelope to sign is our own call.
-/// A gateway that put another call, channel or transaction id into the envelope is found out here; nothing is signed
-/// without a check.
-struct Prepared {
-  std::string answer;
-};
 /// Says of a result's event (no name: none) why it cannot follow from the call that was asked for.
 using EventCheck = std::function<Status(std::string_view name, std::string_view payload)>;
+/// The contract's answer, where the endorsed envelope that is to be signed is our own call: a gateway that put another
+/// call, channel or transaction id into it is found out here. Nothing is signed without this check.
 /// An event of another contract or transaction is refused in any case; what else must be so the caller says with
 /// `event_check`, since only who knows the contract can. Writes are the peers' own: nobody sees them here.
-Result<Prepared> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
-                                const EventCheck& event_check = {});
+Result<std::string> check_prepared(const Proposal& proposal, std::string_view unsigned_envelope,
+                                   const EventCheck& event_check = {});
 
 /// Signs a common.Envelope that came unsigned (from Endorse) and returns it whole.
 Result<std::string> sign_envelope(const crypto::SigningIdentity& who, std::string_view unsigned_envelope);
+
+/// Whose blocks a stream hands over.
+enum class BlockSource {
+  peer,     ///< the own peer's
+  ordered,  ///< the first that comes: an orderer's, where our own validation needs no flag of the peer, which confirms
+            ///< it later
+};
 
 /// Up to where a seek asks for blocks.
 enum class SeekStop {
@@ -171,6 +190,32 @@ class ChainCheck {
   bool started_ = false;
   std::uint64_t next_ = 0;
   std::string hash_;
+};
+
+/// How many transactions were validated, and how many count by the peer's flag alone, since they rest on what nobody
+/// here has seen. At a start those are many, and soon few. When they grow again, a start does not explain it: somebody
+/// may have pushed out what was known. Deterministic; one thread.
+class ValidatedShare {
+ public:
+  void add(TimeNs now, const Block& block);
+  std::uint64_t validated() const { return validated_; }
+  std::uint64_t by_flag() const { return by_flag_; }
+
+  struct Rise {
+    std::uint64_t by_flag = 0, of = 0;  ///< transactions of window_ns
+  };
+  /// Once for each time that more than half go by the flag, after it were fewer than a quarter.
+  std::optional<Rise> pop_rise();
+
+  static constexpr TimeNs window_ns = 10 * ns_per_s;
+  static constexpr std::uint64_t fewest = 20;  ///< in a window: of fewer the share says nothing
+
+ private:
+  std::uint64_t validated_ = 0, by_flag_ = 0;
+  TimeNs begun_ns_ = 0;  ///< the window
+  Rise now_{};
+  bool low_ = false;  ///< in the newest window that says something
+  std::optional<Rise> rise_;
 };
 
 }  // namespace ledgerline::fabric

@@ -1,5 +1,6 @@
 #include "common/fabric/validation/block_overlay.hpp"
 
+#include "common/base/check.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "peer/transaction.pb.h"
 
@@ -73,6 +74,7 @@ bool BlockOverlay::is_current(const NamespaceSet& part, const kvrwset::RangeQuer
 }
 
 BlockOverlay::Checked BlockOverlay::check(const ReadWriteSet& sets) const {
+  LEDGERLINE_CHECK(sets.code == protos::VALID, "only what is well-formed is compared with the state", sets.code);
   bool unknown = false;
   for (const NamespaceSet& part : sets.parts) {
     for (const kvrwset::KVRead& read : part.set.reads()) {
@@ -93,6 +95,7 @@ bool BlockOverlay::exists(const KeyName& key) const {
 }
 
 void BlockOverlay::add(const ReadWriteSet& sets) {
+  LEDGERLINE_CHECK(sets.code == protos::VALID, "only what is well-formed is written", sets.code);
   for (const NamespaceSet& part : sets.parts) {
     for (const auto& [key, effect] : effects_of(part.set)) {
       const KeyName name{part.name, part.collection, key};

@@ -5,8 +5,10 @@
 #include <set>
 #include <vector>
 
+#include "common/base/check.hpp"
 #include "common/common.pb.h"
 #include "common/fabric/tx/envelope.hpp"
+#include "common/fabric/tx/form.hpp"
 
 namespace ledgerline::fabric {
 namespace {
@@ -84,8 +86,7 @@ Result<BlockValidator> BlockValidator::from(std::string_view anchor, const std::
   validator.channel_ = channel;
   validator.make_registry_ = std::move(make_registry);
   common::Block block;
-  if (anchor.size() > INT32_MAX || !block.ParseFromArray(anchor.data(), static_cast<int>(anchor.size())))
-    return Error{"the config block cannot be parsed"};
+  if (!parse(block, anchor)) return Error{"the config block cannot be parsed"};
   if (auto status = validator.follow(block); !status) return status.error();
   return validator;
 }
@@ -99,6 +100,9 @@ Status BlockValidator::follow(const common::Block& block) {
   config_hash_ = header_hash(block.header());
   config_ = std::move(*config);
   orderers_ = make_registry_(config_.orderers);
+  LEDGERLINE_CHECK(orderers_, "a configuration has a registry of its orderers", config_.block);
+  LEDGERLINE_CHECK(config_.block == block.header().number(), "a configuration is of its block", config_.block,
+                   block.header().number());
   return done;
 }
 
@@ -108,6 +112,7 @@ Status BlockValidator::validate(const common::Block& block) {
   if (number == config_.block)
     return header_hash(block.header()) == config_hash_ ? Status(done)
                                                        : wrong("it is not the configuration that is known");
+  LEDGERLINE_CHECK(orderers_, "blocks are validated by a configuration that is known", number);
   if (number < config_.block) return wrong("it is older than the configuration that is known");
   const auto said = read_signed(block);
   if (!said) return wrong(said.error().message);
@@ -120,6 +125,7 @@ Status BlockValidator::validate(const common::Block& block) {
 }
 
 bool BlockValidator::is_signed(const common::Block& block) const {
+  LEDGERLINE_CHECK(orderers_, "signatures are checked by a configuration that is known");
   const auto said = read_signed(block);
   return said && check_signatures(block, *said, config_, *orderers_);
 }

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <optional>
 
+#include "common/base/check.hpp"
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
@@ -75,6 +76,7 @@ std::optional<Policy> read_policy(const common::ConfigGroup& group, const std::s
   out.needed = implicit.rule() == common::ImplicitMetaPolicy::ANY   ? 1
                : implicit.rule() == common::ImplicitMetaPolicy::ALL ? all
                                                                     : all / 2 + 1;
+  LEDGERLINE_CHECK(all == 0 || out.needed <= all, "a policy wants no more parts than it has", out.needed, all);
   return out;
 }
 
@@ -142,8 +144,8 @@ Status read_application(const common::ConfigGroup& channel, ChannelConfig& out) 
         read_policy(organisation, "Endorsement").value_or(Policy{{member_policy(root->msp_id)}, 1});
     out.organisations.push_back(std::move(*root));
   }
-  out.endorsement = read_policy(*application, "Endorsement").value_or(nobody());
-  out.lifecycle_endorsement = read_policy(*application, "LifecycleEndorsement").value_or(nobody());
+  out.endorsement = read_policy(*application, "Endorsement").value_or(unsatisfiable_policy());
+  out.lifecycle_endorsement = read_policy(*application, "LifecycleEndorsement").value_or(unsatisfiable_policy());
   out.endorsement_words = words_of(*application, "Endorsement");
   out.lifecycle_words = words_of(*application, "LifecycleEndorsement");
   read_capabilities(*application, "application", out);
@@ -189,11 +191,12 @@ std::vector<crypto::MspRoot> everybody(const ChannelConfig& config) {
 Policy application_policy(const ChannelConfig& config, const std::string& definition) {
   protos::ApplicationPolicy policy;
   if (definition.empty()) return config.endorsement;
-  if (!policy.ParseFromString(definition)) return nobody();
+  if (!policy.ParseFromString(definition)) return unsatisfiable_policy();
   if (policy.has_signature_policy()) return {{policy.signature_policy().SerializeAsString()}, 1};
   const std::string& reference = policy.channel_config_policy_reference();
   if (reference == "/Channel/Application/Endorsement") return config.endorsement;
-  return reference == "/Channel/Application/LifecycleEndorsement" ? config.lifecycle_endorsement : nobody();
+  return reference == "/Channel/Application/LifecycleEndorsement" ? config.lifecycle_endorsement
+                                                                  : unsatisfiable_policy();
 }
 
 Result<ChannelConfig> read_channel_config(const common::Block& block) {

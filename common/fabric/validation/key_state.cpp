@@ -34,8 +34,8 @@ ChannelState::Completeness KeyState::known(const KeyName& name) const {
 }
 
 std::optional<std::string> KeyState::likely_policy(const KeyName& name) const {
-  const bool asked = part_ && part_->likely_policy && name.name == part_->contract && name.collection.empty();
-  return asked ? part_->likely_policy(name.key) : std::nullopt;
+  const bool asked = part_ && part_->rules.likely_policy && name.name == part_->contract && name.collection.empty();
+  return asked ? part_->rules.likely_policy(name.key) : std::nullopt;
 }
 
 bool KeyState::have_sufficed(const KeyName& name, const std::vector<Endorser>& endorsers) const {
@@ -48,8 +48,8 @@ bool KeyState::have_sufficed(const KeyName& name, const std::vector<Endorser>& e
 }
 
 bool KeyState::is_of_hot_path(const KeyName& name) const {
-  return part_ && part_->is_of_hot_path && name.name == part_->contract && name.collection.empty() &&
-         part_->is_of_hot_path(name.key);
+  return part_ && part_->rules.is_of_hot_path && name.name == part_->contract && name.collection.empty() &&
+         part_->rules.is_of_hot_path(name.key);
 }
 
 bool KeyState::knows_range(const std::string& name, const std::string& start, const std::string& end) const {
@@ -73,16 +73,16 @@ bool KeyState::knows_transaction(const std::string& tx_id) const { return transa
 std::optional<Policy> KeyState::policy_of(const std::string& name, const std::string& collection) const {
   if (name == lifecycle_name) {
     if (collection.empty()) return config_.lifecycle_endorsement;
-    if (!collection.starts_with(implicit_collection)) return nobody();
+    if (!collection.starts_with(implicit_collection)) return unsatisfiable_policy();
     const auto found = config_.endorsement_of.find(collection.substr(implicit_collection.size()));
-    return found == config_.endorsement_of.end() ? nobody() : found->second;
+    return found == config_.endorsement_of.end() ? unsatisfiable_policy() : found->second;
   }
   const auto found = definitions_.find(name);
   if (found == definitions_.end() || !found->second.policy) return std::nullopt;
   const std::string& policy = *found->second.policy;
   if (collection.empty()) return application_policy(config_, policy);
   const auto own = found->second.collections.find(collection);
-  if (own == found->second.collections.end()) return whole() ? std::optional(nobody()) : std::nullopt;
+  if (own == found->second.collections.end()) return whole() ? std::optional(unsatisfiable_policy()) : std::nullopt;
   return application_policy(config_, own->second.empty() ? policy : own->second);
 }
 
@@ -91,7 +91,7 @@ bool KeyState::policy_is_unverified(const std::string& name) const {
   return found != definitions_.end() && found->second.unverified;
 }
 
-void KeyState::take_collections(const std::string& contract, const std::string& bytes) {
+void KeyState::apply_collections(const std::string& contract, const std::string& bytes) {
   protos::CollectionConfigPackage package;
   auto& collections = definitions_[contract].collections;
   collections.clear();
@@ -104,7 +104,7 @@ void KeyState::take_collections(const std::string& contract, const std::string& 
 }
 
 /// A definition is a key for each of its fields.
-void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
+void KeyState::apply_definition(std::string_view key, const KeyEffect& effect) {
   if (!key.starts_with(fields)) return;
   ++policies_;
   key.remove_prefix(fields.size());
@@ -122,7 +122,7 @@ void KeyState::take_definition(std::string_view key, const KeyEffect& effect) {
     definitions_[contract].policy = info.validation_parameter();
     definitions_[contract].unverified = false;
   } else if (field == collections_field) {
-    take_collections(contract, data.bytes());
+    apply_collections(contract, data.bytes());
   }
 }
 
@@ -133,7 +133,7 @@ bool KeyState::follows(const NamespaceSet& part) const {
 KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer) {
   const auto found = keys_.find(name);
   if (found != keys_.end()) {
-    if (part_) use_.again(found->second.place);
+    if (part_) use_.touch(found->second.slot);
     return found->second;
   }
   if (part_ && keys_.size() >= part_->max_keys) erase(keys_.find(use_.oldest_of_largest()));
@@ -141,7 +141,7 @@ KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer)
   Entry& made = keys_[name];
   made.there = false;
   made.known = at_first;
-  if (part_) made.place = use_.add(name, writer);
+  if (part_) made.slot = use_.add(name, writer);
   LEDGERLINE_CHECK(!part_ || keys_.size() <= std::max<std::size_t>(part_->max_keys, 1), "the memory of keys is bounded",
                    keys_.size(), part_->max_keys);
   return made;
@@ -149,7 +149,7 @@ KeyState::Entry& KeyState::entry(const KeyName& name, const std::string& writer)
 
 void KeyState::erase(std::map<KeyName, Entry>::iterator entry) {
   forget_ranges_of(entry->first);
-  if (part_) use_.remove(entry->second.place);
+  if (part_) use_.remove(entry->second.slot);
   keys_.erase(entry);
 }
 
@@ -175,7 +175,7 @@ void KeyState::learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& ra
   for (const kvrwset::KVRead& read : reads) learn({part.name, part.collection, read.key()}, read, reader);
   if (!range.itr_exhausted() || !range.has_raw_reads()) return;
   const Range whole_range{part.name, range.start_key(), range.end_key()};
-  if (const auto known = ranges_.find(whole_range); known != ranges_.end()) return range_use_.again(known->second);
+  if (const auto known = ranges_.find(whole_range); known != ranges_.end()) return range_use_.touch(known->second);
   // One with more keys than there is room for has lost its first ones by now.
   const bool all = std::all_of(reads.begin(), reads.end(), [&](const kvrwset::KVRead& read) {
     return keys_.contains({part.name, part.collection, read.key()});
@@ -184,6 +184,7 @@ void KeyState::learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& ra
   if (ranges_.size() >= part_->max_ranges) {
     const KeyName oldest = range_use_.oldest_of_largest();  // as it was added below
     const auto gone = ranges_.find({oldest.name, oldest.key, oldest.collection});
+    LEDGERLINE_CHECK(gone != ranges_.end(), "what is used last is a range that is known", ranges_.size());
     range_use_.remove(gone->second);
     ranges_.erase(gone);
   }
@@ -199,26 +200,21 @@ void KeyState::learn(const KeyName& name, const kvrwset::KVRead& read, const std
   if (found.there) found.key.version = {read.version().block_num(), read.version().tx_num()};
 }
 
-void KeyState::learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers) {
+void KeyState::learn_from_endorsers(const NamespaceSet& part, const std::vector<Endorser>& endorsers,
+                                    std::uint64_t policies) {
   const auto common = policy_of(part.name, part.collection);
-  if (!common || satisfies(*common, endorsers)) return;
+  const bool too_few = common && !satisfies(*common, endorsers);
   for (const kvrwset::KVWrite& write : part.set.writes()) {
     const auto found = keys_.find({part.name, part.collection, write.key()});
     if (found == keys_.end() || found->second.known.policy) continue;
-    const auto own = likely_policy(found->first);
-    if (!own || !satisfies(*own, endorsers)) continue;
-    found->second.key.policy = *own;
-    found->second.known.policy = true;
-  }
-}
-
-void KeyState::learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers,
-                              std::uint64_t policies) {
-  for (const kvrwset::KVWrite& write : part.set.writes()) {
-    const auto found = keys_.find({part.name, part.collection, write.key()});
-    if (found == keys_.end() || found->second.known.policy) continue;
-    found->second.sufficed = endorsers;
-    found->second.policies = policies;
+    const auto own = too_few ? likely_policy(found->first) : std::nullopt;
+    if (own && satisfies(*own, endorsers)) {
+      found->second.key.policy = *own;
+      found->second.known.policy = true;
+    } else {
+      found->second.sufficed = endorsers;
+      found->second.policies = policies;
+    }
   }
 }
 
@@ -229,7 +225,7 @@ void KeyState::write(const KeyName& name, const KeyEffect& effect, Version versi
   }
   Entry& found = entry(name, writer);
   if (effect.kind == KeyEffect::Kind::deletion) {
-    found = {.key = {}, .there = false, .known = {}, .place = found.place};
+    found = {.key = {}, .there = false, .known = {}, .slot = found.slot};
     return;
   }
   if (effect.kind == KeyEffect::Kind::policy && !found.there) {
@@ -248,12 +244,12 @@ void KeyState::write(const KeyName& name, const KeyEffect& effect, Version versi
 void KeyState::write(const NamespaceSet& part, Version version, const std::string& writer) {
   const bool defines = part.name == lifecycle_name && part.collection.empty();
   for (const auto& [key, effect] : effects_of(part.set)) {
-    if (defines) take_definition(key, effect);
+    if (defines) apply_definition(key, effect);
     write({part.name, part.collection, key}, effect, version, writer);
   }
 }
 
-void KeyState::remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now) {
+void KeyState::record_id(std::uint64_t block, const TransactionVerdict& verdict, std::optional<TimeNs> now) {
   const bool claim = verdict.code == protos::BAD_PROPOSAL_TXID;
   // In Fabric any client that claims an id uses it up, so its owner is refused from then on.
   if (claim && config_.embedded_node) return;
@@ -269,6 +265,7 @@ void KeyState::remember(std::uint64_t block, const Verdict& verdict, std::option
   if (!is_new || !part_) return;
   newest_.push_back({tx_id, block, now});
   if (newest_.size() <= part_->max_ids) return;
+  LEDGERLINE_CHECK(newest_.size() > 1, "some ids are known", part_->max_ids);
   const Id& oldest = newest_.front();
   transactions_.erase(oldest.tx_id);
   claimed_.erase(oldest.tx_id);
@@ -295,11 +292,13 @@ void KeyState::forget(const ReadWriteSet& sets) {
   }
 }
 
-void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now) {
+void KeyState::apply(std::uint64_t block, const std::vector<TransactionVerdict>& verdicts, std::optional<TimeNs> now) {
   const std::uint64_t policies = policies_;  // endorsements count by those before the block
   for (std::size_t i = 0; i < verdicts.size(); ++i) {
-    const Verdict& verdict = verdicts[i];
-    remember(block, verdict, now);  // of invalid ones, too
+    const TransactionVerdict& verdict = verdicts[i];
+    LEDGERLINE_CHECK(verdict.code != protos::VALID || verdict.sets.code == protos::VALID,
+                     "what a valid transaction has written is well-formed", block, i, verdict.sets.code);
+    record_id(block, verdict, now);  // of invalid ones, too
     for (const NamespaceSet& part : verdict.sets.parts) {
       if (!follows(part)) continue;
       if (verdict.code != protos::VALID) {
@@ -308,8 +307,7 @@ void KeyState::apply(std::uint64_t block, const std::vector<Verdict>& verdicts, 
       }
       if (part_) learn(part, verdict.creator_msp);
       write(part, {block, i}, verdict.creator_msp);
-      if (part_) learn_policies(part, verdict.endorsers);
-      if (part_) learn_sufficed(part, verdict.endorsers, policies);
+      if (part_) learn_from_endorsers(part, verdict.endorsers, policies);
     }
   }
 }

@@ -13,6 +13,7 @@
 
 #include "common/base/check.hpp"
 #include "common/fabric/tx/form.hpp"
+#include "common/fabric/tx/transaction.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "common/fabric/validation/channel_state.hpp"
 #include "common/fabric/validation/transaction_validator.hpp"
@@ -30,14 +31,14 @@ class KeyUse {
   KeyUse& operator=(KeyUse&&) = default;
 
   class Group;
-  struct Place {
+  struct Slot {
     Group* group = nullptr;
     std::uint64_t used = 0;
   };
-  Place add(const KeyName& name, const std::string& organisation);
+  Slot add(const KeyName& name, const std::string& organisation);
   /// It is used now.
-  void again(Place& place);
-  void remove(const Place& place);
+  void touch(Slot& slot);
+  void remove(const Slot& slot);
   /// There must be one. Valid until the next change.
   const KeyName& oldest_of_largest() const;
 
@@ -54,7 +55,7 @@ class KeyUse {
   std::uint64_t now_ = 0;
 };
 
-inline KeyUse::Place KeyUse::add(const KeyName& name, const std::string& organisation) {
+inline KeyUse::Slot KeyUse::add(const KeyName& name, const std::string& organisation) {
   auto& kinds = groups_[organisation];
   std::string kind = name.key.substr(0, name.key.find('/'));
   if (kinds.size() >= max_kinds && !kinds.contains(kind)) kind.clear();
@@ -65,16 +66,18 @@ inline KeyUse::Place KeyUse::add(const KeyName& name, const std::string& organis
   return {&group, now_};
 }
 
-inline void KeyUse::again(Place& place) {
-  auto& by_use = place.group->by_use_;
-  auto node = by_use.extract(place.used);  // no allocation: each state and command comes by here
-  node.key() = place.used = ++now_;
+inline void KeyUse::touch(Slot& slot) {
+  auto& by_use = slot.group->by_use_;
+  auto node = by_use.extract(slot.used);  // no allocation: each state and command comes by here
+  LEDGERLINE_CHECK(!node.empty(), "a key that is used has a place in the order of use", slot.used);
+  node.key() = slot.used = ++now_;
   by_use.insert(by_use.end(), std::move(node));
 }
 
-inline void KeyUse::remove(const Place& place) {
-  Group& group = *place.group;
-  group.by_use_.erase(place.used);
+inline void KeyUse::remove(const Slot& slot) {
+  Group& group = *slot.group;
+  const std::size_t erased = group.by_use_.erase(slot.used);
+  LEDGERLINE_CHECK(erased == 1, "a key is removed once", slot.used);
   if (!group.by_use_.empty()) return;
   const auto kinds = groups_.find(group.organisation_);
   kinds->second.erase(std::string(group.kind_));
@@ -82,6 +85,7 @@ inline void KeyUse::remove(const Place& place) {
 }
 
 inline const KeyName& KeyUse::oldest_of_largest() const {
+  LEDGERLINE_CHECK(!groups_.empty(), "there is a key to go");
   LEDGERLINE_CHECK(!groups_.empty(), "a key is looked for to make room, so there is one");
   const auto keys_of = [](const auto& organisation) {
     std::size_t keys = 0;
@@ -109,10 +113,7 @@ class KeyState final : public ChannelState {
     std::size_t max_keys = 20'000;
     std::size_t max_ids = 50'000;  ///< of the newest transactions
     std::size_t max_ranges = 1'000;
-    /// As ClientConfig::likely_policy.
-    std::function<std::optional<std::string>(const std::string& key)> likely_policy{};
-    /// As ClientConfig::is_of_hot_path.
-    std::function<bool(const std::string& key)> is_of_hot_path{};
+    ContractRules rules{};
   };
   explicit KeyState(Part part) : part_(std::move(part)) {}
 
@@ -132,7 +133,8 @@ class KeyState final : public ChannelState {
     definition.unverified = true;
   }
   /// What the block's valid transactions have written. `verdicts`: of all of them. `now`: real time, where it is known.
-  void apply(std::uint64_t block, const std::vector<Verdict>& verdicts, std::optional<TimeNs> now = std::nullopt);
+  void apply(std::uint64_t block, const std::vector<TransactionVerdict>& verdicts,
+             std::optional<TimeNs> now = std::nullopt);
   /// A transaction that was applied as valid, and was not: what it has written is not known.
   void forget(const ReadWriteSet& sets);
 
@@ -162,7 +164,7 @@ class KeyState final : public ChannelState {
     Completeness known{};
     std::vector<Endorser> sufficed{};  ///< of the newest write that counted; of a part alone
     std::uint64_t policies = 0;        ///< policies_ before that write's block
-    KeyUse::Place place{};             ///< of a part alone
+    KeyUse::Slot slot{};               ///< of a part alone
   };
   bool follows(const NamespaceSet& part) const;
   /// `writer`: MSP id of whose transaction it is in; of a part alone.
@@ -173,16 +175,16 @@ class KeyState final : public ChannelState {
   void learn(const NamespaceSet& part, const std::string& reader);
   void learn(const KeyName& name, const kvrwset::KVRead& read, const std::string& reader);
   void learn(const NamespaceSet& part, const kvrwset::RangeQueryInfo& range, const std::string& reader);
-  /// Of a transaction that counts, whose endorsements are too few for keys that have no policy of their own.
-  void learn_policies(const NamespaceSet& part, const std::vector<Endorser>& endorsers);
-  void learn_sufficed(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
+  /// Of a transaction that counts: where its endorsements are too few for keys that have no policy of their own, a key
+  /// has that which it is likely to have.
+  void learn_from_endorsers(const NamespaceSet& part, const std::vector<Endorser>& endorsers, std::uint64_t policies);
   void write(const NamespaceSet& part, Version version, const std::string& writer);
   void write(const KeyName& name, const KeyEffect& effect, Version version, const std::string& writer);
-  void remember(std::uint64_t block, const Verdict& verdict, std::optional<TimeNs> now);
+  void record_id(std::uint64_t block, const TransactionVerdict& verdict, std::optional<TimeNs> now);
   /// Of what may have been written or not.
   void forget(const NamespaceSet& part);
-  void take_definition(std::string_view key, const KeyEffect& effect);
-  void take_collections(const std::string& contract, const std::string& bytes);
+  void apply_definition(std::string_view key, const KeyEffect& effect);
+  void apply_collections(const std::string& contract, const std::string& bytes);
 
   ChannelConfig config_;
   std::optional<Part> part_;  ///< none: it is whole
@@ -192,7 +194,7 @@ class KeyState final : public ChannelState {
     std::string name, start, end;
     auto operator<=>(const Range&) const = default;
   };
-  std::map<Range, KeyUse::Place> ranges_;  ///< of a part, whose keys are all known
+  std::map<Range, KeyUse::Slot> ranges_;  ///< of a part, whose keys are all known
   KeyUse range_use_;
   std::unordered_set<std::string> transactions_;
   std::unordered_set<std::string> claimed_;  ///< of these those that nobody but others have used

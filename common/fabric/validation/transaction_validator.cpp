@@ -30,8 +30,8 @@ class TransactionValidator {
       : state_(state), members_(members), rules_(rules), overlay_(state) {}
 
   /// `reported`: the peer's flag, which counts where the state does not know enough.
-  Verdict validate(std::string_view envelope, std::optional<int> reported) {
-    Verdict verdict;
+  TransactionVerdict validate(std::string_view envelope, std::optional<int> reported) {
+    TransactionVerdict verdict;
     const TransactionForm form =
         read_form(envelope, [&](const std::string& creator, const std::string& payload, const std::string& signature) {
           const auto member = members_.member(creator, std::nullopt);
@@ -88,13 +88,13 @@ class TransactionValidator {
     const char* why = "";
   };
 
-  static Verdict refuse(Verdict verdict, int code, const char* why) {
+  static TransactionVerdict refuse(TransactionVerdict verdict, int code, const char* why) {
     verdict.code = code;
     verdict.why = why;
     return verdict;
   }
   /// It is invalid in any case; where something before that is not known, the flag may name the first reason.
-  Verdict refuse(Verdict verdict, int code, const char* why, std::optional<int> reported) const {
+  TransactionVerdict refuse(TransactionVerdict verdict, int code, const char* why, std::optional<int> reported) const {
     if (unknown_ && !reported) verdict.by_flag = true;
     if (unknown_ && reported && *reported != protos::VALID) {
       verdict.by_flag = verdict.by_flag || code != *reported;
@@ -104,7 +104,7 @@ class TransactionValidator {
   }
 
   /// `sets`: what it has written nevertheless, if that is not so.
-  static Verdict refuse_by_flag(Verdict verdict, int reported, ReadWriteSet sets) {
+  static TransactionVerdict refuse_by_flag(TransactionVerdict verdict, int reported, ReadWriteSet sets) {
     verdict.by_flag = true;
     verdict.sets = std::move(sets);
     return refuse(std::move(verdict), reported, "the peer says so");
@@ -211,6 +211,8 @@ class TransactionValidator {
                          [&](const std::string& name) { return satisfies_policies(name, sets, found); }) &&
              !unknown_;
     });
+    LEDGERLINE_CHECK(endorsers.size() <= fits.size(), "each endorser is of an endorsement", endorsers.size(),
+                     fits.size());
     unknown_ = false;
     for (const std::string& name : namespaces) {
       if (state_.whole() && !state_.policy_of(name, ""))
@@ -280,17 +282,17 @@ class TransactionValidator {
 
 }  // namespace
 
-std::vector<Verdict> validate_transactions(const common::Block& block, const ChannelState& state,
-                                           crypto::MspRegistry& members, const ValidationRules& rules) {
+std::vector<TransactionVerdict> validate_transactions(const common::Block& block, const ChannelState& state,
+                                                      crypto::MspRegistry& members, const ValidationRules& rules) {
   TransactionValidator validator(state, members, rules);
   const auto count = static_cast<std::size_t>(block.data().data_size());
   const std::string_view flags = state.whole() ? std::string_view{} : flags_of(block);
-  std::vector<Verdict> verdicts;
+  std::vector<TransactionVerdict> verdicts;
   verdicts.reserve(count);
   for (std::size_t i = 0; i < count; ++i) {
     const auto reported =
         flags.size() == count ? std::optional<int>(static_cast<unsigned char>(flags[i])) : std::nullopt;
-    const Verdict& verdict =
+    const TransactionVerdict& verdict =
         verdicts.emplace_back(validator.validate(block.data().data(static_cast<int>(i)), reported));
     LEDGERLINE_CHECK(verdict.code != protos::VALID || verdict.config || verdict.creator_signed,
                      "what counts was signed by its creator", block.header().number(), i, verdict.tx_id);

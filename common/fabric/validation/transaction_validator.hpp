@@ -11,7 +11,7 @@
 /// compares them). Pure but for the registry's cache. One thread.
 namespace ledgerline::fabric {
 
-struct Verdict {
+struct TransactionVerdict {
   std::string tx_id;
   int code = 0;          ///< protos.TxValidationCode
   const char* why = "";  ///< in words, unless it is VALID
@@ -42,7 +42,7 @@ struct ValidationRules {
 /// the block's flags, if it has some. Certificates count whenever they were valid, as in Fabric, and not when they are
 /// revoked. `members`: of all organisations of the channel, the orderers' among them. Signatures are of a block that
 /// BlockValidator passed.
-std::vector<Verdict> validate_transactions(const common::Block& block, const ChannelState& state,
-                                           crypto::MspRegistry& members, const ValidationRules& rules);
+std::vector<TransactionVerdict> validate_transactions(const common::Block& block, const ChannelState& state,
+                                                      crypto::MspRegistry& members, const ValidationRules& rules);
 
 }  // namespace ledgerline::fabric

@@ -7,7 +7,7 @@
 
 #include "common/base/log.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/client/repeated.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::ground {

@@ -22,8 +22,8 @@ void BlockReader::begin(std::optional<fabric::Checkpoint> from) {
              for (const auto& one : roots) names.push_back(one.msp_id);
              return crypto::make_test_registry(names);
            },
-       .likely_policy = [](const std::string& key) { return verification::likely_policy(key); },
-       .is_of_hot_path = [](const std::string& key) { return verification::is_of_hot_path(key); },
+       .contract_rules = {.likely_policy = [](const std::string& key) { return verification::likely_policy(key); },
+                          .is_of_hot_path = [](const std::string& key) { return verification::is_of_hot_path(key); }},
        .real_time = [this] { return SimulatedLedger::real(now_); },
        .source = source_});
   orderer_connected_ = false;
@@ -41,7 +41,7 @@ void BlockReader::end() {
 }
 
 bool BlockReader::connect() {
-  const bool consistent = intake_->contradiction().empty();
+  const bool consistent = !intake_->contradiction();
   intake_->begin();
   return consistent;
 }
@@ -50,7 +50,7 @@ Status BlockReader::read(TimeNs now) {
   now_ = now;
   if (!reading_) return done;
   if (auto found = find_place(now); !found || checkpoint_) return found;
-  if (!intake_->contradiction().empty()) {
+  if (intake_->contradiction()) {
     read_behind_contradiction(now);
     return done;
   }
@@ -62,7 +62,7 @@ Status BlockReader::read(TimeNs now) {
         return leave_peer(confirmed.error().message);
       }
     } else {
-      auto block = intake_->take(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
+      auto block = intake_->add(*message, [this](std::uint64_t number) { return peer_.fetch(number); });
       if (!block) {
         refuse(*message);
         return leave_peer(block.error().message);
@@ -104,7 +104,7 @@ void BlockReader::read_behind_contradiction(TimeNs now) {
   if (takes_ordered()) read(orderer_, next_ordered_refused_);
   if (sent == 0 || now < next_contradiction_ns_) return;
   next_contradiction_ns_ = now + ns_per_s;
-  contradictions_.push_back(intake_->contradiction());
+  contradictions_.push_back(*intake_->contradiction());
 }
 
 void BlockReader::read_ordered(TimeNs now) {
@@ -125,7 +125,7 @@ void BlockReader::read_ordered(TimeNs now) {
 /// False: what the orderer has delivered is refused.
 bool BlockReader::take_ordered(TimeNs now) {
   while (true) {
-    auto ordered = intake_->take_ordered();
+    auto ordered = intake_->pop_ordered();
     if (!ordered) {
       leave_orderer(now, ordered.error().message);
       return false;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
-#include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/blocks/block_intake.hpp"
 #include "hil/sitl/ledger/simulated_ledger.hpp"
 #include "hil/sitl/peer/serving_peer.hpp"
 

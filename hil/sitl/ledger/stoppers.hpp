@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/base/enum_count.hpp"
-#include "common/fabric/sending/repeat.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "hil/sitl/ledger/ledger_port.hpp"
 
 namespace ledgerline::hil {

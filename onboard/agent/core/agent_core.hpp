@@ -5,9 +5,8 @@
 #include <vector>
 
 #include "common/base/check.hpp"
-#include "common/fabric/sending/outcome.hpp"
+#include "common/fabric/client/outcome.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/fabric/tx/validated_share.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
 #include "onboard/agent/core/command_check.hpp"

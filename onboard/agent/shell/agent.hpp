@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "common/fabric/renewal/certificate_watch.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/recorder.hpp"
 #include "common/program/service/service_manager.hpp"
 #include "onboard/agent/shell/shell.hpp"

@@ -23,7 +23,7 @@ std::vector<std::string> names_of(const std::vector<DroneName>& drones) {
   return names;
 }
 
-std::optional<FirstRecords> records_in(const fabric::KeptCheckpoint& kept, const std::vector<DroneName>& drones,
+std::optional<FirstRecords> records_in(const fabric::StoredCheckpoint& kept, const std::vector<DroneName>& drones,
                                        const std::string& label) {
   if (!kept.last) return std::nullopt;
   auto records = records_from(kept.last->records, names_of(drones));
@@ -162,7 +162,7 @@ LedgerFollower::LedgerFollower(Parts parts)
       blocks_({.label = label_,
                .kept = std::move(parts.kept),
                .max_absence_blocks = kept_records_ ? settings_.max_absence_blocks : 0,
-               .program_keeps = true}),
+               .program_stores = true}),
       records_(mailbox_, label_, names_of(core_.drones()), client_, std::move(parts.witness), settings_.recheck_ns) {}
 
 void LedgerFollower::start() {
@@ -333,7 +333,7 @@ void LedgerFollower::on_second_reading(const SecondReading& reading) {
 
 // No reason to distrust the ledger either: a flood of somebody's keys is none.
 void LedgerFollower::report_by_flag() {
-  const auto rise = core_.validated_share().take_rise();
+  const auto rise = core_.validated_share().pop_rise();
   if (!rise) return;
   spdlog::warn(
       "{}of {} transactions {} count by the peer's flag alone, since what they rest on is not known here any more: "
@@ -355,8 +355,8 @@ void LedgerFollower::report_left_out() {
 // Records and block belong together: while the records are being read, the core has taken no block. Blocks that are not
 // confirmed yet hold states and commands alone, and change no record.
 void LedgerFollower::store_checkpoint() {
-  if (!blocks_.keeps() || !control_start_.known() || !confirmed_ || core_.height() == 0) return;
-  blocks_.keep(confirmed_->number, confirmed_->hash, to_bytes(core_.control().records()));
+  if (!blocks_.has_checkpoint_file() || !control_start_.known() || !confirmed_ || core_.height() == 0) return;
+  blocks_.store(confirmed_->number, confirmed_->hash, to_bytes(core_.control().records()));
   confirmed_.reset();
 }
 

@@ -8,8 +8,8 @@
 #include <variant>
 #include <vector>
 
+#include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/fabric/stream/block_subscription.hpp"
 #include "common/rt/mailbox.hpp"
 #include "common/verification/control_records.hpp"
 #include "onboard/agent/core/agent_core.hpp"
@@ -119,7 +119,7 @@ class LedgerFollower {
     Mailbox& mailbox;
     fabric::Client& client;
     std::unique_ptr<fabric::Client> witness;
-    fabric::KeptCheckpoint kept;
+    fabric::StoredCheckpoint kept;
   };
   explicit LedgerFollower(Parts parts);
 

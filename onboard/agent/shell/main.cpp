@@ -9,7 +9,6 @@
 #include "common/dds/settings/config.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/fabric/timeouts.hpp"
 #include "common/program/program.hpp"
 #include "common/program/shared_tables.hpp"
 #include "common/program/stop_signals.hpp"
@@ -64,7 +63,7 @@ Result<std::unique_ptr<fabric::Client>> make_witness(const fabric::ClientConfig&
 
 /// What `timeouts` of [ledger] adds for this channel.
 Status wait_longer(fabric::ClientConfig& ledger, agent::Settings& settings) {
-  const auto longer_ns = fabric::take_timeouts(ledger);
+  const auto longer_ns = fabric::apply_timeouts(ledger);
   if (!longer_ns) return longer_ns.error();
   settings.core.check.max_age_ns += *longer_ns;
   settings.core.ledger_silent_after_ns += *longer_ns;
@@ -78,7 +77,7 @@ Result<std::unique_ptr<agent::AgentShell>> make_channel(Config& config, agent::S
   settings.blocks_are_validated = !known.config_block.empty();
   auto registry = fabric::msp_registry(config);
   if (!registry) return registry.error();
-  auto kept = fabric::KeptCheckpoint::read(settings.checkpoint, known.where.channel);
+  auto kept = fabric::StoredCheckpoint::read(settings.checkpoint, known.where.channel);
   if (!kept) return kept.error();
   auto client = fabric::Client::create(known);
   auto urgent = fabric::Client::create(known);

@@ -123,7 +123,7 @@ void AgentShell::run_periodic_tasks(TimeNs now) {
     core_.set_real_offset(mocap_.clock().offset_ns());
     log_.lost_transitions();
   }
-  if (due(now, next_checkpoint_ns_, fabric::CheckpointKeeper::usual_period_ns)) ledger_.store_checkpoint();
+  if (due(now, next_checkpoint_ns_, fabric::CheckpointWriter::usual_period_ns)) ledger_.store_checkpoint();
 }
 
 void AgentShell::write_status(TimeNs now, std::optional<std::int64_t> certificate_days) const {

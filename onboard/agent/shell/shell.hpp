@@ -63,7 +63,7 @@ class AgentShell {
     std::unique_ptr<fabric::Client> urgent;   ///< for what must not wait behind states
     std::unique_ptr<fabric::Client> witness;  ///< asks a peer of another organisation; null: nobody is asked
     dds::ParticipantPtr participant;          ///< for mocap
-    fabric::KeptCheckpoint kept;
+    fabric::StoredCheckpoint kept;
   };
   explicit AgentShell(Parts parts);
   ~AgentShell() { mailbox_.close(); }

@@ -1,4 +1,4 @@
-#include "common/fabric/stream/block_intake.hpp"
+#include "common/fabric/blocks/block_intake.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "tests/fuzz/entry.hpp"
 #include "tests/unit/common/fabric/validation/validated_channel.hpp"
@@ -104,7 +104,7 @@ Outcome take_in(const Transactions& channel, std::string_view bytes) {
     block.mutable_metadata()->set_metadata(common::TRANSACTIONS_FILTER,
                                            come.metadata().metadata(common::TRANSACTIONS_FILTER));
   BlockIntake intake = channel.intake();
-  const auto taken = intake.take(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
+  const auto taken = intake.add(block, [](std::uint64_t) -> Result<common::Block> { return Error{"none"}; });
   if (!taken) return refused(taken.error().message);
   for (const Transaction& transaction : taken->transactions) {
     if (transaction.code == protos::VALID) return accepted();

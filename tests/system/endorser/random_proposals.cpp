@@ -13,7 +13,7 @@
 #include "chaincode/endorser/core/peer_follower.hpp"
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/rt/clock.hpp"
 #include "msp/identities.pb.h"
@@ -118,7 +118,7 @@ std::string reason_in(const std::string& words) {
 
 class Asking {
  public:
-  Asking(fabric::PeerQuestions& own, fabric::PeerQuestions& peer, Report& reported)
+  Asking(fabric::PeerQueries& own, fabric::PeerQueries& peer, Report& reported)
       : own_(own), peer_(peer), reported_(reported) {}
 
   /// Until both have taken the same blocks.
@@ -182,7 +182,7 @@ class Asking {
     reported_.first_difference = function + "\n" + words(mine) + "\n" + words(theirs);
   }
 
-  fabric::PeerQuestions &own_, &peer_;
+  fabric::PeerQueries &own_, &peer_;
   Report& reported_;
 };
 
@@ -235,8 +235,8 @@ int main(int argc, char** argv) {
   fabric::ClientConfig at_endorser = people.front().config;
   at_endorser.endpoint = endpoint;
   at_endorser.tls_ca_file = tls_ca;
-  const auto own = or_end(endpoint, fabric::PeerQuestions::create(at_endorser));
-  const auto peer = or_end(configs.front(), fabric::PeerQuestions::create(people.front().config));
+  const auto own = or_end(endpoint, fabric::PeerQueries::create(at_endorser));
+  const auto peer = or_end(configs.front(), fabric::PeerQueries::create(people.front().config));
   std::string problems = again ? "" : submit(people, endorser::steady_calls(names));
   // Random calls of before have revoked people, and made what there was to make.
   if (const std::string refused = submit(people, endorser::usual_calls(names)); !again) problems += refused;

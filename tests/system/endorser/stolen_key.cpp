@@ -13,7 +13,7 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/rt/clock.hpp"
 #include "ledgerline.pb.h"
 #include "orderer/ab.grpc.pb.h"
@@ -106,7 +106,7 @@ int main(int argc, char** argv) {
     return 1;
   }
   const auto thief = or_end(stolen, crypto::load_identity(crypto::Library::libcrypto, who.name.msp_id, stolen));
-  const auto peer = or_end(host_file, fabric::PeerQuestions::create(config));
+  const auto peer = or_end(host_file, fabric::PeerQueries::create(config));
   grpc::SslCredentialsOptions tls;
   tls.pem_root_certs = or_end(orderer_ca, read_file(orderer_ca));
   const auto stub = orderer::AtomicBroadcast::NewStub(grpc::CreateChannel(orderer, grpc::SslCredentials(tls)));

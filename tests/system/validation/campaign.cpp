@@ -119,7 +119,7 @@ class Beside {
   }
 
  private:
-  void compare(const common::Block& block, const std::vector<Verdict>& verdicts) {
+  void compare(const common::Block& block, const std::vector<TransactionVerdict>& verdicts) {
     const std::string& flags = block.metadata().metadata(common::TRANSACTIONS_FILTER);
     for (std::size_t i = 0; i < verdicts.size(); ++i) {
       ++transactions_;

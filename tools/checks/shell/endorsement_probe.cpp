@@ -6,7 +6,8 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
+#include "common/fabric/validation/channel_config.hpp"
 #include "common/msg/contract.hpp"
 #include "msp/identities.pb.h"
 #include "peer/proposal_response.pb.h"
@@ -41,7 +42,7 @@ class Asking {
 
   EndorsingPeer peer_at(const ServerKeys& server, const std::string& msp_id, const std::string& table) const {
     EndorsingPeer peer{.msp_id = msp_id, .place = fmt::format("{} {}", table, server.endpoint)};
-    auto questions = fabric::PeerQuestions::create(client_at(server, client_));
+    auto questions = fabric::PeerQueries::create(client_at(server, client_));
     const auto proposal =
         fabric::make_proposal(client_.identity, client_.where, note_, realtime_ns(), crypto::random_bytes(24));
     if (!questions || !proposal) {

@@ -9,7 +9,6 @@
 #include "common/base/file.hpp"
 #include "common/common.pb.h"
 #include "common/config/config.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/validation/channel_config.hpp"
@@ -29,13 +28,13 @@ constexpr auto between_heights = std::chrono::milliseconds(300);
 class Peer {
  public:
   static Result<Peer> create(const fabric::ClientConfig& config) {
-    auto questions = fabric::PeerQuestions::create(config);
+    auto questions = fabric::PeerQueries::create(config);
     if (!questions) return questions.error();
     return Peer(std::move(*questions), config.where);
   }
 
   verification::Evaluate contract() {
-    return [this](const fabric::Call& call) { return questions_->ask(where_, call); };
+    return [this](const fabric::Call& call) { return questions_->query(where_, call); };
   }
   Result<std::uint64_t> height() { return questions_->height(); }
   Result<std::string> config_block() { return questions_->config_block(); }
@@ -44,7 +43,7 @@ class Peer {
     lifecycle::QueryChaincodeDefinitionArgs question;
     question.set_name(where_.contract);
     auto answer =
-        questions_->ask({where_.channel, "_lifecycle"}, {"QueryChaincodeDefinition", {question.SerializeAsString()}});
+        questions_->query({where_.channel, "_lifecycle"}, {"QueryChaincodeDefinition", {question.SerializeAsString()}});
     if (!answer) return answer.error();
     lifecycle::QueryChaincodeDefinitionResult definition;
     if (!definition.ParseFromString(*answer)) return Error{"its answer cannot be read"};
@@ -52,9 +51,9 @@ class Peer {
   }
 
  private:
-  Peer(std::unique_ptr<fabric::PeerQuestions> questions, fabric::ChannelAndContract where)
+  Peer(std::unique_ptr<fabric::PeerQueries> questions, fabric::ChannelAndContract where)
       : questions_(std::move(questions)), where_(std::move(where)) {}
-  std::unique_ptr<fabric::PeerQuestions> questions_;
+  std::unique_ptr<fabric::PeerQueries> questions_;
   fabric::ChannelAndContract where_;
 };
 

@@ -2,7 +2,7 @@
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"
-#include "common/fabric/asking/peer_questions.hpp"
+#include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
@@ -47,7 +47,7 @@ Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate)
 
 Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
   Peer peer{.endpoint = config.endpoint, .msp_id = msp_id};
-  auto questions = fabric::PeerQuestions::create(config);
+  auto questions = fabric::PeerQueries::create(config);
   const auto height = questions ? (*questions)->height() : Result<std::uint64_t>(questions.error());
   peer.endorser = !height && height.error().message == endorser::for_its_contract_alone;
   if (height)
@@ -65,7 +65,7 @@ Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds ti
   auto client = config ? checks::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
   if (client) client->deadline = timeout;
   auto questions =
-      client ? fabric::PeerQuestions::create(*client) : Result<std::unique_ptr<fabric::PeerQuestions>>(client.error());
+      client ? fabric::PeerQueries::create(*client) : Result<std::unique_ptr<fabric::PeerQueries>>(client.error());
   if (!questions) {
     ledger.why = questions.error().message;
     return ledger;
@@ -80,7 +80,7 @@ Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds ti
   const auto block = (*questions)->block(*height - 1);
   if (block) ledger.newest_block_age_ns = checks::age_of_block(*block, realtime_ns());
   const verification::Evaluate evaluate = [&](const fabric::Call& call) {
-    return (*questions)->ask(client->where, call);
+    return (*questions)->query(client->where, call);
   };
   for (const checks::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
   return ledger;

@@ -77,7 +77,7 @@ void StateView::walk(const std::string& name, const std::string& start,
 
 std::optional<fabric::Policy> StateView::policy_of(const std::string& name, const std::string& collection) const {
   if (name != contract_) return std::nullopt;
-  return collection.empty() ? policy_ : fabric::nobody();  // it has no private data
+  return collection.empty() ? policy_ : fabric::unsatisfiable_policy();  // it has no private data
 }
 
 }  // namespace ledgerline::node

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/sending/in_flight.hpp"
+#include "common/fabric/client/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry/back_off.hpp"

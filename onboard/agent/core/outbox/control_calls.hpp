@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "common/fabric/sending/repeat.hpp"
+#include "common/fabric/client/repeat.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/retry/back_off.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"

@@ -11,8 +11,8 @@
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/base/file.hpp"
-#include "common/fabric/checkpoint/checkpoint.hpp"
-#include "common/fabric/client/own_endorser.hpp"
+#include "common/fabric/blocks/checkpoint.hpp"
+#include "common/fabric/client/client.hpp"
 #include "tests/unit/chaincode/endorser/first_state/snapshots_of_tests.hpp"
 #include "tests/unit/chaincode/node/server/served_node.hpp"
 
@@ -233,13 +233,13 @@ TEST_F(WithinTest, NoIdentityIsNoEndorserAndABadOneAnError) {
   EXPECT_THAT(
       start_own_endorser({organisation() / "peers/peer0.org1.ledgerline/msp", 1, "", "", {}}, none).error().message,
       HasSubstr("no [[orderer]]"));
-  none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{});
+  none.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.response = std::string()});
   EXPECT_FALSE(fabric::Client::create(none).ok());
 }
 
 TEST_F(WithinTest, OneThatCannotAnswerRestsAndThePeerIsAsked) {
-  const auto own =
-      std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.problem = "not all blocks yet", .elsewhere = true});
+  const auto own = std::make_shared<FakeEndorser>(
+      fabric::OwnEndorser::Answer{.response = Error{"not all blocks yet"}, .elsewhere = true});
   fabric::ClientConfig with = config();
   with.own_endorser = own;
   const auto client = fabric::Client::create(std::move(with)).value();
@@ -259,7 +259,7 @@ TEST_F(WithinTest, OneThatCannotAnswerRestsAndThePeerIsAsked) {
 
 TEST_F(WithinTest, ItsRefusalIsTheCallsEnd) {
   fabric::ClientConfig with = config();
-  with.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.problem = "access denied"});
+  with.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.response = Error{"access denied"}});
   const auto outcome = fabric::Client::create(std::move(with)).value()->submit_and_wait(state("tello1/a"));
   EXPECT_EQ(outcome.kind, Kind::refused);
   EXPECT_EQ(outcome.message, "access denied");
@@ -267,7 +267,8 @@ TEST_F(WithinTest, ItsRefusalIsTheCallsEnd) {
 
 TEST_F(WithinTest, AnAnswerThatIsNoResponseIsNotSent) {
   fabric::ClientConfig with = config();
-  with.own_endorser = std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.response = "\xff nothing"});
+  with.own_endorser =
+      std::make_shared<FakeEndorser>(fabric::OwnEndorser::Answer{.response = std::string("\xff nothing")});
   EXPECT_EQ(fabric::Client::create(std::move(with)).value()->submit_and_wait(state("tello1/a")).kind, Kind::refused);
 }
 

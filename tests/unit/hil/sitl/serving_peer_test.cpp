@@ -52,7 +52,7 @@ TEST_P(PeerLies, NothingIsFlownThatNobodySignedAndAStopLands) {
   }
 }
 
-// Some of them with sanitizers: the rule itself is tested whole in tests/unit/common/fabric/stream.
+// Some of them with sanitizers: the rule itself is tested whole in tests/unit/common/fabric/blocks.
 INSTANTIATE_TEST_SUITE_P(Each, PeerLies, testing::ValuesIn(some_of(peer_lie_names())), test_name);
 
 /// Flights in which nobody lies; `flight`: more of the script's [flight].

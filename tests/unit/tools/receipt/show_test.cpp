@@ -10,12 +10,12 @@ namespace {
 
 using ::testing::HasSubstr;
 using ::testing::Not;
-using Role = fabric::Proven::Certificate::Role;
+using Role = fabric::ReceiptProof::Certificate::Role;
 
 constexpr std::int64_t day_s = 86'400, used_s = 20'000 * day_s, valid_to_s = used_s + 10 * day_s;
 
-fabric::Proven proven_by(Role role) {
-  fabric::Proven proven;
+fabric::ReceiptProof proven_by(Role role) {
+  fabric::ReceiptProof proven;
   proven.tx_id = "ab12";
   proven.verdict = "VALID";
   proven.block = 7;
@@ -34,7 +34,7 @@ TEST(ShownReceipt, SaysWhatWasNotLookedAt) {
 }
 
 TEST(ShownReceipt, SaysWhatHasExpiredAndWhetherItWasValidThen) {
-  fabric::Proven proven = proven_by(Role::peer);
+  fabric::ReceiptProof proven = proven_by(Role::peer);
   EXPECT_THAT(words(proven, valid_to_s), HasSubstr("none has expired"));
   EXPECT_THAT(words(proven, valid_to_s + 1),
               HasSubstr("certificate of peer Org1MSP CN=peer0: expired on 2024-10-14T00:00:00Z, "
@@ -49,7 +49,7 @@ TEST(ShownReceipt, SaysWhatHasExpiredAndWhetherItWasValidThen) {
 }
 
 TEST(ShownReceipt, SaysWhoIsRevokedAndByWhoseLists) {
-  fabric::Proven proven = proven_by(Role::peer);
+  fabric::ReceiptProof proven = proven_by(Role::peer);
   proven.certificates[0].revoked = true;
   proven.revocation_lists = {{"Org1MSP", used_s}};
   proven.without_list = {"Org2MSP"};
@@ -72,7 +72,7 @@ TEST(ShownReceipt, SaysWhoIsRevokedAndByWhoseLists) {
 TEST(ShownReceipt, AmongSeveralIsOneLine) {
   EXPECT_EQ(line("a.receipt", proven_by(Role::peer)),
             "a.receipt: proven: transaction ab12 in block 7: VALID, by the word of peers of 2 of 3 organisations");
-  const Result<fabric::Proven> none(Error{"it is no receipt"});
+  const Result<fabric::ReceiptProof> none(Error{"it is no receipt"});
   EXPECT_EQ(line("b.receipt", none), "b.receipt: nothing is proven: it is no receipt");
   const auto reported = nlohmann::json::parse(json_line("b.receipt", none, used_s));
   EXPECT_EQ(reported, (nlohmann::json{{"file", "b.receipt"}, {"proven", false}, {"why", "it is no receipt"}}));

@@ -7,7 +7,6 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/fabric/timeouts.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 
 namespace ledgerline::fabric {
@@ -105,10 +104,10 @@ TEST(Timeouts, IsTwiceABlocksWaitWhereBlocksWait) {
 
 TEST(Timeouts, IsOfTheTrustAnchorOrOfThePeer) {
   ClientConfig config;
-  EXPECT_EQ(added_timeout(config).value(), 0) << "fixed: nobody is asked";
+  EXPECT_EQ(apply_timeouts(config).value(), 0) << "fixed: nobody is asked";
   config.timeouts_of_channel = true;
   config.config_block = "no block";
-  EXPECT_NE(added_timeout(config).error().message.find("ledger.timeouts"), std::string::npos);
+  EXPECT_NE(apply_timeouts(config).error().message.find("ledger.timeouts"), std::string::npos);
 }
 
 TEST_F(LedgerConfig, AnIdentityIsAFolderOrTwoFiles) {

@@ -367,8 +367,8 @@ TEST_F(ReceiptTest, ARevokedOrdererOrPeerNoLongerCounts) {
   const auto creator = said(good, user1 + user2);
   ASSERT_TRUE(creator) << creator.error().message << ": the peers validated who made it, and when";
   EXPECT_EQ(creator->peers.size(), 3U);
-  for (const Proven::Certificate& one : creator->certificates)
-    EXPECT_EQ(one.revoked, one.role == Proven::Certificate::Role::creator) << one.who.subject;
+  for (const ReceiptProof::Certificate& one : creator->certificates)
+    EXPECT_EQ(one.revoked, one.role == ReceiptProof::Certificate::Role::creator) << one.who.subject;
   const std::string all = list(organisations[0], peers[0]) + list(organisations[1], peers[1]);
   EXPECT_THAT(said(good, all).error().message, HasSubstr("1 of 3 organisations"));
 }
@@ -401,18 +401,19 @@ TEST_F(ReceiptTest, EveryCertificateCountsWheneverItWasValidAndItsTimeIsReported
   now.real_ns += 3'600 * ns_per_s;  // the question is asked an hour later
   const auto proven = verifier_.verify(receipt_bytes(receipt(sent)));
   ASSERT_TRUE(proven) << proven.error().message;
-  std::map<Proven::Certificate::Role, int> roles;
-  for (const Proven::Certificate& one : proven->certificates) {
+  std::map<ReceiptProof::Certificate::Role, int> roles;
+  for (const ReceiptProof::Certificate& one : proven->certificates) {
     ++roles[one.role];
-    const bool peer = one.role == Proven::Certificate::Role::peer;
+    const bool peer = one.role == ReceiptProof::Certificate::Role::peer;
     EXPECT_EQ(one.used_s, (peer ? now.real_ns : then_ns) / ns_per_s);
     EXPECT_TRUE(one.valid_when_used());
     EXPECT_GT(one.valid_to_s, one.used_s + 300 * 86'400);
     EXPECT_FALSE(one.revoked);
   }
-  using enum Proven::Certificate::Role;
-  EXPECT_EQ(roles, (std::map<Proven::Certificate::Role, int>{{orderer, 1}, {creator, 1}, {endorser, 3}, {peer, 3}}));
-  Proven::Certificate one = proven->certificates[0];
+  using enum ReceiptProof::Certificate::Role;
+  EXPECT_EQ(roles,
+            (std::map<ReceiptProof::Certificate::Role, int>{{orderer, 1}, {creator, 1}, {endorser, 3}, {peer, 3}}));
+  ReceiptProof::Certificate one = proven->certificates[0];
   one.used_s = one.valid_to_s;
   EXPECT_TRUE(one.valid_when_used());
   ++one.used_s;

@@ -105,7 +105,7 @@ class PreparedTransaction : public testing::Test {
 
 TEST_F(PreparedTransaction, OurOwnIsAcceptedAndSigned) {
   const std::string envelope = endorsed(proposal_).SerializeAsString();
-  EXPECT_EQ(check_prepared(proposal_, envelope).value().answer, "answer");
+  EXPECT_EQ(check_prepared(proposal_, envelope).value(), "answer");
   common::Envelope whole;
   ASSERT_TRUE(whole.ParseFromString(sign_envelope(client, envelope).value()));
   EXPECT_EQ(whole.payload(), endorsed(proposal_).payload());

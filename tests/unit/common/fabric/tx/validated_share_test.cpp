@@ -1,4 +1,4 @@
-#include "common/fabric/tx/validated_share.hpp"
+#include "common/fabric/tx/transaction.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,20 +17,20 @@ TEST(ValidatedShare, ARiseIsReportedOnceAndAStartIsNone) {
   ValidatedShare share;
   TimeNs now = 100 * ns_per_s;
   for (int i = 0; i < 30; ++i) second(share, now, 10);
-  EXPECT_FALSE(share.take_rise()) << "at a start most are";
+  EXPECT_FALSE(share.pop_rise()) << "at a start most are";
   EXPECT_EQ(share.by_flag(), 300U);
   for (int i = 0; i < 30; ++i) second(share, now, 1);
-  EXPECT_FALSE(share.take_rise());
+  EXPECT_FALSE(share.pop_rise());
   EXPECT_EQ(share.validated(), 270U) << "a configuration is neither";
   for (int i = 0; i < 30; ++i) second(share, now, 8);
-  const auto rise = share.take_rise();
+  const auto rise = share.pop_rise();
   ASSERT_TRUE(rise);
   EXPECT_GT(2 * rise->by_flag, rise->of);
   for (int i = 0; i < 30; ++i) second(share, now, 8);
-  EXPECT_FALSE(share.take_rise()) << "it was reported";
+  EXPECT_FALSE(share.pop_rise()) << "it was reported";
   for (int i = 0; i < 30; ++i) second(share, now, 0);
   for (int i = 0; i < 30; ++i) second(share, now, 8);
-  EXPECT_TRUE(share.take_rise()) << "another one";
+  EXPECT_TRUE(share.pop_rise()) << "another one";
 }
 
 TEST(ValidatedShare, OfFewTransactionsNothingIsReported) {
@@ -42,7 +42,7 @@ TEST(ValidatedShare, OfFewTransactionsNothingIsReported) {
   Block one;
   one.transactions.emplace_back().by_flag = true;
   for (int i = 0; i < 5; ++i) share.add(now += 20 * ns_per_s, one);
-  EXPECT_FALSE(share.take_rise());
+  EXPECT_FALSE(share.pop_rise());
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ class KeyMemory : public ::testing::Test {
  protected:
   /// A transaction that counts, of a member of that organisation.
   void write(const std::string& msp_id, const std::vector<std::string>& keys) {
-    Verdict verdict;
+    TransactionVerdict verdict;
     verdict.code = protos::VALID;
     verdict.creator_msp = msp_id;
     NamespaceSet part{.name = "ledgerline", .collection = {}, .set = {}};
@@ -27,7 +27,7 @@ class KeyMemory : public ::testing::Test {
   /// One that has read all keys from `start` to `end`, which are these.
   void read_range(const std::string& msp_id, const std::string& start, const std::string& end,
                   const std::vector<std::string>& keys) {
-    Verdict verdict;
+    TransactionVerdict verdict;
     verdict.code = protos::VALID;
     verdict.creator_msp = msp_id;
     NamespaceSet part{.name = "ledgerline", .collection = {}, .set = {}};
@@ -121,7 +121,7 @@ TEST(KeyUse, TheOldestOfTheLargestKindOfTheLargestWriterGoes) {
   const auto second = use.add(key("asset/b"), "Org3MSP");
   use.add(key("lease/a"), "Org3MSP");
   EXPECT_EQ(use.oldest_of_largest().key, "asset/a");
-  use.again(first);
+  use.touch(first);
   EXPECT_EQ(use.oldest_of_largest().key, "asset/b");
   use.remove(first);
   use.remove(second);

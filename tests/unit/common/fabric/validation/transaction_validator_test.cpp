@@ -80,7 +80,7 @@ TEST_F(TransactionValidation, SaysOfEachKindWhatAPeerSays) {
   std::set<std::string> named;
   for (const Kind& one : all_) {
     if (one.again) continue;
-    const std::vector<Verdict> verdicts = validate({sealed(one.name)});
+    const std::vector<TransactionVerdict> verdicts = validate({sealed(one.name)});
     const auto found = expected.find(one.name);
     EXPECT_TRUE((found == expected.end() ? valid : found->second).contains(verdicts[0].code))
         << one.name << ": " << verdicts[0].code << ' ' << verdicts[0].why;
@@ -163,7 +163,7 @@ TEST_F(TransactionValidation, OnceEndorsementsAreEnoughNoFurtherOneIsVerified) {
   worthless.on_endorsements = [](std::vector<protos::Endorsement>& all) { all[0].mutable_signature()->back() ^= 1; };
   write(worthless, "draft/free/2");
   const auto verdicts = validate({three.seal(), own.seal(), late.seal(), worthless.seal()});
-  for (const Verdict& one : verdicts) EXPECT_EQ(one.code, protos::VALID) << one.why;
+  for (const TransactionVerdict& one : verdicts) EXPECT_EQ(one.code, protos::VALID) << one.why;
   EXPECT_EQ(verdicts[0].endorsement_fits, (std::vector<bool>{true, true}));
   EXPECT_EQ(verdicts[1].endorsement_fits, (std::vector<bool>{true}));
   EXPECT_EQ(verdicts[2].endorsement_fits, (std::vector<bool>{true, true, true}));

@@ -67,7 +67,7 @@ class ValidatedChannel {
     return made;
   }
   void fill() { ASSERT_EQ(commit({filling().seal()}), std::vector<int>{protos::VALID}); }
-  std::vector<Verdict> validate(const std::vector<std::string>& envelopes, ValidationRules rules = {}) {
+  std::vector<TransactionVerdict> validate(const std::vector<std::string>& envelopes, ValidationRules rules = {}) {
     common::Block block;
     for (const std::string& one : envelopes) block.mutable_data()->add_data(one);
     return validate_transactions(block, state_, *members_, rules);
@@ -76,7 +76,7 @@ class ValidatedChannel {
     const auto verdicts = validate(envelopes);
     state_.apply(++height_, verdicts);
     std::vector<int> codes;
-    for (const Verdict& one : verdicts) codes.push_back(one.code);
+    for (const TransactionVerdict& one : verdicts) codes.push_back(one.code);
     return codes;
   }
   const Kind& kind(const std::string& name) {

@@ -43,7 +43,7 @@ TEST(OperatorSigning, ACallsOutcomeIsReportedInTheContractsWords) {
   outcome = fabric::Outcome::failed(fabric::Outcome::Kind::unavailable, "nobody answers");
   EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: nobody answers");
   EXPECT_EQ(news_of("alice", call, outcome).level, Level::warning);
-  outcome.refusal = fabric::Refusal{};
+  outcome.refusal = fabric::ContractRefusal{};
   outcome.refusal->words = "its lease is held by bob";
   EXPECT_EQ(news_of("alice", call, outcome).words, "alice: take control: refused: its lease is held by bob");
   EXPECT_EQ(news_of("alice", call, std::string("the session is over")).words,
