@@ -11,12 +11,10 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/places.hpp"
-#include "chaincode/network/files/revocation.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/network.hpp"
+#include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/orderer_watch.hpp"
-#include "chaincode/network/run_file.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"

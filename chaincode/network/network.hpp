@@ -1,9 +1,11 @@
 #pragma once
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/processes.hpp"
-#include "chaincode/network/setup/channels.hpp"
 #include "chaincode/network/setup/deployment.hpp"
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/result.hpp"
@@ -48,5 +50,25 @@ class Network {
 /// place of theirs. Where all is done already it does nothing. Must be called on the thread that outlives
 /// all others (Children).
 Status upgrade(Options options);
+
+/// DIR/network.json: held (flock) by the network's process as long as it lives, however it ends; its text is what
+/// `status` shows. One thread.
+class RunFile {
+ public:
+  explicit RunFile(const std::string& dir) : path_(dir + "/network.json") {}
+  ~RunFile();
+  RunFile(const RunFile&) = delete;
+  RunFile& operator=(const RunFile&) = delete;
+
+  /// False: another process holds it.
+  bool take();
+  bool write(const std::string& text) const;
+  /// What a living network says of itself, an empty object while it starts; nullopt: none runs.
+  std::optional<nlohmann::json> read() const;
+
+ private:
+  std::string path_;
+  int fd_ = -1;
+};
 
 }  // namespace ledgerline::fabric_network

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -95,5 +96,18 @@ class ChainAudit {
   std::vector<Finding> findings_;
   Counts counts_;
 };
+
+/// What was audited, beside what was found.
+struct AuditRequest {
+  std::string channel, source;
+  std::string anchor;  ///< file; empty: the first block was taken as it is
+};
+
+/// For a terminal: one or two screens. The last line names the first finding, or says that there is none.
+std::string to_table(const ChainAudit& audit, const AuditRequest& asked);
+/// The object of --json. Times are in seconds since 1970, as clients claimed them.
+nlohmann::json to_json(const ChainAudit& audit, const AuditRequest& asked);
+/// The page, from that object. Self-contained.
+std::string to_page(nlohmann::json document);
 
 }  // namespace ledgerline::audit

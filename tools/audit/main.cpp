@@ -9,9 +9,8 @@
 #include "common/fabric/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/audit/show/show.hpp"
+#include "tools/audit/chain_audit.hpp"
 #include "tools/audit/source/copy.hpp"
-#include "tools/audit/source/peer.hpp"
 
 namespace {
 

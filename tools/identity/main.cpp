@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/config/config.hpp"

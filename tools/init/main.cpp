@@ -7,7 +7,6 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/init/core/host.hpp"
-#include "tools/init/shell/host_files.hpp"
 
 namespace {
 

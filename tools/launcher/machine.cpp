@@ -19,7 +19,7 @@
 #include <fstream>
 #include <thread>
 
-#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 namespace ledgerline::fly {
 namespace {

@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

@@ -16,7 +16,6 @@
 #include "tools/tello/core/asking.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
 #include "tools/tello/shell/calibrate.hpp"
-#include "tools/tello/shell/preflight.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace {

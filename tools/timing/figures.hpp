@@ -1,7 +1,9 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
+#include <ostream>
 #include <span>
 #include <string>
 #include <string_view>
@@ -107,5 +109,54 @@ struct Verdict {
   bool kept = false;
 };
 Verdict check(const Limit& limit, const Figures& figures);
+
+/// For a terminal. `max_threads`: the busiest ones.
+std::string to_table(const Figures& figures, std::size_t max_threads);
+std::string to_table(const std::vector<Verdict>& verdicts);
+/// Milliseconds, to the microsecond.
+nlohmann::json to_json(const Tail& tail);
+/// The object of `timing --json`, without what was asked and the machine.
+nlohmann::json to_json(const Figures& figures, const std::vector<Verdict>& verdicts);
+/// The page, from that object with `asked` and `machine`. Self-contained.
+std::string to_page(nlohmann::json document);
+
+/// Chrome's trace events as JSON, which Perfetto opens: a process for each drone, whose walks lie side by side in
+/// lanes, each a slice with its stages inside; and link's loop with the worst lateness of every 16 turns. Bounded: the
+/// newest `max_walks`. Returns how many walks were left out.
+std::size_t write_perfetto(std::ostream& out, std::span<const Walk> walks, std::span<const TraceRecord> loop_turns,
+                           std::size_t max_walks = 50'000);
+
+/// The folder of a run: link's, agent's and ground's traces and fly's record of CPU time, complete or still growing.
+/// A program that was started again during the flight has a trace of each life; of those that begin while the traces
+/// are being followed, nothing is read.
+class Recording {
+ public:
+  explicit Recording(std::string directory);
+
+  /// Reads what is new in the traces. An error when a file is damaged, or link's is not there; the other two may be
+  /// missing (see missing()).
+  Status read_new();
+  /// Those that were not there, once all has been read.
+  std::vector<std::string> missing() const;
+
+  Walks& walks() { return walks_; }
+  /// Link's turns so far; `forget` takes out those before.
+  const std::vector<TraceRecord>& loop_turns() const { return loop_turns_; }
+  void forget_turns_before(TimeNs t_ns);
+
+  Result<UsageRecord> usage() const;
+
+ private:
+  struct File {
+    Writer writer;
+    std::uint32_t life;
+    std::string name;
+    std::optional<TraceReader> reader = {};
+  };
+  std::string directory_;
+  std::vector<File> files_;
+  Walks walks_;
+  std::vector<TraceRecord> loop_turns_;
+};
 
 }  // namespace ledgerline::timing

@@ -12,10 +12,8 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
+#include "tools/timing/figures.hpp"
 #include "tools/timing/self_test.hpp"
-#include "tools/timing/show.hpp"
-#include "tools/timing/trace/recording.hpp"
-#include "tools/timing/transports.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "tools/timing/transports.hpp"
+#include "tools/timing/self_test.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>

@@ -9,7 +9,7 @@
 #include <cstring>
 #include <filesystem>
 
-#include "chaincode/network/commands.hpp"
+#include "chaincode/network/processes/processes.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 
@@ -144,6 +144,10 @@ Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
 }
 
 }  // namespace
+
+Authorities authorities(const Options& options, const ListenAddresses& places) {
+  return {options.dir, options.tools, places.authorities};
+}
 
 bool has_authorities(const std::string& dir) { return fs::exists(fs::path(dir) / "ca"); }
 std::string authority_name(int organisation) { return fmt::format("ca{}", organisation); }

@@ -1,4 +1,4 @@
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -10,8 +10,8 @@
 #include <random>
 #include <thread>
 
-#include "chaincode/network/commands.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
+#include "chaincode/network/processes/processes.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"

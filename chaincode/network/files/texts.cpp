@@ -1,4 +1,4 @@
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <fmt/format.h>
 
@@ -51,10 +51,6 @@ std::string policies(int indent, const std::string& writers,
 std::string tls_file(const std::filesystem::path& member, const char* name) { return member / "tls" / name; }
 
 }  // namespace
-
-Authorities authorities(const Options& options, const ListenAddresses& places) {
-  return {options.dir, options.tools, places.authorities};
-}
 
 std::string configtx_yaml(const Options& options, const ListenAddresses& places) {
   std::string organisations, members, endpoints, consenters;

@@ -7,7 +7,7 @@
 
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/lifecycle/package.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/contract.hpp"

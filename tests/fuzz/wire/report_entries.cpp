@@ -11,7 +11,7 @@
 #include "tests/fuzz/entry.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/report/results.hpp"
-#include "tools/timing/show.hpp"
+#include "tools/timing/figures.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {

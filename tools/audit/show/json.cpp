@@ -3,7 +3,7 @@
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"
-#include "tools/audit/show/show.hpp"
+#include "tools/audit/chain_audit.hpp"
 
 namespace ledgerline::report {
 extern const char audit_template[];  // page.html, put into the program by CMake

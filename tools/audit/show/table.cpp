@@ -4,7 +4,7 @@
 #include <ctime>
 
 #include "common/msg/names.hpp"
-#include "tools/audit/show/show.hpp"
+#include "tools/audit/chain_audit.hpp"
 
 namespace ledgerline::audit {
 namespace {

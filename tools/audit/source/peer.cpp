@@ -1,4 +1,4 @@
-#include "tools/audit/source/peer.hpp"
+#include "tools/audit/source/copy.hpp"
 
 #include <fmt/format.h>
 
@@ -7,6 +7,7 @@
 #include <mutex>
 #include <optional>
 
+#include "common/fabric/client/client.hpp"
 #include "common/ledger.pb.h"
 
 namespace ledgerline::audit {

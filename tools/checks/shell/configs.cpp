@@ -13,7 +13,7 @@
 #include "common/dds/settings/reach.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/pose_messages.hpp"
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
 
 namespace ledgerline::checks {

@@ -13,7 +13,6 @@
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "tools/checks/core/drone.hpp"
-#include "tools/checks/shell/host_probe.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::checks {

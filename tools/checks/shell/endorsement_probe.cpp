@@ -1,4 +1,4 @@
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,4 @@
-#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>

@@ -1,12 +1,22 @@
 #pragma once
 #include <chrono>
+#include <set>
 #include <string>
+#include <vector>
 
+#include "tools/checks/core/host.hpp"
 #include "tools/checks/core/identity.hpp"
-#include "tools/checks/core/server.hpp"
+#include "tools/checks/core/ledger.hpp"
 #include "tools/checks/shell/configs.hpp"
 
-/// What is looked at by the keys of a config: files, servers, drones. Nothing is asked of the ledger.
+/// What is seen of this host, of what the keys of a config name (files, servers, drones), and of what the peers say,
+/// queried as the config's identity. Changes nothing, and writes nothing on the ledger.
+namespace ledgerline {
+class Config;
+namespace fabric {
+struct ClientConfig;
+}
+}  // namespace ledgerline
 namespace ledgerline::checks {
 
 IdentityFacts read_identity(const LedgerKeys& keys);
@@ -32,5 +42,40 @@ Findings ask_drones(const ProgramConfig& link);
 
 /// Listens for some seconds, as agent does, for poses of those of link's drones that fly by motion capture.
 Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent);
+
+/// Where `file` is written, or would be.
+DirectoryFacts look_at_folder_of(const std::string& file);
+/// Asks the kernel (adjtimex(2)), which takes no rights.
+ClockFacts look_at_clock();
+RealTimeFacts look_at_real_time(bool wanted);
+SharedMemoryFacts look_at_shared_memory();
+/// Whether a program could have a UDP port, which it takes for a moment: of link's not while link runs.
+PortFacts look_at_port(const std::string& listen);
+InterfaceFacts look_at_interface(const std::string& name, const std::string& whose);
+/// The way that the kernel would take; nothing is sent.
+RouteFacts look_at_route(const std::string& drone, const std::string& address, const std::string& wanted);
+/// Whether link runs here, by its socket.
+bool link_runs();
+
+/// The client's config of the channel of `one`, as the program makes it.
+Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConfig& one);
+
+/// That client, at another peer alone: with its TLS pair where it has one of its own.
+fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig client);
+
+/// Whose signatures a program's calls need.
+struct NeededSignatures {
+  fabric::Policy policy;                     ///< of calls that make records, by the contract's definition
+  std::vector<std::string> organisations{};  ///< of the channel
+  std::set<std::string> owners{};            ///< of the program's drones: commands need theirs
+};
+
+/// Lets the peers that agent or ground would ask, the config's or those that the gateway finds, sign a note that nobody
+/// submits, and checks whose signatures come back.
+Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed);
+
+/// Asks for configuration, contract, roles and the drones' records. `embedded`: its contract is its own.
+Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                    const std::vector<std::string>& drones, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::checks

@@ -2,7 +2,7 @@
 #include <string>
 #include <vector>
 
-#include "chaincode/network/commands.hpp"
+#include "chaincode/network/processes/processes.hpp"
 #include "common/base/result.hpp"
 
 /// What fabric-ca-client is run with. Pure: tools/identity/shell runs it.

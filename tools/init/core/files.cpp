@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "tools/configuration/config_file.hpp"
-#include "tools/configuration/reference.hpp"
 
 namespace ledgerline::init {
 namespace {

@@ -8,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/init/shell/host_files.hpp"
+#include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
 namespace {

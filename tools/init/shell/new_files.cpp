@@ -1,4 +1,4 @@
-#include "tools/init/shell/host_files.hpp"
+#include "tools/init/core/host.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>

@@ -1,4 +1,4 @@
-#include "tools/status/shell/status_probe.hpp"
+#include "tools/status/core/status.hpp"
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"
@@ -9,7 +9,7 @@
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
 #include "tools/checks/core/ledger.hpp"
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 namespace ledgerline::status {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/status/shell/status_probe.hpp"
+#include "tools/status/core/status.hpp"
 
 #include <fmt/format.h>
 #include <pwd.h>

@@ -1,4 +1,4 @@
-#include "tools/tello/shell/preflight.hpp"
+#include "tools/tello/shell/calibrate.hpp"
 
 #include <fmt/format.h>
 
@@ -22,7 +22,7 @@
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 #include "tools/launcher/preflight/preflight.hpp"
 #include "tools/tello/core/preflight/listening.hpp"
 #include "tools/tello/shell/talk.hpp"

@@ -12,7 +12,7 @@
 #include "common/program/secrets.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/tello/core/landing.hpp"
+#include "tools/tello/core/asking.hpp"
 
 namespace ledgerline::tello {
 Status ask(std::vector<Found>& drones, const std::string& interface) {

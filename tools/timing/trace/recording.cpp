@@ -1,4 +1,4 @@
-#include "tools/timing/trace/recording.hpp"
+#include "tools/timing/figures.hpp"
 
 #include <fmt/format.h>
 

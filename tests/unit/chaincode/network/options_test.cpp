@@ -7,7 +7,6 @@
 #include <functional>
 #include <set>
 
-#include "chaincode/network/files/texts.hpp"
 #include "chaincode/network/options.hpp"
 
 namespace ledgerline::fabric_network {

@@ -1,4 +1,4 @@
-#include "chaincode/network/run_file.hpp"
+#include "chaincode/network/network.hpp"
 
 #include <gmock/gmock.h>
 #include <unistd.h>

@@ -6,7 +6,6 @@
 
 #include "peer/transaction.pb.h"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
-#include "tools/audit/show/show.hpp"
 
 namespace ledgerline::audit {
 namespace {

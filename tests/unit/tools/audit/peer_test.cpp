@@ -1,4 +1,4 @@
-#include "tools/audit/source/peer.hpp"
+#include "tools/audit/source/copy.hpp"
 
 #include <gmock/gmock.h>
 

@@ -5,8 +5,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/msg/ros.hpp"
+#include "peer/transaction.pb.h"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
-#include "tools/audit/show/show.hpp"
+#include "tools/audit/chain_audit.hpp"
 
 namespace ledgerline::audit {
 namespace {

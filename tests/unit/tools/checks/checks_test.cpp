@@ -9,7 +9,6 @@
 #include "tools/checks/core/host.hpp"
 #include "tools/checks/core/identity.hpp"
 #include "tools/checks/core/ledger.hpp"
-#include "tools/checks/core/server.hpp"
 
 namespace ledgerline::checks {
 namespace {

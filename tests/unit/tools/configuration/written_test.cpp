@@ -2,7 +2,7 @@
 
 #include <filesystem>
 
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/launcher/configs.hpp"
 
 namespace ledgerline::configuration {

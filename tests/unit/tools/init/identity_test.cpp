@@ -9,7 +9,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
-#include "tools/init/shell/host_files.hpp"
+#include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
 namespace {

@@ -7,7 +7,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

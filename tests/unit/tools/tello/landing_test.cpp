@@ -1,4 +1,4 @@
-#include "tools/tello/core/landing.hpp"
+#include "tools/tello/core/asking.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tools/timing/show.hpp"
+#include "tools/timing/figures.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

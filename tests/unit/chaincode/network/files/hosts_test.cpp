@@ -1,4 +1,4 @@
-#include "chaincode/network/files/places.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
@@ -9,7 +9,6 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 
 namespace ledgerline::fabric_network {

@@ -1,4 +1,4 @@
-#include "chaincode/network/files/places.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <sys/socket.h>
 

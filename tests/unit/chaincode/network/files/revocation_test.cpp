@@ -1,4 +1,4 @@
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

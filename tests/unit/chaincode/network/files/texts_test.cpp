@@ -1,4 +1,4 @@
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "chaincode/network/setup/channels.hpp"
+#include "chaincode/network/setup/site.hpp"
 
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 

@@ -1,4 +1,4 @@
-#include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/setup/site.hpp"
 
 #include "chaincode/identities/identities.hpp"
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"

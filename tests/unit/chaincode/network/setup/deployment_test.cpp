@@ -1,6 +1,6 @@
 #include "chaincode/network/setup/deployment.hpp"
 
-#include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/setup/site.hpp"
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
 namespace ledgerline::fabric_network {

@@ -9,16 +9,13 @@
 // What the launcher does until a ledger is there, and who may fly what stands on it.
 
 namespace ledgerline::fly {
-namespace {
 
 using nlohmann::json;
 
-}  // namespace
-
-Status Launcher::start_ledger() {
+Status FlightLedger::start() {
   std::vector<std::string> ledger{
-      "--dir",     files_.in("ledger"),     "--batch-count",   std::to_string(options_.batch_count),
-      "--summary", files_.summary(ledger_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
+      "--dir",     files_.in("ledger"),      "--batch-count",   std::to_string(options_.batch_count),
+      "--summary", files_.summary(program_), "--batch-timeout", std::to_string(options_.batch_timeout_ns / ns_per_ms)};
   if (options_.ledger == Ledger::fabric) {
     ledger.insert(ledger.begin(), "run");
     ledger.insert(ledger.end(), {"--orderers", std::to_string(options_.orderers)});
@@ -26,17 +23,17 @@ Status Launcher::start_ledger() {
   } else {
     ledger.insert(ledger.end(), {"--listen", "127.0.0.1:0"});
   }
-  return start(ledger_, ledger);
+  return programs_.start(program_, ledger);
 }
 
-Status Launcher::prepare_ledger() {
+Status FlightLedger::prepare() {
   if (is_of_others(options_)) {
     if (auto s = write_configs(files_, options_, LedgerPlaces{}); !s) return s;
     return enroll_and_acquire();
   }
-  const json ready = json::parse(ready_[ledger_], nullptr, false);
-  if (!ready.is_object() || !ready.contains("endpoint") || !ready["endpoint"].is_string()) {
-    return Error{ledger_ + " did not say its endpoint: " + ready_[ledger_]};
+  const json ready = json::parse(programs_.ready_line(program_));
+  if (!ready.contains("endpoint") || !ready["endpoint"].is_string()) {
+    return Error{program_ + " did not say its endpoint: " + programs_.ready_line(program_)};
   }
   const auto texts = [&](const char* key) {
     std::vector<std::string> all;
@@ -59,18 +56,19 @@ Status Launcher::prepare_ledger() {
 
 // Before anything is asked of the ledger: who holds a drone is named, with the cure, in place of the contract's
 // refusal.
-Status Launcher::look_at_leases(const deployment::OwnLedger& network) {
+Status FlightLedger::check_leases(const deployment::OwnLedger& network) {
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
-  if (auto s = run_to_end(records_program, {"--config", files_.config("operator"), "show", "--json"}); !s) return s;
+  if (auto s = programs_.run_to_end(records_program, {"--config", files_.config("operator"), "show", "--json"}); !s)
+    return s;
   if (auto s = preflight_.take_records(records_, self->name); !s) return s;
   return preflight_.leases_fit();
 }
 
-Status Launcher::enroll_and_acquire() {
+Status FlightLedger::enroll_and_acquire() {
   const deployment::OwnLedger* network = is_of_others(options_) ? &*options_.own->network : nullptr;
   if (network) {
-    if (auto s = look_at_leases(*network); !s) return s;
+    if (auto s = check_leases(*network); !s) return s;
   }
   crypto::IdentityFiles host;
   if (network) {
@@ -92,23 +90,24 @@ Status Launcher::enroll_and_acquire() {
     acquires = true;
   }
   if (!network || !network->admin.empty()) {
-    if (auto s = run_to_end("control-enroll", enroll); !s) return s;
+    if (auto s = programs_.run_to_end("control-enroll", enroll); !s) return s;
   }
   if (!options_.operators.empty()) return enroll_operators();
   if (acquires) {
-    if (auto s = run_to_end("control-acquire", acquire); !s) return s;
+    if (auto s = programs_.run_to_end("control-acquire", acquire); !s) return s;
   }
   preflight_.acquired();
   return done;
 }
 
 // They take their drones at the page.
-Status Launcher::enroll_operators() {
+Status FlightLedger::enroll_operators() {
   const auto made = make_operators(files_, options_.operators);
   if (!made) return made.error();
   for (const MadeOperator& one : *made) {
-    if (auto s = run_to_end("control-" + one.name, {"--config", files_.config("operators-admin"), "enroll", "--msp",
-                                                    "Org2MSP", "--cert", one.certificate, "--role", "operator"});
+    if (auto s = programs_.run_to_end("control-" + one.name,
+                                      {"--config", files_.config("operators-admin"), "enroll", "--msp", "Org2MSP",
+                                       "--cert", one.certificate, "--role", "operator"});
         !s)
       return s;
     live_.say(fmt::format("Operator {}: pass phrase {}", one.name, one.pass_phrase));
@@ -116,29 +115,30 @@ Status Launcher::enroll_operators() {
   return done;
 }
 
-Status Launcher::start_endorser(LedgerPlaces& places) {
+Status FlightLedger::start_endorser(LedgerPlaces& places) {
   if (auto s = write_endorser_config(files_, places); !s) return s;
-  if (auto s = start("endorser", {files_.config("endorser")}); !s) return s;
-  if (auto s = wait_ready({"endorser"}); !s) return s;
-  const json ready = json::parse(ready_["endorser"], nullptr, false);
-  places.own_endorser = ready.is_object() ? ready.value("endpoint", "") : "";
-  if (places.own_endorser.empty()) return Error{"the endorser did not say where it listens: " + ready_["endorser"]};
+  if (auto s = programs_.start("endorser", {files_.config("endorser")}); !s) return s;
+  if (auto s = programs_.wait_ready({"endorser"}); !s) return s;
+  const json ready = json::parse(programs_.ready_line("endorser"));
+  places.own_endorser = ready.value("endpoint", "");
+  if (places.own_endorser.empty())
+    return Error{"the endorser did not say where it listens: " + programs_.ready_line("endorser")};
   return done;
 }
 
-Status Launcher::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
+Status FlightLedger::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
   if (auto s = write_proxy_config(files_, options_, places); !s) return s;
   std::vector<std::string> arguments{"proxy", "--config", files_.config(proxy_name)};
   if (!options_.faults.empty()) arguments.insert(arguments.end(), {"--script", options_.faults});
-  if (auto s = start(proxy_name, std::move(arguments)); !s) return s;
-  if (auto s = wait_ready({proxy_name}); !s) return s;
-  const json ready = json::parse(ready_[proxy_name], nullptr, false);
-  const json servers = ready.is_object() ? ready.value("servers", json()) : json();
+  if (auto s = programs_.start(proxy_name, std::move(arguments)); !s) return s;
+  if (auto s = programs_.wait_ready({proxy_name}); !s) return s;
+  const json ready = json::parse(programs_.ready_line(proxy_name));
+  const json servers = ready.value("servers", json());
   for (const auto& [name, address] : servers.items()) {
     if (address.is_string()) proxied[name] = address.get<std::string>();
   }
   if (!proxied.contains("agent") || !proxied.contains("ground"))
-    return Error{"the proxy did not say where it listens: " + ready_[proxy_name]};
+    return Error{"the proxy did not say where it listens: " + programs_.ready_line(proxy_name)};
   if (!options_.fault_switches) return done;
   auto switches = SwitchService::open(files_.fault_switches(), files_.proxy_faults(), drone_names(options_));
   if (!switches) return switches.error();
