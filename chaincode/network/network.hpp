@@ -10,7 +10,7 @@
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/result.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// A running network: orderers, peers and chaincode services as children of this process, which end with it, however it
 /// ends. A directory keeps its identities, ledgers and places: a second up() goes on where the last one ended. With
@@ -26,7 +26,7 @@ class Network {
   /// has the last log lines of what failed.
   Status up();
   /// Looks after the processes for so long: one that ended is started again. An error: it ended too often.
-  Status tend(TimeNs duration) { return site_.tend(duration); }
+  Status poll(TimeNs duration) { return site_.poll(duration); }
   /// Ends all, peers first. False: one of them had to be killed.
   bool down() { return site_.stop(); }
 
@@ -61,7 +61,7 @@ class RunFile {
   RunFile& operator=(const RunFile&) = delete;
 
   /// False: another process holds it.
-  bool take();
+  bool lock();
   bool write(const std::string& text) const;
   /// What a living network says of itself, an empty object while it starts; nullopt: none runs.
   std::optional<nlohmann::json> read() const;
@@ -71,4 +71,4 @@ class RunFile {
   int fd_ = -1;
 };
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -15,7 +15,7 @@
 #include "common/base/file.hpp"
 #include "common/fabric/channels.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 namespace {
 
@@ -144,6 +144,16 @@ Result<ListenAddress> parse_place(const std::string& text) {
   return Error{fmt::format("\"{}\" is no HOST:PORT, such as 10.0.0.1:7051", text)};
 }
 
+Status parse_places(const std::vector<std::string>& texts, std::vector<ListenAddress>& places) {
+  places.clear();
+  for (const std::string& text : texts) {
+    auto place = parse_place(text);
+    if (!place) return place.error();
+    places.push_back(std::move(*place));
+  }
+  return done;
+}
+
 std::string ListenAddress::text(int port_offset) const { return fmt::format("{}:{}", host, port + port_offset); }
 
 sockaddr_in ListenAddress::address() const {
@@ -227,11 +237,9 @@ Result<ListenAddresses> places_in(const nlohmann::json& json) {
                                   {"organisations", &places.organisations},
                                   {"authorities", &places.authorities}}) {
     if (!json.is_object() || !json.contains(name) || !json[name].is_array()) return Error{"it is damaged"};
-    for (const auto& one : json[name]) {
-      auto place = parse_place(one.is_string() ? one.get<std::string>() : "");
-      if (!place) return place.error();
-      all->push_back(std::move(*place));
-    }
+    std::vector<std::string> texts;
+    for (const auto& one : json[name]) texts.push_back(one.is_string() ? one.get<std::string>() : "");
+    if (Status s = parse_places(texts, *all); !s) return s.error();
   }
   if (places.organisations.size() != identities::organisations) return Error{"it is damaged"};
   return places;
@@ -377,4 +385,4 @@ Status write_host(const std::string& from, const HostParts& parts, const Options
   return done;
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -9,7 +9,7 @@
 #include "common/process/scheduling.hpp"
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// Where one part of a network listens: three TCP ports from `port` on.
 struct ListenAddress {
@@ -66,6 +66,7 @@ Status check(const Options& options);
 
 /// "10.0.0.1:7051".
 Result<ListenAddress> parse_place(const std::string& text);
+Status parse_places(const std::vector<std::string>& texts, std::vector<ListenAddress>& places);
 
 /// Of all parts, as "HOST:PORT".
 struct ListenAddresses {
@@ -140,4 +141,4 @@ std::string connection_json(const ListenAddresses& places, int organisation, con
 /// TLS pair where its environment says.
 std::string builder_script(const std::string& name);
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

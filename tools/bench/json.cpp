@@ -1,8 +1,8 @@
 #include "common/rt/histogram_json.hpp"
 
-#include "tools/bench/figures.hpp"
+#include "tools/bench/metrics.hpp"
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 
 using nlohmann::json;
 
@@ -51,10 +51,10 @@ json to_json(const Turn& r) {
 }
 
 json to_json(const Summary& summary) {
-  json figures = json::array(), ratios = json::array(), saturates = json::object();
-  for (const auto& [rate, of_rate] : summary.figures) {
+  json metrics = json::array(), ratios = json::array(), saturates = json::object();
+  for (const auto& [rate, of_rate] : summary.metrics) {
     for (const auto& [id, f] : of_rate) {
-      figures.push_back({{"rate", rate},
+      metrics.push_back({{"rate", rate},
                          {"client", id},
                          {"p50_ms", to_json(f.p50_ms)},
                          {"p99_ms", to_json(f.p99_ms)},
@@ -79,7 +79,7 @@ json to_json(const Summary& summary) {
                       {"ledger_cpu", to_json(r.ledger_cpu)}});
   }
   for (const auto& [id, rate] : summary.saturates_at) saturates[id] = rate ? json(*rate) : json();
-  return {{"figures", figures}, {"ratios", ratios}, {"saturates_at", saturates}};
+  return {{"figures", metrics}, {"ratios", ratios}, {"saturates_at", saturates}};
 }
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

@@ -187,7 +187,7 @@ int main(int argc, char** argv) {
     return 0;
   }
   if (!certificate.empty()) {
-    const auto certified = init::take_certificate(msp_dir, certificate);
+    const auto certified = init::install_certificate(msp_dir, certificate);
     if (!certified) return fail(certified.error());
     print_line(printable(*certified));
     return 0;

@@ -8,7 +8,7 @@
 
 // What the launcher does until a ledger is there, and who may fly what stands on it.
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 using nlohmann::json;
 
@@ -61,7 +61,7 @@ Status FlightLedger::check_leases(const deployment::OwnLedger& network) {
   if (!self) return self.error();
   if (auto s = programs_.run_to_end(records_program, {"--config", files_.config("operator"), "show", "--json"}); !s)
     return s;
-  if (auto s = preflight_.take_records(records_, self->name); !s) return s;
+  if (auto s = preflight_.read_records(records_, self->name); !s) return s;
   return preflight_.leases_fit();
 }
 
@@ -110,7 +110,7 @@ Status FlightLedger::enroll_operators() {
                                        "--cert", one.certificate, "--role", "operator"});
         !s)
       return s;
-    live_.say(fmt::format("Operator {}: pass phrase {}", one.name, one.pass_phrase));
+    live_.print(fmt::format("Operator {}: pass phrase {}", one.name, one.pass_phrase));
   }
   return done;
 }
@@ -146,4 +146,4 @@ Status FlightLedger::start_proxy(const LedgerPlaces& places, Proxied& proxied) {
   return done;
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

@@ -15,7 +15,7 @@
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/usage.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using nlohmann::json;
@@ -62,7 +62,7 @@ class UsageMeter {
     }
     for (auto& [name, used_s] : cpu_) used_s = children_.cpu_seconds(name);
   }
-  void take(TimeNs now_ns) {
+  void record(TimeNs now_ns) {
     record_.end_ns = now_ns;
     const double flown_s = std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
     for (const auto& [name, used_s] : cpu_)
@@ -116,8 +116,8 @@ void Launcher::on_line(const std::string& name, const json& message, const std::
     const json leaked = message.value("leaked", json());
     if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
   } else {
-    if (name == "link") preflight_.take(line);
-    live_.take(line);
+    if (name == "link") preflight_.on_status(line);
+    live_.on_status(line);
   }
 }
 
@@ -125,17 +125,17 @@ void Launcher::on_line(const std::string& name, const json& message, const std::
 void Launcher::show_page(const std::string& url) {
   auto token = read_file(files_.page_token());
   if (!token) {
-    live_.say(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().message));
+    live_.print(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().message));
     return;
   }
   while (token->ends_with('\n')) token->pop_back();
   const std::string page = fmt::format("{}/#token={}", url, *token);
-  live_.say("The page: " + page);
-  live_.say(
+  live_.print("The page: " + page);
+  live_.print(
       fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}", url, files_.page_token()));
   if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
   if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
-    live_.say("Open the page yourself: " + opened.error().message);
+    live_.print("Open the page yourself: " + opened.error().message);
 }
 
 void Launcher::record_early_end(const std::string& name) {
@@ -168,19 +168,19 @@ Status Launcher::start_all() {
 // Nothing takes off before ground is there.
 Status Launcher::wait_for_drones() {
   if (auto s = programs_.wait_ready({"link", "agent"}); !s) return s;
-  preflight_.take_clock(checks::look_at_clock());
+  preflight_.set_clock(checks::probe_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
   for (Status ready = preflight_.ready(); !ready; ready = preflight_.ready()) {
     if (auto s = programs_.check(); !s) return s;
     if (monotonic_ns() > until_ns) {
-      live_.say(preflight_.list());
+      live_.print(preflight_.list());
       return Error{
           fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().message)};
     }
     programs_.poll(watch_ns);
   }
-  live_.say(preflight_.list());
+  live_.print(preflight_.list());
   return preflight_.path_fits();
 }
 
@@ -209,7 +209,7 @@ Status Launcher::start_sim() {
 // For ledgerline-timing; the flight does not depend on it.
 void Launcher::write_usage(const timing::UsageRecord& usage) {
   const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
-  if (!written) live_.say(written.error().message);
+  if (!written) live_.print(written.error().message);
 }
 
 Status Launcher::fly() {
@@ -223,7 +223,7 @@ Status Launcher::fly() {
     meter.read();
     programs_.poll(watch_ns);
     const TimeNs now_ns = monotonic_ns();
-    meter.take(now_ns);
+    meter.record(now_ns);
     live_.show(now_ns);
     if (!programs_.running(controller_) && !is_controller_restarted()) {
       if (!programs_.ended_well(controller_)) result = Error{programs_.why_controller_ended()};
@@ -245,7 +245,7 @@ Status Launcher::fly() {
     if (options_.endorser && !endorser_gone_ && !programs_.running("endorser")) {
       endorser_gone_ = true;
       record_early_end("endorser");
-      live_.say(fmt::format("endorser {}: the peer endorses in its place", programs_.how_it_ended("endorser")));
+      live_.print(fmt::format("endorser {}: the peer endorses in its place", programs_.how_it_ended("endorser")));
     }
     if (flying && result) result = supervise_onboard(now_ns);
     flying = flying && result;
@@ -254,7 +254,7 @@ Status Launcher::fly() {
       if (SwitchService* switches = ledger_.switches()) switches->end();  // a drone must hear that it shall land
       programs_.signal(controller_, SIGTERM);
       flying = !programs_.is_impatient();
-      if (flying) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
+      if (flying) live_.print("Landing all drones (once more Ctrl-C: do not wait for them)");
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
@@ -287,7 +287,7 @@ Status Launcher::supervise_onboard(TimeNs now_ns) {
                                   limits.max_restarts, to_seconds(limits.within)))};
       }
       one.start_at_ns = *at;
-      live_.say(fmt::format("{} {} and is started again", one.name, programs_.how_it_ended(one.name)));
+      live_.print(fmt::format("{} {} and is started again", one.name, programs_.how_it_ended(one.name)));
     }
     if (now_ns < one.start_at_ns || !may_start(one.name)) continue;
     one.start_at_ns = 0;
@@ -324,7 +324,7 @@ Status Launcher::start_again(const std::string& name) {
 void Launcher::recycle_shared_memory() {
   if (!programs_.running("roudi")) return;
   chunks_leaked_ = false;
-  live_.say("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
+  live_.print("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
   programs_.signal("roudi", SIGTERM);
 }
 
@@ -335,7 +335,7 @@ void Launcher::stop_all(bool landed) {
                                  "sim",       ledger_.program(), "roudi"};
   if (!landed && !programs_.is_impatient() && programs_.running("link") && (options_.own || programs_.running("sim")) &&
       live_.anything_in_air()) {
-    live_.say("Landing all drones");
+    live_.print("Landing all drones");
     programs_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;
     while (programs_.running("link") && monotonic_ns() < until_ns && !programs_.is_impatient()) {
@@ -368,4 +368,4 @@ RunRecord Launcher::run() {
   return record_;
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

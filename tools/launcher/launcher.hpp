@@ -10,15 +10,15 @@
 #include "common/process/children.hpp"
 #include "common/process/restarts.hpp"
 #include "tools/launcher/configs.hpp"
+#include "tools/launcher/fault_switches.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/preflight/preflight.hpp"
-#include "tools/launcher/switches/switch_service.hpp"
+#include "tools/launcher/preflight.hpp"
 
 namespace ledgerline::timing {
 struct UsageRecord;
 }
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 /// How a run went, as the launcher saw it.
 struct RunRecord {
@@ -161,4 +161,4 @@ class Launcher {
   const std::vector<std::string> all_programs_;  ///< that live through the flight
 };
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

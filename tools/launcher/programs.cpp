@@ -5,7 +5,7 @@
 
 #include "tools/launcher/launcher.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using nlohmann::json;
@@ -101,4 +101,4 @@ std::string Programs::why_controller_ended() const {
   return crash_of(controller_program(options_), "before every drone had finished its path and landed");
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

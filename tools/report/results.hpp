@@ -56,8 +56,8 @@ struct DroneResult {
 };
 
 struct Results {
-  fly::Options asked;
-  fly::Machine machine;
+  launcher::Options asked;
+  launcher::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
   double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
@@ -79,9 +79,10 @@ struct Results {
 /// Of drones that the flight did not simulate: why there is no error figure.
 inline constexpr const char* no_truth = "no truth: a real drone";
 
-/// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their figures at
+/// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their metrics at
 /// zero and are named in `missing`.
-Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record);
+Results read_results(const launcher::RunFiles& files, const launcher::Options& asked,
+                     const launcher::RunRecord& record);
 
 /// Time from each record's stamp to itself, the first of each id alone: two-way latency of command_verified, age at
 /// application of command_applied.
@@ -102,7 +103,7 @@ std::vector<ReportedPosition> reported_positions(const std::vector<TraceRecord>&
                                                  const std::vector<TraceRecord>& truth, std::uint16_t drone,
                                                  TimeNs begin_ns);
 /// Nothing where no variance was reported.
-std::optional<ReportedMetrics> figures_of(const std::vector<ReportedPosition>& reported);
+std::optional<ReportedMetrics> metrics_of(const std::vector<ReportedPosition>& reported);
 
 /// The object of `fly --json`.
 nlohmann::json to_json(const Results& results);

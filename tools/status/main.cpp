@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
     if (!asked.insert(config.path).second) continue;
     for (const checks::ProgramConfig& each : checks::of_each_channel(config)) {
       if (each.ledger && !each.ledger->peer.endpoint.empty())
-        status.ledgers.push_back(status::ask_ledger(each, timeout));
+        status.ledgers.push_back(status::query_ledger(each, timeout));
     }
   }
   if (json)

@@ -69,7 +69,7 @@ struct TransportRun {
 /// Blocks for 2 * pairs * seconds.
 Result<std::vector<TransportRun>> run_transports(const TransportsOptions& options);
 
-/// The median of each figure, and of the ratios shim : UDP within a pair, with the lowest and the highest.
+/// The median of each metric, and of the ratios shim : UDP within a pair, with the lowest and the highest.
 std::string to_table(const std::vector<TransportRun>& runs);
 nlohmann::json to_json(const std::vector<TransportRun>& runs);
 

@@ -13,7 +13,7 @@
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -130,7 +130,7 @@ Result<Revoking> revoking_certificate(const std::string& pem) {
                   {"revoke", "--revoke.serial", number->serial, "--revoke.aki", number->authority_key}};
 }
 
-Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
+Result<crypto::KeyAndCertificate> read_enrolled(const fs::path& home) {
   std::error_code error;
   fs::path key;
   for (const auto& entry : fs::directory_iterator(home / "msp" / "keystore", error)) {
@@ -209,7 +209,7 @@ Result<std::vector<identities::Issued>> issue_by_authorities(
     if (!ca) return ca.error();
     all[k].ca.certificate_pem = all[k].tls_ca.certificate_pem = *ca;
     for (std::size_t i = 0; i < wanted[k].size(); ++i) {
-      auto taken = take_enrolled(issuing_dir(authorities, k) / std::to_string(i));
+      auto taken = read_enrolled(issuing_dir(authorities, k) / std::to_string(i));
       if (!taken) return taken.error();
       all[k].members.push_back(std::move(*taken));
     }
@@ -241,4 +241,4 @@ Result<std::string> revoke_at_authority(const Authorities& authorities, int orga
              : ran.error();
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

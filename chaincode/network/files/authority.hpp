@@ -14,7 +14,7 @@
 ///     server starts -> registrar enrols -> registers each member with a random secret -> each member enrols
 ///
 /// The secrets are spent and forgotten; the registrar's identity stays, for revocations.
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 struct Authorities {
   std::string dir, tools;             ///< of the network, and the folder with fabric-ca's programs
@@ -73,4 +73,4 @@ Result<std::string> read_list(const Options& options, int organisation, const st
 /// with.
 Status revoke(const Options& options, const ListenAddresses& places, int organisation, const Revoked& revoked);
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -21,7 +21,7 @@
 #include "common/rt/retry/back_off.hpp"
 #include "msp/msp_config.pb.h"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -303,4 +303,4 @@ Status publish_list(const Options& options, const ListenAddresses& places, int o
   return done;
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -5,7 +5,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/lifecycle/package.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using identities::domain_of;
@@ -221,4 +221,4 @@ printf '%s\n' "$connection" > "$2/chaincode/server/connection.json"
 )sh";
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -10,7 +10,7 @@
 #include "common/base/log.hpp"
 #include "common/process/children.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 namespace {
 
@@ -38,7 +38,7 @@ Status Processes::launch(const Service& service) {
       {service.name, service.command, log_of(service.name), SIGTERM, service.environment, service.scheduling});
 }
 
-Status Processes::tend(TimeNs duration) {
+Status Processes::poll(TimeNs duration) {
   const TimeNs until = monotonic_ns() + duration;
   do {
     children_.poll(std::min<TimeNs>(std::max<TimeNs>(until - monotonic_ns(), 0), 50 * ns_per_ms));
@@ -116,7 +116,7 @@ Status Processes::run_until_good(const std::string& what, const std::vector<std:
   for (TimeNs wait = 20 * ns_per_ms;; wait = std::min(2 * wait, ns_per_s / 2)) {
     const auto printed = run(what, command, environment);
     if (printed || (!good_too.empty() && printed.error().message.find(good_too) != std::string::npos)) return done;
-    if (Status s = tend(wait); !s) return s;
+    if (Status s = poll(wait); !s) return s;
     if (monotonic_ns() > until) return printed.error();
   }
 }
@@ -216,4 +216,4 @@ Result<std::string> run_command(const Command& command, const std::string& log) 
   return printed->front();
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

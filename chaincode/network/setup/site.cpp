@@ -13,7 +13,7 @@
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 namespace fs = std::filesystem;
 
@@ -75,8 +75,8 @@ Status Site::once_per_channel(const std::string& name, const std::function<Statu
   return done;
 }
 
-Status Site::tend(TimeNs duration) {
-  if (Status s = processes_->tend(duration); !s) return s;
+Status Site::poll(TimeNs duration) {
+  if (Status s = processes_->poll(duration); !s) return s;
   for (const std::string& name : watch_.update(monotonic_ns(), processes_->states())) {
     spdlog::warn("{} has not taken part in Raft for {:.0f} s since its start: it hangs, and is ended", name,
                  to_seconds(OrdererWatch::limit_ns));
@@ -95,8 +95,8 @@ Status Site::run_until_good(const std::string& what, const std::vector<std::stri
   return processes_->run_until_good(what, command, environment, timeout(), good_too);
 }
 
-Status Site::ask_peer(const std::string& what, int organisation, std::vector<std::string> words,
-                      const std::string& good_too) {
+Status Site::call_peer(const std::string& what, int organisation, std::vector<std::string> words,
+                       const std::string& good_too) {
   words.insert(words.begin(), tool("peer"));
   return run_until_good(what, words, admin_environment(options_, places_, organisation), good_too);
 }
@@ -130,7 +130,7 @@ Status issue_identities(Site& site, const identities::Hosts& hosts) {
   const TimeNs until = monotonic_ns() + starting_limit_ns;
   for (int k = 0; k <= identities::organisations; ++k) {
     while (!authority_listens(all, k)) {
-      if (Status s = site.processes().tend(10 * ns_per_ms); !s) return s;
+      if (Status s = site.processes().poll(10 * ns_per_ms); !s) return s;
       if (monotonic_ns() > until) return Error{authority_name(k) + " does not listen"};
     }
   }
@@ -191,8 +191,8 @@ Status join_orderers_to(Site& site, const std::string& channel) {
 
 Status join_peers_to(Site& site, const std::string& channel) {
   for (const int k : site.own_organisations()) {
-    if (Status s = site.ask_peer(fmt::format("peer {} joining channel {}", k, channel), k,
-                                 {"channel", "join", "-b", first_block_of(site, channel)}, "already exists");
+    if (Status s = site.call_peer(fmt::format("peer {} joining channel {}", k, channel), k,
+                                  {"channel", "join", "-b", first_block_of(site, channel)}, "already exists");
         !s) {
       return s;
     }
@@ -252,7 +252,7 @@ Status wait_for_leader(Site& site) {
   const TimeNs until = monotonic_ns() + leader_limit_ns;
   for (const std::string& channel : site.options().channels) {
     while (std::none_of(own.begin(), own.end(), [&](int k) { return site.signs_of(k)[channel].leads; })) {
-      if (Status s = site.tend(20 * ns_per_ms); !s) return s;
+      if (Status s = site.poll(20 * ns_per_ms); !s) return s;
       if (monotonic_ns() > until) {
         return Error{fmt::format("no orderer leads channel {} after {:.0f} s", channel, to_seconds(leader_limit_ns))};
       }
@@ -273,4 +273,4 @@ Result<Counts> count_blocks(Site& site) {
   return all;
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -46,7 +46,7 @@ std::string cure_of(Problem problem, std::string_view placeholder, std::string_v
 
 Finding fine(std::string check, std::string what) { return {.check = std::move(check), .what = std::move(what)}; }
 
-Finding found(Problem problem, std::string check, std::string what, std::string cure) {
+Finding flag(Problem problem, std::string check, std::string what, std::string cure) {
   return {std::move(check), "", std::move(what), problem, describe(problem).severity, std::move(cure)};
 }
 

@@ -261,7 +261,7 @@ struct Finding {
 using Findings = std::vector<Finding>;
 
 Finding fine(std::string check, std::string what);
-Finding found(Problem problem, std::string check, std::string what, std::string cure = {});
+Finding flag(Problem problem, std::string check, std::string what, std::string cure = {});
 /// As before a take-off, which must wait for it.
 Finding as_broken(Finding finding);
 /// As of this drone.

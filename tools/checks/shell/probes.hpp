@@ -19,43 +19,43 @@ struct ClientConfig;
 }  // namespace ledgerline
 namespace ledgerline::checks {
 
-IdentityFacts read_identity(const LedgerKeys& keys);
+IdentityInputs read_identity(const LedgerKeys& keys);
 
 /// The trust anchor, or why there is none; and the organisations that it names.
-struct AnchorFacts {
+struct AnchorInputs {
   std::string block{};  ///< bytes; empty: not read
-  std::vector<AuthorityFacts> organisations{};
+  std::vector<AuthorityInputs> organisations{};
   bool embedded = false;
 };
 /// Adds to `findings` what is wrong with it.
-AnchorFacts read_anchor(const LedgerKeys& keys, const std::string& program, Findings& findings);
+AnchorInputs read_anchor(const LedgerKeys& keys, const std::string& program, Findings& findings);
 
-TrustFacts read_trust(const LedgerKeys& keys, const std::string& program, const AnchorFacts& anchor);
+TrustInputs read_trust(const LedgerKeys& keys, const std::string& program, const AnchorInputs& anchor);
 
 /// Resolves, connects, and shakes hands by TLS with any server; then says hello in HTTP/2, since a server that wants a
 /// certificate from its clients says so only then. Each step takes `timeout` at most.
-ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout);
+ServerInputs probe_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout);
 
 /// Asks each drone of link's config for its battery, and hears whether its state texts come. Nothing is sent while link
 /// runs.
-Findings ask_drones(const ProgramConfig& link);
+Findings query_drones(const ProgramConfig& link);
 
 /// Listens for some seconds, as agent does, for poses of those of link's drones that fly by motion capture.
-Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent);
+Findings receive_poses(const ProgramConfig& link, const ProgramConfig& agent);
 
 /// Where `file` is written, or would be.
-DirectoryFacts look_at_folder_of(const std::string& file);
+DirectoryInputs probe_directory(const std::string& file);
 /// Asks the kernel (adjtimex(2)), which takes no rights.
-ClockFacts look_at_clock();
-RealTimeFacts look_at_real_time(bool wanted);
-SharedMemoryFacts look_at_shared_memory();
+ClockInputs probe_clock();
+RealTimeInputs probe_real_time(bool wanted);
+SharedMemoryInputs probe_shared_memory();
 /// Whether a program could have a UDP port, which it takes for a moment: of link's not while link runs.
-PortFacts look_at_port(const std::string& listen);
-InterfaceFacts look_at_interface(const std::string& name, const std::string& whose);
+PortInputs probe_port(const std::string& listen);
+InterfaceInputs probe_interface(const std::string& name, const std::string& whose);
 /// The way that the kernel would take; nothing is sent.
-RouteFacts look_at_route(const std::string& drone, const std::string& address, const std::string& wanted);
+RouteInputs probe_route(const std::string& drone, const std::string& address, const std::string& wanted);
 /// Whether link runs here, by its socket.
-bool link_runs();
+bool is_link_running();
 
 /// The client's config of the channel of `one`, as the program makes it.
 Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConfig& one);
@@ -72,10 +72,10 @@ struct NeededSignatures {
 
 /// Lets the peers that agent or ground would ask, the config's or those that the gateway finds, sign a note that nobody
 /// submits, and checks whose signatures come back.
-Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed);
+Findings query_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed);
 
 /// Asks for configuration, contract, roles and the drones' records. `embedded`: its contract is its own.
-Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
-                    const std::vector<std::string>& drones, std::chrono::milliseconds timeout);
+Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                      const std::vector<std::string>& drones, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::checks

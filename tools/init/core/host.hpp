@@ -125,7 +125,7 @@ Status request_identity(const std::string& msp_dir, const std::string& request_f
 
 /// Puts a certificate beside the key, after a check that it is of this key and not expired; one that is there is
 /// replaced, as when it is renewed. Of a chain the one that is of this key is put first. Returns whose it is.
-Result<std::string> take_certificate(const std::string& msp_dir, const std::string& certificate_file);
+Result<std::string> install_certificate(const std::string& msp_dir, const std::string& certificate_file);
 
 /// Copies what other hosts may know out of the folder of an embedded ledger or a network (DIR/crypto,
 /// DIR/CHANNEL.block) into `out`: authorities/MSPID.pem, tls/MSPID.pem, tls/orderers.pem, CHANNEL.block. No key.

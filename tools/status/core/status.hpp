@@ -83,6 +83,6 @@ std::vector<Program> running_programs();
 
 /// What the peers of a program's config say of its channel and drones, asked as its identity; `one.ledger` is there.
 /// Waits `timeout` at most for each answer.
-Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout);
+Ledger query_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::status

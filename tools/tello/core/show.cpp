@@ -1,4 +1,4 @@
-#include "tools/tello/core/asking.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 #include <fmt/format.h>
 
@@ -26,12 +26,12 @@ std::string words(const std::vector<Found>& drones) {
   constexpr const char* row = "{:<15}  {:<16}  {:<12}  {:<12}  {:<12}  {}\n";
   std::string out = fmt::format(row, "ADDRESS", "SERIAL", "BATTERY", "SDK", "HARDWARE", "FIRMWARE");
   for (const Found& drone : drones) {
-    const Asking& asking = drone.asking;
-    const std::string version = asking.answer("version?");
-    out += fmt::format(row, ipv4_text(drone.address), or_silent(asking.answer("sn?")),
-                       or_silent(asking.answer("battery?"), " %"), or_silent(asking.answer("sdk?")),
-                       or_silent(asking.answer("hardware?")),
-                       or_silent(version.empty() ? asking.answer("wifiversion?") : version));
+    const Dialogue& dialogue = drone.dialogue;
+    const std::string version = dialogue.answer("version?");
+    out += fmt::format(row, ipv4_text(drone.address), or_silent(dialogue.answer("sn?")),
+                       or_silent(dialogue.answer("battery?"), " %"), or_silent(dialogue.answer("sdk?")),
+                       or_silent(dialogue.answer("hardware?")),
+                       or_silent(version.empty() ? dialogue.answer("wifiversion?") : version));
   }
   out.pop_back();
   return out;
@@ -40,15 +40,15 @@ std::string words(const std::vector<Found>& drones) {
 std::string json(const std::vector<Found>& drones) {
   nlohmann::json list = nlohmann::json::array();
   for (const Found& drone : drones) {
-    const Asking& asking = drone.asking;
-    const std::string battery = asking.answer("battery?");
+    const Dialogue& dialogue = drone.dialogue;
+    const std::string battery = dialogue.answer("battery?");
     list.push_back({{"address", ipv4_text(drone.address)},
-                    {"serial", or_null(asking.answer("sn?"))},
+                    {"serial", or_null(dialogue.answer("sn?"))},
                     {"battery", battery.empty() ? nlohmann::json() : nlohmann::json(std::stoi(battery))},
-                    {"sdk", or_null(asking.answer("sdk?"))},
-                    {"hardware", or_null(asking.answer("hardware?"))},
-                    {"version", or_null(asking.answer("version?"))},
-                    {"wifi_version", or_null(asking.answer("wifiversion?"))}});
+                    {"sdk", or_null(dialogue.answer("sdk?"))},
+                    {"hardware", or_null(dialogue.answer("hardware?"))},
+                    {"version", or_null(dialogue.answer("version?"))},
+                    {"wifi_version", or_null(dialogue.answer("wifiversion?"))}});
   }
   return nlohmann::json{{"drones", list}}.dump();
 }

@@ -21,7 +21,7 @@ void wait(std::initializer_list<int> sockets) {
   ::poll(polled.data(), count, static_cast<int>(pace_ns / ns_per_ms));
 }
 
-bool say(const link::Descriptor& socket, std::uint32_t address, const std::string& text) {
+bool send_text(const link::Descriptor& socket, std::uint32_t address, const std::string& text) {
   const sockaddr_in to = place(address, command_port);
   return ::sendto(socket.get(), text.data(), text.size(), MSG_DONTWAIT, reinterpret_cast<const sockaddr*>(&to),
                   sizeof to) >= 0;

@@ -12,28 +12,28 @@
 #include "common/program/secrets.hpp"
 #include "common/program/stop_signals.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/tello/core/asking.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 namespace ledgerline::tello {
-Status ask(std::vector<Found>& drones, const std::string& interface) {
+Status query(std::vector<Found>& drones, const std::string& interface) {
   catch_stop_signals();
   auto socket = link::open_udp(interface);
   if (!socket) return socket.error();
   std::size_t next = 0;
-  const auto over = [](const Found& drone) { return drone.asking.over(); };
+  const auto over = [](const Found& drone) { return drone.dialogue.over(); };
   while (!stop_requested && !std::all_of(drones.begin(), drones.end(), over)) {
     // One datagram a turn, for the drone that is due next.
     for (std::size_t i = 0; i < drones.size(); ++i) {
       Found& drone = drones[next++ % drones.size()];
-      const std::string text = drone.asking.due(monotonic_ns());
+      const std::string text = drone.dialogue.due(monotonic_ns());
       if (text.empty()) continue;
-      (void)say(*socket, drone.address, text);
+      (void)send_text(*socket, drone.address, text);
       break;
     }
     wait({socket->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {
       for (Found& drone : drones)
-        if (drone.address == from) drone.asking.on_answer(bytes);
+        if (drone.address == from) drone.dialogue.on_answer(bytes);
     });
   }
   return done;
@@ -51,7 +51,7 @@ Result<bool> land(std::uint32_t address, const std::string& interface, double se
   Landing landing;
   bool sent = true;
   for (const TimeNs end = monotonic_ns() + from_seconds(seconds); monotonic_ns() < end && !stop_requested;) {
-    for (const std::string& text : landing.due(monotonic_ns())) sent = say(*socket, address, text);
+    for (const std::string& text : landing.due(monotonic_ns())) sent = send_text(*socket, address, text);
     if (landing.down()) return true;
     wait({socket->get(), states->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {

@@ -11,7 +11,7 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/tello/core/asking.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 /// What is said to Tellos and heard of them, by loops that go round every few milliseconds.
 namespace ledgerline::tello {
@@ -27,7 +27,7 @@ sockaddr_in place(std::uint32_t address, std::uint16_t port);
 void wait(std::initializer_list<int> sockets);
 
 /// False: nothing was sent. What cannot be sent is a lost datagram: the cores ask again.
-bool say(const link::Descriptor& socket, std::uint32_t address, const std::string& text);
+bool send_text(const link::Descriptor& socket, std::uint32_t address, const std::string& text);
 
 /// All that came from a Tello's port; `take` gets the address that it came from, and the bytes.
 template <typename Take>
@@ -46,7 +46,7 @@ void read_all(int fd, Take take) {
 
 /// Asks all of them at once, few enough datagrams a second for any Wi-Fi, until each has answered or was given up.
 /// `interface` empty: wherever routes lead. Ends early when a signal asks to.
-Status ask(std::vector<Found>& drones, const std::string& interface);
+Status query(std::vector<Found>& drones, const std::string& interface);
 
 /// True once it is down; false when it was not seen down within `seconds`. Says on the log what came of it.
 Result<bool> land(std::uint32_t address, const std::string& interface, double seconds);

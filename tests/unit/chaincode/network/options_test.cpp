@@ -9,7 +9,7 @@
 
 #include "chaincode/network/options.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::ElementsAre;
@@ -154,4 +154,4 @@ TEST(FabricOptions, AuthoritiesLieBehindTheParts) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

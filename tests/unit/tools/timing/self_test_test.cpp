@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "tools/timing/figures.hpp"
+#include "tools/timing/metrics.hpp"
 
 namespace ledgerline::timing {
 namespace {

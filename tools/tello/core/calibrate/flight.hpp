@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "tools/tello/core/asking.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 namespace ledgerline::tello {
 

@@ -11,7 +11,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -173,4 +173,4 @@ TEST(FabricTexts, AnOrderersAdministrationIsForItsOwnHostAlone) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -4,7 +4,7 @@
 
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::AllOf;
@@ -50,4 +50,4 @@ TEST(PlacesTest, OneThatIsTakenIsNamedAndNotChosen) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network
