@@ -95,7 +95,7 @@ json to_json(const DroneReport& drone) {
           {"states", drone.states},
           {"two_way_ms", drone.two_way.quantiles_ms()},
           {"path", path},
-          {"poses", drone.path.seen()},
+          {"poses", drone.path.count()},
           {"left_out",
            {{"holders", drone.holders.left_out()},
             {"words", drone.events.left_out()},

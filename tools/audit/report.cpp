@@ -26,7 +26,7 @@ void add_pose(const Asset& asset, DroneReport& report) {
   const bool finite = std::all_of(position.begin(), position.end(), [](double m) { return std::isfinite(m); });
   if (!finite) return;
   for (std::size_t axis = 0; axis < position.size(); ++axis) {
-    const bool first = report.path.seen() == 0;
+    const bool first = report.path.count() == 0;
     report.lowest_m[axis] = first ? position[axis] : std::min(report.lowest_m[axis], position[axis]);
     report.highest_m[axis] = first ? position[axis] : std::max(report.highest_m[axis], position[axis]);
   }

@@ -55,7 +55,7 @@ class Thinned {
     step_ *= 2;
   }
   const std::vector<T>& all() const { return all_; }
-  std::uint64_t seen() const { return seen_; }
+  std::uint64_t count() const { return seen_; }
   std::uint64_t step() const { return step_; }
 
  private:

@@ -52,7 +52,7 @@ std::string holder_line(const Tenure& t) {
 }
 
 std::string drone_text(const std::string& drone_name, const DroneReport& drone) {
-  std::string text = fmt::format("\n  {}: {} states, {} poses\n", drone_name, drone.states, drone.path.seen());
+  std::string text = fmt::format("\n  {}: {} states, {} poses\n", drone_name, drone.states, drone.path.count());
   text += some(drone.holders.all(), drone.holders.count(), holder_line);
   text += some(drone.commands, drone.commands.size(), [](const auto& entry) {
     const Commands& c = entry.second;
@@ -68,7 +68,7 @@ std::string drone_text(const std::string& drone_name, const DroneReport& drone) 
   });
   if (drone.transitions_missing > 0)
     text += fmt::format("    {} of its failsafe's transitions are not in the chain\n", drone.transitions_missing);
-  if (drone.path.seen() > 0)
+  if (drone.path.count() > 0)
     text +=
         fmt::format("    flown: x {:.2f} to {:.2f} m, y {:.2f} to {:.2f} m, z {:.2f} to {:.2f} m\n", drone.lowest_m[0],
                     drone.highest_m[0], drone.lowest_m[1], drone.highest_m[1], drone.lowest_m[2], drone.highest_m[2]);

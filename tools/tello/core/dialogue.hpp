@@ -90,7 +90,7 @@ class Landing {
 
   bool down() const { return down_; }
   /// Anything came from it.
-  bool heard() const { return oks_ > 0 || seen_; }
+  bool has_answered() const { return oks_ > 0 || seen_; }
   /// For people: what it said last that is no `ok`.
   const std::string& refusal() const { return refusal_; }
 

@@ -29,9 +29,9 @@ void wait(std::initializer_list<int> sockets);
 /// False: nothing was sent. What cannot be sent is a lost datagram: the cores ask again.
 bool send_text(const link::Descriptor& socket, std::uint32_t address, const std::string& text);
 
-/// All that came from a Tello's port; `take` gets the address that it came from, and the bytes.
-template <typename Take>
-void read_all(int fd, Take take) {
+/// All that came from a Tello's port; `on_datagram` gets the address that it came from, and the bytes.
+template <typename OnDatagram>
+void read_all(int fd, OnDatagram on_datagram) {
   std::array<char, max_bytes> buffer{};
   for (std::size_t i = 0; i < max_reads; ++i) {
     sockaddr_in from{};
@@ -40,7 +40,7 @@ void read_all(int fd, Take take) {
         ::recvfrom(fd, buffer.data(), buffer.size(), MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size);
     if (n < 0 && errno != ECONNREFUSED) return;
     if (n > 0 && ntohs(from.sin_port) == command_port)
-      take(ntohl(from.sin_addr.s_addr), std::string_view(buffer.data(), static_cast<std::size_t>(n)));
+      on_datagram(ntohl(from.sin_addr.s_addr), std::string_view(buffer.data(), static_cast<std::size_t>(n)));
   }
 }
 

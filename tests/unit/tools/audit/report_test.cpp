@@ -267,7 +267,7 @@ TEST(BoundedTest, AThinnedListStaysBetweenHalfAndAllOfItsBound) {
   EXPECT_LT(list.all().size(), 100U);
   for (std::size_t i = 0; i < list.all().size(); ++i)
     EXPECT_EQ(list.all()[i], static_cast<int>(i * list.step())) << "evenly over the whole";
-  EXPECT_EQ(list.seen(), 10'000U);
+  EXPECT_EQ(list.count(), 10'000U);
 }
 
 TEST(BoundedTest, CountsOverTimeStayFewAndLoseNothing) {

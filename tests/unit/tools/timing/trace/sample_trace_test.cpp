@@ -34,7 +34,7 @@ TEST(SampleTraces, TheOrderOfRecordsAndFilesDoesNotMatter) {
   reversed.add(Writer::ground, flight.ground);
   reversed.add(Writer::agent, flight.agent);
   reversed.add(Writer::link, flight.link);
-  const auto traces = reversed.take();
+  const auto traces = reversed.pop();
   ASSERT_EQ(traces.size(), in_order.size());
   for (std::size_t i = 0; i < traces.size(); ++i) EXPECT_EQ(traces[i].at_ns, in_order[i].at_ns);
 }
