@@ -35,7 +35,7 @@ class ReportTest : public ::testing::Test {
   }
   std::vector<std::string> words(const DroneReport& drone) {
     std::vector<std::string> all;
-    for (const Event& word : drone.events.all()) all.push_back(event.what + " by " + event.who);
+    for (const Event& event : drone.events.all()) all.push_back(event.what + " by " + event.who);
     return all;
   }
 
@@ -153,7 +153,7 @@ TEST_F(ReportTest, TheFlownPathIsThinnedAndTheFailsafesTransitionsAreKept) {
   ledger.submit(ledger.host, "set", over.SerializeAsString());
   const DroneReport& drone = reported();
   std::vector<std::string> alarms;
-  for (const Event& word : drone.events.all()) {
+  for (const Event& event : drone.events.all()) {
     if (event.what.starts_with("alarm")) alarms.push_back(event.what);
   }
   EXPECT_EQ(alarms, (std::vector<std::string>{"alarm, stream_contradicted, 2 so far: block 7: a fork",
