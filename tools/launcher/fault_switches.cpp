@@ -1,11 +1,12 @@
 #include "tools/launcher/fault_switches.hpp"
 
 #include <fmt/format.h>
-
+#include <poll.h>
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
 #include "common/base/printable.hpp"
+#include "common/rt/clock.hpp"
 #include "hil/proxy/switches.hpp"
 
 namespace ledgerline::launcher {
@@ -78,6 +79,60 @@ std::string FaultSwitches::list() const {
         {{"name", one.name}, {"drone", one.drone}, {"label", one.label}, {"words", one.words}, {"on", one.on}});
   }
   return nlohmann::json{{"faults", std::move(list)}}.dump() + "\n";
+}
+
+namespace {
+
+constexpr int look_ms = 50;  // at what the launcher wants
+constexpr TimeNs proxy_timeout_ns = ns_per_s;
+
+}  // namespace
+
+Result<std::unique_ptr<SwitchService>> SwitchService::open(const std::string& socket, std::string proxy,
+                                                           const std::vector<std::string>& drones) {
+  auto opened = CommandSocket::open(socket);
+  if (!opened) return opened.error();
+  return std::unique_ptr<SwitchService>(new SwitchService(std::move(*opened), std::move(proxy), drones));
+}
+
+SwitchService::SwitchService(CommandSocket socket, std::string proxy, const std::vector<std::string>& drones)
+    : socket_(std::move(socket)), proxy_(std::move(proxy)), switches_(drones), thread_([this] { serve(); }) {}
+
+SwitchService::~SwitchService() {
+  over_ = true;
+  thread_.join();
+}
+
+void SwitchService::serve() {
+  std::vector<pollfd> polled;
+  while (!over_) {
+    if (ending_) switches_.end();
+    if (off_.exchange(false) || ending_) switch_off();
+    polled.clear();
+    socket_.add_to(monotonic_ns(), polled);
+    ::poll(polled.data(), polled.size(), look_ms);
+    socket_.serve(monotonic_ns(), polled, [this](const std::string& command) { return act(command); });
+  }
+  switch_off();
+}
+
+Result<std::string> SwitchService::act(const std::string& command) {
+  const auto step = switches_.step_of(command);
+  if (!step) return step.error();
+  if (*step) {
+    switches_.on_sent(**step);
+    if (const auto reported = tell_command(proxy_, (*step)->line, proxy_timeout_ns); !reported) return reported.error();
+    switches_.on_done(**step);
+  }
+  return switches_.list();
+}
+
+// One that is not switched off stays on the list, and is tried again.
+void SwitchService::switch_off() {
+  for (const FaultSwitches::Step& step : switches_.steps_off()) {
+    if (!tell_command(proxy_, step.line, proxy_timeout_ns)) return;
+    switches_.on_done(step);
+  }
 }
 
 }  // namespace ledgerline::launcher
