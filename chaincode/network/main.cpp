@@ -11,12 +11,10 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/places.hpp"
-#include "chaincode/network/files/revocation.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/files/authority.hpp"
 #include "chaincode/network/network.hpp"
+#include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/orderer_watch.hpp"
-#include "chaincode/network/run_file.hpp"
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
@@ -27,9 +25,9 @@
 namespace {
 
 using namespace ledgerline;
-using fabric_network::Network;
-using fabric_network::Options;
-using fabric_network::RunFile;
+using network::Network;
+using network::Options;
+using network::RunFile;
 
 constexpr const char* about =
     "A Fabric 2.5 network on this host, or this host's part of one, with Ledgerline's contract on it";
@@ -105,7 +103,7 @@ int run(const Options& options, const std::string& summary, const std::function<
   std::error_code error;
   std::filesystem::create_directories(options.dir, error);
   RunFile file(options.dir);
-  if (!file.take())
+  if (!file.lock())
     return fail(Error{"a network runs in " + options.dir + " already, or the directory cannot be written"});
   catch_stop_signals();
   ::signal(SIGPIPE, SIG_IGN);
@@ -120,7 +118,7 @@ int run(const Options& options, const std::string& summary, const std::function<
       if (text != said && !file.write(text)) status = Error{"cannot write " + options.dir + "/network.json"};
       if (said.empty() && status) ready(text);
       said = text;
-      if (status) status = network.tend(200 * ns_per_ms);
+      if (status) status = network.poll(200 * ns_per_ms);
     }
   }
   Status written = done;
@@ -194,10 +192,10 @@ int down(const std::string& dir) {
 void add_leads(nlohmann::json& running) {
   for (auto& process : running["processes"]) {
     if (!process.contains("operations") || process.value("pid", 0) <= 0) continue;
-    const auto metrics = fabric_network::fetch_metrics(process["operations"].get<std::string>());
+    const auto metrics = network::fetch_metrics(process["operations"].get<std::string>());
     process["leads"] = nlohmann::json::array();
     if (!metrics) continue;
-    for (const auto& [channel, sign] : fabric_network::raft_signs(*metrics)) {
+    for (const auto& [channel, sign] : network::raft_signs(*metrics)) {
       if (sign.leads) process["leads"].push_back(channel);
     }
   }
@@ -221,7 +219,7 @@ int logs(const std::string& dir, const std::string& which) {
 /// All of it in DIR/authority, and of that a folder DIR/host-ADDRESS for each host.
 int make_identities(Options options) {
   const std::string all = options.dir;
-  const auto hosts = fabric_network::hosts_of(options);
+  const auto hosts = network::hosts_of(options);
   if (hosts.empty()) {
     return fail(
         Error{"identities are for several hosts: give all places, as [[organisation]] and [[orderer]] in a file"},
@@ -232,7 +230,7 @@ int make_identities(Options options) {
   if (const Status status = network.prepare(); !status) return fail(status.error());
   for (const auto& host : hosts) {
     const std::string to = all + "/host-" + host.host;
-    if (const Status s = fabric_network::write_host(network.options().dir, host, options, to); !s) {
+    if (const Status s = network::write_host(network.options().dir, host, options, to); !s) {
       return fail(s.error());
     }
     std::printf("%s is for %s alone\n", to.c_str(), host.host.c_str());
@@ -257,31 +255,28 @@ int revoke(const VerbOptions& verb_options) {
   if (!running || !running->contains("authorities")) return fail(Error{"no network runs in " + options.dir});
   options.dir = std::filesystem::canonical(options.dir);
   options.channels = (*running)["channels"].get<std::vector<std::string>>();
-  fabric_network::ListenAddresses places;
+  network::ListenAddresses places;
   for (const auto& [name, all] : {std::pair{"orderers", &places.orderers},
                                   {"peers", &places.organisations},
                                   {"authorities", &places.authorities}}) {
-    for (const auto& text : (*running)[name]) {
-      auto place = fabric_network::parse_place(text.get<std::string>());
-      if (!place) return fail(place.error());
-      all->push_back(std::move(*place));
-    }
+    if (Status s = network::parse_places((*running)[name].get<std::vector<std::string>>(), *all); !s)
+      return fail(s.error());
   }
   const int organisation = verb_options.organisation;
   if (!verb_options.list.empty()) {
-    const auto list = fabric_network::read_list(options, organisation, verb_options.list);
+    const auto list = network::read_list(options, organisation, verb_options.list);
     if (!list) return fail(list.error());
-    if (Status s = fabric_network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
+    if (Status s = network::publish_list(options, places, organisation, *list); !s) return fail(s.error());
     std::printf("whom %s names is revoked in organisation %d\n", verb_options.list.c_str(), organisation);
     return 0;
   }
-  fabric_network::Revoked revoked{verb_options.user};
+  network::Revoked revoked{verb_options.user};
   if (!verb_options.certificate.empty()) {
     auto pem = crypto::read_certificate_file(verb_options.certificate);
     if (!pem) return fail(pem.error());
     revoked.certificate_pem = std::move(*pem);
   }
-  if (Status s = fabric_network::revoke(options, places, organisation, revoked); !s) return fail(s.error());
+  if (Status s = network::revoke(options, places, organisation, revoked); !s) return fail(s.error());
   if (verb_options.user.empty()) {
     std::printf("the certificate in %s is revoked in organisation %d\n", verb_options.certificate.c_str(),
                 organisation);
@@ -293,7 +288,7 @@ int revoke(const VerbOptions& verb_options) {
 
 /// To this version's contract.
 int renew(const Options& options) {
-  if (Status s = fabric_network::upgrade(options); !s) return fail(s.error());
+  if (Status s = network::upgrade(options); !s) return fail(s.error());
   std::printf("the network in %s has this version's contract\n", options.dir.c_str());
   return 0;
 }
@@ -310,15 +305,11 @@ Status add_places(Options& options, const std::vector<std::string>& organisation
                   const std::vector<std::string>& orderers) {
   for (const auto& [texts, places] :
        {std::pair{&organisations, &options.organisation_places}, std::pair{&orderers, &options.orderer_places}}) {
-    if (!texts->empty()) places->clear();
-    for (const std::string& text : *texts) {
-      auto place = fabric_network::parse_place(text);
-      if (!place) return place.error();
-      places->push_back(std::move(*place));
-    }
+    if (texts->empty()) continue;
+    if (Status s = network::parse_places(*texts, *places); !s) return s;
   }
   if (!options.orderer_places.empty()) options.orderers = static_cast<int>(options.orderer_places.size());
-  return fabric_network::check(options);
+  return network::check(options);
 }
 
 void add_network_options(Verb verb, VerbOptions& verb_options) {
@@ -390,7 +381,7 @@ std::vector<Verb> add_verbs(CommandLine& line, VerbOptions& verb_options) {
 std::optional<int> read_verb_options(CommandLine& line, int argc, char** argv, VerbOptions& verb_options) {
   if (const auto end = line.parse(argc, argv)) return end;
   if (!verb_options.config.empty()) {
-    auto read = fabric_network::read_options(verb_options.config, {});
+    auto read = network::read_options(verb_options.config, {});
     if (!read) return fail(read.error(), exit_usage);
     verb_options.options = std::move(*read);
     verb_options.batch_timeout_ms = to_ms(verb_options.options.batch_timeout_ns);

@@ -1,24 +1,25 @@
 #include "chaincode/network/network.hpp"
 
+#include <fcntl.h>
 #include <fmt/format.h>
 #include <signal.h>
-#include <nlohmann/json.hpp>
-
+#include <sys/file.h>
+#include <unistd.h>
 #include <algorithm>
 #include <filesystem>
+#include <fstream>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/places.hpp"
-#include "chaincode/network/files/texts.hpp"
-#include "chaincode/network/run_file.hpp"
-#include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/options.hpp"
 #include "chaincode/network/setup/deployment.hpp"
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
+
 namespace {
 
 namespace fs = std::filesystem;
@@ -47,7 +48,7 @@ std::vector<Service> services_of(const json& running) {
 }
 
 /// What the running network says of itself, in place of what a command line would.
-Status take_places(Options& options, const json& running, const std::vector<Service>& services) {
+Status apply_running(Options& options, const json& running, const std::vector<Service>& services) {
   options.channels = running.at("channels").get<std::vector<std::string>>();
   options.orderers = static_cast<int>(running.at("orderers").size());
   if (services.size() == identities::organisations) return done;
@@ -58,12 +59,7 @@ Status take_places(Options& options, const json& running, const std::vector<Serv
   }
   for (const auto& [key, places] :
        {std::pair{"orderers", &options.orderer_places}, std::pair{"peers", &options.organisation_places}}) {
-    places->clear();
-    for (const json& text : running.at(key)) {
-      auto place = parse_place(text.get<std::string>());
-      if (!place) return place.error();
-      places->push_back(std::move(*place));
-    }
+    if (Status s = parse_places(running.at(key).get<std::vector<std::string>>(), *places); !s) return s;
   }
   return done;
 }
@@ -101,7 +97,7 @@ Status renew(Site& site, const RunFile& file, const std::vector<Service>& servic
     }
     if (missing.empty()) return done;
     if (monotonic_ns() > until) return Error{missing + " does not come back as the new program"};
-    if (Status s = site.tend(10 * ns_per_ms); !s) return s;
+    if (Status s = site.poll(10 * ns_per_ms); !s) return s;
   }
 }
 
@@ -167,7 +163,7 @@ Status upgrade(Options options) {
     if (service.pid <= 0) return Error{service.name + " is just starting; try again"};
     if (Status s = check_command(service, options.chaincode); !s) return s;
   }
-  if (Status s = take_places(options, *running, services); !s) return s;
+  if (Status s = apply_running(options, *running, services); !s) return s;
   Site site(std::move(options));
   if (Status s = site.open(); !s) return s;
   Deployment deployment(site);
@@ -178,4 +174,34 @@ Status upgrade(Options options) {
   return status ? deployment.wait_for_contract() : status;
 }
 
-}  // namespace ledgerline::fabric_network
+RunFile::~RunFile() {
+  if (fd_ >= 0) ::close(fd_);
+}
+
+bool RunFile::lock() {
+  fd_ = ::open(path_.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0644);
+  if (fd_ < 0 || ::flock(fd_, LOCK_EX | LOCK_NB) != 0) return false;
+  return write("");
+}
+
+bool RunFile::write(const std::string& text) const {
+  return ::ftruncate(fd_, 0) == 0 && ::pwrite(fd_, text.data(), text.size(), 0) == static_cast<ssize_t>(text.size());
+}
+
+std::optional<nlohmann::json> RunFile::read() const {
+  nlohmann::json json;
+  // It may be writing just now.
+  for (int tries = 0; tries < 5 && !json.is_object(); ++tries) {
+    if (tries > 0) ::usleep(10'000);
+    const int fd = ::open(path_.c_str(), O_RDONLY | O_CLOEXEC);
+    if (fd < 0) return std::nullopt;
+    const bool held = ::flock(fd, LOCK_SH | LOCK_NB) != 0;
+    ::close(fd);
+    if (!held) return std::nullopt;
+    std::ifstream in(path_);
+    json = nlohmann::json::parse(in, nullptr, false);
+  }
+  return json.is_object() ? json : nlohmann::json::object();
+}
+
+}  // namespace ledgerline::network

@@ -1,14 +1,16 @@
 #pragma once
+#include <nlohmann/json_fwd.hpp>
+#include <optional>
+#include <string>
 #include <vector>
 
 #include "chaincode/network/options.hpp"
 #include "chaincode/network/processes/processes.hpp"
-#include "chaincode/network/setup/channels.hpp"
 #include "chaincode/network/setup/deployment.hpp"
 #include "chaincode/network/setup/site.hpp"
 #include "common/base/result.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// A running network: orderers, peers and chaincode services as children of this process, which end with it, however it
 /// ends. A directory keeps its identities, ledgers and places: a second up() goes on where the last one ended. With
@@ -24,7 +26,7 @@ class Network {
   /// has the last log lines of what failed.
   Status up();
   /// Looks after the processes for so long: one that ended is started again. An error: it ended too often.
-  Status tend(TimeNs duration) { return site_.tend(duration); }
+  Status poll(TimeNs duration) { return site_.poll(duration); }
   /// Ends all, peers first. False: one of them had to be killed.
   bool down() { return site_.stop(); }
 
@@ -49,4 +51,24 @@ class Network {
 /// all others (Children).
 Status upgrade(Options options);
 
-}  // namespace ledgerline::fabric_network
+/// DIR/network.json: held (flock) by the network's process as long as it lives, however it ends; its text is what
+/// `status` shows. One thread.
+class RunFile {
+ public:
+  explicit RunFile(const std::string& dir) : path_(dir + "/network.json") {}
+  ~RunFile();
+  RunFile(const RunFile&) = delete;
+  RunFile& operator=(const RunFile&) = delete;
+
+  /// False: another process holds it.
+  bool lock();
+  bool write(const std::string& text) const;
+  /// What a living network says of itself, an empty object while it starts; nullopt: none runs.
+  std::optional<nlohmann::json> read() const;
+
+ private:
+  std::string path_;
+  int fd_ = -1;
+};
+
+}  // namespace ledgerline::network

@@ -1,6 +1,5 @@
 #pragma once
 #include <netinet/in.h>
-
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -10,7 +9,7 @@
 #include "common/process/scheduling.hpp"
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// Where one part of a network listens: three TCP ports from `port` on.
 struct ListenAddress {
@@ -67,6 +66,7 @@ Status check(const Options& options);
 
 /// "10.0.0.1:7051".
 Result<ListenAddress> parse_place(const std::string& text);
+Status parse_places(const std::vector<std::string>& texts, std::vector<ListenAddress>& places);
 
 /// Of all parts, as "HOST:PORT".
 struct ListenAddresses {
@@ -95,4 +95,50 @@ struct ListenAddresses {
 /// All on one host, one after the other.
 ListenAddresses places_from(const Options& options, std::uint16_t first_port);
 
-}  // namespace ledgerline::fabric_network
+// Where the parts of a network listen. That is in the channels' first blocks and in packages, so a directory keeps it.
+
+/// Those that the directory keeps; the first time those of the options, or free ports of this host, which are then
+/// kept. An error: the directory is of a network with others.
+Result<ListenAddresses> choose_places(const Options& options);
+
+/// An error names the first one that cannot be listened on, and why.
+Status check_free(const std::vector<ListenAddress>& places);
+
+// Each host's own part of a network that was prepared in one place.
+
+/// The parts that listen at one address.
+struct HostParts {
+  std::string host;
+  std::vector<int> organisations, orderers;
+};
+/// By address, in the order of their first mention; empty: the options have no places.
+std::vector<HostParts> hosts_of(const Options& options);
+
+/// Copies into `to` what a host needs of the directory `from` that Network::prepare() filled: the private keys of its
+/// own organisations' peers, chaincode services and users, and of its own orderers; of all others certificates alone;
+/// places and the channels' first blocks. The keys of authorities and of the orderers' administrator stay in `from`.
+/// `to` is made under another name and renamed when complete; one that is there already is left as it is.
+Status write_host(const std::string& from, const HostParts& parts, const Options& options, const std::string& to);
+
+// What Fabric's programs read: pure functions of the options.
+
+/// configtx.yaml with the profile `Ledgerline`.
+std::string configtx_yaml(const Options& options, const ListenAddresses& places);
+
+/// "NAME=value" for an orderer, a peer, and the `peer` command line in the name of an organisation's administrator.
+std::vector<std::string> orderer_environment(const Options& options, const ListenAddresses& places, int number);
+std::vector<std::string> peer_environment(const Options& options, const ListenAddresses& places, int organisation);
+std::vector<std::string> admin_environment(const Options& options, const ListenAddresses& places, int organisation);
+/// Of an organisation's chaincode service, whose package has this id.
+std::vector<std::string> chaincode_environment(const Options& options, const ListenAddresses& places, int organisation,
+                                               const std::string& package_id);
+
+/// connection.json of an organisation's chaincode package: mutual TLS, without the peer's pair, which builder_script's
+/// release adds. An administrator of the organisation can fetch a package, and archives get copied around.
+std::string connection_json(const ListenAddresses& places, int organisation, const std::string& ca_pem);
+
+/// The peers' external builder for chaincode as a service: the programs detect, build and release. They read the peer's
+/// TLS pair where its environment says.
+std::string builder_script(const std::string& name);
+
+}  // namespace ledgerline::network

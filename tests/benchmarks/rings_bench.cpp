@@ -182,7 +182,7 @@ int main(int argc, char** argv) {
   }
   roudi.end(SIGTERM);
   if (json.empty()) return 0;
-  const fly::Machine machine = fly::describe_machine();
+  const launcher::Machine machine = launcher::describe_machine();
   std::ofstream file(json);
   file << nlohmann::json{{"asked", {{"rounds", rounds}, {"messages", messages}}},
                          {"machine", {{"cpu", machine.cpu}, {"cores", machine.cores}, {"system", machine.system}}},

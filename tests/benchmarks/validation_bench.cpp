@@ -349,7 +349,7 @@ int main(int argc, char** argv) {
   const nlohmann::json figures = tell(rounds);
   if (counts.differ > 0) give_up("the validation differs from the flags");
   if (json.empty()) return 0;
-  const fly::Machine machine = fly::describe_machine();
+  const launcher::Machine machine = launcher::describe_machine();
   std::ofstream file(json);
   file << nlohmann::json{{"asked",
                           {{"rounds", asked.rounds},

@@ -65,7 +65,7 @@ Result<ChainAudit> ChainAudit::start(Trust trust) {
   ChainAudit audit(std::move(trust));
   audit.rules_.channel = audit.trust_.channel;
   if (audit.trust_.anchor.empty()) return audit;
-  const auto validator = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
+  auto validator = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
   if (!validator) return validator.error();
   common::Block anchor;
   if (!parse(audit.trust_.anchor, anchor)) return Error{"the anchor cannot be parsed"};
@@ -76,9 +76,7 @@ Result<ChainAudit> ChainAudit::start(Trust trust) {
     auto config = fabric::read_channel_config(anchor);
     if (!config) return config.error();
     audit.configure(*config);
-    auto first = fabric::BlockValidator::from(audit.trust_.anchor, audit.trust_.channel, audit.trust_.library);
-    if (!first) return first.error();
-    audit.orderers_ = std::move(*first);
+    audit.orderers_ = std::move(*validator);
   }
   return audit;
 }
@@ -138,17 +136,7 @@ bool ChainAudit::follow_chain(const common::Block& block) {
 }
 
 void ChainAudit::check_anchor(const common::Block& block) {
-  if (trust_.anchor.empty()) {
-    if (next_ != 0 || orderers_) return;
-    auto validator = fabric::BlockValidator::from(block.SerializeAsString(), trust_.channel, trust_.library);
-    auto config = fabric::read_channel_config(block);
-    if (!validator || !config)
-      return find(std::nullopt, "", validator ? config.error().message : validator.error().message);
-    orderers_ = std::move(*validator);
-    configure(*config);
-    return;
-  }
-  if (next_ == 0 && !orderers_) {  // the anchor is a later one: what is before it counts by its hash
+  if (next_ == 0 && !orderers_) {  // the anchor is a later one, what is before it counts by its hash; or there is none
     auto validator = fabric::BlockValidator::from(block.SerializeAsString(), trust_.channel, trust_.library);
     auto config = fabric::read_channel_config(block);
     if (validator && config) {
@@ -158,7 +146,7 @@ void ChainAudit::check_anchor(const common::Block& block) {
       find(std::nullopt, "", validator ? config.error().message : validator.error().message);
     }
   }
-  if (next_ != anchor_number_) return;
+  if (trust_.anchor.empty() || next_ != anchor_number_) return;
   anchor_seen_ = true;
   if (hash_of(block.header()) != anchor_hash_) find(std::nullopt, "", "it is another block than the trust anchor");
   // Nobody signs the first block, so what stands in the place of signatures is as the anchor has it.
@@ -188,7 +176,7 @@ void ChainAudit::validate_transactions(const common::Block& block, std::string_v
   compare(block, verdicts);
   const auto decoded = fabric::decode_block(bytes);
   if (decoded) {
-    tell(*decoded, verdicts);
+    add_to_report(*decoded, verdicts);
   } else if (verdicts.size() == 1 && counts_.findings == found_before) {
     find(0, verdicts[0].tx_id, decoded.error().message);
   } else {
@@ -226,7 +214,8 @@ void ChainAudit::compare(const common::Block& block, const std::vector<fabric::T
   }
 }
 
-void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts) {
+void ChainAudit::add_to_report(const fabric::Block& block,
+                               const std::vector<fabric::TransactionVerdict>& verdicts) {
   for (std::size_t i = 0; i < verdicts.size() && i < block.transactions.size(); ++i) {
     const fabric::Transaction& tx = block.transactions[i];
     counts_.endorsements += tx.endorsements.size();
@@ -236,7 +225,7 @@ void ChainAudit::tell(const fabric::Block& block, const std::vector<fabric::Tran
     const auto member = members_->member(tx.creator, std::nullopt);
     const access::Caller creator = member ? access::Caller{(*member)->name, (*member)->admin}
                                           : access::Caller{{"", "nobody of the channel"}, false};
-    const Status status = story_->take({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
+    const Status status = report_->add({block.number, i, verdicts[i].code, verdicts[i].why}, tx, creator);
     if (!status) find(i, tx.tx_id, status.error().message);
   }
 }

@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <map>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,7 +11,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/validation/block_validator.hpp"
 #include "common/fabric/validation/key_state.hpp"
-#include "tools/audit/story/story.hpp"
+#include "tools/audit/report.hpp"
 
 namespace ledgerline::audit {
 
@@ -46,8 +47,8 @@ struct Counts {
 
 /// Validates a channel's whole chain, block by block from number 0: form, order and hashes; the orderers' signatures;
 /// each transaction by Fabric's own rule, against the flag that the peer gave it; control events against the records
-/// before. What is verified goes into the story. Goes on behind a finding as well as it can, so that what follows a
-/// first one may follow from it. Memory: that of KeyState, the story's bounds, and max_findings. Pure; one thread.
+/// before. What is verified goes into the report. Goes on behind a finding as well as it can, so that what follows a
+/// first one may follow from it. Memory: that of KeyState, the report's bounds, and max_findings. Pure; one thread.
 class ChainAudit {
  public:
   /// An error: the anchor is no configuration of that channel.
@@ -63,7 +64,7 @@ class ChainAudit {
   static constexpr std::size_t max_findings = 1'000;
   const std::vector<Finding>& findings() const { return findings_; }  ///< the first ones
   const Counts& counts() const { return counts_; }
-  const Story& story() const { return *story_; }
+  const ChainReport& report() const { return *report_; }
   std::uint64_t height() const { return next_; }
   /// Of the newest block's header, hex.
   std::string newest_hash() const { return crypto::hex(hash_.value_or("")); }
@@ -77,7 +78,7 @@ class ChainAudit {
   void configure(const fabric::ChannelConfig& config);
   void validate_transactions(const common::Block& block, std::string_view bytes);
   void compare(const common::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts);
-  void tell(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts);
+  void add_to_report(const fabric::Block& block, const std::vector<fabric::TransactionVerdict>& verdicts);
 
   Trust trust_;
   std::uint64_t next_ = 0;           ///< number of the block that must come
@@ -91,9 +92,22 @@ class ChainAudit {
   fabric::ValidationRules rules_;
   fabric::KeyState state_;
   std::unique_ptr<crypto::MspRegistry> members_;
-  std::unique_ptr<Story> story_ = std::make_unique<Story>();
+  std::unique_ptr<ChainReport> report_ = std::make_unique<ChainReport>();
   std::vector<Finding> findings_;
   Counts counts_;
 };
+
+/// What was audited, beside what was found.
+struct AuditRequest {
+  std::string channel, source;
+  std::string anchor;  ///< file; empty: the first block was taken as it is
+};
+
+/// For a terminal: one or two screens. The last line names the first finding, or says that there is none.
+std::string to_table(const ChainAudit& audit, const AuditRequest& asked);
+/// The object of --json. Times are in seconds since 1970, as clients claimed them.
+nlohmann::json to_json(const ChainAudit& audit, const AuditRequest& asked);
+/// The page, from that object. Self-contained.
+std::string to_page(nlohmann::json document);
 
 }  // namespace ledgerline::audit

@@ -9,9 +9,8 @@
 #include "common/fabric/config.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/audit/show/show.hpp"
-#include "tools/audit/source/copy.hpp"
-#include "tools/audit/source/peer.hpp"
+#include "tools/audit/chain_audit.hpp"
+#include "tools/audit/source.hpp"
 
 namespace {
 
@@ -26,7 +25,7 @@ struct Options {
   double timeout_s = 20;
 };
 
-int give_up(const std::string& what) {
+int fail_unreadable(const std::string& what) {
   fmt::print(stderr, "audit: {}\n", what);
   return exit_unreadable;
 }
@@ -73,9 +72,9 @@ Result<Plan> make_plan(const Options& options) {
 int run(const Options& options) {
   google::protobuf::SetLogHandler(nullptr);  // a line for each string that is no UTF-8: findings say what is wrong
   auto plan = make_plan(options);
-  if (!plan) return give_up(plan.error().message);
+  if (!plan) return fail_unreadable(plan.error().message);
   auto audit = ChainAudit::start(plan->trust);
-  if (!audit) return give_up("the trust anchor: " + audit.error().message);
+  if (!audit) return fail_unreadable("the trust anchor: " + audit.error().message);
   Status saved = done;
   const OnBlock on_block = [&](std::string_view block) {
     if (!options.save.empty() && saved) saved = save_block(options.save, audit->height(), block);
@@ -84,7 +83,7 @@ int run(const Options& options) {
   const std::chrono::milliseconds timeout(static_cast<int>(1e3 * options.timeout_s));
   const auto reading =
       plan->peer ? read_peer(std::move(*plan->peer), timeout, on_block) : read_copy(options.blocks, on_block);
-  if (!reading) return give_up(reading.error().message);
+  if (!reading) return fail_unreadable(reading.error().message);
   if (!reading->problem.empty()) audit->find_at_end(reading->problem);
   audit->end();
 
@@ -97,7 +96,7 @@ int run(const Options& options) {
     written = write_file(options.json, document.dump(2, ' ', false, nlohmann::json::error_handler_t::replace) + "\n");
   }
   if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
-  if (!written) return give_up(written.error().message);
+  if (!written) return fail_unreadable(written.error().message);
   return audit->counts().findings == 0 ? EXIT_SUCCESS : exit_found;
 }
 
@@ -137,6 +136,7 @@ int main(int argc, char** argv) {
   Options o;
   add_options(line, o);
   if (const auto end = line.parse(argc, argv)) return *end;
-  if (o.config.empty() == o.blocks.empty()) return give_up("name a copy (--blocks) or a peer (--config): see --help");
+  if (o.config.empty() == o.blocks.empty())
+    return fail_unreadable("name a copy (--blocks) or a peer (--config): see --help");
   return run(o);
 }

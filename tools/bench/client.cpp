@@ -26,12 +26,12 @@
 namespace {
 
 using namespace ledgerline;
-using namespace ledgerline::two_way;
+using namespace ledgerline::bench;
 
 constexpr TimeNs tick_ns = 100 * ns_per_ms;  // for signals and progress
 constexpr std::uint64_t boot_id = 1;
 
-void say(const nlohmann::json& line) {
+void print(const nlohmann::json& line) {
   fmt::print("{}\n", line.dump());
   std::fflush(stdout);
 }
@@ -72,11 +72,11 @@ class Side {
       if (monotonic_ns() > until_ns) return Error{"no block stream: " + why_};
       turn(monotonic_ns() + tick_ns);
     }
-    say({{"ready", true}, {"pid", ::getpid()}});
+    print({{"ready", true}, {"pid", ::getpid()}});
     return done;
   }
 
-  void ask() {
+  void send_all() {
     const TimeNs start_ns = monotonic_ns();
     const TimeNs end_ns = start_ns + from_seconds(schedule_.length_s());
     std::uint64_t n = 0;
@@ -88,10 +88,10 @@ class Side {
       for (; now >= start_ns + schedule_.due_ns(n); ++n) {
         if (n == schedule_.first) {
           answers_before = account_.answers();
-          say({{"measuring", true}});
+          print({{"measuring", true}});
         }
         if (n == schedule_.first + schedule_.count) {
-          say({{"measured", true}, {"answers", account_.answers() - answers_before}});
+          print({{"measured", true}, {"answers", account_.answers() - answers_before}});
         }
         account_.sent(now, n);
         add(now, n, now);
@@ -99,7 +99,7 @@ class Side {
       submit();
       if (now < next_progress_ns) continue;
       next_progress_ns = now + ns_per_s;
-      say({{"progress", {{"sent", account_.sent()}, {"answered", account_.answered()}}}});
+      print({{"progress", {{"sent", account_.sent()}, {"answered", account_.answered()}}}});
     }
     account_.end(monotonic_ns());
   }
@@ -108,24 +108,24 @@ class Side {
     while (!stop_requested) turn(monotonic_ns() + tick_ns);
   }
 
-  void tell() const {
+  void print_result() const {
     constexpr std::size_t per_line = 1000;
     const auto& times = account_.times();
     for (std::size_t i = 0; i < times.size(); i += per_line) {
       nlohmann::json us = nlohmann::json::array();
       for (std::size_t k = i; k < std::min(times.size(), i + per_line); ++k) us.push_back(times[k] / ns_per_us);
-      say({{"latencies_us", us}});
+      print({{"latencies_us", us}});
     }
     const auto& tx = batcher_.transactions();
-    say({{"result",
-          {{"sent", account_.sent()},
-           {"answered", account_.answered()},
-           {"replaced", account_.replaced()},
-           {"transactions", tx.committed},
-           {"blocks", blocks_taken_},
-           {"ordered_blocks_confirmed_after_ms", blocks_.confirmed_after_ms()},
-           {"failed", tx.invalidated + tx.refused + tx.unavailable},
-           {"why", why_}}}});
+    print({{"result",
+            {{"sent", account_.sent()},
+             {"answered", account_.answered()},
+             {"replaced", account_.replaced()},
+             {"transactions", tx.committed},
+             {"blocks", blocks_taken_},
+             {"ordered_blocks_confirmed_after_ms", blocks_.confirmed_after_ms()},
+             {"failed", tx.invalidated + tx.refused + tx.unavailable},
+             {"why", why_}}}});
   }
 
  private:
@@ -146,7 +146,7 @@ class Side {
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
     for (agent::Event& event : mailbox_.take_all()) {
       if (const auto* block = std::get_if<fabric::Block>(&event)) {
-        take(*block);
+        on_block(*block);
       } else if (const auto* ended = std::get_if<agent::FrameEnded>(&event)) {
         (void)batcher_.finished(monotonic_ns(), ended->frame, ended->outcome);
         if (ended->outcome.kind != fabric::Outcome::Kind::committed) why_ = ended->outcome.message;
@@ -159,7 +159,7 @@ class Side {
     submit();
   }
 
-  void take(const fabric::Block& block) {
+  void on_block(const fabric::Block& block) {
     ++blocks_taken_;
     for (const fabric::Transaction& tx : block.transactions) {
       if (tx.code != 0 || tx.config || tx.event_name != contract::set) continue;
@@ -250,11 +250,11 @@ Status run(const std::string& role, const std::string& config_file, const std::s
   constexpr TimeNs start_limit_ns = 20 * ns_per_s;
   if (auto status = side.wait_for_blocks(start_limit_ns); !status) return status;
   if (role == "a") {
-    side.ask();
+    side.send_all();
   } else {
     side.answer();
   }
-  side.tell();
+  side.print_result();
   return done;
 }
 

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 namespace {
 
 constexpr double stream_hz = 35;
@@ -34,13 +34,9 @@ TimeNs Schedule::due_ns(std::uint64_t n) const {
   return from_seconds(fast + rest);
 }
 
-std::string write_schedule(const Schedule& schedule) {
-  return nlohmann::json{{"streams", schedule.streams},       {"fast_per_s", schedule.fast_per_s},
-                        {"fast_count", schedule.fast_count}, {"per_s", schedule.per_s},
-                        {"first", schedule.first},           {"count", schedule.count},
-                        {"drain_s", schedule.drain_s}}
-      .dump();
-}
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(Schedule, streams, fast_per_s, fast_count, per_s, first, count, drain_s)
+
+std::string write_schedule(const Schedule& schedule) { return nlohmann::json(schedule).dump(); }
 
 Result<Schedule> read_schedule(const std::string& text) {
   const auto json = nlohmann::json::parse(text, nullptr, false);
@@ -49,13 +45,7 @@ Result<Schedule> read_schedule(const std::string& text) {
       return Error{fmt::format("the schedule has no {}: {}", key, text)};
     }
   }
-  Schedule schedule{.streams = json["streams"],
-                    .fast_per_s = json["fast_per_s"],
-                    .fast_count = json["fast_count"],
-                    .per_s = json["per_s"],
-                    .first = json["first"],
-                    .count = json["count"],
-                    .drain_s = json["drain_s"]};
+  const auto schedule = json.get<Schedule>();
   constexpr int max_streams = 16;
   if (schedule.streams < 1 || schedule.streams > max_streams || schedule.per_s <= 0 || schedule.fast_per_s <= 0) {
     return Error{"the schedule is for no message, or for more than 16 streams: " + text};
@@ -133,4 +123,4 @@ bool read_message(const std::string& text, Message& message) {
   return true;
 }
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

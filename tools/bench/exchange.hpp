@@ -9,7 +9,7 @@
 
 /// A two-way exchange: side a sends messages, side b answers each, and a sees the answers. What both sides must agree
 /// on, and a's account of it. No I/O.
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 
 /// When which message is sent. Warm-up goes at 70 msg/s at least, since what compiles itself as it runs warms up by
 /// calls and not by seconds; its last part goes at the rate itself. Message n belongs to stream n modulo `streams`: a
@@ -85,4 +85,4 @@ std::string write_message(const Message& message, const std::string& topic);
 /// False: it is none.
 bool read_message(const std::string& text, Message& message);
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

@@ -12,7 +12,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 namespace {
 
 namespace fs = std::filesystem;
@@ -228,7 +228,7 @@ class Pair {
         schedule_(schedule),
         dir_(std::move(dir)),
         interrupts_(interrupts),
-        children_({[this](const std::string& name, const std::string& line) { take(name, line); }}) {}
+        children_({[this](const std::string& name, const std::string& line) { on_line(name, line); }}) {}
 
   Result<Turn> run() {
     if (competitor_.endorser == Competitor::Endorser::beside) {
@@ -308,7 +308,7 @@ class Pair {
     fs::create_directories(dir_, error);
     const Network::Access access = network_.access(name == "a" ? 1 : 2);
     Children::Program program{name, {}, log(name), SIGKILL};
-    if (competitor_.way == Way::ledgerline) {
+    if (competitor_.design == Design::ledgerline) {
       const fs::path config = dir_ / (name + ".toml");
       std::string text = ledger_table(access) +
                          fmt::format("signer = \"{}\"\nblocks = \"{}\"\n", competitor_.signer, competitor_.blocks);
@@ -328,9 +328,9 @@ class Pair {
       program.command = {place_.programs / "two_way_client", "--role", name, "--config", config, "--schedule",
                          write_schedule(schedule_)};
     } else {
-      const char* way = competitor_.way == Way::direct    ? "direct"
-                        : competitor_.way == Way::polling ? "polling"
-                                                          : "gateway";
+      const char* way = competitor_.design == Design::direct    ? "direct"
+                        : competitor_.design == Design::polling ? "polling"
+                                                                : "gateway";
       json endorsers = json::array();
       for (const auto& [endpoint, tls_ca] : access.endorsers)
         endorsers.push_back({{"endpoint", endpoint}, {"tlsCa", tls_ca}});
@@ -349,7 +349,7 @@ class Pair {
     return wait_for(name, [&] { return sides_[name].process != 0; });
   }
 
-  void take(const std::string& name, const std::string& text) {
+  void on_line(const std::string& name, const std::string& text) {
     const json line = json::parse(text, nullptr, false);
     if (!line.is_object()) return;
     if (line.contains("ready") && endorsers_.contains(name)) {
@@ -369,7 +369,7 @@ class Pair {
         run_.cpu_s += cpu_seconds(side.process).value_or(side.cpu_at_begin_s) - side.cpu_at_begin_s;
       }
     }
-    if (line.contains("progress") && name == "a") take_counts(line["progress"]);
+    if (line.contains("progress") && name == "a") read_counts(line["progress"]);
     if (line.contains("latencies_us")) {
       for (const json& us : line["latencies_us"]) {
         if (us.is_number()) run_.times_ms.push_back(us.get<double>() / 1e3);
@@ -377,7 +377,7 @@ class Pair {
     }
     if (line.contains("result") && line["result"].is_object()) {
       const json& result = line["result"];
-      if (name == "a") take_counts(result);
+      if (name == "a") read_counts(result);
       run_.transactions += count_in(result, "transactions");
       run_.blocks += count_in(result, "blocks");
       const json confirmed = result.value("ordered_blocks_confirmed_after_ms", json::object());
@@ -389,7 +389,7 @@ class Pair {
     }
   }
 
-  void take_counts(const json& counts) {
+  void read_counts(const json& counts) {
     run_.sent = count_in(counts, "sent");
     run_.answered = count_in(counts, "answered");
     run_.replaced = count_in(counts, "replaced");
@@ -415,4 +415,4 @@ Result<Turn> exchange(const Place& place, const Network& network, const Competit
   return Pair(place, network, competitor, schedule, dir, interrupts).run();
 }
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

@@ -10,9 +10,9 @@
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
 #include "tools/bench/exchange.hpp"
-#include "tools/bench/figures.hpp"
+#include "tools/bench/metrics.hpp"
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 
 /// Where everything is.
 struct Place {
@@ -82,4 +82,4 @@ class Network {
 Result<Turn> exchange(const Place& place, const Network& network, const Competitor& competitor,
                       const Schedule& schedule, const std::filesystem::path& dir, const std::atomic<int>& interrupts);
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

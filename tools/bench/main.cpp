@@ -16,7 +16,7 @@
 namespace {
 
 using namespace ledgerline;
-using namespace ledgerline::two_way;
+using namespace ledgerline::bench;
 namespace fs = std::filesystem;
 
 constexpr const char* about =
@@ -69,7 +69,7 @@ void find_programs(Options& o) {
 
 Status check(const Options& o) {
   const bool baselines = std::any_of(o.clients.begin(), o.clients.end(),
-                                     [](const auto& id) { return find_competitor(id)->way != Way::ledgerline; });
+                                     [](const auto& id) { return find_competitor(id)->design != Design::ledgerline; });
   if (baselines && o.place.node.empty()) return Error{"node is not on PATH: the baselines need Node.js 20.9 or newer"};
   const fs::path client = o.place.npm / "node_modules/@hyperledger/fabric-gateway";
   if (baselines && !fs::exists(client)) {
@@ -120,7 +120,7 @@ int finish(const Status& status, const Options& options, bool given) {
 std::string circumstances(const Options& o, const std::string& storage) {
   return fmt::format("{}, ledgers on {}; {} alternations of {:g} s after {:g} s of warm-up; {} cores\n",
                      o.ledger == "fabric" ? "Fabric" : "Embedded node", storage, o.alternations, o.seconds, o.warm_up_s,
-                     fly::describe_machine().cores);
+                     launcher::describe_machine().cores);
 }
 
 int measure(Options& options) {

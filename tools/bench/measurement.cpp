@@ -11,7 +11,7 @@
 #include "common/rt/histogram_json.hpp"
 #include "tools/launcher/machine.hpp"
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 
 using nlohmann::json;
 
@@ -40,7 +40,7 @@ Status Measurement::run() {
 
 Status write_result(const std::string& file, json head, const std::vector<json>& runs) {
   if (file.empty()) return done;
-  const fly::Machine machine = fly::describe_machine();
+  const launcher::Machine machine = launcher::describe_machine();
   head["machine"] = {{"cpu", machine.cpu},
                      {"system", machine.system},
                      {"cores", machine.cores},
@@ -84,7 +84,7 @@ Status Measurement::group(const std::vector<const Competitor*>& competitors, int
     run->rate = rate;
     run->alternation = alternation;
     run->position = position_++;
-    tell(*run);
+    log(*run);
     runs_.push_back(std::move(*run));
     if (runs_.back().collapsed() || competitor == competitors.back()) {
       if (auto s = end(*network, published); !s) return s;
@@ -108,7 +108,7 @@ Status Measurement::end(Network& network, bool published) {
   return done;
 }
 
-void Measurement::tell(const Turn& r) const {
+void Measurement::log(const Turn& r) const {
   const auto cpu = r.cpu_ms_per_message();
   spdlog::info("{}/{} {:>4} msg/s  {:<31} p50 {:.1f} ms, p99 {:.1f} ms, CPU {:.2f} ms a message, {} of {} answered{}{}",
                r.alternation + 1, o_.alternations, r.rate, find_competitor(r.competitor)->title, r.quantile_ms(0.5),
@@ -116,4 +116,4 @@ void Measurement::tell(const Turn& r) const {
                r.why.empty() ? "" : " (" + r.why + ")");
 }
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

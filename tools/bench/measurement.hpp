@@ -6,7 +6,7 @@
 
 #include "tools/bench/lab.hpp"
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 
 /// What was asked.
 struct Options {
@@ -44,7 +44,7 @@ class Measurement {
  private:
   Status group(const std::vector<const Competitor*>& competitors, int rate, int alternation);
   Status end(Network& network, bool published);
-  void tell(const Turn& run) const;
+  void log(const Turn& run) const;
 
   const Options& o_;
   const std::atomic<int>& interrupts_;
@@ -54,4 +54,4 @@ class Measurement {
   nlohmann::json networks_ = nlohmann::json::array();
 };
 
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

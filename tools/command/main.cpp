@@ -12,7 +12,12 @@
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/command/completion.hpp"
+
+namespace ledgerline {
+/// Scripts for these shells, which ask `ledgerline __complete` for each word: completion.cpp, made by CMake.
+extern const char* const bash_completion;
+extern const char* const zsh_completion;
+}  // namespace ledgerline
 
 namespace {
 

@@ -54,7 +54,7 @@ class ConfigFile::Writer {
     for (std::size_t place = 0; place < places; ++place)
       write_place(table, place, fmt::format("{}{}\n", place > 0 ? "\n" : "", table), place == 0);
   }
-  std::string take() { return std::move(text_); }
+  std::string text() { return std::move(text_); }
 
  private:
   void write_place(const std::string& table, std::size_t place, const std::string& heading, bool with_words) {
@@ -140,7 +140,7 @@ Result<std::string> ConfigFile::commented(const std::string& heading, const std:
   std::stable_partition(tables.begin(), tables.end(), [](const std::string& table) { return table.empty(); });
   Writer writer(keys, *this);
   for (const std::string& table : tables) writer.write_table(table);
-  return comment(heading) + writer.take();
+  return comment(heading) + writer.text();
 }
 
 void add_server(ConfigFile& file, const std::string& table, const Server& server, std::size_t place) {

@@ -3,7 +3,7 @@
 #include "common/base/log.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 
 namespace {
 

@@ -1,4 +1,4 @@
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 
 #include <fmt/format.h>
 
@@ -126,7 +126,7 @@ const std::vector<Source>& sources() {
        "command line "
        "come before the file.",
        {},
-       [](Config& config) { return status_of(fabric_network::read_options(config, fabric_network::Options{})); }},
+       [](Config& config) { return status_of(network::read_options(config, network::Options{})); }},
       {"deployment",
        "`deployment.toml`: [which hosts, drones, ledger](deployment.md). A file without `[[host]]` has `[[drone]]`, "
        "`[ledger]`, `[pose]`, `[fence]`, `[rc]`, `[limits]` and `[flight]` alone, and [its drones are there "

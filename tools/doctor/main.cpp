@@ -9,8 +9,6 @@
 #include "common/program/program.hpp"
 #include "common/rt/clock.hpp"
 #include "tools/checks/shell/configs.hpp"
-#include "tools/checks/shell/host_probe.hpp"
-#include "tools/checks/shell/ledger_probe.hpp"
 #include "tools/checks/shell/probes.hpp"
 
 namespace {
@@ -52,32 +50,32 @@ std::vector<std::string> names_of(const std::vector<DroneKeys>& drones) {
   return names;
 }
 
-void look_at_host(const Configs& configs, Findings& all) {
+void check_host(const Configs& configs, Findings& all) {
   std::set<std::string> folders, interfaces;
   for (const ProgramConfig& one : configs.programs) {
     for (const std::string& file : one.written) {
-      const DirectoryFacts facts = look_at_folder_of(file);
-      if (folders.insert(facts.path).second) add(all, assess(facts));
+      const DirectoryInputs inputs = probe_directory(file);
+      if (folders.insert(inputs.path).second) add(all, assess(inputs));
     }
     for (const std::string& name : one.interfaces)
-      if (interfaces.insert(name).second) all.push_back(assess(look_at_interface(name, one.file)));
+      if (interfaces.insert(name).second) all.push_back(assess(probe_interface(name, one.file)));
   }
-  all.push_back(assess(look_at_clock()));
+  all.push_back(assess(probe_clock()));
   const ProgramConfig* const link = configs.of("link");
   if (!link && !configs.of("agent")) return;
-  add(all, assess(look_at_shared_memory()));
+  add(all, assess(probe_shared_memory()));
   if (!link) return;
-  add(all, assess(look_at_real_time(link->real_time)));
-  if (!link_runs()) all.push_back(assess(look_at_port(link->state_listen)));
+  add(all, assess(probe_real_time(link->real_time)));
+  if (!is_link_running()) all.push_back(assess(probe_port(link->state_listen)));
   if (const ProgramConfig* const agent = configs.of("agent"))
     all.push_back(assess_names(names_of(link->drones), names_of(agent->drones)));
   for (const DroneKeys& drone : link->drones)
-    all.push_back(assess(look_at_route(drone.name, drone.address, drone.interface)));
+    all.push_back(assess(probe_route(drone.name, drone.address, drone.interface)));
 }
 
 /// The own certificate of TLS, once. False: nobody can be reached with it.
-bool look_at_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map<std::string, bool>& seen,
-                      Findings& all) {
+bool check_tls_pair(const ServerKeys& keys, const ProgramConfig& one, std::map<std::string, bool>& seen,
+                    Findings& all) {
   if (keys.tls_certificate.empty() && keys.tls_key.empty()) return true;
   const auto [place, first] = seen.try_emplace(keys.tls_certificate + " " + keys.tls_key, true);
   if (!first) return place->second;
@@ -98,7 +96,7 @@ struct Checked {
 };
 
 /// Each server once, but for each program its own peer. True: the program's own peer is in order.
-bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds timeout, Checked& seen, Findings& all) {
+bool check_servers(const ProgramConfig& one, std::chrono::milliseconds timeout, Checked& seen, Findings& all) {
   bool good = true;
   const auto look = [&](ServerKeys keys, const std::string& kind) {
     if (keys.tls_certificate.empty() && keys.tls_key.empty()) {
@@ -109,11 +107,11 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds timeout
     const std::string same = keys.endpoint + " " + keys.server_name + " " + keys.tls_ca + " " + keys.tls_certificate;
     if (kind != "peer" && !seen.servers.insert(same).second) return;
     seen.servers.insert(same);
-    if (!look_at_tls_pair(keys, one, seen.tls_pairs, all)) {
+    if (!check_tls_pair(keys, one, seen.tls_pairs, all)) {
       if (kind == "peer") good = false;
       return;
     }
-    const Finding finding = assess(look_at_server(keys, fmt::format("{} of {}", kind, one.file), timeout));
+    const Finding finding = assess(probe_server(keys, fmt::format("{} of {}", kind, one.file), timeout));
     if (kind == "peer") good = !finding.problem;
     all.push_back(finding);
   };
@@ -124,7 +122,7 @@ bool look_at_servers(const ProgramConfig& one, std::chrono::milliseconds timeout
   return good;
 }
 
-void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, Findings& all) {
+void check_ledger(const Configs& configs, std::chrono::milliseconds timeout, Findings& all) {
   Checked seen;
   std::vector<ProgramConfig> programs;
   for (const ProgramConfig& one : configs.programs) {
@@ -133,9 +131,9 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, F
   for (const ProgramConfig& one : programs) {
     if (!one.ledger || one.ledger->peer.endpoint.empty()) continue;
     Findings trust;
-    const AnchorFacts anchor = read_anchor(*one.ledger, one.file, trust);
+    const AnchorInputs anchor = read_anchor(*one.ledger, one.file, trust);
     if (!one.ledger->msps.empty()) add(trust, assess(read_trust(*one.ledger, one.file, anchor)));
-    const IdentityFacts identity = read_identity(*one.ledger);
+    const IdentityInputs identity = read_identity(*one.ledger);
     Findings own;
     // By each channel's authorities; what is the same on all is reported once.
     const auto [good, is_new] =
@@ -147,12 +145,12 @@ void look_at_ledger(const Configs& configs, std::chrono::milliseconds timeout, F
     const bool known = good->second && !anything_broken(trust);
     add_new(all, std::move(own));
     add(all, std::move(trust));
-    const bool reached = look_at_servers(one, timeout, seen, all);
+    const bool reached = check_servers(one, timeout, seen, all);
     const bool flies = one.program == "agent" || one.program == "ground";
     const std::vector<std::string> drones = names_of(one.drones);
     // What is broken before this would only be reported once more, in other words.
     if (!known || !reached || !flies) continue;
-    Findings answers = ask_ledger(one, anchor.block, anchor.embedded, drones, timeout);
+    Findings answers = query_ledger(one, anchor.block, anchor.embedded, drones, timeout);
     for (Finding& each : answers) each.what = one.label + each.what;
     add(all, std::move(answers));
   }
@@ -182,12 +180,12 @@ int main(int argc, char** argv) {
   const auto timeout = std::chrono::milliseconds(static_cast<int>(1e3 * options.timeout_s));
   Configs configs = read_configs(options.dir, options.role);
   Findings all = std::move(configs.findings);
-  look_at_host(configs, all);
-  look_at_ledger(configs, timeout, all);
+  check_host(configs, all);
+  check_ledger(configs, timeout, all);
   const ProgramConfig* const link = configs.of("link");
   if (options.drones && link) {
-    add(all, ask_drones(*link));
-    if (const ProgramConfig* const agent = configs.of("agent")) add(all, hear_poses(*link, *agent));
+    add(all, query_drones(*link));
+    if (const ProgramConfig* const agent = configs.of("agent")) add(all, receive_poses(*link, *agent));
   }
   if (options.json)
     print_line(to_json(all));

@@ -4,7 +4,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/config/config.hpp"
@@ -14,7 +14,7 @@
 #include "common/program/program.hpp"
 #include "common/program/secrets.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/identity/core/asking.hpp"
+#include "tools/identity/core/authority_commands.hpp"
 #include "tools/identity/shell/place.hpp"
 
 namespace {
@@ -48,8 +48,8 @@ struct Options {
 
 std::int64_t unix_now_s() { return realtime_ns() / ns_per_s; }
 
-Status ask(const identity::Command& command, const identity::Home& home) {
-  const auto ran = fabric_network::run_command(command, home.text() + "/log");
+Status run_command(const identity::Command& command, const identity::Home& home) {
+  const auto ran = network::run_command(command, home.text() + "/log");
   return ran ? done : Status(ran.error());
 }
 
@@ -63,7 +63,7 @@ Result<Pair> made_in(const identity::Home& home) {
   return pair;
 }
 
-Status tell(const Pair& pair) {
+Status print(const Pair& pair) {
   print_line(fmt::format("{}, for {} days", printable(pair.certificate.subject),
                          crypto::days_left(pair.certificate.not_after_s, unix_now_s())));
   return done;
@@ -80,11 +80,11 @@ Status enroll(Options& options) {
   if (!home) return home.error();
   const auto command = identity::enroll(options.authority, home->text(), options.name, *secret, options.wanted);
   if (!command) return command.error();
-  if (Status ran = ask(*command, *home); !ran) return ran;
+  if (Status ran = run_command(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
   if (Status placed = identity::put(options.place, *pair); !placed) return placed;
-  return tell(*pair);
+  return print(*pair);
 }
 
 /// Checked as the programs that take it will.
@@ -100,18 +100,18 @@ Status renew(Options& options) {
   }
   const auto home = identity::Home::make(options.place.text());
   if (!home) return home.error();
-  if (Status lent = home->lend(*old); !lent) return lent;
+  if (Status lent = home->put_pair(*old); !lent) return lent;
   const auto command =
       identity::renew(options.authority, home->text(), old->certificate.common_name, options.wanted, options.same_key);
   if (!command) return command.error();
-  if (Status ran = ask(*command, *home); !ran) return ran;
+  if (Status ran = run_command(*command, *home); !ran) return ran;
   const auto pair = made_in(*home);
   if (!pair) return pair.error();
   crypto::Renewal renewal(options.place.text(), old->certificate.subject, old->certificate.not_after_s);
   if (Status checked = renewal.check(pair, unix_now_s()); !checked)
     return Error{"the new certificate is not put in place: " + checked.error().message};
   if (Status placed = identity::put(options.place, *pair); !placed) return placed;
-  return tell(*pair);
+  return print(*pair);
 }
 
 Status revoke(Options& options) {
@@ -121,12 +121,12 @@ Status revoke(Options& options) {
   if (!registrar) return registrar.error();
   const auto home = identity::Home::make(options.list);
   if (!home) return home.error();
-  if (Status lent = home->lend(*registrar); !lent) return lent;
+  if (Status lent = home->put_pair(*registrar); !lent) return lent;
   options.revoked.name = options.name;
   const auto commands = identity::revoke(options.authority, home->text(), options.revoked);
   if (!commands) return commands.error();
   for (const identity::Command& command : *commands) {
-    if (Status ran = ask(command, *home); !ran) return ran;
+    if (Status ran = run_command(command, *home); !ran) return ran;
   }
   const auto list = read_file(home->msp() + "/crls/crl.pem");
   if (!list) return list.error();
@@ -141,7 +141,7 @@ Status revoke(Options& options) {
   }
   const auto block = read_file(options.config_block);
   if (!block) return block.error();
-  const auto update = fabric_network::revocation_update(*block, options.msp_id, *list);
+  const auto update = network::revocation_update(*block, options.msp_id, *list);
   if (!update) return Error{options.config_block + ": " + update.error().message};
   if (Status written = replace_file(options.update, *update); !written) return written;
   print_line(fmt::format("{}: for an administrator of {}: peer channel update -f {} -c CHANNEL -o ORDERER --tls ...",
@@ -154,7 +154,7 @@ struct Shown {
   std::int64_t days = 0;
 };
 
-Shown look(const std::string& what, const Place& place) {
+Shown inspect(const std::string& what, const Place& place) {
   const auto files = place.now();
   const auto pair = files ? crypto::read_pair(*files) : Result<Pair>(files.error());
   Shown shown{.what = what, .subject = {}, .problem = {}};
@@ -202,7 +202,7 @@ Result<bool> status(const Options& options) {
   bool good = true;
   nlohmann::json all = nlohmann::json::array();
   for (const auto& [what, place] : places) {
-    const Shown one = look(what, place);
+    const Shown one = inspect(what, place);
     good = good && one.problem.empty() && one.days >= crypto::renew_within_days;
     if (options.json) {
       all.push_back({{"what", what},

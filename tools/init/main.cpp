@@ -7,7 +7,6 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/init/core/host.hpp"
-#include "tools/init/shell/host_files.hpp"
 
 namespace {
 
@@ -188,7 +187,7 @@ int main(int argc, char** argv) {
     return 0;
   }
   if (!certificate.empty()) {
-    const auto certified = init::take_certificate(msp_dir, certificate);
+    const auto certified = init::install_certificate(msp_dir, certificate);
     if (!certified) return fail(certified.error());
     print_line(printable(*certified));
     return 0;

@@ -6,7 +6,7 @@
 #include "common/base/result.hpp"
 #include "tools/launcher/options.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 /// Where everything of a run lies.
 struct RunFiles {
@@ -80,4 +80,4 @@ Result<std::vector<MadeOperator>> make_operators(const RunFiles& files, const st
 /// What may be an operator's name: it is a folder and part of a subject.
 bool is_operator_name(const std::string& name);
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

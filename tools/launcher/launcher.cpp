@@ -11,11 +11,11 @@
 #include "common/base/disk_space.hpp"
 #include "common/base/file.hpp"
 #include "sim/core/pads.hpp"
-#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 #include "tools/launcher/machine.hpp"
 #include "tools/timing/usage.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using nlohmann::json;
@@ -23,19 +23,11 @@ using nlohmann::json;
 constexpr TimeNs watch_ns = 50 * ns_per_ms;
 constexpr TimeNs usage_period_ns = ns_per_s;  // looking at all threads has its price
 constexpr TimeNs memory_period_ns = 5 * ns_per_s;
-constexpr TimeNs ready_limit_ns = 20 * ns_per_s, fabric_ready_limit_ns = 120 * ns_per_s;
 constexpr TimeNs timeout_ns = 5 * ns_per_s, fabric_timeout_ns = 30 * ns_per_s;
 constexpr TimeNs landing_timeout_ns = 17 * ns_per_s;  // ground gives itself 15 s, link 10 s
-constexpr int log_lines = 8;
 // Soon: without link a drone goes on with its last setpoint, and without agent it is not to come to landing. What dies
 // faster than this does not fly.
 constexpr Restarts::Limits onboard_limits{6, 15 * ns_per_s, 50 * ns_per_ms, 500 * ns_per_ms};
-
-// RouDi removes its shared memory when it is asked to end; nothing that the others hold outlives them.
-// Fabric's network ends its own processes. Real drones stay in the air without their link: it lands them first.
-int death_signal(const std::string& name, bool real_drones) {
-  return name == "roudi" || name == "fabric" || (name == "link" && real_drones) ? SIGTERM : SIGKILL;
-}
 
 // That live through the flight.
 std::vector<std::string> programs_of(const Options& options) {
@@ -70,7 +62,7 @@ class UsageMeter {
     }
     for (auto& [name, used_s] : cpu_) used_s = children_.cpu_seconds(name);
   }
-  void take(TimeNs now_ns) {
+  void record(TimeNs now_ns) {
     record_.end_ns = now_ns;
     const double flown_s = std::max(1e-3, to_seconds(now_ns - record_.begin_ns));
     for (const auto& [name, used_s] : cpu_)
@@ -95,12 +87,14 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
                    const std::atomic<int>& interrupts)
     : options_(std::move(options)),
       files_(std::move(files)),
-      programs_(std::move(programs)),
       interrupts_(interrupts),
       live_(drone_names(options_), terminal, monotonic_ns()),
       preflight_(options_),
-      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
-      ledger_(ledger_program(options_)),
+      programs_(options_, files_, std::move(programs), interrupts,
+                [this](const std::string& name, const json& message, const std::string& line) {
+                  on_line(name, message, line);
+                }),
+      ledger_(options_, files_, programs_, preflight_, live_),
       controller_(controller_program(options_)),
       all_programs_(programs_of(options_)) {
   // Without a ledger the controller is link's other end; a flight does not outlive it.
@@ -113,146 +107,91 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
     onboard_.push_back({controller_, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()))});
 }
 
-void Launcher::take_line(const std::string& name, const std::string& line) {
-  const json message = json::parse(line, nullptr, false);
-  if (message.is_object() && message.value("ready", json()) == true) {
-    ready_[name] = line;
-    if (const json page = message.value("page", json()); page.is_string()) tell_page(page);
+void Launcher::on_line(const std::string& name, const json& message, const std::string& line) {
+  if (message.value("ready", json()) == true) {
+    if (const json page = message.value("page", json()); page.is_string()) show_page(page);
   } else if (name == records_program) {
-    records_ = line;
+    ledger_.set_records(line);
   } else if (name == "roudi") {
-    const json leaked = message.is_object() ? message.value("leaked", json()) : json();
+    const json leaked = message.value("leaked", json());
     if (leaked.is_number_unsigned()) chunks_leaked_ = leaked > 0;
   } else {
-    if (name == "link") preflight_.take(line);
-    live_.take(line);
+    if (name == "link") preflight_.on_status(line);
+    live_.on_status(line);
   }
 }
 
 // The token is no word for a log: the terminal alone has it.
-void Launcher::tell_page(const std::string& url) {
+void Launcher::show_page(const std::string& url) {
   auto token = read_file(files_.page_token());
   if (!token) {
-    live_.say(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().message));
+    live_.print(fmt::format("The page: {}, but its token cannot be read: {}", url, token.error().message));
     return;
   }
   while (token->ends_with('\n')) token->pop_back();
   const std::string page = fmt::format("{}/#token={}", url, *token);
-  live_.say("The page: " + page);
-  live_.say(
+  live_.print("The page: " + page);
+  live_.print(
       fmt::format("By commands: export LEDGERLINE_STATION={} LEDGERLINE_TOKEN_FILE={}", url, files_.page_token()));
   if (!std::exchange(options_.open, false)) return;  // a ground that comes back has its page open
   if (const Status opened = open_in_browser(page, files_.in("open.html")); !opened)
-    live_.say("Open the page yourself: " + opened.error().message);
+    live_.print("Open the page yourself: " + opened.error().message);
 }
 
-void Launcher::ended_early(const std::string& name) {
-  if (!children_.ended_well(name)) record_.ended_early.emplace_back(name, children_.how_it_ended(name));
-}
-
-std::string Launcher::crash_of(const std::string& name, const std::string& when) const {
-  const std::string tail = children_.log_tail(name, log_lines);
-  return fmt::format("{} {} {}{}", name, children_.how_it_ended(name), when,
-                     tail.empty() ? fmt::format(" and logged nothing ({})", files_.log(name))
-                                  : fmt::format(". The end of {}:\n{}", files_.log(name), tail));
-}
-
-Status Launcher::start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program) {
-  // control-enroll and control-acquire are one program.
-  const std::string program = other_program.empty() ? name.substr(0, name.find('-')) : other_program;
-  arguments.insert(arguments.begin(), programs_ + "/ledgerline-" + program);
-  return children_.start({name, std::move(arguments), files_.log(name), death_signal(name, options_.own.has_value())});
-}
-
-Status Launcher::goes_well_so_far() const {
-  if (interrupts_ > 0) return Error{"interrupted before take-off"};
-  for (const std::string& name : children_.names()) {
-    if (children_.running(name) || children_.ended_well(name)) continue;
-    return Error{name == controller_ ? ground_why() : crash_of(name, "before take-off")};
-  }
-  return done;
-}
-
-Status Launcher::wait_ready(const std::vector<std::string>& names) {
-  const TimeNs limit_ns = options_.ledger == Ledger::fabric ? fabric_ready_limit_ns : ready_limit_ns;
-  const TimeNs until_ns = monotonic_ns() + limit_ns;
-  for (const std::string& name : names) {
-    while (!ready_.contains(name)) {
-      if (auto s = goes_well_so_far(); !s) return s;
-      if (!children_.running(name) && !ready_.contains(name)) return Error{crash_of(name, "before take-off")};
-      if (monotonic_ns() > until_ns) {
-        return Error{fmt::format("{} was not ready within {:.0f} s. The end of {}:\n{}", name, to_seconds(limit_ns),
-                                 files_.log(name), children_.log_tail(name, log_lines))};
-      }
-      children_.poll(watch_ns);
-    }
-  }
-  return done;
-}
-
-Status Launcher::run_to_end(const std::string& name, std::vector<std::string> arguments) {
-  if (auto status = start(name, std::move(arguments)); !status) return status;
-  const TimeNs until_ns = monotonic_ns() + ready_limit_ns;
-  while (children_.running(name)) {
-    if (interrupts_ > 0) return Error{"interrupted before take-off"};
-    if (monotonic_ns() > until_ns)
-      return Error{fmt::format("{} did not end within {:.0f} s", name, to_seconds(ready_limit_ns))};
-    children_.poll(watch_ns);
-  }
-  if (!children_.ended_well(name)) return Error{crash_of(name, "before take-off")};
-  return done;
+void Launcher::record_early_end(const std::string& name) {
+  if (!programs_.ended_well(name)) record_.ended_early.emplace_back(name, programs_.how_it_ended(name));
 }
 
 Status Launcher::start_all() {
-  if (auto s = start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
+  if (auto s = programs_.start("roudi", {"--summary", files_.summary("roudi")}); !s) return s;
   if (options_.ledger == Ledger::none) return start_local();
   std::vector<std::string> first{"roudi"};
-  if (!ledger_.empty()) {
-    if (auto s = start_ledger(); !s) return s;
-    first.push_back(ledger_);
+  if (!ledger_.program().empty()) {
+    if (auto s = ledger_.start(); !s) return s;
+    first.push_back(ledger_.program());
   }
   if (!options_.own) {
     if (auto s = start_sim(); !s) return s;
     first.push_back("sim");
   }
-  if (auto s = wait_ready(first); !s) return s;
-  if (auto s = prepare_ledger(); !s) return s;
+  if (auto s = programs_.wait_ready(first); !s) return s;
+  if (auto s = ledger_.prepare(); !s) return s;
   for (const char* name : {"link", "agent", "ground"}) {
     if (options_.own && name == controller_) {
       if (auto s = wait_for_drones(); !s) return s;
     }
-    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+    if (auto s = programs_.start(name, {"--config", files_.config(name)}); !s) return s;
   }
-  return wait_ready({"link", "agent", "ground"});
+  return programs_.wait_ready({"link", "agent", "ground"});
 }
 
 // Nothing takes off before ground is there.
 Status Launcher::wait_for_drones() {
-  if (auto s = wait_ready({"link", "agent"}); !s) return s;
-  preflight_.take_clock(checks::look_at_clock());
+  if (auto s = programs_.wait_ready({"link", "agent"}); !s) return s;
+  preflight_.set_clock(checks::probe_clock());
   const TimeNs limit_ns = options_.own->flight.wait_ns;
   const TimeNs until_ns = monotonic_ns() + limit_ns;
   for (Status ready = preflight_.ready(); !ready; ready = preflight_.ready()) {
-    if (auto s = goes_well_so_far(); !s) return s;
+    if (auto s = programs_.check(); !s) return s;
     if (monotonic_ns() > until_ns) {
-      live_.say(preflight_.list());
+      live_.print(preflight_.list());
       return Error{
           fmt::format("not every drone is there after {:.0f} s: {}", to_seconds(limit_ns), ready.error().message)};
     }
-    children_.poll(watch_ns);
+    programs_.poll(watch_ns);
   }
-  live_.say(preflight_.list());
+  live_.print(preflight_.list());
   return preflight_.path_fits();
 }
 
 Status Launcher::start_local() {
   if (auto s = start_sim(); !s) return s;
-  if (auto s = wait_ready({"roudi", "sim"}); !s) return s;
+  if (auto s = programs_.wait_ready({"roudi", "sim"}); !s) return s;
   if (auto s = write_local_configs(files_, options_); !s) return s;
   for (const std::string& name : {std::string("link"), controller_}) {
-    if (auto s = start(name, {"--config", files_.config(name)}); !s) return s;
+    if (auto s = programs_.start(name, {"--config", files_.config(name)}); !s) return s;
   }
-  return wait_ready({"link", controller_});
+  return programs_.wait_ready({"link", controller_});
 }
 
 Status Launcher::start_sim() {
@@ -262,101 +201,93 @@ Status Launcher::start_sim() {
       "--seed",    std::to_string(options_.seed), "--trace",    files_.trace("sim"),
       "--summary", files_.summary("sim"),         "--mocap-hz", uses_mocap(options_) ? "100" : "0"};
   if (!options_.pads.empty()) arguments.insert(arguments.end(), {"--pads", sim::pads_text(options_.pads)});
-  if (!options_.shim) return start("sim", arguments);
+  if (!options_.shim) return programs_.start("sim", arguments);
   arguments.insert(arguments.begin(), {"shim", "--memory", shim_memory(files_), "--faults", files_.in("shim.sock")});
-  return start("sim", arguments, "hil");
-}
-
-std::string Launcher::ground_why() const {
-  std::ifstream file(files_.summary(controller_));
-  const json summary = json::parse(file, nullptr, false);
-  if (summary.is_object() && summary.contains("why") && summary["why"].is_string() && summary["why"] != "") {
-    return summary["why"].get<std::string>();
-  }
-  return crash_of(controller_, "before every drone had finished its path and landed");
+  return programs_.start("sim", arguments, "hil");
 }
 
 // For ledgerline-timing; the flight does not depend on it.
 void Launcher::write_usage(const timing::UsageRecord& usage) {
   const auto written = write_file(files_.in(timing::usage_file), timing::to_json(usage).dump() + "\n");
-  if (!written) live_.say(written.error().message);
+  if (!written) live_.print(written.error().message);
 }
 
 Status Launcher::fly() {
-  const std::uint64_t ledger_before = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
+  const std::uint64_t ledger_before = ledger_.program().empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.begin_ns = monotonic_ns();
-  UsageMeter meter(children_, all_programs_, record_);
+  UsageMeter meter(programs_, all_programs_, record_);
   write_usage(meter.usage());
   int interrupts_seen = 0;
   Status result = done;
   for (bool flying = true; flying;) {
     meter.read();
-    children_.poll(watch_ns);
+    programs_.poll(watch_ns);
     const TimeNs now_ns = monotonic_ns();
-    meter.take(now_ns);
+    meter.record(now_ns);
     live_.show(now_ns);
-    if (!children_.running(controller_) && !controller_comes_back()) {
-      if (!children_.ended_well(controller_)) result = Error{ground_why()};
+    if (!programs_.running(controller_) && !is_controller_restarted()) {
+      if (!programs_.ended_well(controller_)) result = Error{programs_.why_controller_ended()};
       // Its exit code says how the flight went.
-      if (children_.how_it_ended(controller_).find("signal") != std::string::npos) ended_early(controller_);
+      if (programs_.how_it_ended(controller_).find("signal") != std::string::npos) record_early_end(controller_);
       flying = false;
     }
     // Without a ledger nothing is started again: it is a reference, not a flight to be kept up.
     std::vector<std::string> given_up;
     if (options_.ledger == Ledger::none) given_up = {"link", "roudi"};
-    if (!ledger_.empty()) given_up.push_back(ledger_);
+    if (!ledger_.program().empty()) given_up.push_back(ledger_.program());
     if (!options_.own) given_up.push_back("sim");
     if (options_.proxy) given_up.push_back(proxy_name);
     for (const auto& name : given_up) {
-      if (children_.running(name)) continue;
-      ended_early(name);
-      if (result) result = Error{crash_of(name, "during the flight")};
+      if (programs_.running(name)) continue;
+      record_early_end(name);
+      if (result) result = Error{programs_.crash_of(name, "during the flight")};
     }
-    if (options_.endorser && !endorser_gone_ && !children_.running("endorser")) {
+    if (options_.endorser && !endorser_gone_ && !programs_.running("endorser")) {
       endorser_gone_ = true;
-      ended_early("endorser");
-      live_.say(fmt::format("endorser {}: the peer endorses in its place", children_.how_it_ended("endorser")));
+      record_early_end("endorser");
+      live_.print(fmt::format("endorser {}: the peer endorses in its place", programs_.how_it_ended("endorser")));
     }
     if (flying && result) result = supervise_onboard(now_ns);
     flying = flying && result;
     if (interrupts_ > interrupts_seen && flying) {
       interrupts_seen = interrupts_;
-      if (switches_) switches_->end();  // a drone must hear that it shall land
-      children_.signal(controller_, SIGTERM);
-      flying = !is_impatient();
-      if (flying) live_.say("Landing all drones (once more Ctrl-C: do not wait for them)");
+      if (SwitchService* switches = ledger_.switches()) switches->end();  // a drone must hear that it shall land
+      programs_.signal(controller_, SIGTERM);
+      flying = !programs_.is_impatient();
+      if (flying) live_.print("Landing all drones (once more Ctrl-C: do not wait for them)");
       if (!flying) result = Error{"interrupted twice: the drones were not awaited"};
     }
   }
   write_usage(meter.usage());
-  const std::uint64_t ledger_after = ledger_.empty() ? 0 : bytes_below(files_.in("ledger/."));
+  const std::uint64_t ledger_after = ledger_.program().empty() ? 0 : bytes_below(files_.in("ledger/."));
   record_.ledger_grown_bytes = ledger_after > ledger_before ? ledger_after - ledger_before : 0;
   return result;
 }
 
 // One that was killed, and not asked to end.
-bool Launcher::controller_comes_back() const {
+bool Launcher::is_controller_restarted() const {
   return options_.watch && options_.manual && interrupts_ == 0 &&
-         children_.how_it_ended(controller_).find("signal") != std::string::npos;
+         programs_.how_it_ended(controller_).find("signal") != std::string::npos;
 }
 
 // A process ends; or RouDi lost chunks with one that was killed, and nothing flies: a new one has them all.
 Status Launcher::supervise_onboard(TimeNs now_ns) {
   if (chunks_leaked_ && !live_.anything_in_air()) recycle_shared_memory();
   for (Onboard& one : onboard_) {
-    if (children_.running(one.name)) continue;
+    if (programs_.running(one.name)) continue;
     if (one.start_at_ns == 0) {
-      if (one.name != "link" || !std::exchange(link_given_up_, false)) ended_early(one.name);
-      if (one.name == controller_ && switches_) switches_->all_off();  // nobody can switch them now
+      if (one.name != "link" || !std::exchange(link_given_up_, false)) record_early_end(one.name);
+      if (SwitchService* switches = ledger_.switches(); switches && one.name == controller_)
+        switches->all_off();  // nobody can switch them now
       const auto at = one.restarts.ended(now_ns);
       if (!at) {
         const Restarts::Limits& limits = one.restarts.limits();
-        return Error{
-            crash_of(one.name, fmt::format("during the flight, more than {} times within {:.0f} s, and is given up",
-                                           limits.max_restarts, to_seconds(limits.within)))};
+        return Error{programs_.crash_of(
+            one.name, fmt::format("during the flight, more than {} times within {:.0f} s, and is given up",
+                                  limits.max_restarts, to_seconds(limits.within)))};
       }
       one.start_at_ns = *at;
-      live_.say(fmt::format("{} {} and is started again", one.name, children_.how_it_ended(one.name)));
+      live_.print(fmt::format("{} {} and is started again", one.name, programs_.how_it_ended(one.name)));
     }
     if (now_ns < one.start_at_ns || !may_start(one.name)) continue;
     one.start_at_ns = 0;
@@ -368,60 +299,61 @@ Status Launcher::supervise_onboard(TimeNs now_ns) {
 // In order. What link and agent share goes on without RouDi, so a drone in the air is not disturbed for a new one; on
 // the ground both end by themselves. Where one of them has ended, it needs RouDi to come back.
 bool Launcher::may_start(const std::string& name) const {
-  if (name == "roudi") return !live_.anything_in_air() || !serves("link") || !serves("agent");
-  return name == controller_ || (serves("roudi") && (name == "link" || serves("link")));
+  if (name == "roudi") return !live_.anything_in_air() || !programs_.serves("link") || !programs_.serves("agent");
+  return name == controller_ || (programs_.serves("roudi") && (name == "link" || programs_.serves("link")));
 }
 
 Status Launcher::start_again(const std::string& name) {
-  ready_.erase(name);
+  programs_.expect_again(name);
   const std::uint64_t times = ++record_.restarts[name];
   if (name == "roudi") {
     chunks_leaked_ = false;
     // A link in the air that only a dead agent could hear would land; a new one goes on.
-    if (live_.anything_in_air() && serves("link")) {
-      ready_.erase("link");
-      children_.signal("link", SIGKILL);
+    if (live_.anything_in_air() && programs_.serves("link")) {
+      programs_.expect_again("link");
+      programs_.signal("link", SIGKILL);
       link_given_up_ = true;
     }
-    return start(name, {"--summary", files_.summary(name)});
+    return programs_.start(name, {"--summary", files_.summary(name)});
   }
   std::error_code error;  // it may have left none
   std::filesystem::rename(files_.trace(name), files_.trace(name, times), error);
-  return start(name, {"--config", files_.config(name)});
+  return programs_.start(name, {"--config", files_.config(name)});
 }
 
 void Launcher::recycle_shared_memory() {
-  if (!children_.running("roudi")) return;
+  if (!programs_.running("roudi")) return;
   chunks_leaked_ = false;
-  live_.say("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
-  children_.signal("roudi", SIGTERM);
+  live_.print("RouDi lost shared memory with a process that was killed: it restarts, nothing is in the air");
+  programs_.signal("roudi", SIGTERM);
 }
 
 // Ground first: it lands the drones through the ledger. Where that way is broken, link lands what flies, by itself.
 void Launcher::stop_all(bool landed) {
-  switches_.reset();
-  std::vector<std::string> order{controller_, "agent", "link", proxy_name, "endorser", "sim", ledger_, "roudi"};
-  if (!landed && !is_impatient() && children_.running("link") && (options_.own || children_.running("sim")) &&
+  ledger_.end_switches();
+  std::vector<std::string> order{controller_, "agent",           "link", proxy_name, "endorser",
+                                 "sim",       ledger_.program(), "roudi"};
+  if (!landed && !programs_.is_impatient() && programs_.running("link") && (options_.own || programs_.running("sim")) &&
       live_.anything_in_air()) {
-    live_.say("Landing all drones");
-    children_.signal("link", SIGTERM);
+    live_.print("Landing all drones");
+    programs_.signal("link", SIGTERM);
     const TimeNs until_ns = monotonic_ns() + landing_timeout_ns;
-    while (children_.running("link") && monotonic_ns() < until_ns && !is_impatient()) {
-      children_.poll(watch_ns);
+    while (programs_.running("link") && monotonic_ns() < until_ns && !programs_.is_impatient()) {
+      programs_.poll(watch_ns);
       live_.show(monotonic_ns());
     }
   }
   for (const auto& name : order) {
-    if (name.empty() || !children_.running(name)) continue;
-    const TimeNs timeout = name == "fabric" ? fabric_timeout_ns : is_impatient() ? ns_per_s : timeout_ns;
-    const bool in_time = children_.stop(name, timeout);
-    if (!in_time && !is_impatient()) {
+    if (name.empty() || !programs_.running(name)) continue;
+    const TimeNs timeout = name == "fabric" ? fabric_timeout_ns : programs_.is_impatient() ? ns_per_s : timeout_ns;
+    const bool in_time = programs_.stop(name, timeout);
+    if (!in_time && !programs_.is_impatient()) {
       record_.ok = false;
       record_.why +=
           fmt::format("{}{} did not end when asked to and was killed", record_.why.empty() ? "" : "; ", name);
-    } else if (in_time && landed && !children_.ended_well(name)) {
+    } else if (in_time && landed && !programs_.ended_well(name)) {
       record_.ok = false;
-      record_.why += (record_.why.empty() ? "" : "; ") + crash_of(name, "while ending");
+      record_.why += (record_.why.empty() ? "" : "; ") + programs_.crash_of(name, "while ending");
     }
   }
 }
@@ -431,9 +363,9 @@ RunRecord Launcher::run() {
   if (status) status = fly();
   record_.ok = status.ok();
   if (!status) record_.why = status.error().message;
-  stop_all(children_.ended_well(controller_));
-  if (!children_.ended_well("roudi")) remove_roudi_leftovers();
+  stop_all(programs_.ended_well(controller_));
+  if (!programs_.ended_well("roudi")) remove_roudi_leftovers();
   return record_;
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

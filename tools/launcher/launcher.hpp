@@ -1,22 +1,24 @@
 #pragma once
 #include <atomic>
+#include <functional>
 #include <map>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <vector>
 
 #include "common/process/children.hpp"
 #include "common/process/restarts.hpp"
 #include "tools/launcher/configs.hpp"
+#include "tools/launcher/fault_switches.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/launcher/preflight/preflight.hpp"
-#include "tools/launcher/switches/switch_service.hpp"
+#include "tools/launcher/preflight.hpp"
 
 namespace ledgerline::timing {
 struct UsageRecord;
 }
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 /// How a run went, as the launcher saw it.
 struct RunRecord {
@@ -33,6 +35,74 @@ struct RunRecord {
 
 /// The child that prints the control records of a ledger of others.
 inline const std::string records_program = "control-show";
+
+/// The processes of a flight, each with a log and a config of its name in the run's folder. One thread.
+class Programs : public Children {
+ public:
+  /// `folder`: where the programs are. `on_line`: each line that one prints, beside the one that says it serves.
+  Programs(
+      const Options& options, const RunFiles& files, std::string folder, const std::atomic<int>& interrupts,
+      std::function<void(const std::string& name, const nlohmann::json& message, const std::string& line)> on_line);
+
+  /// `other_program`: without "ledgerline-", where it is not the first part of the name.
+  Status start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program = {});
+  /// Before take-off: nobody has ended, and nobody wants it to end.
+  Status check() const;
+  Status wait_ready(const std::vector<std::string>& names);
+  Status run_to_end(const std::string& name, std::vector<std::string> arguments);
+
+  bool is_ready(const std::string& name) const { return ready_.contains(name); }
+  bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
+  bool serves(const std::string& name) const { return running(name) && is_ready(name); }
+  /// The JSON object, in one line, that a program said it serves with; it is_ready().
+  const std::string& ready_line(const std::string& name) const { return ready_.at(name); }
+  void expect_again(const std::string& name) { ready_.erase(name); }  ///< it has to become ready once more
+  std::string crash_of(const std::string& name, const std::string& when) const;
+  std::string why_controller_ended() const;
+
+ private:
+  void on_output(const std::string& name, const std::string& line);
+
+  const Options& options_;
+  const RunFiles& files_;
+  const std::string folder_;
+  const std::atomic<int>& interrupts_;
+  const std::function<void(const std::string& name, const nlohmann::json& message, const std::string& line)> on_line_;
+  std::map<std::string, std::string> ready_;
+};
+
+/// A flight's ledger: starts it with all between it and the programs, and sees to it that drones and operators are
+/// enrolled and the drones acquired. What is passed to it must outlive it. One thread.
+class FlightLedger {
+ public:
+  FlightLedger(const Options& options, const RunFiles& files, Programs& programs, Preflight& preflight, Live& live)
+      : options_(options), files_(files), programs_(programs), preflight_(preflight), live_(live) {}
+
+  /// The process that is the ledger: node or fabric; empty: none is started.
+  const std::string& program() const { return program_; }
+  Status start();
+  /// It is ready: configs for all, the endorser, the proxy, enrolments, leases.
+  Status prepare();
+  void set_records(const std::string& line) { records_ = line; }  ///< as control-show printed them
+  SwitchService* switches() { return switches_.get(); }           ///< null: the page has none
+  void end_switches() { switches_.reset(); }
+
+ private:
+  Status check_leases(const deployment::OwnLedger& network);
+  Status enroll_and_acquire();
+  Status enroll_operators();
+  Status start_endorser(LedgerPlaces& places);
+  Status start_proxy(const LedgerPlaces& places, Proxied& proxied);
+
+  const Options& options_;
+  const RunFiles& files_;
+  Programs& programs_;
+  Preflight& preflight_;
+  Live& live_;
+  const std::string program_ = ledger_program(options_);
+  std::string records_;
+  std::unique_ptr<SwitchService> switches_;
+};
 
 /// Starts the programs of a flight, watches them, and ends every one of them, whatever happens:
 ///
@@ -63,52 +133,32 @@ class Launcher {
   Status start_local();
   Status wait_for_drones();
   Status start_sim();
-  Status start_ledger();
-  Status prepare_ledger();
-  Status look_at_leases(const deployment::OwnLedger& network);
-  Status enroll_and_acquire();
-  Status enroll_operators();
-  /// `other_program`: without "ledgerline-", where it is not the first part of the name.
-  Status start(const std::string& name, std::vector<std::string> arguments, const std::string& other_program = {});
-  Status goes_well_so_far() const;  ///< before take-off: nobody has ended, and nobody wants it to end
-  Status wait_ready(const std::vector<std::string>& names);
-  Status run_to_end(const std::string& name, std::vector<std::string> arguments);
-  Status start_endorser(LedgerPlaces& places);
-  Status start_proxy(const LedgerPlaces& places, Proxied& proxied);
   Status fly();
   void write_usage(const timing::UsageRecord& usage);
   Status supervise_onboard(TimeNs now_ns);
-  bool is_impatient() const { return interrupts_ > 1; }  ///< Ctrl-C twice: no drone is awaited
-  bool serves(const std::string& name) const { return children_.running(name) && ready_.contains(name); }
   bool may_start(const std::string& name) const;
-  bool controller_comes_back() const;
+  bool is_controller_restarted() const;
   Status start_again(const std::string& name);
   void recycle_shared_memory();
   void stop_all(bool landed);
-  void take_line(const std::string& name, const std::string& line);
-  void tell_page(const std::string& url);
-  void ended_early(const std::string& name);
-  std::string crash_of(const std::string& name, const std::string& when) const;
-  std::string ground_why() const;
+  void on_line(const std::string& name, const nlohmann::json& message, const std::string& line);
+  void show_page(const std::string& url);
+  void record_early_end(const std::string& name);
 
   Options options_;
   RunFiles files_;
-  std::string programs_;
   const std::atomic<int>& interrupts_;
   Live live_;
   Preflight preflight_;
-  Children children_;
-  std::unique_ptr<SwitchService> switches_;   ///< null: the page has none
-  std::string records_;                       ///< as control-show printed them
-  std::map<std::string, std::string> ready_;  ///< the line that a program said it serves with
+  Programs programs_;
+  FlightLedger ledger_;
   RunRecord record_;
   std::vector<Onboard> onboard_;  ///< in the order of their start: RouDi before those that need it
   bool chunks_leaked_ = false;    ///< as RouDi says
   bool endorser_gone_ = false;
   bool link_given_up_ = false;                   ///< killed here, for a new RouDi
-  const std::string ledger_;                     ///< the process that is the ledger: node or fabric; empty: none
   const std::string controller_;                 ///< ground; local without a ledger
   const std::vector<std::string> all_programs_;  ///< that live through the flight
 };
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

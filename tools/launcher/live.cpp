@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using nlohmann::json;
@@ -40,7 +40,7 @@ Live::Live(const std::vector<std::string>& names, bool terminal, TimeNs start_ns
   }
 }
 
-bool Live::take(const std::string& line) {
+bool Live::on_status(const std::string& line) {
   const json message = json::parse(line, nullptr, false);
   if (!message.is_object()) return false;
   for (const char* who : {"agent", "ground"}) {
@@ -94,7 +94,7 @@ void Live::clear() {
   shown_ = 0;
 }
 
-void Live::say(const std::string& what) {
+void Live::print(const std::string& what) {
   clear();
   std::fprintf(stderr, "%s\n", what.c_str());
 }
@@ -115,4 +115,4 @@ bool Live::anything_in_air() const {
   });
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

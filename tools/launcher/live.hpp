@@ -5,7 +5,7 @@
 
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 /// What a person sees while drones fly: a line per drone, rewritten in place on a terminal, one line every few seconds
 /// elsewhere. Fed with the status lines of agent and ground; on standard error.
@@ -14,11 +14,11 @@ class Live {
   Live(const std::vector<std::string>& names, bool terminal, TimeNs start_ns);
 
   /// A status line of agent or ground; others are ignored. False when it is no JSON object.
-  bool take(const std::string& line);
+  bool on_status(const std::string& line);
   /// Prints if it is time to.
   void show(TimeNs now_ns);
   /// Text of its own, above the live lines.
-  void say(const std::string& text);
+  void print(const std::string& text);
   /// The lines as they would be shown; for tests too.
   std::vector<std::string> lines(TimeNs now_ns) const;
   /// As ground said last: drones that are in the air, by its phases.
@@ -42,4 +42,4 @@ class Live {
   std::size_t shown_ = 0;
 };
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

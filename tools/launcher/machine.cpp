@@ -10,18 +10,21 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/utsname.h>
+#include <sys/wait.h>
 #include <unistd.h>
-
 #include <cerrno>
 #include <chrono>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
 #include <thread>
 
-#include "tools/checks/shell/host_probe.hpp"
+#include "common/base/file.hpp"
+#include "common/process/find_program.hpp"
+#include "tools/checks/shell/probes.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 namespace fs = std::filesystem;
@@ -39,11 +42,11 @@ std::vector<fs::path> roudi_leftovers() {
 
 void check_shared_memory(checks::Findings& findings, std::vector<std::string>& notes) {
   constexpr const char* check = "roudi";
-  using Roudi = checks::SharedMemoryFacts::Roudi;
-  const Roudi roudi = checks::look_at_shared_memory().roudi;
+  using Roudi = checks::SharedMemoryInputs::Roudi;
+  const Roudi roudi = checks::probe_shared_memory().roudi;
   if (roudi == Roudi::alive || roudi == Roudi::forbidden) {
-    findings.push_back(roudi == Roudi::alive ? found(checks::Problem::roudi_runs, check, "on this machine")
-                                             : found(checks::Problem::roudi_foreign, check, "of another user"));
+    findings.push_back(roudi == Roudi::alive ? flag(checks::Problem::roudi_runs, check, "on this machine")
+                                             : flag(checks::Problem::roudi_foreign, check, "of another user"));
     return;
   }
   for (const fs::path& file : roudi_leftovers()) {
@@ -51,11 +54,11 @@ void check_shared_memory(checks::Findings& findings, std::vector<std::string>& n
     if (fs::remove(file, error))
       notes.push_back(fmt::format("removed {}, left by a RouDi that is gone", file.string()));
     else
-      findings.push_back(found(checks::Problem::roudi_left, check, file.string() + ", another user's",
-                               fmt::format("sudo rm {}", file.string())));
+      findings.push_back(flag(checks::Problem::roudi_left, check, file.string() + ", another user's",
+                              fmt::format("sudo rm {}", file.string())));
   }
-  const std::string no_room = checks::look_at_shared_memory().no_room;
-  if (!no_room.empty()) findings.push_back(found(checks::Problem::shm_small, check, no_room));
+  const std::string no_room = checks::probe_shared_memory().no_room;
+  if (!no_room.empty()) findings.push_back(flag(checks::Problem::shm_small, check, no_room));
 }
 
 void check_multicast(std::vector<std::string>& notes) {
@@ -76,7 +79,7 @@ void check_multicast(std::vector<std::string>& notes) {
 
 }  // namespace
 
-Result<RunLock> RunLock::take(const std::string& file, const std::string& about) {
+Result<RunLock> RunLock::acquire(const std::string& file, const std::string& about) {
   // Not close-on-exec: see above. Another user's file can be locked read-only. Anybody may put something else there:
   // no link is followed, no pipe is waited for.
   constexpr int careful = O_NOFOLLOW | O_NONBLOCK;
@@ -134,7 +137,7 @@ checks::Findings check_machine(int drones, std::vector<std::string>& notes) {
   check_shared_memory(findings, notes);
   check_multicast(notes);
   for (int k = 0; k <= drones; ++k) {
-    checks::PortFacts port = checks::look_at_port(k == 0 ? "127.0.0.1:8890" : address_of(k) + ":8889");
+    checks::PortInputs port = checks::probe_port(k == 0 ? "127.0.0.1:8890" : address_of(k) + ":8889");
     port.is_links = k == 0;
     if (checks::Finding one = assess(port); one.problem) findings.push_back(std::move(one));
   }
@@ -142,8 +145,8 @@ checks::Findings check_machine(int drones, std::vector<std::string>& notes) {
 }
 
 void remove_roudi_leftovers() {
-  using Roudi = checks::SharedMemoryFacts::Roudi;
-  const Roudi roudi = checks::look_at_shared_memory().roudi;
+  using Roudi = checks::SharedMemoryInputs::Roudi;
+  const Roudi roudi = checks::probe_shared_memory().roudi;
   if (roudi == Roudi::alive || roudi == Roudi::forbidden) return;
   std::error_code error;  // another user's stay: the next flight's check names them
   for (const fs::path& file : roudi_leftovers()) fs::remove(file, error);
@@ -167,4 +170,39 @@ Machine describe_machine() {
   return machine;
 }
 
-}  // namespace ledgerline::fly
+namespace {
+
+constexpr int max_descriptors = 1'024;
+
+[[noreturn]] void become(const char* program, const char* argument) {
+  ::setsid();  // the flight's Ctrl-C is not the browser's
+  if (::fork() != 0) ::_exit(0);
+  struct sigaction usual {};
+  usual.sa_handler = SIG_DFL;
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP, SIGPIPE}) ::sigaction(signal, &usual, nullptr);
+  const int nothing = ::open("/dev/null", O_RDWR);
+  for (int fd = 0; fd < 3; ++fd) ::dup2(nothing, fd);
+  for (int fd = 3; fd < max_descriptors; ++fd) ::close(fd);
+  ::execl(program, program, argument, nullptr);
+  ::_exit(127);
+}
+
+}  // namespace
+
+Status open_in_browser(const std::string& url, const std::string& file) {
+  const std::string program = find_program("xdg-open");
+  if (program.empty()) return Error{"there is no xdg-open here"};
+  const std::string page = fmt::format(
+      "<!doctype html><meta charset=utf-8><meta name=referrer content=no-referrer>"
+      "<meta http-equiv=refresh content=\"0;url={0}\"><title>Ledgerline</title><a href=\"{0}\">To the page</a>\n",
+      url);
+  if (auto written = replace_file(file, page, 0600); !written) return written;
+  const pid_t child = ::fork();
+  if (child == 0) become(program.c_str(), file.c_str());
+  if (child < 0) return Error{fmt::format("xdg-open is not started: {}", std::strerror(errno))};
+  while (::waitpid(child, nullptr, 0) < 0 && errno == EINTR) {
+  }
+  return done;
+}
+
+}  // namespace ledgerline::launcher

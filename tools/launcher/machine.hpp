@@ -5,14 +5,14 @@
 #include "common/base/result.hpp"
 #include "tools/checks/core/problem.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 /// One flight at a time on a machine: shared memory and the drones' ports are the machine's own. Children inherit the
 /// lock, so it is held until the last process of a run is gone, even when the launcher was killed.
 class RunLock {
  public:
   /// The error names who holds it. `about`: the message for the next one.
-  static Result<RunLock> take(const std::string& file, const std::string& about);
+  static Result<RunLock> acquire(const std::string& file, const std::string& about);
   RunLock(RunLock&& other) noexcept : fd_(other.fd_) { other.fd_ = -1; }
   RunLock& operator=(RunLock&&) = delete;
   ~RunLock();
@@ -49,4 +49,4 @@ std::string address_of(int drone);
 /// browser is given `file`, made for this owner alone, which leads there: a command line can be read by everybody.
 Status open_in_browser(const std::string& url, const std::string& file);
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

@@ -55,7 +55,7 @@ int fail(const std::string& what) {
 /// The ledger's directory in memory: one flight at a time has it, and what a killed one left is removed.
 class MemoryDirectory {
  public:
-  static Status make(const fly::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
+  static Status make(const launcher::RunFiles& files, std::unique_ptr<MemoryDirectory>& out) {
     std::error_code error;
     fs::remove_all(path, error);
     // One that somebody else made meanwhile is not ours.
@@ -79,15 +79,15 @@ class MemoryDirectory {
   std::string link_;
 };
 
-int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
+int fly_and_report(const launcher::Options& options, const launcher::RunFiles& files) {
   fmt::print(stderr, "{} {} {}; everything of this run is in {}\n",
              options.drones == 1 ? "One drone" : fmt::format("{} drones", options.drones),
              options.manual ? fmt::format("flown by ROS 2 topics (/{}/takeoff, cmd_vel, land)", drone_name(options, 1))
              : options.waypoints.empty() ? "around a " + ground::name_of(options.shape)
                                          : "along " + options.course_file,
-             options.ledger == fly::Ledger::none ? "without a ledger" : "through the ledger", files.directory);
-  fly::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, stop_requests);
-  const fly::RunRecord record = launcher.run();
+             options.ledger == launcher::Ledger::none ? "without a ledger" : "through the ledger", files.directory);
+  launcher::Launcher launcher(options, files, programs_directory(), ::isatty(STDERR_FILENO) == 1, stop_requests);
+  const launcher::RunRecord record = launcher.run();
   report::Results results = report::read_results(files, options, record);
   Status written = done;
   if (!options.json.empty()) written = write_file(options.json, report::to_json(results).dump(2) + "\n");
@@ -108,17 +108,19 @@ int fly_and_report(const fly::Options& options, const fly::RunFiles& files) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  const fly::ParsedOptions asked = fly::parse_command_line({argv + 1, argv + argc});
+  const launcher::ParsedOptions asked = launcher::parse_command_line({argv + 1, argv + argc});
   if (!asked.fly) {
     (asked.exit_code == 0 ? std::cout : std::cerr) << asked.text;
     return asked.exit_code;
   }
-  fly::RunFiles files{fs::absolute(asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out))};
-  const auto lock = fly::RunLock::take(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
+  launcher::RunFiles files{
+      fs::absolute(asked.options.out.empty() ? default_run_directory() : fs::path(asked.options.out))};
+  const auto lock =
+      launcher::RunLock::acquire(lock_file, fmt::format("process {}, into {}", ::getpid(), files.directory));
   if (!lock) return fail(lock.error().message);
 
   std::vector<std::string> notes;
-  const auto problems = fly::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
+  const auto problems = launcher::check_machine(asked.options.own ? 0 : asked.options.drones, notes);
   const char* uri = std::getenv("CYCLONEDDS_URI");
   if (uri && *uri && asked.options.cyclonedds.empty())
     notes.emplace_back("CYCLONEDDS_URI is set and not looked at: DDS stays on this machine (or give --dds FILE)");
@@ -137,7 +139,7 @@ int main(int argc, char** argv) {
   if (asked.options.tmpfs) {
     if (const Status made = MemoryDirectory::make(files, memory); !made) return fail(made.error().message);
   }
-  const Status room = check_space(ledger, fly::min_ledger_bytes(asked.options), "the ledger of a flight");
+  const Status room = check_space(ledger, launcher::min_ledger_bytes(asked.options), "the ledger of a flight");
   if (!room) return fail(room.error().message);
   catch_stop_signals({SIGINT, SIGTERM, SIGHUP});
   std::signal(SIGPIPE, SIG_IGN);

@@ -16,9 +16,9 @@
 #include "sim/core/pads.hpp"
 #include "tools/deployment/deployment.hpp"
 #include "tools/launcher/configs.hpp"
-#include "tools/launcher/preflight/preflight.hpp"
+#include "tools/launcher/preflight.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 std::string check_duration(const std::string& text) {
@@ -256,7 +256,7 @@ Status check_together(const CommandLine& line, const Options& o) {
 }
 
 /// One word of --task.
-Status take_task_word(const std::string& word, DroneTask& task) {
+Status apply_task_word(const std::string& word, DroneTask& task) {
   const auto equals = word.find('=');
   const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
   if (key == "shape") {
@@ -285,7 +285,7 @@ Status take_task_word(const std::string& word, DroneTask& task) {
 }
 
 /// Behind the flight's own path.
-Status take_tasks(const Words& words, Options& o) {
+Status apply_tasks(const Words& words, Options& o) {
   for (const std::string& text : words.tasks) {
     std::istringstream in(text);
     std::string name, word;
@@ -295,7 +295,7 @@ Status take_tasks(const Words& words, Options& o) {
     if (drone > o.drones) return Error{fmt::format("--task: \"{}\" names none of the {} drones", text, o.drones)};
     DroneTask task = task_of(o, drone);
     while (in >> word) {
-      if (auto taken = take_task_word(word, task); !taken) return Error{"--task: " + taken.error().message};
+      if (auto taken = apply_task_word(word, task); !taken) return Error{"--task: " + taken.error().message};
     }
     o.tasks[drone] = std::move(task);
   }
@@ -303,14 +303,14 @@ Status take_tasks(const Words& words, Options& o) {
 }
 
 /// Reads what the path is, its file too.
-Status take_path(const Words& words, Options& o) {
+Status apply_path(const Words& words, Options& o) {
   if (o.manual) return done;
   auto course = ground::course_from(words.shape);
   if (!course) return Error{"--shape: " + course.error().message};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);
   if (!o.waypoints.empty()) o.course_file = std::filesystem::absolute(words.shape);
-  if (auto taken = take_tasks(words, o); !taken) return taken;
+  if (auto taken = apply_tasks(words, o); !taken) return taken;
   // Own drones stand where their poses say, before take-off.
   if (!o.own) {
     const Status fits = check_path(o, link::FenceSettings{}, simulated_starts(o));
@@ -324,7 +324,7 @@ Status take_path(const Words& words, Options& o) {
 }
 
 /// An option that is given counts more than the deployment's [flight].
-Status take_deployment(const CommandLine& line, Words& words, Options& o) {
+Status apply_deployment(const CommandLine& line, Words& words, Options& o) {
   if (words.deployment.empty()) return done;
   auto config = Config::load(words.deployment);
   if (!config) return Error{"--deployment: " + config.error().message};
@@ -394,10 +394,10 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
     asked.text = end->text;
     return asked;
   }
-  Status taken = take_deployment(line, words, o);
+  Status taken = apply_deployment(line, words, o);
   take(words, o);
   if (taken) taken = check_together(line, o);
-  if (taken) taken = take_path(words, o);
+  if (taken) taken = apply_path(words, o);
   asked.fly = taken.ok();
   if (!asked.fly) {
     asked.exit_code = exit_usage;
@@ -406,4 +406,4 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments) {
   return asked;
 }
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

@@ -13,7 +13,7 @@
 #include "tools/deployment/deployment.hpp"
 #include "tools/deployment/own_drones.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 
 using Ledger = deployment::LedgerKind;
 
@@ -140,4 +140,4 @@ ParsedOptions parse_command_line(const std::vector<std::string>& arguments);
 /// "10ms", "2s", "0.5s", or a plain number of milliseconds; more than nothing, at most a minute.
 Result<TimeNs> parse_duration(const std::string& text);
 
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

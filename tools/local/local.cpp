@@ -12,7 +12,7 @@
 #include "common/program/program.hpp"
 #include "common/rt/retry/keep_trying.hpp"
 
-namespace ledgerline::hil {
+namespace ledgerline::local {
 namespace {
 
 constexpr TimeNs landing_limit_ns = 15 * ns_per_s;
@@ -35,10 +35,10 @@ Status LocalShell::start() {
   auto end = ipc::AgentEnd::create();
   if (!end) return end.error();
   end_ = std::move(end).value();
-  return hear_mocap();
+  return subscribe_mocap();
 }
 
-Status LocalShell::hear_mocap() {
+Status LocalShell::subscribe_mocap() {
   for (const ground::FlightDrone& who : core_.drones()) {
     Drone drone;
     drone.number = who.number;
@@ -58,7 +58,7 @@ Status LocalShell::hear_mocap() {
 }
 
 // Sim's stamps are of this host's real-time clock.
-void LocalShell::take_mocap() {
+void LocalShell::forward_mocap() {
   for (Drone& drone : drones_) {
     agent::MocapMessage message{};
     while (drone.ring->pop(message)) {
@@ -75,7 +75,7 @@ void LocalShell::take_mocap() {
   }
 }
 
-void LocalShell::take_states(std::vector<StateSample>& states) {
+void LocalShell::receive_states(std::vector<StateSample>& states) {
   StateSample sample;
   while (end_->take_state(sample)) {
     heartbeat_.boot_id = sample.boot_id;
@@ -119,9 +119,9 @@ Result<bool> LocalShell::run() {
   while (!core_.done()) {
     std::this_thread::sleep_for(poll);
     const TimeNs now_ns = monotonic_ns();
-    take_mocap();
+    forward_mocap();
     states.clear();
-    take_states(states);
+    receive_states(states);
     send_heartbeat(now_ns);
     ground::FlightInputs inputs;
     inputs.states = states;
@@ -155,4 +155,4 @@ Result<bool> LocalShell::run() {
   return core_.ok();
 }
 
-}  // namespace ledgerline::hil
+}  // namespace ledgerline::local

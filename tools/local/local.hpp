@@ -13,7 +13,7 @@
 #include "onboard/agent/core/mocap.hpp"
 #include "onboard/ipc/ipc.hpp"
 
-namespace ledgerline::hil {
+namespace ledgerline::local {
 
 /// Ground's controller beside the driver: states from link and plans to link through shared memory, mocap from DDS, no
 /// ledger. The reference that flights through a ledger are compared with; not for real drones: nobody signs, and nobody
@@ -36,9 +36,9 @@ class LocalShell {
     std::optional<dds::RawReader> reader;
   };
 
-  Status hear_mocap();
-  void take_mocap();
-  void take_states(std::vector<StateSample>& states);
+  Status subscribe_mocap();
+  void forward_mocap();
+  void receive_states(std::vector<StateSample>& states);
   void send_heartbeat(TimeNs now_ns);
   void step(const ground::FlightInputs& inputs);
 
@@ -55,4 +55,4 @@ class LocalShell {
   std::vector<Drone> drones_;  ///< last: their readers end first
 };
 
-}  // namespace ledgerline::hil
+}  // namespace ledgerline::local

@@ -18,7 +18,7 @@ int fly(Config& config) {
   if (!checked) return fail(checked.error(), exit_usage);
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  hil::LocalShell local(std::move(flight), output, *participant, stop_requested);
+  local::LocalShell local(std::move(flight), output, *participant, stop_requested);
   if (auto status = local.start(); !status) return fail(status.error());
   print_line(R"({"ready":true})");
   return exit_code(local.run());

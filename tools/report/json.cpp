@@ -47,7 +47,7 @@ json to_json(const DroneResult& drone) {
           {"turns", turns},
           {"limit_mps", or_null(drone.limit_mps)},
           {"slowed_to_mps", or_null(drone.slowed_to_mps)},
-          {"reported_position", to_json(figures_of(drone.reported))},
+          {"reported_position", to_json(metrics_of(drone.reported))},
           {"states", named<5>(drone.states, {"sampled", "sent", "on_ledger", "merged", "dropped"})},
           {"transitions", named<3>(drone.transitions, {"made", "on_ledger", "lost"})},
           {"commands", commands}};
@@ -56,7 +56,7 @@ json to_json(const DroneResult& drone) {
 }  // namespace
 
 json to_json(const Results& r) {
-  json asked{{"shape", fly::shape_name(r.asked)},
+  json asked{{"shape", launcher::shape_name(r.asked)},
              {"drones", r.asked.drones},
              {"rate_hz", r.asked.rate_hz},
              {"side_m", r.asked.side_m},
@@ -68,7 +68,7 @@ json to_json(const Results& r) {
              {"laps", r.asked.manual ? 0 : r.asked.laps},
              {"seconds", r.asked.seconds},
              {"ledger", name_of(r.asked.ledger)},
-             {"orderers", r.asked.ledger == fly::Ledger::fabric ? json(r.asked.orderers) : json(nullptr)},
+             {"orderers", r.asked.ledger == launcher::Ledger::fabric ? json(r.asked.orderers) : json(nullptr)},
              {"storage", r.asked.tmpfs ? "tmpfs" : "disk"},
              {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
              {"batch_count", r.asked.batch_count},
@@ -94,7 +94,7 @@ json to_json(const Results& r) {
                 {"memory_gb", rounded(r.machine.memory_gb, 10)},
                 {"system", r.machine.system}}},
               {"ledger",
-               {{"kind", fly::is_of_others(r.asked) ? "existing" : name_of(r.asked.ledger)},
+               {{"kind", launcher::is_of_others(r.asked) ? "existing" : name_of(r.asked.ledger)},
                 {"batch_timeout_ms", to_ms(r.asked.batch_timeout_ns)},
                 {"batch_count", r.asked.batch_count},
                 {"storage", r.storage},

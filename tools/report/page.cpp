@@ -5,7 +5,6 @@
 
 #include "common/page/html.hpp"
 #include "common/rt/histogram_json.hpp"
-#include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

@@ -61,23 +61,23 @@ std::vector<ReportedPosition> reported_positions(const std::vector<TraceRecord>&
   return all;
 }
 
-std::optional<ReportedMetrics> figures_of(const std::vector<ReportedPosition>& reported) {
+std::optional<ReportedMetrics> metrics_of(const std::vector<ReportedPosition>& reported) {
   if (reported.empty()) return std::nullopt;
-  ReportedMetrics figures{.count = reported.size()};
+  ReportedMetrics metrics{.count = reported.size()};
   double squares = 0;
   std::size_t measured = 0, inside = 0;
   for (const ReportedPosition& one : reported) {
-    figures.max_three_sigma_m = std::max(figures.max_three_sigma_m, one.three_sigma_m);
+    metrics.max_three_sigma_m = std::max(metrics.max_three_sigma_m, one.three_sigma_m);
     if (!one.error_m) continue;
     ++measured;
     squares += *one.error_m * *one.error_m;
-    figures.max_error_m = std::max(figures.max_error_m.value_or(0), *one.error_m);
+    metrics.max_error_m = std::max(metrics.max_error_m.value_or(0), *one.error_m);
     if (*one.error_m <= one.three_sigma_m) ++inside;
   }
-  if (measured == 0) return figures;
-  figures.rms_error_m = std::sqrt(squares / static_cast<double>(measured));
-  figures.inside = static_cast<double>(inside) / static_cast<double>(measured);
-  return figures;
+  if (measured == 0) return metrics;
+  metrics.rms_error_m = std::sqrt(squares / static_cast<double>(measured));
+  metrics.inside = static_cast<double>(inside) / static_cast<double>(measured);
+  return metrics;
 }
 
 }  // namespace ledgerline::report

@@ -14,7 +14,7 @@ namespace {
 
 using nlohmann::json;
 
-json read_summary(const fly::RunFiles& files, const std::string& program, Results& results) {
+json read_summary(const launcher::RunFiles& files, const std::string& program, Results& results) {
   std::ifstream file(files.summary(program));
   json summary = json::parse(file, nullptr, false);
   if (summary.is_object()) return summary;
@@ -22,7 +22,7 @@ json read_summary(const fly::RunFiles& files, const std::string& program, Result
   return json::object();
 }
 
-std::vector<TraceRecord> read(const fly::RunFiles& files, const std::string& program, Results& results) {
+std::vector<TraceRecord> read(const launcher::RunFiles& files, const std::string& program, Results& results) {
   std::vector<TraceRecord> all;
   const auto append = [&](const std::string& file) {
     const auto trace = read_trace(file);
@@ -70,7 +70,7 @@ const json& drone_in(const json& summary, const std::string& name) {
 
 std::vector<std::array<double, 2>> flown_path(const std::vector<TraceRecord>& truth, std::uint16_t drone,
                                               TimeNs begin_ns, TimeNs end_ns) {
-  constexpr TimeNs apart_ns = 40 * ns_per_ms;  // for the eye; figures are made from all records
+  constexpr TimeNs apart_ns = 40 * ns_per_ms;  // for the eye; metrics are made from all records
   std::vector<std::array<double, 2>> points;
   TimeNs last_ns = 0;
   for (const TraceRecord& r : truth) {
@@ -83,14 +83,14 @@ std::vector<std::array<double, 2>> flown_path(const std::vector<TraceRecord>& tr
 }
 
 void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::uint16_t number,
-               const fly::Options& asked, DroneResult& drone) {
+               const launcher::Options& asked, DroneResult& drone) {
   const json& origin = at(ground, "origin");
   const json& between = at(ground, "path_ns");
   if (!origin.is_array() || origin.size() != 2 || !between.is_array() || between.size() != 2) return;
   const TimeNs begin_ns = time_of(between[0]), end_ns = time_of(between[1]);
   drone.flown = flown_path(truth, number, begin_ns, end_ns);
   if (asked.manual || asked.own) return;
-  const ground::Path path = fly::path_of(asked, number, {number_of(origin[0]), number_of(origin[1])});
+  const ground::Path path = launcher::path_of(asked, number, {number_of(origin[0]), number_of(origin[1])});
   const CrossTrack error = cross_track(truth, number, path, begin_ns, end_ns);
   drone.path_flown = error.count > 0;
   drone.cross_track_rms_m = error.rms_m;
@@ -101,7 +101,7 @@ void read_path(const json& ground, const std::vector<TraceRecord>& truth, std::u
     const CrossTrack of_lap = cross_track(truth, number, path, from_ns, to_ns);
     const double asked_mps = asked.ramp.start_mps > 0
                                  ? asked.ramp.start_mps + asked.ramp.step_mps * static_cast<double>(drone.turns.size())
-                                 : fly::task_of(asked, number).course.speed_mps;
+                                 : launcher::task_of(asked, number).course.speed_mps;
     drone.turns.push_back(
         {asked_mps, lap_s > 0 ? number_of(at(ground, "lap_m")) / lap_s : 0, of_lap.rms_m, of_lap.max_m});
     from_ns = to_ns;
@@ -153,11 +153,11 @@ struct Left {
   std::vector<TraceRecord> link_trace, agent_trace, truth;
 };
 
-Left read_left(const fly::RunFiles& files, const fly::Options& asked, Results& results) {
-  const bool ledger = asked.ledger != fly::Ledger::none;
-  const std::string controller = fly::controller_program(asked);
+Left read_left(const launcher::RunFiles& files, const launcher::Options& asked, Results& results) {
+  const bool ledger = asked.ledger != launcher::Ledger::none;
+  const std::string controller = launcher::controller_program(asked);
   Left left;
-  const std::string node = fly::ledger_program(asked);
+  const std::string node = launcher::ledger_program(asked);
   left.node = node.empty() ? json::object() : read_summary(files, node, results);
   left.link = read_summary(files, "link", results);
   left.agent = ledger ? read_summary(files, "agent", results) : json::object();
@@ -168,7 +168,7 @@ Left read_left(const fly::RunFiles& files, const fly::Options& asked, Results& r
   return left;
 }
 
-void read_ledger(const json& node, const fly::RunRecord& record, Results& results) {
+void read_ledger(const json& node, const launcher::RunRecord& record, Results& results) {
   results.blocks = count_of(node, "blocks");
   results.transactions = count_of(node, "transactions");
   results.disk_ms = quantiles_in(at(node, "disk_ms"));
@@ -184,9 +184,9 @@ void read_ledger(const json& node, const fly::RunRecord& record, Results& result
   }
 }
 
-DroneResult read_drone(const Left& left, const fly::Options& asked, std::uint16_t number, TimeNs begin_ns) {
+DroneResult read_drone(const Left& left, const launcher::Options& asked, std::uint16_t number, TimeNs begin_ns) {
   DroneResult drone;
-  drone.id = fly::drone_name(asked, number);
+  drone.id = launcher::drone_name(asked, number);
   drone.two_way = latencies(left.agent_trace, TraceKind::command_verified, number, begin_ns);
   drone.age = latencies(left.link_trace, TraceKind::command_applied, number, begin_ns);
   drone.two_way_ms = quantiles_of(drone.two_way);
@@ -222,10 +222,11 @@ DroneResult read_drone(const Left& left, const fly::Options& asked, std::uint16_
 
 }  // namespace
 
-Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record) {
+Results read_results(const launcher::RunFiles& files, const launcher::Options& asked,
+                     const launcher::RunRecord& record) {
   Results results;
   results.asked = asked;
-  results.machine = fly::describe_machine();
+  results.machine = launcher::describe_machine();
   results.ok = record.ok;
   results.why = record.why;
   results.cpu_percent = record.cpu_percent;
@@ -262,15 +263,15 @@ std::vector<std::string> differences(const Results& r) {
       "theirs: " + std::string("Wi-Fi between three machines and real drones; here: one machine, ") +
           (r.asked.own ? "drones of a deployment" : "loopback, simulated drones"),
       "theirs: Hyperledger Fabric, 3 organisations, 3 Raft orderers; here: " +
-          (fly::is_of_others(r.asked)            ? std::string("a network of others")
-           : r.asked.ledger == fly::Ledger::none ? "no ledger, the controller beside the driver"
-           : r.asked.ledger == fly::Ledger::fabric
+          (launcher::is_of_others(r.asked)            ? std::string("a network of others")
+           : r.asked.ledger == launcher::Ledger::none ? "no ledger, the controller beside the driver"
+           : r.asked.ledger == launcher::Ledger::fabric
                ? fmt::format("Hyperledger Fabric 2.5, 3 organisations, {} Raft orderer(s), storage {}",
                              r.asked.orderers, r.storage)
                : embedded),
       "theirs: blocks of 10 messages or 2 s; here: " +
-          (fly::is_of_others(r.asked) ? std::string("as that network has it")
-           : r.asked.ledger == fly::Ledger::none
+          (launcher::is_of_others(r.asked) ? std::string("as that network has it")
+           : r.asked.ledger == launcher::Ledger::none
                ? "none"
                : fmt::format("{} or {:.0f} ms", r.asked.batch_count, to_ms(r.asked.batch_timeout_ns))),
       fmt::format("theirs: 70 messages/s with one drone, 250 with three; here: {:.0f}", r.messages_per_s),

@@ -5,6 +5,7 @@
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "common/rt/histogram.hpp"
@@ -55,8 +56,8 @@ struct DroneResult {
 };
 
 struct Results {
-  fly::Options asked;
-  fly::Machine machine;
+  launcher::Options asked;
+  launcher::Machine machine;
   std::string storage;
   std::uint64_t blocks = 0, transactions = 0;
   double bytes_per_drone_hour = 0;                        ///< that the ledger grows on its file system
@@ -78,9 +79,10 @@ struct Results {
 /// Of drones that the flight did not simulate: why there is no error figure.
 inline constexpr const char* no_truth = "no truth: a real drone";
 
-/// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their figures at
+/// Reads what the programs left in the directory of the run. Files that are missing (a crash) leave their metrics at
 /// zero and are named in `missing`.
-Results read_results(const fly::RunFiles& files, const fly::Options& asked, const fly::RunRecord& record);
+Results read_results(const launcher::RunFiles& files, const launcher::Options& asked,
+                     const launcher::RunRecord& record);
 
 /// Time from each record's stamp to itself, the first of each id alone: two-way latency of command_verified, age at
 /// application of command_applied.
@@ -101,7 +103,7 @@ std::vector<ReportedPosition> reported_positions(const std::vector<TraceRecord>&
                                                  const std::vector<TraceRecord>& truth, std::uint16_t drone,
                                                  TimeNs begin_ns);
 /// Nothing where no variance was reported.
-std::optional<ReportedMetrics> figures_of(const std::vector<ReportedPosition>& reported);
+std::optional<ReportedMetrics> metrics_of(const std::vector<ReportedPosition>& reported);
 
 /// The object of `fly --json`.
 nlohmann::json to_json(const Results& results);
@@ -114,5 +116,25 @@ inline constexpr const char* chart_js_file = "/usr/share/javascript/chart.js/cha
 
 /// What differs from the published setting, one difference a line.
 std::vector<std::string> differences(const Results& results);
+
+/// Two-way latency as published for the bridge that this project starts from, in seconds: box (quartiles) and whiskers.
+struct PublishedBox {
+  std::string_view name;
+  double low_s, q1_s, median_s, q3_s, high_s;
+};
+inline constexpr std::array published_boxes{
+    PublishedBox{"square", .313, .396, .456, .525, .711},
+    PublishedBox{"triangle", .295, .387, .458, .512, .697},
+    PublishedBox{"x", .316, .439, .521, .618, .879},
+    PublishedBox{"3 drones", .529, .731, .802, .873, 1.081},
+};
+
+/// The box to stand beside a flight.
+constexpr const PublishedBox& published_for(std::string_view shape, int drones) {
+  for (const PublishedBox& box : published_boxes) {
+    if (drones > 1 ? box.name == "3 drones" : box.name == shape) return box;
+  }
+  return published_boxes[0];
+}
 
 }  // namespace ledgerline::report

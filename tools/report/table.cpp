@@ -1,6 +1,5 @@
 #include <fmt/format.h>
 
-#include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {
@@ -56,7 +55,7 @@ std::string to_table(const Results& r) {
   }
   text += fmt::format("\n  {:.1f} messages/s, {:.1f} transactions/s over {:.1f} s; ledger: ", r.messages_per_s,
                       r.transactions_per_s, r.flight_s);
-  if (fly::is_of_others(r.asked)) {
+  if (launcher::is_of_others(r.asked)) {
     text += "a network of others\n";
   } else {
     text += fmt::format("{} blocks, {} transactions, on {}{}\n", r.blocks, r.transactions, r.storage,

@@ -23,7 +23,7 @@ Status show(Station& station, const VerbOptions& verb_options) {
   if (verb_options.watch) catch_stop_signals();
   std::uint64_t number = 0;
   do {
-    const auto body = station.ask(events_since(number));
+    const auto body = station.request(events_since(number));
     if (!body) return body.error();
     // A station that restarted counts from 1: for long there would be nothing after `number`.
     if (station.connections() > 1) return Error{"the station closed the connection: it may have restarted"};

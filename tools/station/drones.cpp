@@ -33,7 +33,7 @@ Status show(Station& station, const VerbOptions& verb_options) {
   if (verb_options.watch) catch_stop_signals();
   Rows before;
   do {
-    const auto body = station.ask({.target = "drones"});
+    const auto body = station.request({.target = "drones"});
     if (!body) return body.error();
     const auto rows = drone_rows(*body);
     if (!rows) return rows.error();
@@ -65,9 +65,9 @@ Status each(const std::vector<std::string>& names, const std::function<Status(co
   return Error{fmt::format("{} of {} drones: not done", failed, names.size())};
 }
 
-Status tell(Station& station, const VerbOptions& verb_options, const std::string& verb, const Request& request,
+Status send(Station& station, const VerbOptions& verb_options, const std::string& verb, const Request& request,
             const std::string& whom) {
-  const auto body = station.ask(request);
+  const auto body = station.request(request);
   if (!body) return body.error();
   print_line(verb_options.options.json ? *body : fmt::format("{}: {}: accepted", whom, verb));
   return done;
@@ -79,7 +79,7 @@ Status fly_path(Station& station, const VerbOptions& verb_options) {
   auto body = path_body(*csv, verb_options.path_file, verb_options.land);
   if (!body) return body.error();
   const std::string& name = verb_options.names.front();
-  return tell(station, verb_options, "path", drone_request(name, "path", std::move(*body)), name);
+  return send(station, verb_options, "path", drone_request(name, "path", std::move(*body)), name);
 }
 
 Status sign(Station& station, const VerbOptions& verb_options, const std::string& verb) {
@@ -122,10 +122,10 @@ Status act(Station& station, const Target& target, const VerbOptions& verb_optio
   if (verb == "path") return fly_path(station, verb_options);
   if (is_signed_call(verb)) return sign(station, verb_options, verb);
   if (verb_options.all)
-    return tell(station, verb_options, verb, verb == "cut" ? cut_all(verb_options.yes) : stop_all(), "all");
+    return send(station, verb_options, verb, verb == "cut" ? cut_all(verb_options.yes) : stop_all(), "all");
   const std::string body = verb == "cut" && verb_options.yes ? R"({"confirmed":true})" : "{}";
   return each(verb_options.names, [&](const std::string& name) {
-    return tell(station, verb_options, verb, drone_request(name, verb, body), name);
+    return send(station, verb_options, verb, drone_request(name, verb, body), name);
   });
 }
 

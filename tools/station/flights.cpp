@@ -11,11 +11,11 @@ using namespace ledgerline;
 using namespace ledgerline::station;
 
 Status show(Station& station, bool as_json) {
-  const auto drones = station.ask({.target = "drones"});
+  const auto drones = station.request({.target = "drones"});
   if (!drones) return drones.error();
-  const auto missions = station.ask({.target = "missions"});
+  const auto missions = station.request({.target = "missions"});
   if (!missions) return missions.error();
-  const auto event_list = station.ask(events_since(0));
+  const auto event_list = station.request(events_since(0));
   if (!event_list) return event_list.error();
   const auto events = events_from(*event_list);
   if (!events) return events.error();

@@ -31,7 +31,7 @@ Status print(const VerbOptions& verb_options, const std::string& body, const Res
 }
 
 Status list(Station& station, const VerbOptions& verb_options) {
-  const auto body = station.ask({.target = "missions"});
+  const auto body = station.request({.target = "missions"});
   if (!body) return body.error();
   const auto rows = mission_rows(*body);
   return print(verb_options, *body, rows ? Result<std::string>(aligned(*rows)) : rows.error());
@@ -42,7 +42,7 @@ Status add(Station& station, const VerbOptions& verb_options) {
   if (!text) return text.error();
   const auto request = mission_to_add(verb_options.file, std::move(*text), verb_options.name);
   if (!request) return request.error();
-  const auto body = station.ask(*request);
+  const auto body = station.request(*request);
   if (!body) return body.error();
   return print(verb_options, *body, mission_text(*body));
 }
@@ -52,15 +52,15 @@ Status act(Station& station, const VerbOptions& verb_options, const std::string&
   if (verb == "add") return add(station, verb_options);
   const std::string target = "missions/" + verb_options.id;
   if (verb == "show") {
-    const auto body = station.ask({.target = target});
+    const auto body = station.request({.target = target});
     return body ? print(verb_options, *body, mission_text(*body)) : Status(body.error());
   }
   if (verb == "approve") {
     if (auto approved = approve_and_wait(station, verb_options.id); !approved) return approved;
     return print(verb_options, R"({"accepted":true})", fmt::format("{}: approve: done\n", verb_options.id));
   }
-  const auto body = station.ask(verb == "remove" ? Request{.method = "DELETE", .target = target, .anybodys = false}
-                                                 : mission_request(verb_options.id, verb));
+  const auto body = station.request(verb == "remove" ? Request{.method = "DELETE", .target = target, .anybodys = false}
+                                                     : mission_request(verb_options.id, verb));
   if (!body) return body.error();
   return print(verb_options, *body, fmt::format("{}: {}: accepted\n", verb_options.id, verb));
 }

@@ -6,7 +6,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/checks/shell/configs.hpp"
-#include "tools/status/shell/status_probe.hpp"
+#include "tools/status/core/status.hpp"
 
 namespace {
 
@@ -55,7 +55,7 @@ int main(int argc, char** argv) {
     if (!asked.insert(config.path).second) continue;
     for (const checks::ProgramConfig& each : checks::of_each_channel(config)) {
       if (each.ledger && !each.ledger->peer.endpoint.empty())
-        status.ledgers.push_back(status::ask_ledger(each, timeout));
+        status.ledgers.push_back(status::query_ledger(each, timeout));
     }
   }
   if (json)

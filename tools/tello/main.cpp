@@ -13,10 +13,9 @@
 #include "common/program/program.hpp"
 #include "tools/checks/core/drone.hpp"
 #include "tools/launcher/options.hpp"
-#include "tools/tello/core/asking.hpp"
 #include "tools/tello/core/calibrate/estimate.hpp"
+#include "tools/tello/core/dialogue.hpp"
 #include "tools/tello/shell/calibrate.hpp"
-#include "tools/tello/shell/preflight.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace {
@@ -48,7 +47,7 @@ Result<std::vector<tello::Found>> asked_for(const std::vector<std::string>& addr
     if (std::find(hosts.begin(), hosts.end(), *address) == hosts.end()) hosts.push_back(*address);
   }
   std::vector<tello::Found> drones;
-  for (const std::uint32_t host : hosts) drones.push_back({host, tello::Asking(tello::questions_of_info())});
+  for (const std::uint32_t host : hosts) drones.push_back({host, tello::Dialogue(tello::questions_of_info())});
   return drones;
 }
 
@@ -57,8 +56,8 @@ int show(const Options& options, std::vector<std::string> addresses) {
   auto drones = asked_for(addresses, options.subnet);
   if (!drones) return fail(drones.error(), exit_usage);
   const std::size_t asked = drones->size();
-  if (auto status = tello::ask(*drones, options.interface); !status) return fail(status.error());
-  std::erase_if(*drones, [](const tello::Found& drone) { return !drone.asking.present(); });
+  if (auto status = tello::query(*drones, options.interface); !status) return fail(status.error());
+  std::erase_if(*drones, [](const tello::Found& drone) { return !drone.dialogue.present(); });
   if (options.json) print_line(tello::json(*drones));
   if (drones->empty()) {
     const std::string where = asked == 1 ? " at " + addresses.front() : fmt::format(" at any of {} addresses", asked);
@@ -75,11 +74,11 @@ int join_wifi(const Options& options) {
   const auto address = parse_ipv4(options.address);
   if (!address) return fail(address.error(), exit_usage);
   const std::string word = fmt::format("ap {} {}", options.ssid, *password);
-  std::vector<tello::Found> drones{{*address, tello::Asking({word})}};
-  if (auto status = tello::ask(drones, options.interface); !status) return fail(status.error());
-  const tello::Asking& asking = drones.front().asking;
-  if (!asking.present()) return fail(Error{fmt::format("no Tello answers at {}", options.address)});
-  const tello::Question& asked = asking.questions().back();
+  std::vector<tello::Found> drones{{*address, tello::Dialogue({word})}};
+  if (auto status = tello::query(drones, options.interface); !status) return fail(status.error());
+  const tello::Dialogue& dialogue = drones.front().dialogue;
+  if (!dialogue.present()) return fail(Error{fmt::format("no Tello answers at {}", options.address)});
+  const tello::Question& asked = dialogue.questions().back();
   if (asked.refused)
     return fail(Error{fmt::format("it refuses ({}): only a Tello EDU or TT can join a Wi-Fi", asked.answer)});
   if (asked.answer.empty())
@@ -111,7 +110,7 @@ int calibrate(const Options& options) {
       "4 m of free floor with something to be seen on it, light, 2.5 m of height, nobody near, and more than 30 % of "
       "battery. Ctrl-C lands it.",
       options.address, 15 + 62 * options.repeat, 15 + 90 * options.repeat));
-  if (!options.yes && !tello::person_agrees()) return fail(Error{"nobody said yes: its motors were not started"});
+  if (!options.yes && !tello::has_consent()) return fail(Error{"nobody said yes: its motors were not started"});
   const std::string topic = options.mocap == "none" ? "" : options.mocap;
   const auto record = tello::fly_calibration({*address, options.interface, topic, *dds, options.repeat});
   if (!record) return fail(record.error());
@@ -127,10 +126,10 @@ int calibrate(const Options& options) {
 }
 
 // What the flight of this file would fly; fly's own reader says what is wrong with it.
-Result<fly::Options> flight_of(const Options& options) {
+Result<launcher::Options> flight_of(const Options& options) {
   std::vector<std::string> words{"--deployment", options.deployment};
   if (!options.cyclonedds.empty()) words.insert(words.end(), {"--dds", options.cyclonedds});
-  fly::ParsedOptions asked = fly::parse_command_line(words);
+  launcher::ParsedOptions asked = launcher::parse_command_line(words);
   if (!asked.fly) return Error{asked.text.substr(0, asked.text.find_last_not_of('\n') + 1)};
   if (!asked.options.own)
     return Error{options.deployment + ": names simulated drones; preflight is of drones that are there: docs/fly.md"};
@@ -142,9 +141,9 @@ int preflight(const Options& options) {
   if (!flight) return fail(flight.error(), exit_usage);
   std::error_code error;
   const auto own = std::filesystem::read_symlink("/proc/self/exe", error).parent_path();
-  const auto facts = tello::look_around({std::move(*flight), own / "ledgerline-control", options.listen_s});
-  if (!facts) return fail(facts.error());
-  const checks::Findings findings = assess(*facts);
+  const auto inputs = tello::probe_flight({std::move(*flight), own / "ledgerline-control", options.listen_s});
+  if (!inputs) return fail(inputs.error());
+  const checks::Findings findings = assess(*inputs);
   if (options.json)
     print_line(to_json(findings));
   else

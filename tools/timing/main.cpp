@@ -12,10 +12,8 @@
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
+#include "tools/timing/metrics.hpp"
 #include "tools/timing/self_test.hpp"
-#include "tools/timing/show.hpp"
-#include "tools/timing/trace/recording.hpp"
-#include "tools/timing/transports.hpp"
 
 namespace {
 
@@ -25,7 +23,7 @@ using nlohmann::json;
 
 constexpr int exit_limit = 1, exit_unreadable = 3;
 constexpr TimeNs window_ns = 10 * ns_per_s;
-constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's walk is over, and its last record is in the file
+constexpr TimeNs settled_after_ns = 4 * ns_per_s;  // a sample's trace is over, and its last record is in the file
 
 struct Options {
   std::string directory;
@@ -44,21 +42,21 @@ int fail(const std::string& what) {
 }
 
 json machine() {
-  const fly::Machine m = fly::describe_machine();
+  const launcher::Machine m = launcher::describe_machine();
   return {{"cpu", m.cpu}, {"cores", m.cores}, {"memory_gb", m.memory_gb}, {"system", m.system}};
 }
 
 /// All that was measured, with the CPU time between fly's snapshots, or until `newest` where fly has not ended.
-Figures figures_of(Recording& recording, const std::vector<Walk>& walks, const Snapshot& newest) {
-  Figures figures = make_figures(walks, recording.loop_turns());
-  figures.damaged = recording.walks().counters();
+Metrics metrics_of(Recording& recording, const std::vector<SampleTrace>& traces, const Snapshot& newest) {
+  Metrics metrics = make_metrics(traces, recording.loop_turns());
+  metrics.damaged = recording.traces().counters();
   if (const auto usage = recording.usage()) {
     const bool ended = usage->end.t_ns > usage->begin.t_ns;
-    figures.load = load_between(usage->begin, ended ? usage->end : newest);
+    metrics.load = load_between(usage->begin, ended ? usage->end : newest);
   } else {
     fmt::print(stderr, "timing: CPU time is not known: {}\n", usage.error().message);
   }
-  return figures;
+  return metrics;
 }
 
 int lay_open(const Options& options, const std::vector<Limit>& limits, const Snapshot& newest) {
@@ -66,13 +64,13 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
   if (auto status = recording.read_new(); !status) return fail(status.error().message);
   for (const auto& file : recording.missing())
     fmt::print(stderr, "timing: {} is missing: its stages are not measured\n", file);
-  const std::vector<Walk> walks = recording.walks().take();
-  const Figures figures = figures_of(recording, walks, newest);
+  const std::vector<SampleTrace> traces = recording.traces().pop();
+  const Metrics metrics = metrics_of(recording, traces, newest);
   std::vector<Verdict> verdicts;
-  for (const Limit& limit : limits) verdicts.push_back(check(limit, figures));
-  std::cout << to_table(figures, options.threads) << to_table(verdicts);
+  for (const Limit& limit : limits) verdicts.push_back(check(limit, metrics));
+  std::cout << to_table(metrics, options.threads) << to_table(verdicts);
 
-  json document = to_json(figures, verdicts);
+  json document = to_json(metrics, verdicts);
   document["asked"] = {{"directory", options.directory}, {"limits", options.limits}};
   document["machine"] = machine();
   Status written = done;
@@ -80,7 +78,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
   if (written && !options.html.empty()) written = write_file(options.html, to_page(document));
   if (written && !options.perfetto.empty()) {
     std::ofstream file(options.perfetto);
-    const std::size_t left_out = write_perfetto(file, walks, recording.loop_turns());
+    const std::size_t left_out = write_perfetto(file, traces, recording.loop_turns());
     file.close();
     if (!file) written = Error{"cannot write " + options.perfetto};
     if (left_out > 0)
@@ -94,7 +92,7 @@ int lay_open(const Options& options, const std::vector<Limit>& limits, const Sna
 /// Shows the last ten seconds repeatedly: until the flight ends, the time is over, or Ctrl-C.
 int follow(const Options& options, const std::vector<Limit>& limits) {
   Recording recording(options.directory);
-  std::deque<Walk> window;
+  std::deque<SampleTrace> window;
   const auto usage = recording.usage();
   if (!usage) return fail("no flight to follow: " + usage.error().message);
   Snapshot before = usage->begin;
@@ -104,14 +102,14 @@ int follow(const Options& options, const std::vector<Limit>& limits) {
     const Snapshot now = read_snapshot(usage->programs);
     if (now.threads.empty()) break;
     const TimeNs newest_ns = now.t_ns - settled_after_ns;
-    for (const Walk& walk : recording.walks().take(newest_ns)) window.push_back(walk);
+    for (const SampleTrace& trace : recording.traces().pop(newest_ns)) window.push_back(trace);
     while (!window.empty() && window.front().at(Mark::sampled) < newest_ns - window_ns) window.pop_front();
     recording.forget_turns_before(now.t_ns - window_ns);
-    Figures figures = make_figures(std::vector<Walk>(window.begin(), window.end()), recording.loop_turns());
-    figures.damaged = recording.walks().counters();
-    figures.load = load_between(before, now);
+    Metrics metrics = make_metrics(std::vector<SampleTrace>(window.begin(), window.end()), recording.loop_turns());
+    metrics.damaged = recording.traces().counters();
+    metrics.load = load_between(before, now);
     before = now;
-    std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(figures, options.threads) << std::flush;
+    std::cout << (::isatty(STDOUT_FILENO) ? "\033[H\033[J" : "") << to_table(metrics, options.threads) << std::flush;
     for (TimeNs waited = 0; waited < from_seconds(options.every_s) && !stop_requested; waited += 50 * ns_per_ms)
       std::this_thread::sleep_for(std::chrono::milliseconds(50));
   }
@@ -131,7 +129,7 @@ int self_test(const Options& options) {
   const SelfTest test = run_self_test(asked);
   std::cout << to_table(test) << std::flush;
   if (!options.json.empty()) {
-    const auto figures = [](const Lateness& l) {
+    const auto metrics = [](const Lateness& l) {
       json one = to_json(tail_of(l.late));
       one["overruns"] = l.overruns;
       return one;
@@ -142,8 +140,8 @@ int self_test(const Options& options) {
                         {"fifo", test.real_time.scheduled},
                         {"memory_locked", test.real_time.locked},
                         {"notices", test.real_time.notices},
-                        {"loop_ms", figures(test.loop)},
-                        {"cyclictest_ms", test.cyclictest ? figures(*test.cyclictest) : json()},
+                        {"loop_ms", metrics(test.loop)},
+                        {"cyclictest_ms", test.cyclictest ? metrics(*test.cyclictest) : json()},
                         {"why_no_cyclictest", test.why_no_cyclictest},
                         {"steal_s", test.steal_s},
                         {"good", test.good()}};

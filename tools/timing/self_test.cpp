@@ -13,7 +13,7 @@
 #include "common/process/find_program.hpp"
 #include "common/process/usage.hpp"
 #include "common/rt/loop_ticker.hpp"
-#include "tools/timing/figures.hpp"
+#include "tools/timing/metrics.hpp"
 
 namespace ledgerline::timing {
 namespace {

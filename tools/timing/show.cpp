@@ -1,4 +1,4 @@
-#include "tools/timing/show.hpp"
+#include "tools/timing/metrics.hpp"
 
 #include <fmt/format.h>
 #include <sched.h>
@@ -78,20 +78,20 @@ class Events {
 
 std::string duration(TimeNs ns) { return fmt::format(R"(,"dur":{}.{:03})", ns / ns_per_us, ns % ns_per_us); }
 
-void add_walk(Events& events, const Walk& walk, std::size_t lane) {
-  const TimeNs begin_ns = walk.at(Mark::sampled), end_ns = walk.at(walk.last());
-  events.add("X", "sample", walk.drone, lane, begin_ns,
-             duration(end_ns - begin_ns) + fmt::format(R"(,"args":{{"sequence":{}}})", walk.sequence));
+void add_trace(Events& events, const SampleTrace& trace, std::size_t lane) {
+  const TimeNs begin_ns = trace.at(Mark::sampled), end_ns = trace.at(trace.last());
+  events.add("X", "sample", trace.drone, lane, begin_ns,
+             duration(end_ns - begin_ns) + fmt::format(R"(,"args":{{"sequence":{}}})", trace.sequence));
   for (const Stage& stage : stages) {
-    if (!walk.has(stage.from) || !walk.has(stage.to)) continue;
-    events.add("X", stage.name, walk.drone, lane, walk.at(stage.from),
-               duration(walk.at(stage.to) - walk.at(stage.from)));
+    if (!trace.has(stage.from) || !trace.has(stage.to)) continue;
+    events.add("X", stage.name, trace.drone, lane, trace.at(stage.from),
+               duration(trace.at(stage.to) - trace.at(stage.from)));
   }
 }
 
 }  // namespace
 
-std::string to_table(const Figures& f, std::size_t max_threads) {
+std::string to_table(const Metrics& f, std::size_t max_threads) {
   std::string text = fmt::format("\n  {:<17}{:>9}{:>10}{:>10}{:>10}{:>10}{:>9}{:>7}\n", "stage, ms", "p50", "p95",
                                  "p99", "p99.9", "max", "count", "ended");
   for (std::size_t i = 0; i < f.distributions.size(); ++i) {
@@ -101,7 +101,7 @@ std::string to_table(const Figures& f, std::size_t max_threads) {
     const std::uint64_t ended = is_stage ? f.got_to[static_cast<std::size_t>(stages[i].from)] : 0;
     text += row(f.distributions[i].name, f.distributions[i].histogram, is_stage ? std::to_string(ended) : "");
   }
-  text += fmt::format("\n  {} samples in {:.1f} s; link's loop: {} turns, {} later than 1 ms\n", f.walks, f.seconds,
+  text += fmt::format("\n  {} samples in {:.1f} s; link's loop: {} turns, {} later than 1 ms\n", f.traces, f.seconds,
                       f.loop.late.count(), f.loop.overruns);
   if (f.loop.lost > 0) text += fmt::format("  {} turns are not in the trace\n", f.loop.lost);
   if (f.damaged.strays + f.damaged.backwards + f.damaged.doubled > 0) {
@@ -126,7 +126,7 @@ json to_json(const Tail& t) {
           {"p99.9", rounded(t.p999)}, {"max", rounded(t.max)}, {"count", t.count}};
 }
 
-json to_json(const Figures& f, const std::vector<Verdict>& verdicts) {
+json to_json(const Metrics& f, const std::vector<Verdict>& verdicts) {
   json list = json::array(), sums = json::array(), threads = json::array(), limits = json::array();
   bool ok = true;
   for (std::size_t i = 0; i < f.distributions.size(); ++i) {
@@ -171,7 +171,7 @@ json to_json(const Figures& f, const std::vector<Verdict>& verdicts) {
   }
   return {
       {"seconds", rounded(f.seconds)},
-      {"samples", f.walks},
+      {"samples", f.traces},
       {"stages", list},
       {"totals", sums},
       {"loop", {{"turns", f.loop.late.count()}, {"overruns", f.loop.overruns}, {"lost", f.loop.lost}}},
@@ -187,21 +187,21 @@ std::string to_page(json document) {
   return report::filled(report::timing_template, "@DATA@", report::for_script(document));
 }
 
-std::size_t write_perfetto(std::ostream& out, std::span<const Walk> walks, std::span<const TraceRecord> loop_turns,
-                           std::size_t max_walks) {
-  const std::size_t left_out = walks.size() - std::min(max_walks, walks.size());
-  walks = walks.subspan(left_out);
+std::size_t write_perfetto(std::ostream& out, std::span<const SampleTrace> traces,
+                           std::span<const TraceRecord> loop_turns, std::size_t max_traces) {
+  const std::size_t left_out = traces.size() - std::min(max_traces, traces.size());
+  traces = traces.subspan(left_out);
   Events events(out);
   std::map<int, std::vector<TimeNs>> lanes;  // of each drone: until when each is taken
-  for (const Walk& walk : walks) {
-    if (!lanes.contains(walk.drone)) events.name(walk.drone, fmt::format("tello{}", walk.drone));
-    std::vector<TimeNs>& taken = lanes[walk.drone];
+  for (const SampleTrace& trace : traces) {
+    if (!lanes.contains(trace.drone)) events.name(trace.drone, fmt::format("tello{}", trace.drone));
+    std::vector<TimeNs>& taken = lanes[trace.drone];
     const auto free =
-        std::find_if(taken.begin(), taken.end(), [&](TimeNs until) { return until <= walk.at(Mark::sampled); });
+        std::find_if(taken.begin(), taken.end(), [&](TimeNs until) { return until <= trace.at(Mark::sampled); });
     const auto lane = static_cast<std::size_t>(free - taken.begin());
     if (free == taken.end()) taken.push_back(0);
-    taken[lane] = walk.at(walk.last());
-    add_walk(events, walk, lane + 1);
+    taken[lane] = trace.at(trace.last());
+    add_trace(events, trace, lane + 1);
   }
   events.name(loop_process, "link's loop");
   for (const TraceRecord& record : loop_turns) {

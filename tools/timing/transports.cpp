@@ -1,4 +1,4 @@
-#include "tools/timing/transports.hpp"
+#include "tools/timing/self_test.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
@@ -200,11 +200,11 @@ Result<TransportRun> run_one(const TransportsOptions& options, bool shim) {
   return run;
 }
 
-struct Figure {
+struct Metric {
   const char* name;
   double (*of)(const TransportRun&);
 };
-constexpr std::array<Figure, 9> figures{{
+constexpr std::array<Metric, 9> metrics{{
     {"receive, us a turn", [](const TransportRun& r) { return r.receive_us; }},
     {"send, us", [](const TransportRun& r) { return r.send_us; }},
     {"to the drone, us, p50",
@@ -223,13 +223,13 @@ struct Compared {
 };
 
 // Runs come in pairs, one of each.
-Compared compare(const std::vector<TransportRun>& runs, const Figure& figure) {
+Compared compare(const std::vector<TransportRun>& runs, const Metric& metric) {
   std::vector<double> udp, shim, ratios;
   for (std::size_t i = 0; i + 1 < runs.size(); i += 2) {
     const TransportRun& a = runs[i].shim ? runs[i + 1] : runs[i];
     const TransportRun& b = runs[i].shim ? runs[i] : runs[i + 1];
-    udp.push_back(figure.of(a));
-    shim.push_back(figure.of(b));
+    udp.push_back(metric.of(a));
+    shim.push_back(metric.of(b));
     if (udp.back() > 0) ratios.push_back(shim.back() / udp.back());
   }
   Compared all{median(udp), median(shim), median(ratios), 0, 0};
@@ -256,9 +256,9 @@ Result<std::vector<TransportRun>> run_transports(const TransportsOptions& option
 std::string to_table(const std::vector<TransportRun>& runs) {
   std::string text =
       fmt::format("\n  {:<24}{:>10}{:>10}{:>10}   {}\n", "", "UDP", "shim", "ratio", "lowest to highest");
-  for (const Figure& figure : figures) {
-    const Compared c = compare(runs, figure);
-    text += fmt::format("  {:<24}{:>10.2f}{:>10.2f}{:>10.2f}   {:.2f} to {:.2f}\n", figure.name, c.udp, c.shim, c.ratio,
+  for (const Metric& metric : metrics) {
+    const Compared c = compare(runs, metric);
+    text += fmt::format("  {:<24}{:>10.2f}{:>10.2f}{:>10.2f}   {:.2f} to {:.2f}\n", metric.name, c.udp, c.shim, c.ratio,
                         c.lowest, c.highest);
   }
   std::uint64_t lost = 0;
@@ -273,12 +273,12 @@ nlohmann::json to_json(const std::vector<TransportRun>& runs) {
   nlohmann::json all = nlohmann::json::array(), summary = nlohmann::json::object();
   for (const TransportRun& run : runs) {
     nlohmann::json one{{"transport", run.shim ? "shim" : "udp"}, {"lost", run.lost}};
-    for (const Figure& figure : figures) one[figure.name] = figure.of(run);
+    for (const Metric& metric : metrics) one[metric.name] = metric.of(run);
     all.push_back(std::move(one));
   }
-  for (const Figure& figure : figures) {
-    const Compared c = compare(runs, figure);
-    summary[figure.name] = {
+  for (const Metric& metric : metrics) {
+    const Compared c = compare(runs, metric);
+    summary[metric.name] = {
         {"udp", c.udp}, {"shim", c.shim}, {"ratio", c.ratio}, {"lowest", c.lowest}, {"highest", c.highest}};
   }
   return {{"runs", all}, {"summary", summary}};

@@ -3,54 +3,20 @@
 #include <algorithm>
 #include <nlohmann/json.hpp>
 
+namespace ledgerline {
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(ThreadUsage, program, name, process, thread, user_s, system_s, cpu_s, waited_s,
+                                   voluntary, involuntary, minor_faults, major_faults, policy, priority)
+}
 namespace ledgerline::timing {
 namespace {
 
 using nlohmann::json;
 
-json to_json(const ThreadUsage& t) {
-  return {{"program", t.program},
-          {"name", t.name},
-          {"process", t.process},
-          {"thread", t.thread},
-          {"user_s", t.user_s},
-          {"system_s", t.system_s},
-          {"cpu_s", t.cpu_s},
-          {"waited_s", t.waited_s},
-          {"voluntary", t.voluntary},
-          {"involuntary", t.involuntary},
-          {"minor_faults", t.minor_faults},
-          {"major_faults", t.major_faults},
-          {"policy", t.policy},
-          {"priority", t.priority}};
-}
-
-ThreadUsage thread_from(const json& j) {
-  ThreadUsage t;
-  j.at("program").get_to(t.program);
-  j.at("name").get_to(t.name);
-  j.at("process").get_to(t.process);
-  j.at("thread").get_to(t.thread);
-  j.at("user_s").get_to(t.user_s);
-  j.at("system_s").get_to(t.system_s);
-  j.at("cpu_s").get_to(t.cpu_s);
-  j.at("waited_s").get_to(t.waited_s);
-  j.at("voluntary").get_to(t.voluntary);
-  j.at("involuntary").get_to(t.involuntary);
-  j.at("minor_faults").get_to(t.minor_faults);
-  j.at("major_faults").get_to(t.major_faults);
-  j.at("policy").get_to(t.policy);
-  j.at("priority").get_to(t.priority);
-  return t;
-}
-
 json to_json(const Snapshot& snapshot) {
-  json threads = json::array();
-  for (const ThreadUsage& thread : snapshot.threads) threads.push_back(to_json(thread));
   return {{"t_ns", snapshot.t_ns},
           {"busy_s", snapshot.host.busy_s},
           {"steal_s", snapshot.host.steal_s},
-          {"threads", threads}};
+          {"threads", snapshot.threads}};
 }
 
 Snapshot snapshot_from(const json& j) {
@@ -58,7 +24,7 @@ Snapshot snapshot_from(const json& j) {
   j.at("t_ns").get_to(snapshot.t_ns);
   j.at("busy_s").get_to(snapshot.host.busy_s);
   j.at("steal_s").get_to(snapshot.host.steal_s);
-  for (const json& thread : j.at("threads")) snapshot.threads.push_back(thread_from(thread));
+  j.at("threads").get_to(snapshot.threads);
   return snapshot;
 }
 
@@ -120,14 +86,11 @@ Load load_between(const Snapshot& begin, const Snapshot& end) {
     const ThreadUsage& was = before == begin.threads.end() ? zero : *before;
     ThreadLoad thread{now, 0};
     ThreadUsage& who = thread.who;
-    who.user_s = grown(was.user_s, now.user_s);
-    who.system_s = grown(was.system_s, now.system_s);
-    who.cpu_s = grown(was.cpu_s, now.cpu_s);
-    who.waited_s = grown(was.waited_s, now.waited_s);
-    who.voluntary = grown(was.voluntary, now.voluntary);
-    who.involuntary = grown(was.involuntary, now.involuntary);
-    who.minor_faults = grown(was.minor_faults, now.minor_faults);
-    who.major_faults = grown(was.major_faults, now.major_faults);
+    for (const auto time : {&ThreadUsage::user_s, &ThreadUsage::system_s, &ThreadUsage::cpu_s, &ThreadUsage::waited_s})
+      who.*time = grown(was.*time, now.*time);
+    for (const auto count :
+         {&ThreadUsage::voluntary, &ThreadUsage::involuntary, &ThreadUsage::minor_faults, &ThreadUsage::major_faults})
+      who.*count = grown(was.*count, now.*count);
     thread.cpu_percent = 100 * who.cpu_s / load.seconds;
     load.programs[now.program.substr(0, now.program.find('/'))] += thread.cpu_percent;
     load.threads.push_back(std::move(thread));

@@ -9,11 +9,11 @@
 #include <cstring>
 #include <filesystem>
 
-#include "chaincode/network/commands.hpp"
+#include "chaincode/network/processes/processes.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -131,7 +131,7 @@ Result<Revoking> revoking_certificate(const std::string& pem) {
                   {"revoke", "--revoke.serial", number->serial, "--revoke.aki", number->authority_key}};
 }
 
-Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
+Result<crypto::KeyAndCertificate> read_enrolled(const fs::path& home) {
   std::error_code error;
   fs::path key;
   for (const auto& entry : fs::directory_iterator(home / "msp" / "keystore", error)) {
@@ -145,6 +145,10 @@ Result<crypto::KeyAndCertificate> take_enrolled(const fs::path& home) {
 }
 
 }  // namespace
+
+Authorities authorities(const Options& options, const ListenAddresses& places) {
+  return {options.dir, options.tools, places.authorities};
+}
 
 bool has_authorities(const std::string& dir) { return fs::exists(fs::path(dir) / "ca"); }
 std::string authority_name(int organisation) { return fmt::format("ca{}", organisation); }
@@ -206,7 +210,7 @@ Result<std::vector<identities::IssuedCertificates>> issue_by_authorities(
     if (!ca) return ca.error();
     all[k].ca.certificate_pem = all[k].tls_ca.certificate_pem = *ca;
     for (std::size_t i = 0; i < wanted[k].size(); ++i) {
-      auto taken = take_enrolled(issuing_dir(authorities, k) / std::to_string(i));
+      auto taken = read_enrolled(issuing_dir(authorities, k) / std::to_string(i));
       if (!taken) return taken.error();
       all[k].members.push_back(std::move(*taken));
     }
@@ -238,4 +242,4 @@ Result<std::string> revoke_at_authority(const Authorities& authorities, int orga
              : ran.error();
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -1,4 +1,4 @@
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -10,8 +10,8 @@
 #include <random>
 #include <thread>
 
-#include "chaincode/network/commands.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
+#include "chaincode/network/processes/processes.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 #include "common/common.pb.h"
@@ -20,7 +20,7 @@
 #include "common/rt/retry/back_off.hpp"
 #include "msp/msp_config.pb.h"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -302,4 +302,4 @@ Status publish_list(const Options& options, const ListenAddresses& places, int o
   return done;
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -1,11 +1,11 @@
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <fmt/format.h>
 
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/lifecycle/lifecycle.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using identities::domain_of;
@@ -51,10 +51,6 @@ std::string policies(int indent, const std::string& writers,
 std::string tls_file(const std::filesystem::path& member, const char* name) { return member / "tls" / name; }
 
 }  // namespace
-
-Authorities authorities(const Options& options, const ListenAddresses& places) {
-  return {options.dir, options.tools, places.authorities};
-}
 
 std::string configtx_yaml(const Options& options, const ListenAddresses& places) {
   std::string organisations, members, endpoints, consenters;
@@ -225,4 +221,4 @@ printf '%s\n' "$connection" > "$2/chaincode/server/connection.json"
 )sh";
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -12,7 +12,7 @@
 
 #include "chaincode/network/options.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 constexpr std::size_t max_bytes = 4 << 20;
@@ -97,4 +97,4 @@ std::vector<std::string> OrdererWatch::update(TimeNs now, const std::vector<Proc
   return hang;
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

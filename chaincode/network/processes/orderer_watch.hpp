@@ -10,7 +10,7 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// What an orderer's metrics say of its part in a channel's Raft.
 struct RaftSign {
@@ -67,4 +67,4 @@ class OrdererWatch {
   TimeNs next_look_ = 0;
 };
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

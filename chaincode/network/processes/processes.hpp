@@ -7,7 +7,7 @@
 #include "common/process/children.hpp"
 #include "common/process/restarts.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// The processes of a network, and the commands that set it up. While it is being set up a process that ends is an
 /// error; from supervise() on it is started again, as Restarts decides. One thread, which must outlive all
@@ -22,7 +22,7 @@ class Processes {
                std::vector<std::string> environment, Scheduling scheduling = Scheduling::inherited);
   void supervise() { supervising_ = true; }
   /// Looks after them for so long. An error, with the last lines of its log: one has ended, and is not started again.
-  Status tend(TimeNs duration);
+  Status poll(TimeNs duration);
   /// Ends one that hangs; it starts again as any that ended.
   void kill(const std::string& name);
   /// Ends all, the last one started first. False: one of them had to be killed.
@@ -65,4 +65,20 @@ class Processes {
   Children children_;
 };
 
-}  // namespace ledgerline::fabric_network
+/// A program that is run to its end.
+struct Command {
+  std::string what;  ///< for errors: "enrolling peer0.org1.ledgerline"
+  std::vector<std::string> words;
+  std::vector<std::string> environment =
+      {};  ///< "NAME=value"; the place for secrets: the words of a process are public
+};
+
+/// Runs the commands of each lane one after the other, the lanes side by side. What each lane printed last, by lane;
+/// the first failure ends all, with the last lines of its lane's log (`log_stem`-N.log). Each command has a minute.
+/// Must be called on the thread that outlives all others (Children).
+Result<std::vector<std::string>> run_lanes(const std::vector<std::vector<Command>>& lanes, const std::string& log_stem);
+
+/// One command: what it printed.
+Result<std::string> run_command(const Command& command, const std::string& log);
+
+}  // namespace ledgerline::network

@@ -7,12 +7,12 @@
 
 #include "chaincode/identities/identities.hpp"
 #include "chaincode/lifecycle/lifecycle.hpp"
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/contract.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -66,7 +66,7 @@ Status Deployment::start_services() {
   const TimeNs until = monotonic_ns() + starting_limit_ns;
   for (const int k : site_.own_organisations()) {
     while (!site_.processes().has_printed(fmt::format("chaincode{}", k), "\"ready\":true")) {
-      if (Status s = site_.tend(10 * ns_per_ms); !s) return s;
+      if (Status s = site_.poll(10 * ns_per_ms); !s) return s;
       if (monotonic_ns() > until) return Error{fmt::format("chaincode{} is not ready", k)};
     }
   }
@@ -77,8 +77,8 @@ Status Deployment::install() {
   return site_.once("installed", [&]() -> Status {
     for (const int k : site_.own_organisations()) {
       const std::string package = site_.in(fmt::format("package{}/ledgerline.tgz", k));
-      if (Status s = site_.ask_peer(fmt::format("installing the contract on peer {}", k), k,
-                                    {"lifecycle", "chaincode", "install", package}, "already successfully installed");
+      if (Status s = site_.call_peer(fmt::format("installing the contract on peer {}", k), k,
+                                     {"lifecycle", "chaincode", "install", package}, "already successfully installed");
           !s) {
         return s;
       }
@@ -102,11 +102,11 @@ std::vector<std::string> Deployment::lifecycle(const std::string& verb, const st
 }
 
 Status Deployment::approve(const std::string& channel, int organisation, int sequence) {
-  return site_.ask_peer(fmt::format("organisation {} approving the contract on channel {}", organisation, channel),
-                        organisation,
-                        lifecycle("approveformyorg", channel, sequence,
-                                  {"--package-id", package_ids_[organisation], "--waitForEventTimeout", "10s"}),
-                        "unchanged content");
+  return site_.call_peer(fmt::format("organisation {} approving the contract on channel {}", organisation, channel),
+                         organisation,
+                         lifecycle("approveformyorg", channel, sequence,
+                                   {"--package-id", package_ids_[organisation], "--waitForEventTimeout", "10s"}),
+                         "unchanged content");
 }
 
 Status Deployment::commit(const std::string& channel, int sequence) {
@@ -115,8 +115,8 @@ Status Deployment::commit(const std::string& channel, int sequence) {
     words.insert(words.end(), {"--peerAddresses", site_.places().peer(k), "--tlsRootCertFiles",
                                identities::peer_dir(site_.options().dir, k) / "tls" / "ca.crt"});
   }
-  return site_.ask_peer("committing the contract on channel " + channel, 1, words,
-                        fmt::format("new definition must be sequence {}", sequence + 1));
+  return site_.call_peer("committing the contract on channel " + channel, 1, words,
+                         fmt::format("new definition must be sequence {}", sequence + 1));
 }
 
 Result<Deployment::Definition> Deployment::definition_on(const std::string& channel) {
@@ -130,7 +130,7 @@ Result<Deployment::Definition> Deployment::definition_on(const std::string& chan
   };
   auto printed = ask();
   for (const TimeNs until = monotonic_ns() + site_.timeout(); !printed && monotonic_ns() < until; printed = ask()) {
-    if (Status s = site_.tend(ns_per_s / 10); !s) return s.error();
+    if (Status s = site_.poll(ns_per_s / 10); !s) return s.error();
   }
   if (!printed) return printed.error();
   const auto said = nlohmann::json::parse(*printed, nullptr, false);
@@ -182,7 +182,7 @@ Status Deployment::wait_for_definition() {
                            " has the contract of before yet: the host of organisation 1 commits it"}
                    : now.error();
       }
-      if (Status s = site_.tend(ns_per_s / 10); !s) return s;
+      if (Status s = site_.poll(ns_per_s / 10); !s) return s;
     }
   }
   return done;
@@ -192,8 +192,8 @@ Status Deployment::wait_for_contract() {
   for (const std::string& channel : site_.options().channels) {
     for (const int k : site_.own_organisations()) {
       if (Status s =
-              site_.ask_peer(fmt::format("peer {} answering for the contract on channel {}", k, channel), k,
-                             {"chaincode", "query", "-C", channel, "-n", "ledgerline", "-c", R"({"Args":["get"]})"});
+              site_.call_peer(fmt::format("peer {} answering for the contract on channel {}", k, channel), k,
+                              {"chaincode", "query", "-C", channel, "-n", "ledgerline", "-c", R"({"Args":["get"]})"});
           !s) {
         return s;
       }
@@ -229,7 +229,7 @@ Status Deployment::wait_for_endorser(fabric::Client& client, int k, std::optiona
                    other ? fmt::format("peer {}", *other) : "a majority", found.error().message);
       return done;
     }
-    if (Status s = site_.tend(ns_per_s / 10); !s) return s;
+    if (Status s = site_.poll(ns_per_s / 10); !s) return s;
   }
 }
 
@@ -259,8 +259,8 @@ Status Deployment::call_until(fabric::Client& client, const FirstCall& call, Tim
     const auto outcome = client.submit_and_wait({call.function, {call.argument}});
     if (outcome.kind == fabric::Outcome::Kind::committed) return done;
     if (monotonic_ns() > until) return Error{fmt::format("the first {}: {}", call.function, outcome.message)};
-    if (Status s = site_.tend(ns_per_s / 2); !s) return s;
+    if (Status s = site_.poll(ns_per_s / 2); !s) return s;
   }
 }
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

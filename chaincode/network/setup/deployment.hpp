@@ -9,7 +9,7 @@
 #include "common/base/result.hpp"
 #include "common/fabric/client/client.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// Brings the contract onto a network whose peers have joined their channels: packages, the chaincode services, and
 /// Fabric's lifecycle (install, approve, commit), each step once for a directory; a network that has the contract of an
@@ -56,4 +56,4 @@ class Deployment {
   std::map<int, std::string> package_ids_;
 };
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

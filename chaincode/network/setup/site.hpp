@@ -11,7 +11,7 @@
 #include "common/base/result.hpp"
 #include "common/fabric/client/client.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// Limit for a process of this host to start and to answer.
 inline constexpr TimeNs starting_limit_ns = 20 * ns_per_s;
@@ -44,7 +44,7 @@ class Site {
   const Processes& processes() const { return *processes_; }
   /// Looks after the processes for so long: an orderer that hangs at its start is ended, and what ended is started
   /// again once they are supervised. An error: one ended too often.
-  Status tend(TimeNs duration);
+  Status poll(TimeNs duration);
   /// Ends all processes. False: one of them had to be killed.
   bool stop() { return !processes_ || processes_->stop(); }
   /// What one of this host's orderers says of itself; empty: it does not listen yet.
@@ -55,8 +55,8 @@ class Site {
   Status run_until_good(const std::string& what, const std::vector<std::string>& command,
                         const std::vector<std::string>& environment, const std::string& good_too = {});
   /// The peer's command with these words, as the administrator of its organisation, until it succeeds.
-  Status ask_peer(const std::string& what, int organisation, std::vector<std::string> words,
-                  const std::string& good_too = {});
+  Status call_peer(const std::string& what, int organisation, std::vector<std::string> words,
+                   const std::string& good_too = {});
   /// A client of this organisation's administrator.
   Result<std::unique_ptr<fabric::Client>> connect(int organisation, const std::string& channel) const;
 
@@ -67,4 +67,25 @@ class Site {
   OrdererWatch watch_;
 };
 
-}  // namespace ledgerline::fabric_network
+/// Identities of all members, made here or by fabric-ca's servers, which are then among the site's processes; and the
+/// scripts with which peers build chaincode packages. What the directory has stays.
+Status make_crypto_material(Site& site);
+
+// The network's channels, each step once: what a directory has done already is not done again.
+
+/// configtx.yaml and each channel's first block.
+Status make_first_blocks(Site& site);
+/// This host's orderers and peers, which run, join all channels.
+Status join_orderers(Site& site);
+Status join_peers(Site& site);
+/// Until an orderer leads each channel: after a restart peers answer before the orderers have elected. Where other
+/// hosts run orderers too, the leader may be theirs, and cannot be seen from here.
+Status wait_for_leader(Site& site);
+
+struct Counts {
+  std::uint64_t blocks = 0, transactions = 0;
+};
+/// What a peer of this host has committed on all channels, the config block and the deployment among it.
+Result<Counts> count_blocks(Site& site);
+
+}  // namespace ledgerline::network

@@ -24,7 +24,7 @@
 
 namespace ledgerline::hil {
 
-/// Two-way delays that are injected so that what is measured has a published box (tools/report/published.hpp), with a
+/// Two-way delays that are injected so that what is measured has a published box (tools/report/results.hpp), with a
 /// few of 100 beyond its upper whisker: quantiles, seconds, straight in between. They are not the box itself, since
 /// blocks keep their order: what is slow holds up what follows, and the newest of those that come together is answered.
 /// Found by flying; a test compares boxes.

@@ -11,7 +11,7 @@
 #include "tests/fuzz/entry.hpp"
 #include "tools/launcher/live.hpp"
 #include "tools/report/results.hpp"
-#include "tools/timing/show.hpp"
+#include "tools/timing/metrics.hpp"
 
 /// What programs leave behind or say while they run, as the launcher and the report read it.
 namespace ledgerline::fuzz::report_part {
@@ -81,8 +81,8 @@ class RunEntry final : public Entry {
   Directory directory_;
   std::string file_;
   std::vector<std::string> seeds_;
-  fly::RunFiles files_;
-  fly::RunRecord run_;
+  launcher::RunFiles files_;
+  launcher::RunRecord run_;
   int read_ = 0;
 };
 
@@ -122,15 +122,15 @@ class WalksEntry final : public Entry {
     write(path, bytes);
     const auto records = read_trace(path);
     if (!records) return refused(records.error().message);
-    timing::Walks open;
+    timing::SampleTraces open;
     for (const auto writer : {timing::Writer::link, timing::Writer::agent, timing::Writer::ground})
       open.add(writer, *records);
-    const auto walks = open.take();
+    const auto traces = open.pop();
     if (++read_ % 8 != 0) return accepted();  // showing costs far more than reading
     std::ostringstream events;
-    (void)timing::write_perfetto(events, walks, *records);
-    const auto figures = timing::make_figures(walks, *records);
-    return timing::to_table(figures, 3).empty() || !nlohmann::json::accept(events.str()) ? refused("") : accepted();
+    (void)timing::write_perfetto(events, traces, *records);
+    const auto metrics = timing::make_metrics(traces, *records);
+    return timing::to_table(metrics, 3).empty() || !nlohmann::json::accept(events.str()) ? refused("") : accepted();
   }
 
  private:
@@ -162,7 +162,7 @@ class LiveEntry final : public Entry {
         R"({"ready":true,"endpoint":"127.0.0.1:7051"})"};
   }
   Outcome feed(std::string_view bytes) override {
-    const bool taken = live_.take(std::string(bytes));
+    const bool taken = live_.on_status(std::string(bytes));
     for (const std::string& line : live_.lines(ns_per_s)) {
       if (line.size() > 100'000) return refused("");
     }
@@ -171,11 +171,11 @@ class LiveEntry final : public Entry {
   }
 
  private:
-  fly::Live live_{{"tello1", "tello2"}, false, 0};
+  launcher::Live live_{{"tello1", "tello2"}, false, 0};
 };
 
 const Registration trace({"report.trace", Kind::bytes, [] { return std::make_unique<TraceEntry>(); }});
-const Registration walks({"timing.walks", Kind::bytes, [] { return std::make_unique<WalksEntry>(); }, 0.02});
+const Registration traces({"timing.walks", Kind::bytes, [] { return std::make_unique<WalksEntry>(); }, 0.02});
 const Registration usage({"timing.usage", Kind::json, [] { return std::make_unique<UsageEntry>(); }});
 const Registration live({"fly.status_line", Kind::json, [] { return std::make_unique<LiveEntry>(); }});
 

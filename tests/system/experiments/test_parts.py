@@ -149,7 +149,7 @@ def test_what_is_missing_is_no_verdict():
 
 
 def test_published_figures_are_the_same_as_those_of_a_flight():
-    text = (ROOT / "tools/report/published.hpp").read_text()
+    text = (ROOT / "tools/report/results.hpp").read_text()
     there = {name: tuple(map(float, values)) for name, *values in
              re.findall(r'PublishedBox\{"([^"]+)", ([.\d]+), ([.\d]+), ([.\d]+), ([.\d]+), ([.\d]+)\}', text)}
     boxes = {"3 drones" if name == "three" else name: tuple(box[key] for key in ("low", "q1", "median", "q3", "high"))

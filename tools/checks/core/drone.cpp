@@ -23,61 +23,62 @@ constexpr double good_pose_hz = 30;
 // The stamps that agent accepts (mocap_clock.hpp).
 constexpr double max_ahead_ms = 20, max_behind_ms = 1000;
 
-std::optional<Finding> assess_temperature(const DroneFacts& drone) {
+std::optional<Finding> assess_temperature(const DroneInputs& drone) {
   if (!drone.temperature_c) return std::nullopt;  // not every firmware says it
   const std::string degrees = fmt::format("{:.0f} degrees", *drone.temperature_c);
-  return *drone.temperature_c > link::HeatWatch::warm_c ? found(Problem::drone_hot, "temperature", degrees)
+  return *drone.temperature_c > link::HeatWatch::warm_c ? flag(Problem::drone_hot, "temperature", degrees)
                                                         : fine("temperature", degrees);
 }
 
-Finding assess_mocap(const FlightFacts& facts, const DroneFacts& drone) {
+Finding assess_mocap(const FlightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
-  const std::string from = facts.pose_topic.empty() ? facts.pose_source : pose_topic_of(facts.pose_topic, drone.name);
-  const double limit_ms = to_ms(facts.link.failsafe.pose_lost_ns);
-  if (!drone.pose) return found(Problem::pose_silent, check, "none has come from " + from);
-  const PoseFacts& pose = *drone.pose;
+  const std::string from =
+      inputs.pose_topic.empty() ? inputs.pose_source : pose_topic_of(inputs.pose_topic, drone.name);
+  const double limit_ms = to_ms(inputs.link.failsafe.pose_lost_ns);
+  if (!drone.pose) return flag(Problem::pose_silent, check, "none has come from " + from);
+  const PoseInputs& pose = *drone.pose;
   std::string what = fmt::format("{}, {:.0f} ms old: {:.2f}, {:.2f}, {:.2f} m", from, pose.age_ms, pose.position_m[0],
                                  pose.position_m[1], pose.position_m[2]);
   if (!pose.frame.empty()) what += fmt::format(" in \"{}\"", pose.frame);
   if (pose.rate_hz) what += fmt::format(", {:.0f} a second", *pose.rate_hz);
   if (pose.age_ms > limit_ms || drone.refusal == "pose_lost")
-    return found(Problem::pose_old, check, fmt::format("{}; link takes none older than {:.0f} ms", what, limit_ms));
+    return flag(Problem::pose_old, check, fmt::format("{}; link takes none older than {:.0f} ms", what, limit_ms));
   if (pose.rate_hz && *pose.rate_hz * limit_ms < poses_in_time * 1000)
-    return as_broken(found(Problem::pose_rare, check, what + ": one that is lost would stop the flight"));
-  return pose.rate_hz && *pose.rate_hz < good_pose_hz ? found(Problem::pose_rare, check, what) : fine(check, what);
+    return as_broken(flag(Problem::pose_rare, check, what + ": one that is lost would stop the flight"));
+  return pose.rate_hz && *pose.rate_hz < good_pose_hz ? flag(Problem::pose_rare, check, what) : fine(check, what);
 }
 
-Finding assess_odometry(const FlightFacts& facts, const DroneFacts& drone) {
+Finding assess_odometry(const FlightInputs& inputs, const DroneInputs& drone) {
   constexpr const char* check = "pose";
-  const std::string by = fmt::format("by onboard odometry ({})", facts.pose_source);
+  const std::string by = fmt::format("by onboard odometry ({})", inputs.pose_source);
   if (!drone.has_velocity || drone.refusal == "velocity_lost" || drone.refusal == "height_lost")
-    return found(Problem::velocity_missing, check, by + ": none that link accepts");
-  if (drone.refusal == "position_uncertain") return found(Problem::position_uncertain, check, by);
+    return flag(Problem::velocity_missing, check, by + ": none that link accepts");
+  if (drone.refusal == "position_uncertain") return flag(Problem::position_uncertain, check, by);
   if (!drone.pose) return fine(check, by);
   const auto& at_m = drone.pose->position_m;
   return fine(check, fmt::format("{}: {:.2f}, {:.2f}, {:.2f} m", by, at_m[0], at_m[1], at_m[2]));
 }
 
-Findings assess_pose(const FlightFacts& facts, const DroneFacts& drone) {
-  if (facts.pose_source == "none") return {fine("pose", "none: it is flown by hand")};
-  const auto source = from_name<link::PoseSource>(facts.pose_source);
-  if (!source || !link::uses_mocap(*source)) return {assess_odometry(facts, drone)};
+Findings assess_pose(const FlightInputs& inputs, const DroneInputs& drone) {
+  if (inputs.pose_source == "none") return {fine("pose", "none: it is flown by hand")};
+  const auto source = from_name<link::PoseSource>(inputs.pose_source);
+  if (!source || !link::uses_mocap(*source)) return {assess_odometry(inputs, drone)};
   Findings out;
   // By onboard odometry it may have landed, and no pose has come since.
   if (drone.refusal == "velocity_lost" || drone.refusal == "height_lost" || drone.refusal == "position_uncertain")
-    out.push_back(found(Problem::pose_of_odometry, "pose", drone.refusal));
+    out.push_back(flag(Problem::pose_of_odometry, "pose", drone.refusal));
   else
-    out.push_back(assess_mocap(facts, drone));
+    out.push_back(assess_mocap(inputs, drone));
   if (link::uses_odometry(*source) && !drone.has_velocity)
-    out.push_back(found(Problem::velocity_no_reserve, "senses", "by its state text"));
+    out.push_back(flag(Problem::velocity_no_reserve, "senses", "by its state text"));
   return out;
 }
 
 // What other lines do not report of a refusal of link's.
-std::optional<Finding> assess_refusal(const DroneFacts& drone) {
+std::optional<Finding> assess_refusal(const DroneInputs& drone) {
   constexpr const char* check = "link";
   if (!drone.phase.empty())
-    return found(Problem::not_on_ground, check, drone.phase, cure_of(Problem::not_on_ground, "ADDRESS", drone.address));
+    return flag(Problem::not_on_ground, check, drone.phase, cure_of(Problem::not_on_ground, "ADDRESS", drone.address));
   struct Cure {
     const char *cause, *cure;
   };
@@ -98,20 +99,20 @@ std::optional<Finding> assess_refusal(const DroneFacts& drone) {
     if (drone.refusal == elsewhere) return std::nullopt;
   const auto* known =
       std::find_if(std::begin(cures), std::end(cures), [&](const Cure& one) { return drone.refusal == one.cause; });
-  return found(Problem::takeoff_refused, check, drone.refusal, known != std::end(cures) ? known->cure : "");
+  return flag(Problem::takeoff_refused, check, drone.refusal, known != std::end(cures) ? known->cure : "");
 }
 
-Findings assess(const FlightFacts& facts, const DroneFacts& drone) {
+Findings assess(const FlightInputs& inputs, const DroneInputs& drone) {
   Findings out{assess_presence(drone)};
   const auto add_one = [&](std::optional<Finding> one) {
     if (one) out.push_back(std::move(*one));
   };
   if (drone.there) {
-    const auto least = static_cast<double>(facts.link.failsafe.battery_low);
+    const auto least = static_cast<double>(inputs.link.failsafe.battery_low);
     out.push_back(assess_battery(drone, least));
     add_one(assess_temperature(drone));
     add_one(assess_state(drone, "0.0.0.0:8890"));
-    add(out, assess_pose(facts, drone));
+    add(out, assess_pose(inputs, drone));
     add_one(assess_refusal(drone));
   }
   if (drone.lease) add(out, assess(*drone.lease));
@@ -126,29 +127,29 @@ bool is_outside(const link::FenceSettings& fence, const std::array<double, 3>& a
            at_m[1] <= fence.max_m[1]);
 }
 
-Finding assess_fence(const FlightFacts& facts) {
+Finding assess_fence(const FlightInputs& inputs) {
   constexpr const char* check = "fence";
-  const link::FenceSettings& f = facts.link.fence;
+  const link::FenceSettings& f = inputs.link.fence;
   const std::string box = fmt::format("x {:g} to {:g}, y {:g} to {:g}, z {:g} to {:g} m", f.min_m[0], f.max_m[0],
                                       f.min_m[1], f.max_m[1], f.min_m[2], f.max_m[2]);
-  for (const DroneFacts& drone : facts.drones) {
+  for (const DroneInputs& drone : inputs.drones) {
     if (!drone.there || !drone.pose || !is_outside(f, drone.pose->position_m)) continue;
     const auto& at_m = drone.pose->position_m;
-    return found(Problem::outside_fence, check,
-                 fmt::format("{}: {} at {:.2f}, {:.2f} m", box, drone.name, at_m[0], at_m[1]));
+    return flag(Problem::outside_fence, check,
+                fmt::format("{}: {} at {:.2f}, {:.2f} m", box, drone.name, at_m[0], at_m[1]));
   }
-  if (!facts.path) return found(Problem::path_beyond_fence, check, facts.path.error().message);
-  return fine(check, box + (facts.pose_source == "none" ? ": of these the ceiling alone holds" : ""));
+  if (!inputs.path) return flag(Problem::path_beyond_fence, check, inputs.path.error().message);
+  return fine(check, box + (inputs.pose_source == "none" ? ": of these the ceiling alone holds" : ""));
 }
 
 // Of several drones: only in one frame do a fence and distances mean anything.
-std::optional<Finding> assess_frames(const FlightFacts& facts) {
+std::optional<Finding> assess_frames(const FlightInputs& inputs) {
   constexpr const char* check = "frame";
-  const DroneFacts* first = nullptr;
-  for (const DroneFacts& drone : facts.drones) {
+  const DroneInputs* first = nullptr;
+  for (const DroneInputs& drone : inputs.drones) {
     if (!drone.pose || drone.pose->frame.empty()) continue;
     if (first && drone.pose->frame != first->pose->frame)
-      return found(
+      return flag(
           Problem::frames_differ, check,
           fmt::format("{} is in \"{}\", {} in \"{}\"", first->name, first->pose->frame, drone.name, drone.pose->frame));
     if (!first) first = &drone;
@@ -157,68 +158,68 @@ std::optional<Finding> assess_frames(const FlightFacts& facts) {
   return fine(check, fmt::format("\"{}\", taken as map: x east, y north, z up", first->pose->frame));
 }
 
-Finding assess_clocks(const FlightFacts& facts) {
-  for (const DroneFacts& drone : facts.drones) {
-    if (!facts.stamps_count || !drone.pose || !drone.pose->delay_ms) continue;
+Finding assess_clocks(const FlightInputs& inputs) {
+  for (const DroneInputs& drone : inputs.drones) {
+    if (!inputs.stamps_count || !drone.pose || !drone.pose->delay_ms) continue;
     const double delay_ms = *drone.pose->delay_ms;
     if (delay_ms < -max_ahead_ms || delay_ms > max_behind_ms)
-      return found(
+      return flag(
           Problem::clock_of_poses, "clock",
           fmt::format("{}'s are {:.0f} ms {}", drone.name, std::abs(delay_ms), delay_ms < 0 ? "ahead" : "behind"));
   }
-  return assess(facts.clock);
+  return assess(inputs.clock);
 }
 
-Finding assess(const LedgerFacts& ledger) {
-  if (ledger.state == LedgerFacts::State::failed) return found(Problem::records_unread, "ledger", ledger.what);
-  const bool starts = ledger.state == LedgerFacts::State::starts;
+Finding assess(const LedgerInputs& ledger) {
+  if (ledger.state == LedgerInputs::State::failed) return flag(Problem::records_unread, "ledger", ledger.what);
+  const bool starts = ledger.state == LedgerInputs::State::starts;
   return fine("ledger", ledger.what + (starts ? ": the flight starts it" : ": reached"));
 }
 
 }  // namespace
 
-Finding assess_presence(const DroneFacts& drone) {
+Finding assess_presence(const DroneInputs& drone) {
   constexpr const char* check = "drone";
   const std::string where = drone.interface.empty() ? drone.address : drone.address + " behind " + drone.interface;
   if (!drone.there)
-    return found(Problem::drone_silent, check, where,
-                 cure_of(Problem::drone_silent, "ADDRESS",
-                         drone.address + (drone.interface.empty() ? "" : " --interface " + drone.interface)));
+    return flag(Problem::drone_silent, check, where,
+                cure_of(Problem::drone_silent, "ADDRESS",
+                        drone.address + (drone.interface.empty() ? "" : " --interface " + drone.interface)));
   if (!drone.wanted_serial.empty() && !drone.serial.empty() && drone.serial != drone.wanted_serial)
-    return found(Problem::drone_other, check,
-                 fmt::format("{} says serial {}, not {}", where, drone.serial, drone.wanted_serial));
+    return flag(Problem::drone_other, check,
+                fmt::format("{} says serial {}, not {}", where, drone.serial, drone.wanted_serial));
   return fine(check, where);
 }
 
-Finding assess_battery(const DroneFacts& drone, double battery_low) {
+Finding assess_battery(const DroneInputs& drone, double battery_low) {
   constexpr const char* check = "battery";
   if (!drone.battery)
-    return found(Problem::battery_unknown, check, drone.address,
-                 cure_of(Problem::battery_unknown, "ADDRESS", drone.address));
+    return flag(Problem::battery_unknown, check, drone.address,
+                cure_of(Problem::battery_unknown, "ADDRESS", drone.address));
   const std::string share = fmt::format("{:.0f} %", 100 * *drone.battery);
   if (drone.refusal == "battery_low" || *drone.battery <= battery_low)
-    return found(Problem::battery_low, check, fmt::format("{}; battery_low is {:.0f} %", share, 100 * battery_low));
-  return *drone.battery < good_battery ? found(Problem::battery_short, check, share) : fine(check, share);
+    return flag(Problem::battery_low, check, fmt::format("{}; battery_low is {:.0f} %", share, 100 * battery_low));
+  return *drone.battery < good_battery ? flag(Problem::battery_short, check, share) : fine(check, share);
 }
 
-std::optional<Finding> assess_state(const DroneFacts& drone, const std::string& listen) {
+std::optional<Finding> assess_state(const DroneInputs& drone, const std::string& listen) {
   constexpr const char* check = "state";
   if (!drone.state_hz) return std::nullopt;
   if (*drone.state_hz == 0)
-    return found(Problem::state_silent, check, "none at " + listen,
-                 cure_of(Problem::state_silent, "8890", listen.substr(listen.rfind(':') + 1)));
+    return flag(Problem::state_silent, check, "none at " + listen,
+                cure_of(Problem::state_silent, "8890", listen.substr(listen.rfind(':') + 1)));
   const std::string rate = fmt::format("{:.1f} state texts a second", *drone.state_hz);
-  if (*drone.state_hz < least_state_hz) return as_broken(found(Problem::state_rare, check, rate));
-  return *drone.state_hz < good_state_hz ? found(Problem::state_rare, check, rate) : fine(check, rate);
+  if (*drone.state_hz < least_state_hz) return as_broken(flag(Problem::state_rare, check, rate));
+  return *drone.state_hz < good_state_hz ? flag(Problem::state_rare, check, rate) : fine(check, rate);
 }
 
-Findings assess(const FlightFacts& facts) {
+Findings assess(const FlightInputs& inputs) {
   Findings all;
-  for (const DroneFacts& drone : facts.drones) add(all, assess(facts, drone));
-  if (auto frames = assess_frames(facts)) all.push_back(std::move(*frames));
-  all.push_back(assess_fence(facts));
-  all.push_back(assess_clocks(facts));
-  all.push_back(assess(facts.ledger));
+  for (const DroneInputs& drone : inputs.drones) add(all, assess(inputs, drone));
+  if (auto frames = assess_frames(inputs)) all.push_back(std::move(*frames));
+  all.push_back(assess_fence(inputs));
+  all.push_back(assess_clocks(inputs));
+  all.push_back(assess(inputs.ledger));
   return all;
 }
 

@@ -13,7 +13,7 @@
 namespace ledgerline::checks {
 
 /// Where a drone is. Without motion capture: as link estimates it by onboard odometry.
-struct PoseFacts {
+struct PoseInputs {
   double age_ms = 0;                 ///< of the newest, by its stamp on this computer's clock
   std::optional<double> rate_hz{};   ///< none: nobody counted
   std::optional<double> delay_ms{};  ///< the least from stamp to arrival; < 0: stamps of the future. None: not measured
@@ -21,7 +21,7 @@ struct PoseFacts {
   std::array<double, 3> position_m{};
 };
 
-struct DroneFacts {
+struct DroneInputs {
   std::string name, address;
   std::string interface {};               ///< that it is behind; empty: the routing table says
   bool there = false;                     ///< it answers
@@ -30,38 +30,38 @@ struct DroneFacts {
   std::optional<double> temperature_c{};  ///< the hotter one that it reports; none: not reported
   std::optional<double> state_hz{};       ///< of its state text; none: nobody counted
   bool has_velocity = true;               ///< in its state text: what it flies by without motion capture
-  std::optional<PoseFacts> pose{};        ///< none: none has come
+  std::optional<PoseInputs> pose{};       ///< none: none has come
   std::string refusal{};                  ///< what link has against a take-off: a FailsafeCause's name; empty: nothing
-  std::string phase{};                ///< that link sees, where it is not on the ground; empty: it is, or nobody looked
-  std::optional<LeaseFacts> lease{};  ///< none: nobody looked
+  std::string phase{};  ///< that link sees, where it is not on the ground; empty: it is, or nobody looked
+  std::optional<LeaseInputs> lease{};  ///< none: nobody looked
 };
 
-Finding assess_presence(const DroneFacts& drone);
+Finding assess_presence(const DroneInputs& drone);
 /// `battery_low`: 0..1, up to which link does not take off.
-Finding assess_battery(const DroneFacts& drone, double battery_low);
+Finding assess_battery(const DroneInputs& drone, double battery_low);
 /// `listen`: ADDRESS:PORT, where its state texts arrive. None: nobody counted them.
-std::optional<Finding> assess_state(const DroneFacts& drone, const std::string& listen);
+std::optional<Finding> assess_state(const DroneInputs& drone, const std::string& listen);
 
-struct LedgerFacts {
+struct LedgerInputs {
   enum class State { starts, reached, failed };
   State state = State::starts;  ///< starts: the flight starts it on this computer
   std::string what{};           ///< which it is, or why it was not reached
 };
 
-struct FlightFacts {
-  std::vector<DroneFacts> drones;
+struct FlightInputs {
+  std::vector<DroneInputs> drones;
   link::LinkSettings link;   ///< fence and limits that drones fly with
   std::string pose_source;   ///< "mocap", or another one that link knows
   std::string pose_topic;    ///< of mocap, "{drone}" for the name
   bool stamps_count = true;  ///< of mocap: [pose] clock is not "arrival"
   bool enrols = true;        ///< the flight enrols drones that are not
   Status path = done;        ///< an error: where it leaves the fence
-  ClockFacts clock;
-  LedgerFacts ledger;
+  ClockInputs clock;
+  LedgerInputs ledger;
 };
 
-/// Before a take-off: each drone's lines in the order of the facts, then those of all. A drone that is not there has
+/// Before a take-off: each drone's lines in the order of the inputs, then those of all. A drone that is not there has
 /// nothing else to report than that, and its lease.
-Findings assess(const FlightFacts& facts);
+Findings assess(const FlightInputs& inputs);
 
 }  // namespace ledgerline::checks

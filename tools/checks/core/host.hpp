@@ -11,45 +11,45 @@
 namespace ledgerline::checks {
 
 /// A folder that a program writes to.
-struct DirectoryFacts {
+struct DirectoryInputs {
   std::string path;
   bool writable = false;
   std::optional<std::uint64_t> free_bytes{};
   bool read_only = false;  ///< its file system is
 };
-Findings assess(const DirectoryFacts& facts);
+Findings assess(const DirectoryInputs& inputs);
 
-struct ClockFacts {
+struct ClockInputs {
   bool known = false, synchronised = false;  ///< as the kernel says
   double max_error_ms = 0;
 };
-Finding assess(const ClockFacts& facts);
+Finding assess(const ClockInputs& inputs);
 
 /// Of this user: link's unit has capabilities of its own.
-struct RealTimeFacts {
+struct RealTimeInputs {
   bool wanted = true;  ///< [realtime] priority is not 0
   bool fifo = false, locked = false;
   std::string unit{};  ///< of link, which has the rights; empty: there is none
 };
-Findings assess(const RealTimeFacts& facts);
+Findings assess(const RealTimeInputs& inputs);
 
-struct SharedMemoryFacts {
+struct SharedMemoryInputs {
   enum class Roudi : std::uint8_t { none, left, alive, forbidden };
   Roudi roudi = Roudi::none;
   std::string program{};  ///< that has its socket; empty: that is not to be seen
   std::string no_room{};  ///< why RouDi would not start; empty: it has room
 };
-Findings assess(const SharedMemoryFacts& facts);
+Findings assess(const SharedMemoryInputs& inputs);
 
 /// A network interface by the name that `whose` config has for it.
-struct InterfaceFacts {
+struct InterfaceInputs {
   std::string name, whose;
   bool there = false, up = false, has_address = false;
 };
-Finding assess(const InterfaceFacts& facts);
+Finding assess(const InterfaceInputs& inputs);
 
 /// A UDP port that is to be free: where the drones' state texts arrive, or of a simulated drone.
-struct PortFacts {
+struct PortInputs {
   std::string listen;    ///< ADDRESS:PORT
   bool is_links = true;  ///< for state texts; false: of a simulated drone
   bool taken = false;
@@ -57,27 +57,27 @@ struct PortFacts {
   int pid = 0;
   std::string why{};  ///< it cannot be had, though nobody has it; empty: it can
 };
-Finding assess(const PortFacts& facts);
+Finding assess(const PortInputs& inputs);
 
 /// The drones' names in link.toml and in agent.toml.
 Finding assess_names(std::vector<std::string> of_link, std::vector<std::string> of_agent);
 
 /// The way to a drone.
-struct RouteFacts {
+struct RouteInputs {
   std::string drone, address, wanted;  ///< `wanted`: an interface's name; empty: any
   std::string over{};                  ///< the interface; empty: there is no way
   std::string why{};                   ///< there is none
 };
-Finding assess(const RouteFacts& facts);
+Finding assess(const RouteInputs& inputs);
 
 /// What came of motion capture for one drone while it was listened for.
-struct TopicFacts {
+struct TopicInputs {
   std::string drone, topic, type;  ///< as agent.toml has them; ROS's names
   int writers = 0;                 ///< of that topic and type, at the end
   unsigned poses = 0;              ///< of this drone
   double listened_s = 0;
   std::string why{};  ///< why nobody could listen; empty: somebody did
 };
-Finding assess(const TopicFacts& facts);
+Finding assess(const TopicInputs& inputs);
 
 }  // namespace ledgerline::checks

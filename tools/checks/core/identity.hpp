@@ -9,7 +9,7 @@
 /// Whether an identity is one that the ledger takes, and whom this host trusts. Pure.
 namespace ledgerline::checks {
 
-struct IdentityFacts {
+struct IdentityInputs {
   std::string msp_id, place;  ///< `place`: its folder, or its certificate's file
   std::string certificate_pem{};
   std::string no_certificate{};  ///< why it was not read
@@ -28,19 +28,19 @@ bool is_der(const std::string& bytes);
 std::string cure_of_der(const std::string& file);
 
 /// Of an organisation, by the channel's configuration or by the config's [[msp]].
-struct AuthorityFacts {
+struct AuthorityInputs {
   std::string msp_id;
   std::string pem;
 };
 
 /// `authorities`: of the organisation that the identity says, for whether they have issued it; empty: nobody knows.
-Findings assess(IdentityFacts facts, const std::vector<AuthorityFacts>& authorities, std::int64_t now_s);
+Findings assess(IdentityInputs inputs, const std::vector<AuthorityInputs>& authorities, std::int64_t now_s);
 
 /// The same of a pair that a program shows by TLS (tls_certificate, tls_key); whether a server takes it, that one says.
-Findings assess_tls_pair(const IdentityFacts& facts, const std::string& whose, std::int64_t now_s);
+Findings assess_tls_pair(const IdentityInputs& inputs, const std::string& whose, std::int64_t now_s);
 
 /// A config's [[msp]] against the organisations of the channel (empty: they are not known).
-struct TrustFacts {
+struct TrustInputs {
   std::string program;
   struct Msp {
     std::string id, file;
@@ -49,8 +49,8 @@ struct TrustFacts {
     std::string cure{};
   };
   std::vector<Msp> msps;
-  std::vector<AuthorityFacts> channel;
+  std::vector<AuthorityInputs> channel;
 };
-Findings assess(const TrustFacts& facts);
+Findings assess(const TrustInputs& inputs);
 
 }  // namespace ledgerline::checks

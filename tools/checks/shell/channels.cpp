@@ -1,4 +1,4 @@
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <fmt/format.h>
 
@@ -12,8 +12,8 @@ namespace {
 
 bool may_be_on_several(const ProgramConfig& one) { return one.program == "agent" || one.program == "ground"; }
 
-void keep_servers(const std::vector<fabric::Channels::For>& whose, const fabric::Channels::Table& channel,
-                  std::vector<ServerKeys>& servers) {
+void select_servers(const std::vector<fabric::Channels::For>& whose, const fabric::Channels::Table& channel,
+                    std::vector<ServerKeys>& servers) {
   std::vector<ServerKeys> kept;
   for (std::size_t i = 0; i < servers.size() && i < whose.size(); ++i) {
     if (fabric::is_for(whose[i], channel)) kept.push_back(servers[i]);
@@ -39,9 +39,9 @@ ProgramConfig on_channel(const ProgramConfig& one, const fabric::Channels& chann
     keys.peer.tls_certificate = table.tls_pair.certificate_file;
     keys.peer.tls_key = table.tls_pair.key_file;
   }
-  keep_servers(channels.orderers, table, keys.orderers);
-  keep_servers(channels.endorsers, table, keys.endorsers);
-  keep_servers(channels.peers, table, keys.peers);
+  select_servers(channels.orderers, table, keys.orderers);
+  select_servers(channels.endorsers, table, keys.endorsers);
+  select_servers(channels.peers, table, keys.peers);
   own.drones.clear();
   for (std::size_t i = 0; i < one.drones.size() && i < channels.of_drone.size(); ++i) {
     if (channels.of_drone[i] == index) own.drones.push_back(one.drones[i]);

@@ -13,7 +13,7 @@
 #include "common/dds/settings/reach.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/pose_messages.hpp"
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
 
 namespace ledgerline::checks {
@@ -132,7 +132,7 @@ std::vector<std::string> names_there(const std::string& dir, const ConfigKind& k
 /// What the program itself would say at its start, a line each.
 void read_as_program(const ProgramConfig& one, Findings& findings) {
   if (is_forbidden(one.path)) {
-    findings.push_back(found(Problem::file_forbidden, "config", one.path, let_all_read(one.path)));
+    findings.push_back(flag(Problem::file_forbidden, "config", one.path, cure_of_forbidden(one.path)));
     return;
   }
   auto config = Config::load(one.path);
@@ -142,7 +142,7 @@ void read_as_program(const ProgramConfig& one, Findings& findings) {
     return;
   }
   std::istringstream lines(read.error().message);
-  for (std::string line; std::getline(lines, line);) findings.push_back(found(Problem::config_wrong, "config", line));
+  for (std::string line; std::getline(lines, line);) findings.push_back(flag(Problem::config_wrong, "config", line));
 }
 
 }  // namespace
@@ -151,7 +151,7 @@ bool is_forbidden(const std::string& path) {
   return ::faccessat(AT_FDCWD, path.c_str(), R_OK, AT_EACCESS) != 0 && errno == EACCES;
 }
 
-std::string let_all_read(const std::string& path) {
+std::string cure_of_forbidden(const std::string& path) {
   return fmt::format("as root: `chmod a+r {}`, and `chmod a+x` its folders", path);
 }
 
@@ -174,8 +174,8 @@ Configs read_configs(const std::string& dir, const std::string& role) {
     const std::vector<std::string> names = names_there(dir, known);
     const std::string usual = std::string(known.name) + ".toml";
     if (!role.empty() && role == known.role && (names.empty() || names.front() != usual))
-      configs.findings.push_back(found(Problem::config_missing, "config", dir + "/" + usual,
-                                       fmt::format("`ledgerline init --role {}` writes it", role)));
+      configs.findings.push_back(flag(Problem::config_missing, "config", dir + "/" + usual,
+                                      fmt::format("`ledgerline init --role {}` writes it", role)));
     for (const std::string& name : names) {
       ProgramConfig one{.program = known.program, .file = name, .path = dir + "/" + name};
       read_as_program(one, configs.findings);
@@ -183,7 +183,7 @@ Configs read_configs(const std::string& dir, const std::string& role) {
       if (auto read = read_config(one.program, one.path)) configs.programs.push_back(std::move(*read));
     }
   }
-  if (configs.findings.empty()) configs.findings.push_back(found(Problem::config_missing, "config", dir + " has none"));
+  if (configs.findings.empty()) configs.findings.push_back(flag(Problem::config_missing, "config", dir + " has none"));
   return configs;
 }
 

@@ -55,7 +55,7 @@ Result<ProgramConfig> read_config(const std::string& program, const std::string&
 /// Whether the file is there and this user may not read it, or may not enter a folder of its path.
 bool is_forbidden(const std::string& path);
 /// The cure where others than its owner may well read it.
-std::string let_all_read(const std::string& path);
+std::string cure_of_forbidden(const std::string& path);
 
 /// `role`: whose files must be there; empty: any one file.
 Configs read_configs(const std::string& dir, const std::string& role);

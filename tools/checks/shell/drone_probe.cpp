@@ -13,7 +13,6 @@
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
 #include "tools/checks/core/drone.hpp"
-#include "tools/checks/shell/host_probe.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::checks {
@@ -52,35 +51,35 @@ bool hears_states(const link::Descriptor& socket, std::uint32_t drone) {
 
 }  // namespace
 
-Findings ask_drones(const ProgramConfig& link) {
+Findings query_drones(const ProgramConfig& link) {
   constexpr const char* check = "drone";
-  if (link_runs()) return {found(Problem::drones_in_use, check, link.path)};
+  if (is_link_running()) return {flag(Problem::drones_in_use, check, link.path)};
   Findings out;
   for (const DroneKeys& drone : link.drones) {
     const auto address = parse_ipv4(drone.address);
     if (!address) continue;  // link's own reader has said so
     const auto states = listen_to_states(link.state_listen, drone.interface);
-    std::vector<tello::Found> asked{{*address, tello::Asking({"battery?"})}};
-    if (auto status = tello::ask(asked, drone.interface); !status) {
-      out.push_back(of_drone(drone.name, found(Problem::drone_silent, check, status.error().message)));
+    std::vector<tello::Found> asked{{*address, tello::Dialogue({"battery?"})}};
+    if (auto status = tello::query(asked, drone.interface); !status) {
+      out.push_back(of_drone(drone.name, flag(Problem::drone_silent, check, status.error().message)));
       continue;
     }
-    DroneFacts facts{.name = drone.name, .address = drone.address, .interface = drone.interface};
-    facts.there = asked[0].asking.present();
-    facts.battery = battery_in(asked[0].asking.answer("battery?"));
-    out.push_back(of_drone(drone.name, assess_presence(facts)));
-    if (!facts.there) continue;
-    if (states && !hears_states(*states, *address)) facts.state_hz = 0;
-    if (auto silent = assess_state(facts, link.state_listen)) out.push_back(of_drone(drone.name, std::move(*silent)));
-    out.push_back(of_drone(drone.name, assess_battery(facts, link.battery_low)));
+    DroneInputs inputs{.name = drone.name, .address = drone.address, .interface = drone.interface};
+    inputs.there = asked[0].dialogue.present();
+    inputs.battery = battery_in(asked[0].dialogue.answer("battery?"));
+    out.push_back(of_drone(drone.name, assess_presence(inputs)));
+    if (!inputs.there) continue;
+    if (states && !hears_states(*states, *address)) inputs.state_hz = 0;
+    if (auto silent = assess_state(inputs, link.state_listen)) out.push_back(of_drone(drone.name, std::move(*silent)));
+    out.push_back(of_drone(drone.name, assess_battery(inputs, link.battery_low)));
   }
   return out;
 }
 
-Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
+Findings receive_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   constexpr std::chrono::milliseconds listen_for{2'500};  // writers on other hosts are found within two
   struct PoseListener {
-    TopicFacts facts;
+    TopicInputs inputs;
     std::atomic<unsigned> poses{0};
     std::optional<dds::RawReader> reader{};
   };
@@ -89,10 +88,10 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
   for (const DroneKeys& drone : link.drones) {
     if (!drone.by_mocap || !type) continue;  // the program's own reader has said so of a wrong type
     PoseListener& one = all.emplace_back();
-    one.facts = {.drone = drone.name,
-                 .topic = pose_topic_of(agent.pose_topic, drone.name),
-                 .type = agent.pose_type,
-                 .listened_s = std::chrono::duration<double>(listen_for).count()};
+    one.inputs = {.drone = drone.name,
+                  .topic = pose_topic_of(agent.pose_topic, drone.name),
+                  .type = agent.pose_type,
+                  .listened_s = std::chrono::duration<double>(listen_for).count()};
   }
   if (all.empty()) return {};
   dds::ParticipantPtr participant;
@@ -105,26 +104,26 @@ Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent) {
     participant = std::move(*made);
   }
   for (PoseListener& one : all) {
-    one.facts.why = why;
+    one.inputs.why = why;
     if (!participant) continue;
-    auto reader = dds::RawReader::create(participant, one.facts.topic, one.facts.type, {.reliable = false},
+    auto reader = dds::RawReader::create(participant, one.inputs.topic, one.inputs.type, {.reliable = false},
                                          [&one, type](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
                                            const auto pose =
-                                               pose_from_message(*type, dds::text_of(cdr), one.facts.drone);
+                                               pose_from_message(*type, dds::text_of(cdr), one.inputs.drone);
                                            if (pose && *pose) ++one.poses;
                                          });
     if (reader)
       one.reader = std::move(*reader);
     else
-      one.facts.why = reader.error().message;
+      one.inputs.why = reader.error().message;
   }
   if (participant) std::this_thread::sleep_for(listen_for);
   Findings out;
   for (PoseListener& one : all) {
-    if (one.reader) one.facts.writers = one.reader->writers();
+    if (one.reader) one.inputs.writers = one.reader->writers();
     one.reader.reset();
-    one.facts.poses = one.poses;
-    out.push_back(assess(one.facts));
+    one.inputs.poses = one.poses;
+    out.push_back(assess(one.inputs));
   }
   return out;
 }

@@ -1,4 +1,4 @@
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -20,7 +20,7 @@ fabric::Call note_of(const std::string& msp_id) {
   return {contract::set, {nlohmann::json{{"id", msp_id + "/doctor"}, {"msgType", "none"}}.dump()}};
 }
 
-void take_answer(const std::string& answer, EndorsingPeer& peer) {
+void read_answer(const std::string& answer, EndorsingPeer& peer) {
   protos::ProposalResponse response;
   msp::SerializedIdentity signer;
   if (!response.ParseFromString(answer)) {
@@ -35,9 +35,9 @@ void take_answer(const std::string& answer, EndorsingPeer& peer) {
   }
 }
 
-class Asking {
+class EndorserQueries {
  public:
-  Asking(const ProgramConfig& one, const fabric::ClientConfig& client)
+  EndorserQueries(const ProgramConfig& one, const fabric::ClientConfig& client)
       : one_(one), client_(client), note_(note_of(client.identity.name.msp_id)) {}
 
   EndorsingPeer peer_at(const ServerKeys& server, const std::string& msp_id, const std::string& table) const {
@@ -50,7 +50,7 @@ class Asking {
     } else if (auto answer = (*questions)->propose(proposal->signed_proposal); !answer) {
       peer.why = answer.error().message;
     } else {
-      take_answer(*answer, peer);
+      read_answer(*answer, peer);
     }
     return peer;
   }
@@ -100,50 +100,50 @@ bool gathers(const LedgerKeys& keys) {
   return !keys.orderers.empty() && organisations.size() >= 2;
 }
 
-Finding assess_records(const ProgramConfig& one, const NeededSignatures& needed, Asking& asking) {
-  EndorsementFacts facts{.program = one.file,
-                         .what = fmt::format("new records of contract {}", one.ledger->contract),
-                         .policy = needed.policy,
-                         .organisations = needed.organisations};
+Finding assess_records(const ProgramConfig& one, const NeededSignatures& needed, EndorserQueries& queries) {
+  EndorsementInputs inputs{.program = one.file,
+                           .what = fmt::format("new records of contract {}", one.ledger->contract),
+                           .policy = needed.policy,
+                           .organisations = needed.organisations};
   if (gathers(*one.ledger)) {
-    facts.peers = asking.named();
-    return assess(facts);
+    inputs.peers = queries.named();
+    return assess(inputs);
   }
-  const Status found_by_gateway = asking.gateway();
+  const Status found_by_gateway = queries.gateway();
   if (found_by_gateway)
-    return fine("endorsement", fmt::format("{}: {}: the gateway finds enough", one.file, facts.what));
-  facts.by_gateway = true;
-  for (const std::string& msp_id : needed.organisations) facts.peers.push_back(asking.by_gateway(msp_id));
-  const Finding finding = assess(facts);
+    return fine("endorsement", fmt::format("{}: {}: the gateway finds enough", one.file, inputs.what));
+  inputs.by_gateway = true;
+  for (const std::string& msp_id : needed.organisations) inputs.peers.push_back(queries.by_gateway(msp_id));
+  const Finding finding = assess(inputs);
   if (finding.problem) return finding;
-  return found(Problem::ledger_refuses, "endorsement",
-               fmt::format("{}: {}: {}", one.file, facts.what, found_by_gateway.error().message));
+  return flag(Problem::ledger_refuses, "endorsement",
+              fmt::format("{}: {}: {}", one.file, inputs.what, found_by_gateway.error().message));
 }
 
 /// What needs the signature of one organisation; one of one's own may be the peer of [ledger].
 Finding assess_alone(const ProgramConfig& one, const NeededSignatures& needed, const std::string& msp_id,
-                     const std::string& what, Asking& asking) {
-  EndorsementFacts facts{.program = one.file,
-                         .what = what,
-                         .policy = {{fabric::peer_policy(msp_id)}, 1},
-                         .organisations = needed.organisations};
+                     const std::string& what, EndorserQueries& queries) {
+  EndorsementInputs inputs{.program = one.file,
+                           .what = what,
+                           .policy = {{fabric::peer_policy(msp_id)}, 1},
+                           .organisations = needed.organisations};
   if (!one.ledger->orderers.empty())
-    for (const EndorsingPeer& peer : asking.named())
-      if (peer.said_to_be == msp_id) facts.peers.push_back(peer);
-  if (facts.peers.empty() && !one.ledger->orderers.empty() && msp_id == one.ledger->msp_id)
-    facts.peers.push_back(asking.peer_at(one.ledger->peer, msp_id, "[ledger]"));
-  if (facts.peers.empty()) {
-    facts.by_gateway = true;
-    facts.peers.push_back(asking.by_gateway(msp_id));
+    for (const EndorsingPeer& peer : queries.named())
+      if (peer.said_to_be == msp_id) inputs.peers.push_back(peer);
+  if (inputs.peers.empty() && !one.ledger->orderers.empty() && msp_id == one.ledger->msp_id)
+    inputs.peers.push_back(queries.peer_at(one.ledger->peer, msp_id, "[ledger]"));
+  if (inputs.peers.empty()) {
+    inputs.by_gateway = true;
+    inputs.peers.push_back(queries.by_gateway(msp_id));
   }
-  return assess(facts);
+  return assess(inputs);
 }
 
 }  // namespace
 
-Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed) {
-  Asking asking(one, client);
-  Findings out{assess_records(one, needed, asking)};
+Findings query_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed) {
+  EndorserQueries queries(one, client);
+  Findings out{assess_records(one, needed, queries)};
   // States are signed for by a peer of one's own organisation, commands by one of the drones' owner.
   std::set<std::string> alone = needed.owners;
   std::string what = "commands";
@@ -153,7 +153,7 @@ Findings ask_endorsers(const ProgramConfig& one, const fabric::ClientConfig& cli
     what = "states";
   }
   for (const std::string& msp_id : alone) {
-    Finding finding = assess_alone(one, needed, msp_id, fmt::format("{} of the drones of {}", what, msp_id), asking);
+    Finding finding = assess_alone(one, needed, msp_id, fmt::format("{} of the drones of {}", what, msp_id), queries);
     if (finding.problem) out.push_back(std::move(finding));
   }
   return out;

@@ -1,4 +1,4 @@
-#include "tools/checks/shell/host_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <arpa/inet.h>
 #include <fmt/format.h>
@@ -96,12 +96,12 @@ bool permitted(int (*ask)()) {
   return child > 0 && ::waitpid(child, &status, 0) == child && WIFEXITED(status) && WEXITSTATUS(status) == 0;
 }
 
-int ask_fifo() {
+int try_fifo() {
   sched_param param{};
   param.sched_priority = 80;  // link's
   return ::sched_setscheduler(0, SCHED_FIFO, &param);
 }
-int ask_lock() { return ::mlockall(MCL_CURRENT | MCL_FUTURE); }
+int try_lock() { return ::mlockall(MCL_CURRENT | MCL_FUTURE); }
 
 std::string interface_with(const in_addr& address) {
   ifaddrs* all = nullptr;
@@ -136,16 +136,16 @@ bool is_beside(const std::string& interface, const in_addr& address) {
 
 }  // namespace
 
-DirectoryFacts look_at_folder_of(const std::string& file) {
+DirectoryInputs probe_directory(const std::string& file) {
   fs::path folder = fs::absolute(file).parent_path();
-  DirectoryFacts facts{.path = folder};
-  facts.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
-  facts.read_only = !facts.writable && errno == EROFS;
-  if (auto free = free_bytes(folder)) facts.free_bytes = *free;
-  return facts;
+  DirectoryInputs inputs{.path = folder};
+  inputs.writable = ::access(folder.c_str(), W_OK | X_OK) == 0;
+  inputs.read_only = !inputs.writable && errno == EROFS;
+  if (auto free = free_bytes(folder)) inputs.free_bytes = *free;
+  return inputs;
 }
 
-ClockFacts look_at_clock() {
+ClockInputs probe_clock() {
   timex clock{};
   const int state = ::adjtimex(&clock);
   if (state < 0) return {};
@@ -153,103 +153,103 @@ ClockFacts look_at_clock() {
   return {.known = true, .synchronised = synchronised, .max_error_ms = static_cast<double>(clock.maxerror) * 1e-3};
 }
 
-RealTimeFacts look_at_real_time(bool wanted) {
-  RealTimeFacts facts{.wanted = wanted};
+RealTimeInputs probe_real_time(bool wanted) {
+  RealTimeInputs inputs{.wanted = wanted};
   for (const char* unit : link_units)
-    if (facts.unit.empty() && ::access(unit, R_OK) == 0) facts.unit = unit;
-  facts.fifo = permitted(ask_fifo);
-  facts.locked = permitted(ask_lock);
-  return facts;
+    if (inputs.unit.empty() && ::access(unit, R_OK) == 0) inputs.unit = unit;
+  inputs.fifo = permitted(try_fifo);
+  inputs.locked = permitted(try_lock);
+  return inputs;
 }
 
-SharedMemoryFacts look_at_shared_memory() {
+SharedMemoryInputs probe_shared_memory() {
   constexpr const char* name = "roudi";
   const std::string path = std::string("/tmp/") + name;
-  SharedMemoryFacts facts;
-  using Roudi = SharedMemoryFacts::Roudi;
+  SharedMemoryInputs inputs;
+  using Roudi = SharedMemoryInputs::Roudi;
   ipc::Peer peer = ipc::probe(name);
   if (peer == ipc::Peer::gone) peer = ipc::probe_service(name);
   switch (peer) {
     case ipc::Peer::alive:
-      facts.roudi = Roudi::alive;
+      inputs.roudi = Roudi::alive;
       break;
     case ipc::Peer::forbidden:
-      facts.roudi = Roudi::forbidden;
+      inputs.roudi = Roudi::forbidden;
       break;
     case ipc::Peer::gone:
-      facts.roudi = ipc::socket_inode(name) != 0 ? Roudi::left : Roudi::none;
+      inputs.roudi = ipc::socket_inode(name) != 0 ? Roudi::left : Roudi::none;
       break;
   }
-  if (facts.roudi == Roudi::alive) facts.program = program_of(path);
-  if (auto room = roudi::check_shared_memory(); !room) facts.no_room = room.error().message;
-  return facts;
+  if (inputs.roudi == Roudi::alive) inputs.program = program_of(path);
+  if (auto room = roudi::check_shared_memory(); !room) inputs.no_room = room.error().message;
+  return inputs;
 }
 
-PortFacts look_at_port(const std::string& listen) {
-  PortFacts facts{.listen = listen};
+PortInputs probe_port(const std::string& listen) {
+  PortInputs inputs{.listen = listen};
   const std::size_t colon = listen.rfind(':');
   sockaddr_in at{};
   at.sin_family = AF_INET;
   const unsigned port = colon == std::string::npos ? 0 : static_cast<unsigned>(std::atoi(listen.c_str() + colon + 1));
   at.sin_port = htons(static_cast<std::uint16_t>(port));
-  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) return facts;
+  if (port == 0 || ::inet_pton(AF_INET, listen.substr(0, colon).c_str(), &at.sin_addr) != 1) return inputs;
   const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-  if (fd < 0) return facts;
+  if (fd < 0) return inputs;
   const int error = ::bind(fd, reinterpret_cast<const sockaddr*>(&at), sizeof at) == 0 ? 0 : errno;
   ::close(fd);
-  facts.taken = error == EADDRINUSE;
-  if (error != 0 && !facts.taken) facts.why = std::strerror(error);
-  if (!facts.taken) return facts;
+  inputs.taken = error == EADDRINUSE;
+  if (error != 0 && !inputs.taken) inputs.why = std::strerror(error);
+  if (!inputs.taken) return inputs;
   const Owner owner = owner_of_udp(port);
-  facts.program = owner.program;
-  facts.pid = owner.pid;
-  return facts;
+  inputs.program = owner.program;
+  inputs.pid = owner.pid;
+  return inputs;
 }
 
-InterfaceFacts look_at_interface(const std::string& name, const std::string& whose) {
-  InterfaceFacts facts{.name = name, .whose = whose};
-  facts.there = ::if_nametoindex(name.c_str()) != 0;
+InterfaceInputs probe_interface(const std::string& name, const std::string& whose) {
+  InterfaceInputs inputs{.name = name, .whose = whose};
+  inputs.there = ::if_nametoindex(name.c_str()) != 0;
   ifaddrs* all = nullptr;
-  if (::getifaddrs(&all) != 0) return facts;
+  if (::getifaddrs(&all) != 0) return inputs;
   for (const ifaddrs* one = all; one; one = one->ifa_next) {
     if (name != one->ifa_name) continue;
-    facts.up = facts.up || ((one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_RUNNING) != 0);
-    facts.has_address = facts.has_address || (one->ifa_addr && one->ifa_addr->sa_family == AF_INET);
+    inputs.up = inputs.up || ((one->ifa_flags & IFF_UP) != 0 && (one->ifa_flags & IFF_RUNNING) != 0);
+    inputs.has_address = inputs.has_address || (one->ifa_addr && one->ifa_addr->sa_family == AF_INET);
   }
   ::freeifaddrs(all);
-  return facts;
+  return inputs;
 }
 
-RouteFacts look_at_route(const std::string& drone, const std::string& address, const std::string& wanted) {
-  RouteFacts facts{drone, address, wanted};
+RouteInputs probe_route(const std::string& drone, const std::string& address, const std::string& wanted) {
+  RouteInputs inputs{drone, address, wanted};
   sockaddr_in to{};
   to.sin_family = AF_INET;
   to.sin_port = htons(8889);
   if (::inet_pton(AF_INET, address.c_str(), &to.sin_addr) != 1) {
-    facts.why = "it is no IPv4 address";
-    return facts;
+    inputs.why = "it is no IPv4 address";
+    return inputs;
   }
   // link binds to the interface, so its own network counts before the routing table, which names one of two that have
   // the same.
   if (!wanted.empty() && is_beside(wanted, to.sin_addr)) {
-    facts.over = wanted;
-    return facts;
+    inputs.over = wanted;
+    return inputs;
   }
   const int fd = ::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_in from{};
   socklen_t size = sizeof from;
   if (fd < 0 || ::connect(fd, reinterpret_cast<const sockaddr*>(&to), sizeof to) != 0 ||
       ::getsockname(fd, reinterpret_cast<sockaddr*>(&from), &size) != 0) {
-    facts.why = std::strerror(errno);
+    inputs.why = std::strerror(errno);
   } else {
-    facts.over = interface_with(from.sin_addr);
-    if (facts.over.empty()) facts.why = "no interface has the address that it would be sent from";
+    inputs.over = interface_with(from.sin_addr);
+    if (inputs.over.empty()) inputs.why = "no interface has the address that it would be sent from";
   }
   if (fd >= 0) ::close(fd);
-  return facts;
+  return inputs;
 }
 
-bool link_runs() {
+bool is_link_running() {
   constexpr const char* name = "ledgerline-link";
   return ipc::probe(name) == ipc::Peer::alive || ipc::probe_service(name) == ipc::Peer::alive;
 }

@@ -1,4 +1,4 @@
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <fmt/format.h>
 
@@ -70,8 +70,8 @@ bool is_weak(const std::string& definition, const fabric::ChannelConfig& channel
 
 /// Whose signatures new records of the contract need, and who could give them; none: that is not known, which `out`
 /// says.
-std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
-                                                  bool embedded, Findings& out) {
+std::optional<NeededSignatures> query_configuration(Peer& peer, const ProgramConfig& one, const std::string& anchor,
+                                                    bool embedded, Findings& out) {
   // The newest, where the peer reports it; a change of the times since the anchor counts.
   auto newest = peer.config_block();
   const std::string& block = newest ? *newest : anchor;
@@ -79,17 +79,18 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
   const auto channel = parsed.ParseFromString(block) ? fabric::read_channel_config(parsed)
                                                      : Result<fabric::ChannelConfig>(Error{"it is no block"});
   if (!channel || !channel->batching) {
-    out.push_back(found(Problem::ledger_refuses, ledger_check,
-                        "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().message)));
+    out.push_back(flag(Problem::ledger_refuses, ledger_check,
+                       "its configuration: " + (channel ? "it has no BatchTimeout" : channel.error().message)));
   } else if (one.program == "agent" || one.program == "ground") {
-    TimeoutInputs facts{.program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
+    TimeoutInputs inputs{
+        .program = one.file, .deadline_ns = one.ledger->deadline_ns, .of_channel = one.ledger->patient};
     if (one.program == "agent") {
-      facts.max_age_ns = one.max_age_ns;
-      facts.silent_after_ns = one.silent_after_ns;
+      inputs.max_age_ns = one.max_age_ns;
+      inputs.silent_after_ns = one.silent_after_ns;
     }
-    out.push_back(assess(*channel->batching, facts));
+    out.push_back(assess(*channel->batching, inputs));
   }
-  ContractFacts contract{.name = one.ledger->contract, .own_version = contract::version};
+  ContractInputs contract{.name = one.ledger->contract, .own_version = contract::version};
   std::string policy;
   if (embedded) {
     out.push_back(fine("contract", contract.name + " of the embedded ledger"));
@@ -112,59 +113,59 @@ std::optional<NeededSignatures> ask_configuration(Peer& peer, const ProgramConfi
 }
 
 /// Returns the organisations whose drones they are.
-std::set<std::string> ask_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
-                                  const std::vector<std::string>& drones, Findings& out) {
+std::set<std::string> query_records(Peer& peer, const ProgramConfig& one, const crypto::IdentityName& self,
+                                    const std::vector<std::string>& drones, Findings& out) {
   const Side side = one.program == "agent" ? Side::agent : Side::ground;
   const auto roles = verification::read_roles(peer.contract(), {self.msp_id});
   std::set<std::string> owners;
   for (const std::string& drone : drones) {
-    LeaseFacts facts{.drone = drone, .self = self, .side = side, .control = {}};
-    if (roles) facts.is_operator = is_operator(roles->of(self));
+    LeaseInputs inputs{.drone = drone, .self = self, .side = side, .control = {}};
+    if (roles) inputs.is_operator = is_operator(roles->of(self));
     if (auto control = verification::read_control(drone, peer.contract())) {
       owners.insert(control->owner().msp_id());
-      facts.control = std::move(*control);
+      inputs.control = std::move(*control);
     } else if (!roles) {
-      out.push_back(found(Problem::ledger_refuses, ledger_check, control.error().message));
+      out.push_back(flag(Problem::ledger_refuses, ledger_check, control.error().message));
       return owners;
     }
-    add(out, assess(facts));
+    add(out, assess(inputs));
   }
   return owners;
 }
 
 }  // namespace
 
-Findings ask_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
-                    const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
+Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                      const std::vector<std::string>& drones, std::chrono::milliseconds timeout) {
   Findings out;
   auto config = Config::load(one.path);
-  if (!config) return {found(Problem::config_wrong, ledger_check, config.error().message)};
+  if (!config) return {flag(Problem::config_wrong, ledger_check, config.error().message)};
   auto ledger = client_of_channel(*config, one);
-  if (!ledger) return {found(Problem::ledger_refuses, ledger_check, ledger.error().message)};
+  if (!ledger) return {flag(Problem::ledger_refuses, ledger_check, ledger.error().message)};
   ledger->deadline = timeout;
   auto peer = Peer::create(*ledger);
-  if (!peer) return {found(Problem::ledger_refuses, ledger_check, peer.error().message)};
+  if (!peer) return {flag(Problem::ledger_refuses, ledger_check, peer.error().message)};
   const auto height = peer->height();
   if (!height)
-    return {found(Problem::ledger_refuses, ledger_check,
-                  fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().message))};
-  auto needed = ask_configuration(*peer, one, anchor, embedded, out);
-  const std::set<std::string> owners = ask_records(*peer, one, ledger->identity.name, drones, out);
+    return {flag(Problem::ledger_refuses, ledger_check,
+                 fmt::format("{}: {}", one.ledger->peer.endpoint, height.error().message))};
+  auto needed = query_configuration(*peer, one, anchor, embedded, out);
+  const std::set<std::string> owners = query_records(*peer, one, ledger->identity.name, drones, out);
   if (needed) {
     needed->owners = owners;
-    add(out, ask_endorsers(one, *ledger, *needed));
+    add(out, query_endorsers(one, *ledger, *needed));
   }
   std::this_thread::sleep_for(between_heights);
-  HeightFacts facts{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
-  if (auto later = peer->height()) facts.later = *later;
-  if (auto block = peer->block(facts.later - 1)) facts.newest_age_ns = age_of_block(*block, realtime_ns());
+  HeightInputs inputs{.place = one.ledger->peer.endpoint, .height = *height, .later = *height};
+  if (auto later = peer->height()) inputs.later = *later;
+  if (auto block = peer->block(inputs.later - 1)) inputs.newest_age_ns = age_of_block(*block, realtime_ns());
   for (const ServerKeys& other : one.ledger->endorsers) {
-    if (other.endpoint == one.ledger->peer.endpoint || facts.elsewhere) continue;
+    if (other.endpoint == one.ledger->peer.endpoint || inputs.elsewhere) continue;
     auto second = Peer::create(client_at(other, *ledger));
     if (!second) continue;
-    if (auto its = second->height()) facts.elsewhere = *its;
+    if (auto its = second->height()) inputs.elsewhere = *its;
   }
-  add(out, assess(facts));
+  add(out, assess(inputs));
   return out;
 }
 

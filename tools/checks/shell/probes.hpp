@@ -1,36 +1,81 @@
 #pragma once
 #include <chrono>
+#include <set>
 #include <string>
+#include <vector>
 
+#include "tools/checks/core/host.hpp"
 #include "tools/checks/core/identity.hpp"
-#include "tools/checks/core/server.hpp"
+#include "tools/checks/core/ledger.hpp"
 #include "tools/checks/shell/configs.hpp"
 
-/// What is looked at by the keys of a config: files, servers, drones. Nothing is asked of the ledger.
+/// What is seen of this host, of what the keys of a config name (files, servers, drones), and of what the peers say,
+/// queried as the config's identity. Changes nothing, and writes nothing on the ledger.
+namespace ledgerline {
+class Config;
+namespace fabric {
+struct ClientConfig;
+}
+}  // namespace ledgerline
 namespace ledgerline::checks {
 
-IdentityFacts read_identity(const LedgerKeys& keys);
+IdentityInputs read_identity(const LedgerKeys& keys);
 
 /// The trust anchor, or why there is none; and the organisations that it names.
-struct AnchorFacts {
+struct AnchorInputs {
   std::string block{};  ///< bytes; empty: not read
-  std::vector<AuthorityFacts> organisations{};
+  std::vector<AuthorityInputs> organisations{};
   bool embedded = false;
 };
 /// Adds to `findings` what is wrong with it.
-AnchorFacts read_anchor(const LedgerKeys& keys, const std::string& program, Findings& findings);
+AnchorInputs read_anchor(const LedgerKeys& keys, const std::string& program, Findings& findings);
 
-TrustFacts read_trust(const LedgerKeys& keys, const std::string& program, const AnchorFacts& anchor);
+TrustInputs read_trust(const LedgerKeys& keys, const std::string& program, const AnchorInputs& anchor);
 
 /// Resolves, connects, and shakes hands by TLS with any server; then says hello in HTTP/2, since a server that wants a
 /// certificate from its clients says so only then. Each step takes `timeout` at most.
-ServerFacts look_at_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout);
+ServerInputs probe_server(const ServerKeys& keys, const std::string& what, std::chrono::milliseconds timeout);
 
 /// Asks each drone of link's config for its battery, and hears whether its state texts come. Nothing is sent while link
 /// runs.
-Findings ask_drones(const ProgramConfig& link);
+Findings query_drones(const ProgramConfig& link);
 
 /// Listens for some seconds, as agent does, for poses of those of link's drones that fly by motion capture.
-Findings hear_poses(const ProgramConfig& link, const ProgramConfig& agent);
+Findings receive_poses(const ProgramConfig& link, const ProgramConfig& agent);
+
+/// Where `file` is written, or would be.
+DirectoryInputs probe_directory(const std::string& file);
+/// Asks the kernel (adjtimex(2)), which takes no rights.
+ClockInputs probe_clock();
+RealTimeInputs probe_real_time(bool wanted);
+SharedMemoryInputs probe_shared_memory();
+/// Whether a program could have a UDP port, which it takes for a moment: of link's not while link runs.
+PortInputs probe_port(const std::string& listen);
+InterfaceInputs probe_interface(const std::string& name, const std::string& whose);
+/// The way that the kernel would take; nothing is sent.
+RouteInputs probe_route(const std::string& drone, const std::string& address, const std::string& wanted);
+/// Whether link runs here, by its socket.
+bool is_link_running();
+
+/// The client's config of the channel of `one`, as the program makes it.
+Result<fabric::ClientConfig> client_of_channel(Config& config, const ProgramConfig& one);
+
+/// That client, at another peer alone: with its TLS pair where it has one of its own.
+fabric::ClientConfig client_at(const ServerKeys& peer, fabric::ClientConfig client);
+
+/// Whose signatures a program's calls need.
+struct NeededSignatures {
+  fabric::Policy policy;                     ///< of calls that make records, by the contract's definition
+  std::vector<std::string> organisations{};  ///< of the channel
+  std::set<std::string> owners{};            ///< of the program's drones: commands need theirs
+};
+
+/// Lets the peers that agent or ground would ask, the config's or those that the gateway finds, sign a note that nobody
+/// submits, and checks whose signatures come back.
+Findings query_endorsers(const ProgramConfig& one, const fabric::ClientConfig& client, const NeededSignatures& needed);
+
+/// Asks for configuration, contract, roles and the drones' records. `embedded`: its contract is its own.
+Findings query_ledger(const ProgramConfig& one, const std::string& anchor, bool embedded,
+                      const std::vector<std::string>& drones, std::chrono::milliseconds timeout);
 
 }  // namespace ledgerline::checks

@@ -28,7 +28,7 @@ Status make_folder(const fs::path& folder, fs::perms permissions) {
 }
 
 /// A new key for the user that read the old one: the renewing user may be root, and the service a user of its own.
-Status give_to_owner_of(const std::string& before, const std::string& key) {
+Status set_owner_like(const std::string& before, const std::string& key) {
   struct stat info {};
   if (::stat(before.c_str(), &info) != 0) return done;  // there was none
   if (::chown(key.c_str(), info.st_uid, info.st_gid) == 0) return done;
@@ -54,7 +54,7 @@ Status put(const Place& place, const crypto::Renewal::Pair& pair) {
     const auto& [certificate, key] = place.files;
     const std::string fresh = key + ".renewed";
     if (Status s = replace_file(fresh, pair.key_pem, 0600); !s) return s;
-    if (Status s = give_to_owner_of(key, fresh); !s) return s;
+    if (Status s = set_owner_like(key, fresh); !s) return s;
     if (Status s = write_file(certificate + ".new", pair.certificate_pem); !s) return s;
     if (std::rename(fresh.c_str(), key.c_str()) != 0)
       return Error{fmt::format("cannot write {}: {}", key, std::strerror(errno))};
@@ -70,7 +70,7 @@ Status put(const Place& place, const crypto::Renewal::Pair& pair) {
   const fs::path key = folder / "keystore" / (crypto::hex(*hash).substr(0, 16) + "_sk");
   if (Status s = replace_file(key.string(), pair.key_pem, 0600); !s) return s;
   if (before) {
-    if (Status s = give_to_owner_of(before->private_key, key.string()); !s) return s;
+    if (Status s = set_owner_like(before->private_key, key.string()); !s) return s;
   }
   const auto old = crypto::certificate_file(place.msp_dir);
   if (Status s = replace_file(old ? *old : (folder / "signcerts" / "cert.pem").string(), pair.certificate_pem); !s)
@@ -91,7 +91,7 @@ Result<Home> Home::make(const std::string& beside) {
   return Home(name);
 }
 
-Status Home::lend(const crypto::Renewal::Pair& pair) const {
+Status Home::put_pair(const crypto::Renewal::Pair& pair) const {
   for (const char* folder : {"keystore", "signcerts"}) {
     if (Status s = make_folder(folder_ / "msp" / folder, fs::perms::owner_all); !s) return s;
   }

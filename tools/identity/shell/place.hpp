@@ -30,7 +30,7 @@ class Home {
  public:
   static Result<Home> make(const std::string& beside);
   /// With the pair in its msp/, to ask in its name.
-  Status lend(const crypto::Renewal::Pair& pair) const;
+  Status put_pair(const crypto::Renewal::Pair& pair) const;
   ~Home();
   Home(Home&& other) noexcept : folder_(std::exchange(other.folder_, {})) {}
   Home& operator=(Home&&) = delete;

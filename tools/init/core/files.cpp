@@ -5,7 +5,6 @@
 #include <algorithm>
 
 #include "tools/configuration/config_file.hpp"
-#include "tools/configuration/reference.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -118,23 +117,13 @@ class Files {
     write("link", "link.toml", values);
   }
   void agent() {
-    ConfigFile values;
-    const auto channels = channels_of(plan_, plan_.drones);
-    add_access(values, plan_, channels);
-    add_drones(values, plan_, plan_.drones, false, &channels[0]);
-    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline") + "/agent.checkpoint");
+    ConfigFile values = with_drones("agent", plan_.drones, "ledgerline");
     add_timeouts(values, plan_.timeouts);
-    values.add("[dds]", "local_only", "true");
     write("agent", "agent.toml", values);
   }
   void ground() {
-    ConfigFile values;
-    const auto channels = channels_of(plan_, plan_.all_drones);
-    add_access(values, plan_, channels);
-    add_drones(values, plan_, plan_.all_drones, false, &channels[0]);
-    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-ground") + "/ground.checkpoint");
+    ConfigFile values = with_drones("ground", plan_.all_drones, "ledgerline-ground");
     values.text("[flight]", "shape", "square");
-    values.add("[dds]", "local_only", "true");
     write("ground", "ground.toml", values);
   }
   /// One for each channel: that of a further one is NAME-CHANNEL.toml.
@@ -148,8 +137,7 @@ class Files {
   void bridge() {
     ConfigFile values;
     add_ledger(values, access_of(plan_, plan_.channel, true));
-    values.text("[output]", "checkpoint", plan_.folders.state_of("ledgerline-bridge") + "/bridge.checkpoint");
-    values.add("[dds]", "local_only", "true");
+    add_output(values, "bridge", "ledgerline-bridge");
     write("bridge", "bridge.toml", values);
   }
   void network() {
@@ -185,12 +173,26 @@ class Files {
                      "CHAINCODE_TLS_CLIENT_CA={1}\n",
                      plan_.folders.config, plan_.folders.tls_of(plan_.msp_id))});
   }
-  Result<std::vector<File>> take() {
+  Result<std::vector<File>> result() {
     if (!failed_) return failed_.error();
     return std::move(files_);
   }
 
  private:
+  /// `service`: as its unit's StateDirectory has it.
+  void add_output(ConfigFile& values, const std::string& program, const std::string& service) const {
+    values.text("[output]", "checkpoint", fmt::format("{}/{}.checkpoint", plan_.folders.state_of(service), program));
+    values.add("[dds]", "local_only", "true");
+  }
+  ConfigFile with_drones(const std::string& program, const std::vector<HostDrone>& drones,
+                         const std::string& service) const {
+    ConfigFile values;
+    const auto channels = channels_of(plan_, drones);
+    add_access(values, plan_, channels);
+    add_drones(values, plan_, drones, false, &channels[0]);
+    add_output(values, program, service);
+    return values;
+  }
   void write(const std::string& program, const std::string& file, const ConfigFile& values) {
     auto text = values.commented(heading(file, plan_), keys_of(program));
     if (text)
@@ -254,7 +256,7 @@ Result<std::vector<File>> files_of(Role role, const HostPlan& plan) {
       files.control("admin");
       break;
   }
-  return files.take();
+  return files.result();
 }
 
 Result<std::string> example_deployment() {

@@ -42,7 +42,7 @@ class Reader {
     if (read) servers_.emplace(place, *read);
     return read;
   }
-  std::vector<PublicFile> take_files() { return std::move(files_); }
+  std::vector<PublicFile> release_files() { return std::move(files_); }
 
  private:
   Result<Server> read_server(const char* kind, const std::string& name, const std::string& msp_id) {
@@ -168,7 +168,7 @@ Result<ProfilePlan> plan_of_profile(std::string_view profile_json, const std::st
     if (!server) return server.error();
     plan.orderers.push_back(std::move(*server));
   }
-  return ProfilePlan{std::move(plan), reader.take_files()};
+  return ProfilePlan{std::move(plan), reader.release_files()};
 }
 
 }  // namespace ledgerline::init

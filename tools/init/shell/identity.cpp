@@ -1,14 +1,13 @@
-
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 #include <sys/stat.h>
-
 #include <filesystem>
 
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/init/shell/host_files.hpp"
+#include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -41,7 +40,7 @@ Status request_identity(const std::string& msp_dir, const std::string& request_f
   return write_file(request_file, made->request_pem);
 }
 
-Result<std::string> take_certificate(const std::string& msp_dir, const std::string& certificate_file) {
+Result<std::string> install_certificate(const std::string& msp_dir, const std::string& certificate_file) {
   const auto delivered = read_file(certificate_file);
   if (!delivered) return delivered.error();
   if (const auto any = crypto::parse_certificate(*delivered); !any)
@@ -97,6 +96,34 @@ Status collect_public(const std::string& ledger_dir, const std::string& out) {
   if (error) return Error{fmt::format("reading {}: {}", ledger_dir, error.message())};
   if (blocks == 0) return Error{ledger_dir + " has no CHANNEL.block: start the ledger once"};
   return write_new(files);
+}
+
+Status check_new(const std::vector<std::string>& paths) {
+  std::vector<std::string> there;
+  for (const std::string& path : paths) {
+    std::error_code error;
+    // A link that leads nowhere is there, too.
+    if (std::filesystem::symlink_status(path, error).type() != std::filesystem::file_type::not_found)
+      there.push_back(path);
+  }
+  if (there.empty()) return done;
+  return Error{fmt::format("{} {} there already; nothing was written. Move what is no longer wanted away",
+                           fmt::join(there, ", "), there.size() == 1 ? "is" : "are")};
+}
+
+Status write_new(const std::vector<NewFile>& files) {
+  std::vector<std::string> others;
+  std::vector<const NewFile*> missing;
+  for (const NewFile& file : files) {
+    const auto known = read_file(file.path);
+    if (known && *known == file.content) continue;
+    others.push_back(file.path);
+    missing.push_back(&file);
+  }
+  if (auto status = check_new(others); !status) return status;
+  for (const NewFile* file : missing)
+    if (auto status = write_file(file->path, file->content, file->mode); !status) return status;
+  return done;
 }
 
 }  // namespace ledgerline::init

@@ -2,13 +2,17 @@
 
 #include <fmt/format.h>
 #include <unistd.h>
-
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
+#include <ctime>
+#include <thread>
 
 #include "common/base/log.hpp"
 #include "common/config/config.hpp"
 #include "common/program/program.hpp"
 #include "common/program/secrets.hpp"
+#include "common/program/stop_signals.hpp"
 #include "ground/shell/settings.hpp"
 
 namespace ledgerline::station {
@@ -123,6 +127,25 @@ int run(const Options& options, const std::function<Status(Station& station, con
   const auto station = open(*target);
   if (!station) return fail(station.error());
   return exit_code(act(**station, *target));
+}
+
+void print_refreshed(const std::string& text) {
+  fmt::print("{}{}", ::isatty(STDOUT_FILENO) == 1 ? "\x1b[H\x1b[J" : "", text);
+  std::fflush(stdout);
+}
+
+void rest(TimeNs duration_ns) {
+  for (const TimeNs until_ns = monotonic_ns() + duration_ns; !stop_requested && monotonic_ns() < until_ns;)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+}
+
+std::string time_of_day(double t_ms, double now_ms) {
+  const auto at = static_cast<std::time_t>((static_cast<double>(realtime_ns()) / 1e6 - (now_ms - t_ms)) / 1e3);
+  std::tm local{};
+  localtime_r(&at, &local);
+  char text[16];
+  std::strftime(text, sizeof text, "%H:%M:%S", &local);
+  return text;
 }
 
 }  // namespace ledgerline::station

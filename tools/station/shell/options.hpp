@@ -6,11 +6,44 @@
 #include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
 #include "common/rt/clock.hpp"
-#include "tools/station/core/place.hpp"
+#include "common/web/tls_files.hpp"
 #include "tools/station/core/requests.hpp"
-#include "tools/station/shell/station.hpp"
 
 namespace ledgerline::station {
+
+/// How a client shows who it is, and whom it trusts.
+struct Credentials {
+  std::string token;         ///< of the page; 64 hex digits
+  std::string session;       ///< of an operator; empty: nobody is signed in
+  std::string session_file;  ///< where that came from, for errors
+  web::TlsFiles tls{};       ///< of a station with TLS
+};
+
+/// A client of one station: requests one after the other over one connection, which is reopened where the station has
+/// closed it. Each call waits, some seconds at most. One thread.
+class Station {
+ public:
+  /// An error: a file of TLS.
+  static Result<std::unique_ptr<Station>> open(Place place, Credentials credentials);
+  ~Station();
+
+  /// The answer's body; what the station refuses is an error in its words. An operator's session that is over keeps
+  /// nobody from landing or stopping a drone: what is anybody's is then asked with the page's token.
+  Result<std::string> request(const Request& request);
+  /// Ground's clock, as the stream reports it.
+  Result<double> now_ms();
+  /// How many connections were made for requests: one more, and the station may be another than before.
+  unsigned connections() const;
+
+ private:
+  struct Client;
+  Station(Place place, Credentials credentials, std::unique_ptr<Client> client);
+  Result<Answer> send(const Request& request, const std::string& token);
+
+  const Place place_;
+  const Credentials credentials_;
+  std::unique_ptr<Client> client_;
+};
 
 /// What every program of the station's command line takes.
 struct Options {

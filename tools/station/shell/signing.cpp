@@ -35,7 +35,7 @@ auto row_of(const std::string& verb) {
 }
 
 Result<std::vector<ShownEvent>> events_behind(Station& station, std::uint64_t number) {
-  const auto body = station.ask(events_since(number));
+  const auto body = station.request(events_since(number));
   if (!body) return body.error();
   return events_from(*body);
 }
@@ -47,7 +47,7 @@ Result<std::uint64_t> newest_event(Station& station) {
 }
 
 Result<Approvals> approvals_of(Station& station, const std::string& id) {
-  const auto body = station.ask({.target = "missions/" + id});
+  const auto body = station.request({.target = "missions/" + id});
   if (!body) return body.error();
   return approvals_from(*body);
 }
@@ -58,7 +58,7 @@ Result<Session> open_session(Station& station, const Target& target, const std::
                              const std::string& pass_phrase) {
   if (target.session_file.empty())
     return Error{"there is no place for the session: give --session-file, or set XDG_RUNTIME_DIR or HOME"};
-  const auto body = station.ask(sign_in(name, pass_phrase));
+  const auto body = station.request(sign_in(name, pass_phrase));
   if (!body) return body.error();
   auto session = session_from(*body);
   if (!session) return session;
@@ -67,7 +67,7 @@ Result<Session> open_session(Station& station, const Target& target, const std::
 }
 
 Status close_session(Station& station, const Target& target) {
-  const auto body = station.ask({.method = "DELETE", .target = "session", .anybodys = false});
+  const auto body = station.request({.method = "DELETE", .target = "session", .anybodys = false});
   if (!body) return body.error();
   if (std::remove(target.session_file.c_str()) != 0)
     return Error{fmt::format("signed out, but {} stays: {}", target.session_file, std::strerror(errno))};
@@ -77,14 +77,14 @@ Status close_session(Station& station, const Target& target) {
 bool is_signed_call(const std::string& verb) { return row_of(verb) != kinds.end(); }
 
 Status call_and_wait(Station& station, const std::string& drone, const std::string& verb, const std::string& body) {
-  const auto operators = station.ask({.target = "operators"});
+  const auto operators = station.request({.target = "operators"});
   if (!operators) return operators.error();
   const auto name = signed_in_as(*operators);
   if (!name) return name.error();
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
   std::uint64_t number = *newest;
-  if (const auto taken = station.ask(drone_request(drone, verb, body)); !taken) return taken.error();
+  if (const auto taken = station.request(drone_request(drone, verb, body)); !taken) return taken.error();
   const std::string said = fmt::format("{}: {}", *name, ground::service::words_of({.kind = row_of(verb)->second}));
   for (const TimeNs until_ns = monotonic_ns() + outcome_limit_ns; monotonic_ns() < until_ns; rest(ask_every_ns)) {
     const auto events = events_behind(station, number);
@@ -104,7 +104,7 @@ Status approve_and_wait(Station& station, const std::string& id) {
   const auto newest = newest_event(station);
   if (!newest) return newest.error();
   std::uint64_t number = *newest;
-  if (const auto taken = station.ask(mission_request(id, "approve")); !taken) return taken.error();
+  if (const auto taken = station.request(mission_request(id, "approve")); !taken) return taken.error();
   const std::string said = "approve mission " + before->name, refused = said + ": refused";
   TimeNs until_ns = monotonic_ns() + outcome_limit_ns;
   bool is_signed = false;

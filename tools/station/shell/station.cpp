@@ -1,4 +1,4 @@
-#include "tools/station/shell/station.hpp"
+#include "tools/station/shell/options.hpp"
 
 #include <fmt/format.h>
 
@@ -123,7 +123,7 @@ Result<Answer> Station::send(const Request& request, const std::string& token) {
   return Answer{parser.get().result_int(), std::move(parser.get().body())};
 }
 
-Result<std::string> Station::ask(const Request& request) {
+Result<std::string> Station::request(const Request& request) {
   const bool signed_in = !credentials_.session.empty();
   auto answer = send(request, signed_in ? credentials_.session : credentials_.token);
   constexpr unsigned unknown_token = 401;

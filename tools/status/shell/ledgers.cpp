@@ -1,4 +1,4 @@
-#include "tools/status/shell/status_probe.hpp"
+#include "tools/status/core/status.hpp"
 
 #include "chaincode/endorser/core/core.hpp"
 #include "common/config/config.hpp"
@@ -9,7 +9,7 @@
 #include "common/msg/ros.hpp"
 #include "common/verification/control_records.hpp"
 #include "tools/checks/core/ledger.hpp"
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 namespace ledgerline::status {
 namespace {
@@ -30,7 +30,7 @@ std::optional<TimeNs> newest_stamp(const std::string& drone, const verification:
   return state && state->real_ns != 0 ? std::optional(state->real_ns) : std::nullopt;
 }
 
-Drone ask_drone(const std::string& name, const verification::Evaluate& evaluate) {
+Drone query_drone(const std::string& name, const verification::Evaluate& evaluate) {
   Drone drone{.name = name};
   const auto control = verification::read_control(name, evaluate);
   if (!control) {
@@ -59,7 +59,7 @@ Peer height_of(const fabric::ClientConfig& config, const std::string& msp_id) {
 
 }  // namespace
 
-Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout) {
+Ledger query_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds timeout) {
   Ledger ledger{.config = one.path, .channel = one.ledger->channel};
   auto config = Config::load(one.path);
   auto client = config ? checks::client_of_channel(*config, one) : Result<fabric::ClientConfig>(config.error());
@@ -82,7 +82,7 @@ Ledger ask_ledger(const checks::ProgramConfig& one, std::chrono::milliseconds ti
   const verification::Evaluate evaluate = [&](const fabric::Call& call) {
     return (*questions)->query(client->where, call);
   };
-  for (const checks::DroneKeys& drone : one.drones) ledger.drones.push_back(ask_drone(drone.name, evaluate));
+  for (const checks::DroneKeys& drone : one.drones) ledger.drones.push_back(query_drone(drone.name, evaluate));
   return ledger;
 }
 

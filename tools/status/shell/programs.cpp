@@ -1,4 +1,4 @@
-#include "tools/status/shell/status_probe.hpp"
+#include "tools/status/core/status.hpp"
 
 #include <fmt/format.h>
 #include <pwd.h>
@@ -34,7 +34,7 @@ std::string text_of(const std::string& file) {
 }
 
 /// None: it is not ours, has ended meanwhile, or may not be looked at.
-std::optional<Program> look_at(int pid, double up_s) {
+std::optional<Program> read_program(int pid, double up_s) {
   const std::string folder = fmt::format("/proc/{}", pid);
   std::error_code error;
   fs::path link = fs::read_symlink(folder + "/exe", error);
@@ -66,7 +66,7 @@ std::vector<Program> running_programs() {
   for (const auto& entry : fs::directory_iterator("/proc", error)) {
     const std::string name = entry.path().filename();
     if (name.find_first_not_of("0123456789") != std::string::npos) continue;
-    if (auto program = look_at(std::atoi(name.c_str()), up_s)) programs.push_back(std::move(*program));
+    if (auto program = read_program(std::atoi(name.c_str()), up_s)) programs.push_back(std::move(*program));
   }
   std::ranges::sort(programs, {}, [](const Program& one) { return std::tie(one.name, one.pid); });
   return programs;

@@ -44,7 +44,7 @@ Result<dds::RawReader> subscribe(const CalibrationOptions& options, PoseRing& ri
 
 }  // namespace
 
-bool person_agrees() {
+bool has_consent() {
   fmt::print(stderr, "Type yes to start its motors: ");
   std::string answer;
   return std::getline(std::cin, answer) && answer == "yes";
@@ -70,7 +70,7 @@ Result<Record> fly_calibration(const CalibrationOptions& options) {
   while (!flight.over()) {
     const TimeNs now = monotonic_ns();
     if (stop_requested) flight.end("it was asked to end");
-    for (const std::string& text : flight.due(now)) (void)say(*socket, options.address, text);
+    for (const std::string& text : flight.due(now)) (void)send_text(*socket, options.address, text);
     if (flight.doing() != doing) spdlog::info("{}", doing = flight.doing());
     wait({socket->get(), states->get()});
     read_all(socket->get(), [&](std::uint32_t from, std::string_view bytes) {

@@ -1,4 +1,4 @@
-#include "tools/tello/shell/preflight.hpp"
+#include "tools/tello/shell/calibrate.hpp"
 
 #include <fmt/format.h>
 
@@ -22,9 +22,9 @@
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/checks/shell/host_probe.hpp"
-#include "tools/launcher/preflight/preflight.hpp"
-#include "tools/tello/core/preflight/listening.hpp"
+#include "tools/checks/shell/probes.hpp"
+#include "tools/launcher/preflight.hpp"
+#include "tools/tello/core/reception.hpp"
 #include "tools/tello/shell/talk.hpp"
 
 namespace ledgerline::tello {
@@ -44,7 +44,7 @@ struct Poses {
   std::optional<dds::RawReader> reader{};  ///< ends before the ring that it fills
 };
 
-Result<std::vector<Poses>> subscribe(const fly::Options& flight) {
+Result<std::vector<Poses>> subscribe(const launcher::Options& flight) {
   std::vector<Poses> all;
   if (flight.own->pose_topic.empty()) return all;
   dds::ParticipantOptions options{
@@ -71,20 +71,20 @@ Result<std::vector<Poses>> subscribe(const fly::Options& flight) {
 
 /// Drones behind one interface, which have addresses of their own there.
 struct Side {
-  std::vector<std::size_t> places;  ///< in the facts
+  std::vector<std::size_t> places;  ///< in the inputs
   std::vector<Found> asked;
   link::Descriptor states;
 };
 
-Status ask_all(std::map<std::string, Side>& sides, checks::FlightFacts& facts) {
+Status query_all(std::map<std::string, Side>& sides, checks::FlightInputs& inputs) {
   for (auto& [interface, side] : sides) {
-    if (auto status = ask(side.asked, interface); !status) return status;
+    if (auto status = query(side.asked, interface); !status) return status;
     for (std::size_t i = 0; i < side.places.size(); ++i) {
-      checks::DroneFacts& drone = facts.drones[side.places[i]];
-      const Asking& asking = side.asked[i].asking;
-      drone.there = asking.present();
-      drone.serial = asking.answer("sn?");
-      const std::string battery = asking.answer("battery?");
+      checks::DroneInputs& drone = inputs.drones[side.places[i]];
+      const Dialogue& dialogue = side.asked[i].dialogue;
+      drone.there = dialogue.present();
+      drone.serial = dialogue.answer("sn?");
+      const std::string battery = dialogue.answer("battery?");
       if (!battery.empty()) drone.battery = std::stod(battery) / 100;  // Asking has seen that it is a number
     }
   }
@@ -101,28 +101,28 @@ void forget_what_waits(const link::Descriptor& states) {
 }
 
 Status listen(std::map<std::string, Side>& sides, std::vector<Poses>& poses, const PreflightOptions& options,
-              checks::FlightFacts& facts) {
-  std::vector<Listening> listening(facts.drones.size());
+              checks::FlightInputs& inputs) {
+  std::vector<Reception> reception(inputs.drones.size());
   for (const auto& [interface, side] : sides) forget_what_waits(side.states);
   for (Poses& of_one : poses)
     for (ReceivedPose old; of_one.ring->pop(old);) continue;
   for (const TimeNs end = monotonic_ns() + from_seconds(options.listen_s); monotonic_ns() < end && !stop_requested;) {
     wait({});
     for (auto& [interface, side] : sides) {
-      read_all(side.states.get(), [&side = side, &listening](std::uint32_t from, std::string_view bytes) {
+      read_all(side.states.get(), [&side = side, &reception](std::uint32_t from, std::string_view bytes) {
         for (std::size_t i = 0; i < side.places.size(); ++i)
-          if (side.asked[i].address == from) listening[side.places[i]].on_state(monotonic_ns(), bytes);
+          if (side.asked[i].address == from) reception[side.places[i]].on_state(monotonic_ns(), bytes);
       });
     }
     for (std::size_t i = 0; i < poses.size(); ++i)
-      for (ReceivedPose heard; poses[i].ring->pop(heard);) listening[i].on_pose(heard);
+      for (ReceivedPose heard; poses[i].ring->pop(heard);) reception[i].on_pose(heard);
   }
-  for (std::size_t i = 0; i < listening.size(); ++i) {
-    listening[i].tell(monotonic_ns(), realtime_ns(), facts.stamps_count, facts.drones[i]);
+  for (std::size_t i = 0; i < reception.size(); ++i) {
+    reception[i].report(monotonic_ns(), realtime_ns(), inputs.stamps_count, inputs.drones[i]);
     // By onboard odometry a drone is where the file says that it stands.
-    const auto source = from_name<link::PoseSource>(facts.pose_source);
+    const auto source = from_name<link::PoseSource>(inputs.pose_source);
     if (source && !link::uses_mocap(*source))
-      facts.drones[i].pose = checks::PoseFacts{.position_m = options.flight.own->drones[i].start_m};
+      inputs.drones[i].pose = checks::PoseInputs{.position_m = options.flight.own->drones[i].start_m};
   }
   if (stop_requested) return Error{"it was asked to end"};
   return done;
@@ -149,7 +149,7 @@ class OwnFolder {
 };
 
 // By a program of its own, so that this one is without gRPC's threads.
-Status read_records(const PreflightOptions& options, checks::FlightFacts& facts) {
+Status read_records(const PreflightOptions& options, checks::FlightInputs& inputs) {
   const deployment::OwnLedger& network = *options.flight.own->network;
   const auto self = crypto::load_identity(crypto::Library::libcrypto, network.ground_msp_id, network.ground_files);
   if (!self) return self.error();
@@ -170,29 +170,29 @@ Status read_records(const PreflightOptions& options, checks::FlightFacts& facts)
     return Error{fmt::format("it did not answer within {:.0f} s", to_seconds(records_limit_ns))};
   }
   if (!children.ended_well(name)) return Error{printable(children.log_tail(name, 1))};
-  return fly::take_records(records, self->name, facts);
+  return launcher::read_records(records, self->name, inputs);
 }
 
-void look_at_ledger(const PreflightOptions& options, checks::FlightFacts& facts) {
+void query_ledger(const PreflightOptions& options, checks::FlightInputs& inputs) {
   if (!options.flight.own->network) return;
-  const Status status = read_records(options, facts);
-  facts.ledger.state = status ? checks::LedgerFacts::State::reached : checks::LedgerFacts::State::failed;
-  if (!status) facts.ledger.what = status.error().message;
+  const Status status = read_records(options, inputs);
+  inputs.ledger.state = status ? checks::LedgerInputs::State::reached : checks::LedgerInputs::State::failed;
+  if (!status) inputs.ledger.what = status.error().message;
 }
 
 }  // namespace
 
-Result<checks::FlightFacts> look_around(const PreflightOptions& options) {
+Result<checks::FlightInputs> probe_flight(const PreflightOptions& options) {
   catch_stop_signals();
-  checks::FlightFacts facts = fly::facts_of(options.flight);
-  look_at_ledger(options, facts);  // first: it starts a process, and DDS starts threads
+  checks::FlightInputs inputs = launcher::inputs_of(options.flight);
+  query_ledger(options, inputs);  // first: it starts a process, and DDS starts threads
   std::map<std::string, Side> sides;
-  for (std::size_t i = 0; i < facts.drones.size(); ++i) {
-    const auto address = parse_ipv4(facts.drones[i].address);
+  for (std::size_t i = 0; i < inputs.drones.size(); ++i) {
+    const auto address = parse_ipv4(inputs.drones[i].address);
     if (!address) return address.error();
-    Side& side = sides[facts.drones[i].interface];
+    Side& side = sides[inputs.drones[i].interface];
     side.places.push_back(i);
-    side.asked.push_back({*address, Asking({"sn?", "battery?"})});
+    side.asked.push_back({*address, Dialogue({"sn?", "battery?"})});
   }
   for (auto& [interface, side] : sides) {
     auto states = link::open_udp(interface);
@@ -204,11 +204,11 @@ Result<checks::FlightFacts> look_around(const PreflightOptions& options) {
   }
   auto poses = subscribe(options.flight);
   if (!poses) return poses.error();
-  if (auto status = ask_all(sides, facts); !status) return status.error();
-  if (auto status = listen(sides, *poses, options, facts); !status) return status.error();
-  facts.clock = checks::look_at_clock();
-  facts.path = fly::check_path(options.flight, facts);
-  return facts;
+  if (auto status = query_all(sides, inputs); !status) return status.error();
+  if (auto status = listen(sides, *poses, options, inputs); !status) return status.error();
+  inputs.clock = checks::probe_clock();
+  inputs.path = launcher::check_path(options.flight, inputs);
+  return inputs;
 }
 
 }  // namespace ledgerline::tello

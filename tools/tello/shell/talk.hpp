@@ -11,7 +11,7 @@
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
-#include "tools/tello/core/asking.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 /// What is said to Tellos and heard of them, by loops that go round every few milliseconds.
 namespace ledgerline::tello {
@@ -27,11 +27,11 @@ sockaddr_in place(std::uint32_t address, std::uint16_t port);
 void wait(std::initializer_list<int> sockets);
 
 /// False: nothing was sent. What cannot be sent is a lost datagram: the cores ask again.
-bool say(const link::Descriptor& socket, std::uint32_t address, const std::string& text);
+bool send_text(const link::Descriptor& socket, std::uint32_t address, const std::string& text);
 
-/// All that came from a Tello's port; `take` gets the address that it came from, and the bytes.
-template <typename Take>
-void read_all(int fd, Take take) {
+/// All that came from a Tello's port; `on_datagram` gets the address that it came from, and the bytes.
+template <typename OnDatagram>
+void read_all(int fd, OnDatagram on_datagram) {
   std::array<char, max_bytes> buffer{};
   for (std::size_t i = 0; i < max_reads; ++i) {
     sockaddr_in from{};
@@ -40,13 +40,13 @@ void read_all(int fd, Take take) {
         ::recvfrom(fd, buffer.data(), buffer.size(), MSG_DONTWAIT, reinterpret_cast<sockaddr*>(&from), &size);
     if (n < 0 && errno != ECONNREFUSED) return;
     if (n > 0 && ntohs(from.sin_port) == command_port)
-      take(ntohl(from.sin_addr.s_addr), std::string_view(buffer.data(), static_cast<std::size_t>(n)));
+      on_datagram(ntohl(from.sin_addr.s_addr), std::string_view(buffer.data(), static_cast<std::size_t>(n)));
   }
 }
 
 /// Asks all of them at once, few enough datagrams a second for any Wi-Fi, until each has answered or was given up.
 /// `interface` empty: wherever routes lead. Ends early when a signal asks to.
-Status ask(std::vector<Found>& drones, const std::string& interface);
+Status query(std::vector<Found>& drones, const std::string& interface);
 
 /// True once it is down; false when it was not seen down within `seconds`. Says on the log what came of it.
 Result<bool> land(std::uint32_t address, const std::string& interface, double seconds);

@@ -7,10 +7,9 @@
 #include <functional>
 #include <set>
 
-#include "chaincode/network/files/texts.hpp"
 #include "chaincode/network/options.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::ElementsAre;
@@ -155,4 +154,4 @@ TEST(FabricOptions, AuthoritiesLieBehindTheParts) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

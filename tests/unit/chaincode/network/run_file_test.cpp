@@ -1,4 +1,4 @@
-#include "chaincode/network/run_file.hpp"
+#include "chaincode/network/network.hpp"
 
 #include <gmock/gmock.h>
 #include <unistd.h>
@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 class RunFileTest : public testing::Test {
@@ -20,7 +20,7 @@ class RunFileTest : public testing::Test {
 TEST_F(RunFileTest, TellsOfANetworkAsLongAsItsProcessHoldsIt) {
   {
     RunFile own(dir);
-    ASSERT_TRUE(own.take());
+    ASSERT_TRUE(own.lock());
     EXPECT_EQ(RunFile(dir).read(), nlohmann::json::object()) << "it is starting";
     ASSERT_TRUE(own.write(R"({"ready":true,"long":"text"})"));
     ASSERT_TRUE(own.write(R"({"ready":true})"));
@@ -32,9 +32,9 @@ TEST_F(RunFileTest, TellsOfANetworkAsLongAsItsProcessHoldsIt) {
 TEST_F(RunFileTest, IsTakenByOneAlone) {
   RunFile own(dir), other(dir);
   EXPECT_EQ(other.read(), std::nullopt);
-  ASSERT_TRUE(own.take());
-  EXPECT_FALSE(other.take());
+  ASSERT_TRUE(own.lock());
+  EXPECT_FALSE(other.lock());
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

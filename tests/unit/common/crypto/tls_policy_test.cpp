@@ -297,10 +297,10 @@ TEST_F(TlsPolicy, ClientsSpeakThePermittedVersionsAndCiphersAlone) {
       checks::ServerKeys keys;
       keys.endpoint = server.endpoint();
       keys.tls_ca = authority_file_;
-      const auto facts = checks::look_at_server(keys, "peer", std::chrono::seconds(10));
+      const auto inputs = checks::probe_server(keys, "peer", std::chrono::seconds(10));
       EXPECT_EQ(server.met(), speech.is_permitted) << "doctor " << speech.name;
-      EXPECT_EQ(facts.tls, speech.is_permitted) << speech.name;
-      EXPECT_FALSE(facts.wants_certificate) << speech.name << ": it has not asked for one";
+      EXPECT_EQ(inputs.tls, speech.is_permitted) << speech.name;
+      EXPECT_FALSE(inputs.wants_certificate) << speech.name << ": it has not asked for one";
     }
   }
 }

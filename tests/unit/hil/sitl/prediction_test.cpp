@@ -9,7 +9,7 @@
 
 #include "hil/sitl/simulated_flight.hpp"
 #include "tests/unit/campaign.hpp"
-#include "tools/report/published.hpp"
+#include "tools/report/results.hpp"
 
 namespace ledgerline::hil {
 namespace {

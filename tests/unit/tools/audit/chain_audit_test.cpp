@@ -6,7 +6,6 @@
 
 #include "peer/transaction.pb.h"
 #include "tests/unit/tools/audit/signed_ledger.hpp"
-#include "tools/audit/show/show.hpp"
 
 namespace ledgerline::audit {
 namespace {
@@ -207,8 +206,8 @@ TEST_F(ChainAuditTest, WhatFailsByWhatItReadIsARefusalAndNoFinding) {
   ledger.commit();
   const ChainAudit audit = audited(ledger.chain, ledger.trust());
   EXPECT_THAT(texts(audit), IsEmpty());
-  ASSERT_EQ(audit.story().refusals().size(), 1U);
-  const auto& [key, refusals] = *audit.story().refusals().begin();
+  ASSERT_EQ(audit.report().refusals().size(), 1U);
+  const auto& [key, refusals] = *audit.report().refusals().begin();
   EXPECT_EQ(key.code, protos::MVCC_READ_CONFLICT);
   EXPECT_EQ(key.who, "Org2MSP/client.Org2MSP");
   EXPECT_EQ(refusals.count, 1U);

@@ -1,4 +1,4 @@
-#include "tools/audit/source/copy.hpp"
+#include "tools/audit/source.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,4 +1,4 @@
-#include "tools/audit/source/peer.hpp"
+#include "tools/audit/source.hpp"
 
 #include <gmock/gmock.h>
 
@@ -10,7 +10,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr std::uint64_t height = 40;  // more than the belt between stream and audit holds
+constexpr std::uint64_t height = 40;  // more than the queue between stream and audit holds
 
 class PeerTest : public ::testing::Test {
  protected:

@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-namespace ledgerline::two_way {
+namespace ledgerline::bench {
 namespace {
 
 using testing::ElementsAre;
@@ -152,4 +152,4 @@ TEST(Message, WhatIsNoMessageIsRefused) {
 }
 
 }  // namespace
-}  // namespace ledgerline::two_way
+}  // namespace ledgerline::bench

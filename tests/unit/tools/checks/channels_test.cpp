@@ -1,6 +1,8 @@
-#include "tools/checks/shell/ledger_probe.hpp"
+#include "tools/checks/shell/probes.hpp"
 
 #include <gtest/gtest.h>
+
+#include "common/fabric/client/client.hpp"
 
 namespace ledgerline::checks {
 namespace {

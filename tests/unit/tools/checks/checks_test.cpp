@@ -9,7 +9,6 @@
 #include "tools/checks/core/host.hpp"
 #include "tools/checks/core/identity.hpp"
 #include "tools/checks/core/ledger.hpp"
-#include "tools/checks/core/server.hpp"
 
 namespace ledgerline::checks {
 namespace {
@@ -38,15 +37,15 @@ TEST(DoctorBlocks, ThatComeLateNameTheTimesThatFit) {
       << "cut at once";
 }
 
-Finding server(const std::function<void(ServerFacts&)>& change) {
-  ServerFacts facts{.what = "peer", .endpoint = "h:1", .name = "h", .tls_ca = "ca.pem"};
-  facts.tls = facts.http2 = facts.trusted = facts.right_name = true;
-  change(facts);
-  return assess(facts);
+Finding server(const std::function<void(ServerInputs&)>& change) {
+  ServerInputs inputs{.what = "peer", .endpoint = "h:1", .name = "h", .tls_ca = "ca.pem"};
+  inputs.tls = inputs.http2 = inputs.trusted = inputs.right_name = true;
+  change(inputs);
+  return assess(inputs);
 }
 
 TEST(DoctorServer, TellsEachLayerApart) {
-  using Reached = ServerFacts::Reached;
+  using Reached = ServerInputs::Reached;
   EXPECT_FALSE(server([](auto&) {}).problem);
   EXPECT_EQ(server([](auto& f) { f.reached = Reached::name_unknown; }).problem, Problem::name_unknown);
   EXPECT_EQ(server([](auto& f) { f.reached = Reached::no_route; }).problem, Problem::no_route);
@@ -64,9 +63,9 @@ TEST(DoctorServer, TellsEachLayerApart) {
 
 TEST(DoctorServer, SaysWhatToWriteForAnEndpointThatIsNone) {
   const auto cure = [](const std::string& endpoint) {
-    ServerFacts facts{.what = "peer", .endpoint = endpoint, .name = "", .tls_ca = ""};
-    facts.reached = ServerFacts::Reached::malformed;
-    const Finding finding = assess(facts);
+    ServerInputs inputs{.what = "peer", .endpoint = endpoint, .name = "", .tls_ca = ""};
+    inputs.reached = ServerInputs::Reached::malformed;
+    const Finding finding = assess(inputs);
     EXPECT_EQ(finding.problem, Problem::endpoint_wrong);
     return finding.cure;
   };
@@ -81,14 +80,14 @@ TEST(DoctorServer, TellsOneThatIsMuteFromOneThatSpeaksSomethingElse) {
 }
 
 TEST(DoctorIdentity, TellsAFolderOfAnotherUserAndALockedKeyFromAMissingOne) {
-  IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .no_key = "cannot read it"};
-  facts.forbidden = "/e/msp";
-  facts.user = "ledgerline";
-  const Findings closed = assess(facts, {}, 0);
+  IdentityInputs inputs{.msp_id = "Org1MSP", .place = "/e/msp", .no_key = "cannot read it"};
+  inputs.forbidden = "/e/msp";
+  inputs.user = "ledgerline";
+  const Findings closed = assess(inputs, {}, 0);
   EXPECT_EQ(closed.at(0).problem, Problem::file_forbidden);
   EXPECT_THAT(closed[0].cure, HasSubstr("`chown -R ledgerline: /e/msp`"));
-  facts = {.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = std::string("\x30\x82\x01", 3)};
-  EXPECT_EQ(assess(facts, {}, 0).at(0).problem, Problem::not_pem);
+  inputs = {.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = std::string("\x30\x82\x01", 3)};
+  EXPECT_EQ(assess(inputs, {}, 0).at(0).problem, Problem::not_pem);
 }
 
 // What programs and peers take for the identity is the first certificate of the file.
@@ -97,33 +96,33 @@ TEST(DoctorIdentity, TellsAnAuthorityInFrontOfTheCertificateFromAKeyOfAnother) {
   const auto own =
       crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
   const std::int64_t now_s = crypto::parse_certificate(own.certificate_pem)->not_before_s + 60;
-  IdentityFacts facts{
+  IdentityInputs inputs{
       .msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = ca.certificate_pem + own.certificate_pem};
-  facts.key_pem = own.key_pem;
-  facts.certificate_file = "/e/msp/signcerts/cert.pem";
-  facts.msp_dir = "/e/msp";
-  const std::vector<AuthorityFacts> authorities{{"Org1MSP", ca.certificate_pem}};
-  const Findings reversed = assess(facts, authorities, now_s);
+  inputs.key_pem = own.key_pem;
+  inputs.certificate_file = "/e/msp/signcerts/cert.pem";
+  inputs.msp_dir = "/e/msp";
+  const std::vector<AuthorityInputs> authorities{{"Org1MSP", ca.certificate_pem}};
+  const Findings reversed = assess(inputs, authorities, now_s);
   ASSERT_EQ(reversed.size(), 1U) << "the certificate itself is in order: dates and issuer are checked of it";
   EXPECT_EQ(reversed[0].problem, Problem::certificate_order);
   EXPECT_EQ(reversed[0].cure, "`ledgerline init --certificate /e/msp/signcerts/cert.pem --msp-dir /e/msp`");
-  facts.msp_dir.clear();
-  facts.key_file = "/e/own.key";
-  EXPECT_THAT(assess(facts, authorities, now_s).at(0).cure,
+  inputs.msp_dir.clear();
+  inputs.key_file = "/e/own.key";
+  EXPECT_THAT(assess(inputs, authorities, now_s).at(0).cure,
               HasSubstr("the certificate of the key /e/own.key to the front"));
-  facts.certificate_pem = own.certificate_pem + ca.certificate_pem;
-  EXPECT_FALSE(assess(facts, authorities, now_s).at(0).problem);
-  facts.certificate_pem = ca.certificate_pem + ca.certificate_pem;
-  EXPECT_EQ(assess(facts, authorities, now_s).at(0).problem, Problem::key_misfit);
+  inputs.certificate_pem = own.certificate_pem + ca.certificate_pem;
+  EXPECT_FALSE(assess(inputs, authorities, now_s).at(0).problem);
+  inputs.certificate_pem = ca.certificate_pem + ca.certificate_pem;
+  EXPECT_EQ(assess(inputs, authorities, now_s).at(0).problem, Problem::key_misfit);
 }
 
 TEST(DoctorIdentity, NamesTheChannelWhoseAuthoritiesDoNotKnowIt) {
   const auto ca = crypto::make_ca("ca", "org").value(), other = crypto::make_ca("ca", "org").value();
   const auto own =
       crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
-  IdentityFacts facts{.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = own.certificate_pem};
-  facts.channel = "yard";
-  const Finding foreign = assess(facts, {{"Org1MSP", other.certificate_pem}},
+  IdentityInputs inputs{.msp_id = "Org1MSP", .place = "/e/msp", .certificate_pem = own.certificate_pem};
+  inputs.channel = "yard";
+  const Finding foreign = assess(inputs, {{"Org1MSP", other.certificate_pem}},
                                  crypto::parse_certificate(own.certificate_pem)->not_before_s + 60)
                               .at(0);
   EXPECT_EQ(foreign.problem, Problem::identity_foreign);
@@ -143,49 +142,50 @@ TEST(DoctorIdentity, ChecksAPairOfTlsByItsOwnWords) {
   const auto own =
       crypto::issue(ca, {.common_name = "raven", .organization = "o", .unit = "client", .sans = {}}).value();
   const auto certificate = crypto::parse_certificate(own.certificate_pem).value();
-  IdentityFacts facts{.msp_id = "TLS", .place = "/e/own.pem", .certificate_pem = own.certificate_pem};
-  facts.certificate_file = "/e/own.pem";
-  facts.key_file = "/e/own.key";
-  facts.key_pem = own.key_pem;
-  EXPECT_FALSE(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem);
-  const Finding over = assess_tls_pair(facts, "agent.toml", certificate.not_after_s + 86'400).at(0);
+  IdentityInputs inputs{.msp_id = "TLS", .place = "/e/own.pem", .certificate_pem = own.certificate_pem};
+  inputs.certificate_file = "/e/own.pem";
+  inputs.key_file = "/e/own.key";
+  inputs.key_pem = own.key_pem;
+  EXPECT_FALSE(assess_tls_pair(inputs, "agent.toml", certificate.not_before_s + 60).at(0).problem);
+  const Finding over = assess_tls_pair(inputs, "agent.toml", certificate.not_after_s + 86'400).at(0);
   EXPECT_EQ(over.problem, Problem::tls_pair_wrong);
   EXPECT_THAT(over.what, HasSubstr("/e/own.pem and /e/own.key of agent.toml: identity_expired"));
   const auto other = crypto::issue(ca, {.common_name = "x", .organization = "o", .unit = "client", .sans = {}}).value();
-  facts.key_pem = other.key_pem;
-  EXPECT_EQ(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).problem, Problem::tls_pair_wrong);
-  facts.key_pem = own.key_pem;
-  facts.key_is_open = true;
-  EXPECT_EQ(assess_tls_pair(facts, "agent.toml", certificate.not_before_s + 60).at(0).cure, "`chmod 600 /e/own.key`");
+  inputs.key_pem = other.key_pem;
+  EXPECT_EQ(assess_tls_pair(inputs, "agent.toml", certificate.not_before_s + 60).at(0).problem,
+            Problem::tls_pair_wrong);
+  inputs.key_pem = own.key_pem;
+  inputs.key_is_open = true;
+  EXPECT_EQ(assess_tls_pair(inputs, "agent.toml", certificate.not_before_s + 60).at(0).cure, "`chmod 600 /e/own.key`");
 }
 
 TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
-  DroneFacts facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
-  EXPECT_FALSE(assess_state(facts, "0.0.0.0:8891")) << "nobody could listen";
-  EXPECT_FALSE(assess_presence(facts).problem);
-  facts.state_hz = 0;
-  const Finding dropped = assess_state(facts, "0.0.0.0:8891").value();
+  DroneInputs inputs{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
+  EXPECT_FALSE(assess_state(inputs, "0.0.0.0:8891")) << "nobody could listen";
+  EXPECT_FALSE(assess_presence(inputs).problem);
+  inputs.state_hz = 0;
+  const Finding dropped = assess_state(inputs, "0.0.0.0:8891").value();
   EXPECT_EQ(dropped.problem, Problem::state_silent);
   EXPECT_THAT(dropped.cure, HasSubstr("`iptables -I INPUT -p udp --dport 8891 -j ACCEPT`"));
-  EXPECT_THAT(assess_battery(facts, 0.15).what, HasSubstr("90 %"));
-  facts.there = false;
-  EXPECT_EQ(assess_presence(facts).problem, Problem::drone_silent);
+  EXPECT_THAT(assess_battery(inputs, 0.15).what, HasSubstr("90 %"));
+  inputs.there = false;
+  EXPECT_EQ(assess_presence(inputs).problem, Problem::drone_silent);
 }
 
 TEST(DoctorLease, IsAWarningUnlessAFlightIsToTakeOff) {
   Control control;
   control.mutable_owner()->set_msp_id("Org2MSP");
   control.mutable_holder()->set_msp_id("Org3MSP");
-  LeaseFacts facts{.drone = "d1", .self = {"Org2MSP", "CN=pilot"}, .side = Side::ground, .control = control};
-  facts.is_operator = true;
-  EXPECT_EQ(assess(facts).at(0).severity, Severity::warning);
-  facts.side = Side::flight;
-  EXPECT_EQ(assess(facts).at(0).problem, Problem::lease_held);
-  EXPECT_EQ(assess(facts).at(0).severity, Severity::broken);
-  facts.side = Side::agent;
-  EXPECT_EQ(assess(facts).at(0).problem, Problem::of_another_host);
-  facts.control.reset();
-  EXPECT_EQ(assess(facts).at(0).problem, Problem::not_enrolled);
+  LeaseInputs inputs{.drone = "d1", .self = {"Org2MSP", "CN=pilot"}, .side = Side::ground, .control = control};
+  inputs.is_operator = true;
+  EXPECT_EQ(assess(inputs).at(0).severity, Severity::warning);
+  inputs.side = Side::flight;
+  EXPECT_EQ(assess(inputs).at(0).problem, Problem::lease_held);
+  EXPECT_EQ(assess(inputs).at(0).severity, Severity::broken);
+  inputs.side = Side::agent;
+  EXPECT_EQ(assess(inputs).at(0).problem, Problem::of_another_host);
+  inputs.control.reset();
+  EXPECT_EQ(assess(inputs).at(0).problem, Problem::not_enrolled);
 }
 
 class DoctorEndorsement : public testing::Test {
@@ -199,27 +199,27 @@ class DoctorEndorsement : public testing::Test {
   static EndorsingPeer silent(const std::string& msp_id) {
     return {.msp_id = msp_id, .place = "[[endorser]] h:7051", .why = "nobody listens"};
   }
-  EndorsementFacts facts_{.program = "ground.toml",
-                          .what = "new records",
-                          .policy = so_many_of(2),
-                          .organisations = {"Org1MSP", "Org2MSP", "Org3MSP"},
-                          .peers = {signs("Org1MSP")}};
+  EndorsementInputs inputs_{.program = "ground.toml",
+                            .what = "new records",
+                            .policy = so_many_of(2),
+                            .organisations = {"Org1MSP", "Org2MSP", "Org3MSP"},
+                            .peers = {signs("Org1MSP")}};
 };
 
 TEST_F(DoctorEndorsement, NamesEachOrganisationOfWhichOneWouldDo) {
-  const Finding finding = assess(facts_);
+  const Finding finding = assess(inputs_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP or Org3MSP is missing"));
   EXPECT_EQ(finding.cure,
             "add an [[endorser]] of Org2MSP to ground.toml; or add an [[endorser]] of Org3MSP to ground.toml");
-  facts_.peers.push_back(signs("Org3MSP"));
-  EXPECT_FALSE(assess(facts_).problem);
+  inputs_.peers.push_back(signs("Org3MSP"));
+  EXPECT_FALSE(assess(inputs_).problem);
 }
 
 TEST_F(DoctorEndorsement, NamesAllThatAreMissingAtOnce) {
-  facts_.policy = so_many_of(3);
-  facts_.peers.push_back(silent("Org2MSP"));
-  const Finding finding = assess(facts_);
+  inputs_.policy = so_many_of(3);
+  inputs_.peers.push_back(silent("Org2MSP"));
+  const Finding finding = assess(inputs_);
   EXPECT_THAT(finding.what, HasSubstr("the signature of Org2MSP and Org3MSP is missing"));
   EXPECT_THAT(finding.what, HasSubstr("[[endorser]] h:7051 of Org2MSP: nobody listens"));
   EXPECT_THAT(finding.cure, HasSubstr("start the peer of Org2MSP, [[endorser]] h:7051"));
@@ -229,37 +229,37 @@ TEST_F(DoctorEndorsement, NamesAllThatAreMissingAtOnce) {
 TEST_F(DoctorEndorsement, CountsAPeerOnceAndAsWhoItIs) {
   EndorsingPeer copied = signs("Org1MSP");
   copied.said_to_be = "Org2MSP";
-  facts_.peers = {signs("Org1MSP"), copied};
-  const Finding finding = assess(facts_);
+  inputs_.peers = {signs("Org1MSP"), copied};
+  const Finding finding = assess(inputs_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("of Org2MSP is a peer of Org1MSP"));
   EXPECT_THAT(finding.cure, HasSubstr("set endpoint and tls_ca of the [[endorser]] of Org2MSP in ground.toml"));
-  facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org1MSP")}, 2};
-  EXPECT_FALSE(assess(facts_).problem) << "two parts of one policy are satisfied by one peer each by itself";
+  inputs_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org1MSP")}, 2};
+  EXPECT_FALSE(assess(inputs_).problem) << "two parts of one policy are satisfied by one peer each by itself";
 }
 
 TEST_F(DoctorEndorsement, SaysOfAPolicyThatNobodyCanSatisfyThatTheDefinitionMustChange) {
-  facts_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org9MSP")}, 2};
-  const Finding finding = assess(facts_);
+  inputs_.policy = {{fabric::peer_policy("Org1MSP"), fabric::peer_policy("Org9MSP")}, 2};
+  const Finding finding = assess(inputs_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.what, HasSubstr("a peer of each organisation of the channel would not do"));
   EXPECT_THAT(finding.cure, HasSubstr("commit a definition"));
 }
 
 TEST_F(DoctorEndorsement, OfAGatewaySaysWhatItMustFind) {
-  facts_.by_gateway = true;
-  facts_.peers = {
+  inputs_.by_gateway = true;
+  inputs_.peers = {
       {.msp_id = "Org1MSP", .place = "the gateway", .identity = "Org1MSP"}, silent("Org2MSP"), silent("Org3MSP")};
-  const Finding finding = assess(facts_);
+  const Finding finding = assess(inputs_);
   EXPECT_EQ(finding.problem, Problem::policy_unreachable);
   EXPECT_THAT(finding.cure, HasSubstr("start a peer of Org2MSP that has joined the channel"));
 }
 
 TEST(DoctorHost, NamesWhoHasThePortOfStateTexts) {
-  const Finding taken = assess(PortFacts{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
+  const Finding taken = assess(PortInputs{.listen = "0.0.0.0:8890", .taken = true, .program = "python3", .pid = 7});
   EXPECT_EQ(taken.problem, Problem::state_port_taken);
   EXPECT_THAT(taken.cure, HasSubstr("`kill 7`"));
-  EXPECT_FALSE(assess(PortFacts{.listen = "0.0.0.0:8890"}).problem);
+  EXPECT_FALSE(assess(PortInputs{.listen = "0.0.0.0:8890"}).problem);
 }
 
 TEST(DoctorHost, ComparesTheDronesOfLinkAndAgentInAnyOrder) {
@@ -268,7 +268,7 @@ TEST(DoctorHost, ComparesTheDronesOfLinkAndAgentInAnyOrder) {
 }
 
 TEST(DoctorChain, TellsClocksByTheNewestBlock) {
-  const auto problem = [](HeightFacts facts) { return assess(facts)[0].problem; };
+  const auto problem = [](HeightInputs inputs) { return assess(inputs)[0].problem; };
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = -ns_per_s}), Problem::clock_behind);
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 9, .newest_age_ns = 60 * ns_per_s}), Problem::clock_ahead);
   EXPECT_EQ(problem({.place = "p", .height = 5, .later = 5, .newest_age_ns = 60 * ns_per_s}), std::nullopt)
@@ -304,10 +304,10 @@ TEST(DoctorTrust, ComparesAuthoritiesByTheirCertificates) {
     return "-----BEGIN CERTIFICATE-----\n" + key + "\n-----END CERTIFICATE-----\n";
   };
   const auto problem_of = [&](const std::string& own) {
-    TrustFacts facts{.program = "agent.toml", .msps = {{"Org2MSP", "org2.pem"}}, .channel = {}};
-    facts.msps[0].pem = own;
-    facts.channel.push_back({"Org2MSP", pem("cm9v\ndA==") + pem("bWlk")});
-    return assess(facts)[0].problem;
+    TrustInputs inputs{.program = "agent.toml", .msps = {{"Org2MSP", "org2.pem"}}, .channel = {}};
+    inputs.msps[0].pem = own;
+    inputs.channel.push_back({"Org2MSP", pem("cm9v\ndA==") + pem("bWlk")});
+    return assess(inputs)[0].problem;
   };
   EXPECT_FALSE(problem_of("Subject: mid\n" + pem("bWlk") + pem("cm9vdA=="))) << "another order, other lines";
   EXPECT_FALSE(problem_of(pem("cm9vdA=="))) << "the root alone";
@@ -322,14 +322,14 @@ TEST(DoctorContract, TellsNoneAnotherVersionAndAWeakPolicyApart) {
 }
 
 TEST(DoctorHost, WarnsOfADiskBeforeItIsFull) {
-  EXPECT_EQ(assess(DirectoryFacts{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
-  EXPECT_EQ(assess(DirectoryFacts{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
-  EXPECT_FALSE(assess(DirectoryFacts{"/x", true, 5ULL << 30})[0].problem);
+  EXPECT_EQ(assess(DirectoryInputs{"/x", true, 1ULL << 20})[0].problem, Problem::disk_full);
+  EXPECT_EQ(assess(DirectoryInputs{"/x", true, 500ULL << 20})[0].problem, Problem::disk_low);
+  EXPECT_FALSE(assess(DirectoryInputs{"/x", true, 5ULL << 30})[0].problem);
 }
 
 TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {
-  const TopicFacts silent{.drone = "tello1", .topic = "/poses", .type = "a/msg/B", .listened_s = 2};
-  TopicFacts others = silent, heard = silent, deaf = silent;
+  const TopicInputs silent{.drone = "tello1", .topic = "/poses", .type = "a/msg/B", .listened_s = 2};
+  TopicInputs others = silent, heard = silent, deaf = silent;
   others.writers = 1;
   heard.writers = 1;
   heard.poses = 120;
@@ -344,9 +344,9 @@ TEST(DoctorHost, TellsAnEmptyTopicFromOneWithoutThisDrone) {
 }
 
 TEST(DoctorList, IsBrokenByOneProblemAndNotByWarnings) {
-  Findings all{fine("config", "a"), found(Problem::disk_low, "disk", "b")};
+  Findings all{fine("config", "a"), flag(Problem::disk_low, "disk", "b")};
   EXPECT_FALSE(anything_broken(all));
-  all.push_back(found(Problem::key_open, "identity", "c\x1b[2J"));
+  all.push_back(flag(Problem::key_open, "identity", "c\x1b[2J"));
   EXPECT_TRUE(anything_broken(all));
   const auto said = nlohmann::json::parse(to_json(all));
   EXPECT_EQ(said["ok"], false);

@@ -1,4 +1,4 @@
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -2,17 +2,17 @@
 
 #include <filesystem>
 
-#include "tools/configuration/reference.hpp"
+#include "tools/configuration/config_file.hpp"
 #include "tools/launcher/configs.hpp"
 
 namespace ledgerline::configuration {
 namespace {
 
 /// What the programs say of the configs that a flight writes for them.
-void expect_read(const fly::Options& options) {
+void expect_read(const launcher::Options& options) {
   const std::string folder = testing::TempDir() + "written-configs";
   std::filesystem::create_directories(folder);
-  const fly::RunFiles files{folder};
+  const launcher::RunFiles files{folder};
   ASSERT_TRUE(write_configs(files, options, {"127.0.0.1:1", {"127.0.0.1:2"}, {"127.0.0.1:1", "127.0.0.1:3"}}));
   ASSERT_TRUE(write_endorser_config(files, {"127.0.0.1:1", {}, {}}));
   for (const auto& [file, program] : {std::pair{"link", "link"},
@@ -31,7 +31,7 @@ void expect_read(const fly::Options& options) {
 
 TEST(WrittenConfigs, AreReadByTheirPrograms) {
   expect_read({});
-  fly::Options manual;
+  launcher::Options manual;
   manual.manual = manual.watch = manual.shim = manual.endorser_within = true;
   manual.batch_timeout_ns = 2 * ns_per_s;
   manual.batch_count = 10;

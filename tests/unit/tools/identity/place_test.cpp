@@ -63,7 +63,7 @@ TEST_F(IdentityPlace, WhatIsLentIsNobodyElsesAndGoes) {
     const auto home = Home::make(dir_ + "/msp");
     ASSERT_TRUE(home) << home.error().message;
     folder = home->text();
-    ASSERT_TRUE(home->lend(pair()));
+    ASSERT_TRUE(home->put_pair(pair()));
     EXPECT_EQ(mode(folder), 0700U);
     EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", home->msp()));
   }

@@ -9,7 +9,6 @@
 #include "common/base/file.hpp"
 #include "common/fabric/validation/channel_config.hpp"
 #include "tools/configuration/config_file.hpp"
-#include "tools/configuration/reference.hpp"
 
 namespace ledgerline::init {
 namespace {

@@ -9,7 +9,7 @@
 #include "chaincode/identities/identities.hpp"
 #include "common/base/file.hpp"
 #include "common/crypto/crypto.hpp"
-#include "tools/init/shell/host_files.hpp"
+#include "tools/init/core/host.hpp"
 
 namespace ledgerline::init {
 namespace {
@@ -70,10 +70,10 @@ TEST_F(InitIdentity, ACertificateOfAnotherKeyIsRefusedAndTheOldOneStays) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   const auto strange = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
-  const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  const auto taken = install_certificate(in("msp"), written("raven.pem", own.certificate_pem));
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
-  const auto refused = take_certificate(in("msp"), written("strange.pem", strange.certificate_pem));
+  const auto refused = install_certificate(in("msp"), written("strange.pem", strange.certificate_pem));
   ASSERT_FALSE(refused);
   EXPECT_THAT(refused.error().message, HasSubstr("of another key"));
   EXPECT_TRUE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
@@ -88,7 +88,7 @@ TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
   const std::string chain = "Issuer: ca\n" + ca.certificate_pem + "Subject: raven\n" + own.certificate_pem;
   const std::string there = written("msp/signcerts/raven.pem", chain);
   EXPECT_FALSE(crypto::load_identity(crypto::Library::libcrypto, "Org1MSP", in("msp")));
-  const auto taken = take_certificate(in("msp"), there);  // in its own place, which is the cure that doctor prints
+  const auto taken = install_certificate(in("msp"), there);  // in its own place, which is the cure that doctor prints
   ASSERT_TRUE(taken) << taken.error().message;
   EXPECT_THAT(*taken, HasSubstr("CN=raven"));
   EXPECT_EQ(*read_file(in("msp/signcerts/cert.pem")), own.certificate_pem + ca.certificate_pem);
@@ -99,7 +99,7 @@ TEST_F(InitIdentity, AChainWithItsAuthorityFirstIsPutInOrder) {
 TEST_F(InitIdentity, AnExpiredCertificateIsRefused) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}, .days = -1});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
-  const auto taken = take_certificate(in("msp"), written("raven.pem", own.certificate_pem));
+  const auto taken = install_certificate(in("msp"), written("raven.pem", own.certificate_pem));
   ASSERT_FALSE(taken);
   EXPECT_THAT(taken.error().message, HasSubstr("has expired"));
 }
@@ -108,7 +108,7 @@ TEST_F(InitIdentity, ARenewedCertificateReplacesTheOneOfAnotherName) {
   const auto own = issued({.common_name = "raven", .organization = "o", .unit = "client", .sans = {}});
   ASSERT_TRUE(write_file(in("msp/keystore/priv_sk"), own.key_pem, 0600));
   written("msp/signcerts/a.pem", "old");
-  ASSERT_TRUE(take_certificate(in("msp"), written("raven.pem", own.certificate_pem)));
+  ASSERT_TRUE(install_certificate(in("msp"), written("raven.pem", own.certificate_pem)));
   EXPECT_FALSE(fs::exists(in("msp/signcerts/a.pem")));
 }
 

@@ -18,7 +18,7 @@
 #include "common/program/stop_signals.hpp"
 #include "tools/launcher/machine.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::HasSubstr;
@@ -432,9 +432,9 @@ TEST_F(FakePrograms, TheLinkOfRealDronesIsAskedToLandWhereTheLauncherIsKilled) {
 
 TEST_F(FakePrograms, ASecondRunLearnsWhoFlies) {
   const std::string file = files.in("lock");
-  const auto first = RunLock::take(file, "process 123, into /somewhere");
+  const auto first = RunLock::acquire(file, "process 123, into /somewhere");
   ASSERT_TRUE(first);
-  const auto second = RunLock::take(file, "process 456, into /elsewhere");
+  const auto second = RunLock::acquire(file, "process 456, into /elsewhere");
   ASSERT_FALSE(second);
   EXPECT_THAT(second.error().message, HasSubstr("in progress: process 123, into /somewhere"));
 }
@@ -444,7 +444,7 @@ TEST_F(FakePrograms, TheLockIsNoLinkAndNoPipeAndWhatALinkNamesStays) {
   const std::string file = files.in("lock"), precious = files.in("precious");
   std::ofstream(precious) << "text";
   const auto is_refused = [&] {
-    const auto lock = RunLock::take(file, "x");
+    const auto lock = RunLock::acquire(file, "x");
     fs::remove(file);
     return !lock && read_file(precious).value() == "text";
   };
@@ -464,14 +464,14 @@ TEST_F(FakePrograms, TheLockLastsUntilTheLastProcessOfARunIsGone) {
   write("late", stays);
   Children children({});
   {
-    const auto lock = RunLock::take(file, "x");
+    const auto lock = RunLock::acquire(file, "x");
     ASSERT_TRUE(lock);
     ASSERT_TRUE(children.start({"late", {files.in("ledgerline-late")}, files.log("late"), SIGKILL}));
   }
-  EXPECT_FALSE(RunLock::take(file, "y"));
+  EXPECT_FALSE(RunLock::acquire(file, "y"));
   EXPECT_TRUE(eventually([&] { return !lines("pids").empty(); }));
   EXPECT_TRUE(children.stop("late", 10 * ns_per_s));
-  EXPECT_TRUE(eventually([&] { return RunLock::take(file, "z").ok(); }));
+  EXPECT_TRUE(eventually([&] { return RunLock::acquire(file, "z").ok(); }));
 }
 
 TEST_F(FakePrograms, TheTimeOfAProcessThatIsJustEndingIsNoError) {
@@ -512,4 +512,4 @@ TEST_F(FakePrograms, AChildThatDoesNotListenIsKilledAfterItsTimeout) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::HasSubstr;
@@ -11,9 +11,10 @@ using testing::HasSubstr;
 TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
   Live live({"tello1", "tello2"}, false, 0);
   EXPECT_TRUE(
-      live.take(R"({"agent":{"height":42,"drones":[{"name":"tello1","phase":"flying","mode":"none",)"
-                R"("position":[1.25,-2.5,1.0],"state_age_ms":7.0,"command_age_ms":12.0,"two_way_ms":15.0}]}})"));
-  EXPECT_TRUE(live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"path","lap":2,"progress":0.5}],"why":""}})"));
+      live.on_status(R"({"agent":{"height":42,"drones":[{"name":"tello1","phase":"flying","mode":"none",)"
+                     R"("position":[1.25,-2.5,1.0],"state_age_ms":7.0,"command_age_ms":12.0,"two_way_ms":15.0}]}})"));
+  EXPECT_TRUE(
+      live.on_status(R"({"ground":{"drones":[{"name":"tello1","phase":"path","lap":2,"progress":0.5}],"why":""}})"));
   const auto lines = live.lines(3 * ns_per_s);
   ASSERT_EQ(lines.size(), 2u);
   for (const char* part : {"3.0 s", "tello1", "path 50 %, lap 2", "1.25", "-2.50", "7 ms", "12 ms", "42", "15 ms"}) {
@@ -25,14 +26,14 @@ TEST(Live, AgentAndGroundTogetherMakeTheLineOfADrone) {
 
 TEST(Live, ADroneThatItsPilotFliesIsInTheAir) {
   Live live({"tello1"}, false, 0);
-  live.take(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
+  live.on_status(R"({"ground":{"drones":[{"name":"tello1","phase":"manual"}]}})");
   EXPECT_TRUE(live.anything_in_air());
   EXPECT_THAT(live.lines(0)[0], HasSubstr("manual"));
 }
 
 TEST(Live, AFailsafeModeIsShown) {
   Live live({"tello1"}, false, 0);
-  live.take(R"({"agent":{"height":1,"drones":[{"name":"tello1","mode":"hold"}]}})");
+  live.on_status(R"({"agent":{"height":1,"drones":[{"name":"tello1","mode":"hold"}]}})");
   EXPECT_THAT(live.lines(0)[0], HasSubstr("(hold)"));
 }
 
@@ -42,11 +43,11 @@ TEST(Live, LinesThatAreNotWhatIsExpectedDoNoHarm) {
        {"", "hello", "[]", "{}", R"({"agent":3})", R"({"agent":{"drones":{}}})", R"({"agent":{"drones":[1]}})",
         R"({"agent":{"drones":[{"name":7}]}})",
         R"({"agent":{"height":"x","drones":[{"name":"tello1","position":["a",null,{}],"state_age_ms":"old"}]}})"}) {
-    live.take(line);
+    live.on_status(line);
   }
   EXPECT_THAT(live.lines(0)[0], HasSubstr("waiting"));
   EXPECT_FALSE(live.anything_in_air());
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

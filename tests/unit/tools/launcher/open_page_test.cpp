@@ -12,7 +12,7 @@
 #include "common/base/file.hpp"
 #include "tests/fuzz/directory.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::HasSubstr;
@@ -50,4 +50,4 @@ TEST_F(APage, IsNotOpenedWhereNothingOpensIt) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

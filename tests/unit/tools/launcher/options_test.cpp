@@ -7,7 +7,7 @@
 
 #include "common/base/file.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::HasSubstr;
@@ -331,4 +331,4 @@ TEST(FlyOptions, DurationsHaveUnitsOrAreMilliseconds) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

@@ -1,10 +1,10 @@
-#include "tools/launcher/preflight/preflight.hpp"
+#include "tools/launcher/preflight.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::AllOf;
@@ -35,20 +35,20 @@ std::string line_of(const std::string& name, const std::string& phase, const std
 TEST(Preflight, EveryDroneMustBeReady) {
   Preflight preflight(options_of(2));
   EXPECT_FALSE(preflight.ready());
-  preflight.take(line_of("d1", "on_ground", "none"));
+  preflight.on_status(line_of("d1", "on_ground", "none"));
   EXPECT_FALSE(preflight.ready());
   EXPECT_THAT(preflight.ready().error().message,
               AllOf(StartsWith("d2's drone: 10.0.0.2 behind wlan1: the drone does not answer (cure: switch"),
                     Not(HasSubstr("d1"))));
-  preflight.take(line_of("d2", "landed", "none"));
+  preflight.on_status(line_of("d2", "landed", "none"));
   EXPECT_TRUE(preflight.ready());
-  preflight.take(line_of("d1", "on_ground", "battery_low"));
+  preflight.on_status(line_of("d1", "on_ground", "battery_low"));
   EXPECT_FALSE(preflight.ready());
 }
 
 TEST(Preflight, TheListHasWhatAPersonChecks) {
   Preflight preflight(options_of(2));
-  preflight.take(line_of("d2", "on_ground", "none"));
+  preflight.on_status(line_of("d2", "on_ground", "none"));
   const std::string list = preflight.list();
   EXPECT_THAT(list, HasSubstr("broken   drone       drone_silent: d1: 10.0.0.1 (the drone does not answer)"));
   EXPECT_THAT(list, HasSubstr("ok       drone       d2: 10.0.0.2 behind wlan1"));
@@ -60,7 +60,7 @@ TEST(Preflight, TheListHasWhatAPersonChecks) {
 TEST(Preflight, TheReasonWhyADroneIsNotReadyIsReported) {
   Preflight preflight(options_of(1));
   const auto why = [&](const std::string& line) {
-    preflight.take(line);
+    preflight.on_status(line);
     return preflight.ready().error().message;
   };
   EXPECT_THAT(why(line_of("d1", "on_ground", "pose_lost", "null")), HasSubstr("none has come from mocap"));
@@ -75,9 +75,9 @@ TEST(Preflight, WithoutAnyPoseAPilotsDroneIsReady) {
   options.own->pose_source = "none";
   options.manual = true;
   Preflight preflight(options);
-  preflight.take(line_of("d1", "on_ground", "battery_low", "null"));
+  preflight.on_status(line_of("d1", "on_ground", "battery_low", "null"));
   EXPECT_FALSE(preflight.ready());
-  preflight.take(line_of("d1", "on_ground", "pose_lost", "null"));
+  preflight.on_status(line_of("d1", "on_ground", "pose_lost", "null"));
   EXPECT_TRUE(preflight.ready()) << preflight.ready().error().message;
   EXPECT_THAT(preflight.list(), HasSubstr("none: it is flown by hand"));
   EXPECT_THAT(preflight.list(), HasSubstr("z 0 to 2 m: of these the ceiling alone holds"));
@@ -87,7 +87,7 @@ TEST(Preflight, WhatIsNoStatusLineChangesNothing) {
   Preflight preflight(options_of(1));
   for (const char* line : {"", "[1]", "{}", R"({"link":3})", R"({"link":{"drones":[1,{"name":7}]}})",
                            R"({"agent":{"drones":[{"name":"d1","phase":"on_ground","cause":"none"}]}})"})
-    preflight.take(line);
+    preflight.on_status(line);
   EXPECT_THAT(preflight.ready().error().message, HasSubstr("does not answer"));
 }
 
@@ -95,9 +95,9 @@ TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
   Options options = options_of(1);
   options.side_m = 1.5;
   Preflight preflight(options);
-  preflight.take(line_of("d1", "on_ground", "none", "12.0", 0));
+  preflight.on_status(line_of("d1", "on_ground", "none", "12.0", 0));
   EXPECT_TRUE(preflight.path_fits());
-  preflight.take(line_of("d1", "on_ground", "none", "12.0", 1.0));
+  preflight.on_status(line_of("d1", "on_ground", "none", "12.0", 1.0));
   const Status status = preflight.path_fits();
   ASSERT_FALSE(status);
   EXPECT_THAT(status.error().message, HasSubstr("d1 would be at 2.5, 0.5, 1 m, beyond link's fence"));
@@ -106,9 +106,9 @@ TEST(Preflight, APathIsCheckedFromWhereTheDroneStands) {
 TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
   Preflight preflight(options_of(1));
   const crypto::IdentityName self{"Org2MSP", "CN=pilot"};
-  preflight.take(line_of("d1", "on_ground", "none"));
+  preflight.on_status(line_of("d1", "on_ground", "none"));
   const auto fits = [&](const std::string& more) {
-    EXPECT_TRUE(preflight.take_records(R"({"controls":[{"drone":"d1")" + more + "}]}", self));
+    EXPECT_TRUE(preflight.read_records(R"({"controls":[{"drone":"d1")" + more + "}]}", self));
     return preflight.leases_fit();
   };
   EXPECT_TRUE(fits(""));
@@ -126,33 +126,33 @@ TEST(Preflight, TheHolderOfADroneIsReportedBeforeItIsAcquired) {
 }
 
 TEST(Preflight, TakesWhoHoldsADroneFromItsRecord) {
-  checks::FlightFacts facts;
-  for (const char* name : {"d1", "d2"}) facts.drones.push_back({.name = name, .address = "10.0.0.1"});
-  const auto take = [&](const std::string& line) { return take_records(line, {"Org2MSP", "CN=pilot"}, facts).ok(); };
+  checks::FlightInputs inputs;
+  for (const char* name : {"d1", "d2"}) inputs.drones.push_back({.name = name, .address = "10.0.0.1"});
+  const auto take = [&](const std::string& line) { return read_records(line, {"Org2MSP", "CN=pilot"}, inputs).ok(); };
   ASSERT_TRUE(take(R"({"controls":[{"drone":"d1","holder":{"mspId":"Org3MSP","subject":"CN=h\u001b"}},)"
                    R"({"drone":"d2","holder":{"mspId":"Org2MSP","subject":"CN=pilot"}}]})"));
-  EXPECT_THAT(words(assess(facts)), AllOf(HasSubstr("d1: held by Org3MSP CN=h?"), HasSubstr("d2: ours\n")));
+  EXPECT_THAT(words(assess(inputs)), AllOf(HasSubstr("d1: held by Org3MSP CN=h?"), HasSubstr("d2: ours\n")));
   ASSERT_TRUE(take(R"({"controls":[{"drone":"d2"}]})"));
-  EXPECT_FALSE(facts.drones[0].lease->control);
-  EXPECT_FALSE(facts.drones[1].lease->control->has_holder());
+  EXPECT_FALSE(inputs.drones[0].lease->control);
+  EXPECT_FALSE(inputs.drones[1].lease->control->has_holder());
   for (const char* other : {"", "[]", "no", R"({"controls":7})"}) EXPECT_FALSE(take(other)) << other;
-  EXPECT_TRUE(facts.drones[1].lease->control);
+  EXPECT_TRUE(inputs.drones[1].lease->control);
   ASSERT_TRUE(take("{}"));  // a ledger without any record
-  EXPECT_FALSE(facts.drones[1].lease->control);
+  EXPECT_FALSE(inputs.drones[1].lease->control);
 }
 
 TEST(Preflight, AHolderWhoLetsUsCommandIsNotAskedForTheLease) {
   Preflight preflight(options_of(1));
   const crypto::IdentityName station{"Org2MSP", "CN=station"}, pilot{"Org2MSP", "CN=pilot"};
-  preflight.take(line_of("d1", "on_ground", "none"));
+  preflight.on_status(line_of("d1", "on_ground", "none"));
   const char* record = R"({"controls":[{"drone":"d1","holder":{"mspId":"Org2MSP","subject":"CN=pilot"},)"
                        R"("delegate":{"mspId":"Org2MSP","subject":"CN=station"}}]})";
-  EXPECT_TRUE(preflight.take_records(record, station));
+  EXPECT_TRUE(preflight.read_records(record, station));
   EXPECT_TRUE(preflight.leases_fit());
   EXPECT_FALSE(preflight.acquires("d1"));
   preflight.acquired();
   EXPECT_THAT(preflight.list(), HasSubstr("lease       d1: ours to command: held by Org2MSP CN=pilot"));
-  EXPECT_TRUE(preflight.take_records(record, pilot));
+  EXPECT_TRUE(preflight.read_records(record, pilot));
   EXPECT_FALSE(preflight.leases_fit()) << "who lets another command flies it no more than anybody";
 }
 
@@ -160,10 +160,10 @@ TEST(Preflight, TheListHasThePathWhereItLeavesTheFence) {
   Options options = options_of(1);
   options.side_m = 3;
   Preflight preflight(options);
-  preflight.take(line_of("d1", "on_ground", "none", "12.0", 0));
+  preflight.on_status(line_of("d1", "on_ground", "none", "12.0", 0));
   EXPECT_TRUE(preflight.ready());  // to stand there
   EXPECT_THAT(preflight.list(), HasSubstr("path_beyond_fence: square with --side 3: d1 would be at 3, 0.5, 1 m"));
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

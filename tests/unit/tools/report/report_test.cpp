@@ -7,7 +7,6 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 
-#include "tools/report/published.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {
@@ -110,9 +109,9 @@ class RunDirectory : public testing::Test {
     run.ledger_grown_bytes = 5'000'000;
   }
 
-  fly::RunFiles files;
-  fly::Options options;
-  fly::RunRecord run;
+  launcher::RunFiles files;
+  launcher::Options options;
+  launcher::RunRecord run;
 };
 
 TEST_F(RunDirectory, FiguresThatCannotBeAreLeftOut) {
@@ -237,12 +236,12 @@ TEST_F(RunDirectory, ThePageHasWhatWasReportedOfThePositionBesideTheError) {
   EXPECT_NEAR(results.drones[0].reported[0].three_sigma_m, 0.3, 1e-9);
   EXPECT_NEAR(*results.drones[0].reported[0].error_m, 0.2, 1e-9);
   EXPECT_NEAR(*results.drones[0].reported[1].error_m, 0.5, 1e-9);
-  const json figures = to_json(results)["drones"][0]["reported_position"];
-  EXPECT_EQ(figures["count"], 2);
-  EXPECT_NEAR(figures["max_three_sigma_m"].get<double>(), 0.3, 1e-9);
-  EXPECT_NEAR(figures["rms_error_m"].get<double>(), std::sqrt((0.04 + 0.25) / 2), 1e-3);
-  EXPECT_NEAR(figures["max_error_m"].get<double>(), 0.5, 1e-9);
-  EXPECT_EQ(figures["inside"], 0.5);
+  const json metrics = to_json(results)["drones"][0]["reported_position"];
+  EXPECT_EQ(metrics["count"], 2);
+  EXPECT_NEAR(metrics["max_three_sigma_m"].get<double>(), 0.3, 1e-9);
+  EXPECT_NEAR(metrics["rms_error_m"].get<double>(), std::sqrt((0.04 + 0.25) / 2), 1e-3);
+  EXPECT_NEAR(metrics["max_error_m"].get<double>(), 0.5, 1e-9);
+  EXPECT_EQ(metrics["inside"], 0.5);
   const std::string chart = files.in("chart.js");
   write(chart, "/* the chart library */");
   const auto page = to_page(results, chart);
@@ -268,10 +267,10 @@ TEST(Report, WithoutATruthWhatWasReportedStandsAlone) {
   const auto reported = reported_positions(link, {}, 1, 0);
   ASSERT_EQ(reported.size(), 2u);  // no variance, and one that is no number, are not reported
   EXPECT_FALSE(reported[0].error_m.has_value());
-  const auto figures = figures_of(reported);
-  ASSERT_TRUE(figures.has_value());
-  EXPECT_NEAR(figures->max_three_sigma_m, 0.6, 1e-9);
-  EXPECT_FALSE(figures->inside.has_value());
+  const auto metrics = metrics_of(reported);
+  ASSERT_TRUE(metrics.has_value());
+  EXPECT_NEAR(metrics->max_three_sigma_m, 0.6, 1e-9);
+  EXPECT_FALSE(metrics->inside.has_value());
   EXPECT_EQ(reported_positions(link, {}, 1, 3 * ns_per_s).size(), 1u);
 }
 

@@ -6,7 +6,6 @@
 #include <nlohmann/json.hpp>
 
 #include "ground/service/core/api.hpp"
-#include "tools/station/core/place.hpp"
 
 namespace ledgerline::station {
 namespace {

@@ -1,4 +1,4 @@
-#include "tools/tello/core/landing.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 #include <gtest/gtest.h>
 
@@ -49,7 +49,7 @@ TEST_F(LandingATello, WithoutAnswersItIsReportedAgainEachSecond) {
   pass(10 * ns_per_s);
   EXPECT_EQ(count("land"), 10);
   EXPECT_EQ(count("command"), 10);
-  EXPECT_FALSE(landing.heard());
+  EXPECT_FALSE(landing.has_answered());
   EXPECT_FALSE(landing.down());
 }
 
@@ -80,7 +80,7 @@ TEST_F(LandingATello, WhatIsNoAnswerAndNoStateTextChangesNothing) {
     landing.on_state(now, text);
   }
   pass(3 * ns_per_s);
-  EXPECT_FALSE(landing.heard());
+  EXPECT_FALSE(landing.has_answered());
   landing.on_answer("error \x1b[2J Motor stop");
   EXPECT_EQ(landing.refusal().find('\x1b'), std::string::npos);
   landing.on_answer("error" + std::string(1000, 'x'));

@@ -1,4 +1,4 @@
-#include "tools/tello/core/asking.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
-#include "tools/timing/figures.hpp"
+#include "tools/timing/metrics.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/unit/tools/timing/some_walks.hpp"
+#include "tests/unit/tools/timing/some_traces.hpp"
 
 namespace ledgerline::timing {
 namespace {
@@ -28,7 +28,7 @@ TEST(Limits, AreKeptUpToTheirBound) {
 
 TEST(Limits, WhatWasNotMeasuredIsNotKept) {
   for (const char* text : {"p99.apply=1s", "overruns=100", "cpu.link=100%", "headroom=0%"}) {
-    const Verdict verdict = check(parse_limit(text).value(), make_figures({}, {}));
+    const Verdict verdict = check(parse_limit(text).value(), make_metrics({}, {}));
     EXPECT_FALSE(verdict.kept) << text;
     EXPECT_FALSE(verdict.measured) << text;
   }

@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include "tools/timing/show.hpp"
+#include "tools/timing/metrics.hpp"
 
 namespace ledgerline::timing {
 namespace {

@@ -1,11 +1,11 @@
-#include "tools/timing/show.hpp"
+#include "tools/timing/metrics.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 
-#include "tests/unit/tools/timing/some_walks.hpp"
+#include "tests/unit/tools/timing/some_traces.hpp"
 
 namespace ledgerline::timing {
 namespace {
@@ -14,10 +14,10 @@ using nlohmann::json;
 using testing::HasSubstr;
 
 TEST(Show, TheTableAndTheJsonHaveEveryStage) {
-  const Figures figures = some_figures();
-  const auto verdicts = std::vector{check(parse_limit("p99.apply=1us").value(), figures)};
-  const std::string table = to_table(figures, 5) + to_table(verdicts);
-  const json j = to_json(figures, verdicts);
+  const Metrics metrics = some_figures();
+  const auto verdicts = std::vector{check(parse_limit("p99.apply=1us").value(), metrics)};
+  const std::string table = to_table(metrics, 5) + to_table(verdicts);
+  const json j = to_json(metrics, verdicts);
   for (std::size_t i = 0; i < stages.size(); ++i) {
     EXPECT_THAT(table, HasSubstr(std::string(stages[i].name)));
     EXPECT_EQ(j["stages"][i]["name"].get<std::string>(), stages[i].name);

@@ -6,7 +6,7 @@
 
 #include <nlohmann/json.hpp>
 
-#include "tests/unit/tools/timing/some_walks.hpp"
+#include "tests/unit/tools/timing/some_traces.hpp"
 
 namespace ledgerline::timing {
 namespace {

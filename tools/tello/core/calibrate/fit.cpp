@@ -9,16 +9,16 @@ namespace {
 
 constexpr double min_lag_s = 0.02, max_lag_s = 1.0, max_dead_s = 0.4;
 constexpr double coarse_s = 0.04, fine_s = 0.01;
-constexpr int fine_points = 8;    // of the fine grid, to each side of the coarse one's best: two of its steps
-constexpr double walk_s = 0.005;  // of the model's integration, between whose points it is interpolated
+constexpr int fine_points = 8;           // of the fine grid, to each side of the coarse one's best: two of its steps
+constexpr double integration_s = 0.005;  // of the model's integration, between whose points it is interpolated
 constexpr std::size_t min_measurements = 20;
 
 /// The way that a unit gain goes: values of its integral every walk_s since the stretch began.
-class Walk {
+class UnitResponse {
  public:
-  Walk(const Stretch& stretch, double lag_s, double dead_s) : begin_s_(stretch.steps.front().at_s) {
-    const double keep = std::exp(-walk_s / lag_s);
-    const auto points = static_cast<std::size_t>(std::max(0.0, stretch.end_s - begin_s_) / walk_s) + 3;
+  UnitResponse(const Stretch& stretch, double lag_s, double dead_s) : begin_s_(stretch.steps.front().at_s) {
+    const double keep = std::exp(-integration_s / lag_s);
+    const auto points = static_cast<std::size_t>(std::max(0.0, stretch.end_s - begin_s_) / integration_s) + 3;
     way_.reserve(points);
     velocity_.reserve(points);
     double v = 0, s = 0;
@@ -28,15 +28,15 @@ class Walk {
       way_.push_back(s);
       velocity_.push_back(v);
       // What arrives within this step acts for its share of it.
-      const double end = begin_s_ + walk_s * static_cast<double>(k + 1);
+      const double end = begin_s_ + integration_s * static_cast<double>(k + 1);
       double mean = u;
       while (next < stretch.steps.size() && stretch.steps[next].at_s + dead_s < end) {
-        const double share = std::clamp((end - stretch.steps[next].at_s - dead_s) / walk_s, 0.0, 1.0);
+        const double share = std::clamp((end - stretch.steps[next].at_s - dead_s) / integration_s, 0.0, 1.0);
         mean += (stretch.steps[next].u - u) * share;
         u = stretch.steps[next++].u;
       }
       const double after = keep * v + (1 - keep) * mean;
-      s += walk_s * mean - lag_s * (after - v);  // the integral of lag dv/dt = u - v
+      s += integration_s * mean - lag_s * (after - v);  // the integral of lag dv/dt = u - v
       v = after;
     }
   }
@@ -47,7 +47,7 @@ class Walk {
 
  private:
   double at(const std::vector<double>& values, double t) const {
-    const double x = std::clamp((t - begin_s_) / walk_s, 0.0, static_cast<double>(values.size() - 2));
+    const double x = std::clamp((t - begin_s_) / integration_s, 0.0, static_cast<double>(values.size() - 2));
     const auto k = static_cast<std::size_t>(x);
     const double part = x - static_cast<double>(k);
     return values[k] + part * (values[k + 1] - values[k]);
@@ -61,13 +61,13 @@ struct Linear {
 };
 
 // Gain, bias and the decay of what it did before, by least squares.
-Linear solve(const Walk& walk, const Stretch& stretch, const std::vector<Measured>& axis, double lag_s) {
+Linear solve(const UnitResponse& unit, const Stretch& stretch, const std::vector<Measured>& axis, double lag_s) {
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d right = Eigen::Vector3d::Zero();
   double all = 0;
   for (const Measured& m : axis) {
     const double since = (m.from_s + m.until_s) / 2 - stretch.steps.front().at_s;
-    const Eigen::Vector3d row(walk.mean(m), 1, std::exp(-since / lag_s));
+    const Eigen::Vector3d row(unit.mean(m), 1, std::exp(-since / lag_s));
     normal += row * row.transpose();
     right += row * m.value;
     all += m.value * m.value;
@@ -110,8 +110,8 @@ Eigen::MatrixXd squares_of(const Stretch& stretch, const Grid& grid) {
   for (Eigen::Index l = 0; l < grid.lags; ++l)
     for (Eigen::Index d = 0; d < grid.deads; ++d) {
       const Place place = grid.at(d, l);
-      const Walk walk(stretch, place.lag_s, place.dead_s);
-      for (const auto& axis : stretch.axes) squares(d, l) += solve(walk, stretch, axis, place.lag_s).squares;
+      const UnitResponse unit(stretch, place.lag_s, place.dead_s);
+      for (const auto& axis : stretch.axes) squares(d, l) += solve(unit, stretch, axis, place.lag_s).squares;
     }
   return squares;
 }
@@ -152,14 +152,14 @@ std::optional<Place> best_of(const Eigen::MatrixXd& squares, const Grid& grid) {
 }  // namespace
 
 double gain_of(const Stretch& stretch, const std::vector<Measured>& axis, double lag_s, double dead_s) {
-  return solve(Walk(stretch, lag_s, dead_s), stretch, axis, lag_s).gain;
+  return solve(UnitResponse(stretch, lag_s, dead_s), stretch, axis, lag_s).gain;
 }
 
 std::vector<double> changes_of(const Stretch& stretch, const std::vector<Measured>& axis, double lag_s, double dead_s) {
-  const Walk walk(stretch, lag_s, dead_s);
+  const UnitResponse unit(stretch, lag_s, dead_s);
   std::vector<double> out;
   for (const Measured& m : axis)
-    out.push_back(walk.mean({m.until_s, m.until_s, 0}) - walk.mean({m.from_s, m.from_s, 0}));
+    out.push_back(unit.mean({m.until_s, m.until_s, 0}) - unit.mean({m.from_s, m.from_s, 0}));
   return out;
 }
 
@@ -192,10 +192,10 @@ std::optional<Fit> fit_response(const std::vector<Stretch>& stretches) {
   fit.dead_sigma_s = std::sqrt(dead_squares * (n - 1) / n);
   fit.lag_sigma_s = std::sqrt(lag_squares * (n - 1) / n);
   for (const Stretch& stretch : stretches) {
-    const Walk walk(stretch, fit.lag_s, fit.dead_s);
+    const UnitResponse unit(stretch, fit.lag_s, fit.dead_s);
     std::array<double, 2> gain{}, bias{};
     for (std::size_t i = 0; i < stretch.axes.size() && i < 2; ++i) {
-      const Linear linear = solve(walk, stretch, stretch.axes[i], fit.lag_s);
+      const Linear linear = solve(unit, stretch, stretch.axes[i], fit.lag_s);
       gain[i] = linear.gain;
       bias[i] = linear.bias;
     }

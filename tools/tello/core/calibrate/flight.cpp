@@ -93,59 +93,61 @@ void CalibrationFlight::on_answer(std::string_view bytes) {
 }
 
 void CalibrationFlight::on_state(TimeNs now, std::string_view bytes) {
-  link::TelloState state = state_;
+  link::TelloState state = senses_.state;
   if (!link::parse_state(bytes, state)) return;
-  const double dt = state_ns_ == 0 ? 0 : std::min(0.5, to_seconds(now - state_ns_));
-  for (std::size_t i = 0; i < 3; ++i) way_m_[i] += static_cast<double>(state.velocity_dmps[i]) / 10 * dt;
-  if (state_ns_ != 0)
-    turned_deg_ +=
-        std::remainder(static_cast<double>(state.attitude_deg[2]) - static_cast<double>(state_.attitude_deg[2]), 360.0);
-  state_ = state;
-  state_ns_ = now;
+  const double dt = senses_.state_ns == 0 ? 0 : std::min(0.5, to_seconds(now - senses_.state_ns));
+  for (std::size_t i = 0; i < 3; ++i) senses_.way_m[i] += static_cast<double>(state.velocity_dmps[i]) / 10 * dt;
+  if (senses_.state_ns != 0)
+    senses_.turned_deg += std::remainder(
+        static_cast<double>(state.attitude_deg[2]) - static_cast<double>(senses_.state.attitude_deg[2]), 360.0);
+  senses_.state = state;
+  senses_.state_ns = now;
   record_.states.push_back({now, state});
   if (took_off_) landing_.on_state(now, bytes);
 }
 
 void CalibrationFlight::on_pose(const PoseSample& pose) {
-  if (pose_ && pose.stamp_ns <= pose_->stamp_ns) return;
+  if (senses_.pose && pose.stamp_ns <= senses_.pose->stamp_ns) return;
   for (const double value : pose.position_m)
     if (!std::isfinite(value)) return;
   if (!std::isfinite(pose.yaw_rad)) return;
-  pose_ = pose;
+  senses_.pose = pose;
   record_.poses.push_back(pose);
 }
 
 // Along the plane, or up and down while that is what it does.
 double CalibrationFlight::away_m() const {
-  const bool vertical = phase_ == Phase::stroke && strokes_at(block_).channel == up;
-  if (home_ && pose_) {
-    const double z = pose_->position_m[2] - home_->position_m[2];
+  const bool vertical = phase_ == Phase::stroke && strokes_at(progress_.block).channel == up;
+  if (senses_.home && senses_.pose) {
+    const double z = senses_.pose->position_m[2] - senses_.home->position_m[2];
     if (vertical) return std::abs(z);
-    return std::hypot(pose_->position_m[0] - home_->position_m[0], pose_->position_m[1] - home_->position_m[1]);
+    return std::hypot(senses_.pose->position_m[0] - senses_.home->position_m[0],
+                      senses_.pose->position_m[1] - senses_.home->position_m[1]);
   }
-  return vertical ? std::abs(way_m_[2]) : std::hypot(way_m_[0], way_m_[1]);
+  return vertical ? std::abs(senses_.way_m[2]) : std::hypot(senses_.way_m[0], senses_.way_m[1]);
 }
 
-std::string CalibrationFlight::wrong(TimeNs now) const {
-  if (now - state_ns_ > silent_ns) return "no state text came for a second";
-  const bool seen = pose_ && now - pose_->stamp_ns <= silent_ns;
-  if (settings_.poses && !seen && phase_ != Phase::poses) return "no pose came for a second";
-  if (state_.battery < min_battery)
-    return fmt::format("its battery has {:.0f} %, and {:.0f} are needed", state_.battery * 100, min_battery * 100);
-  if (std::max(std::abs(state_.attitude_deg[0]), std::abs(state_.attitude_deg[1])) > max_tilt_deg)
-    return fmt::format("it tilts by more than {:.0f} degrees", max_tilt_deg);
-  if (phase_ != Phase::back && phase_ != Phase::hover && phase_ != Phase::stroke) return "";
-  const float height = height_of(state_);
-  if (height < min_height_m || height > max_height_m) return fmt::format("its height is {:.1f} m", height);
-  if (away_m() > max_way_m) return fmt::format("it is {:.1f} m away from where it began", away_m());
-  return "";
+Status CalibrationFlight::check(TimeNs now) const {
+  if (now - senses_.state_ns > silent_ns) return Error{"no state text came for a second"};
+  const bool seen = senses_.pose && now - senses_.pose->stamp_ns <= silent_ns;
+  if (settings_.poses && !seen && phase_ != Phase::poses) return Error{"no pose came for a second"};
+  if (senses_.state.battery < min_battery)
+    return Error{
+        fmt::format("its battery has {:.0f} %, and {:.0f} are needed", senses_.state.battery * 100, min_battery * 100)};
+  if (std::max(std::abs(senses_.state.attitude_deg[0]), std::abs(senses_.state.attitude_deg[1])) > max_tilt_deg)
+    return Error{fmt::format("it tilts by more than {:.0f} degrees", max_tilt_deg)};
+  if (phase_ != Phase::back && phase_ != Phase::hover && phase_ != Phase::stroke) return done;
+  const float height = height_of(senses_.state);
+  if (height < min_height_m || height > max_height_m) return Error{fmt::format("its height is {:.1f} m", height)};
+  if (away_m() > max_way_m) return Error{fmt::format("it is {:.1f} m away from where it began", away_m())};
+  return done;
 }
 
 std::vector<std::string> CalibrationFlight::due(TimeNs now) {
   now_ns_ = now;
   Words words;
   if (phase_ != Phase::handshake && phase_ != Phase::landing && phase_ != Phase::over)
-    if (const std::string why = wrong(now); !why.empty()) end(why);
+    if (const Status good = check(now); !good) end(good.error().message);
   switch (phase_) {
     case Phase::handshake:
       handshake(now, words);
@@ -171,7 +173,7 @@ std::vector<std::string> CalibrationFlight::due(TimeNs now) {
 }
 
 void CalibrationFlight::handshake(TimeNs now, Words& words) {
-  if (answered_ && state_ns_ != 0 && now - said_ns_ > quiet_ns) {
+  if (answered_ && senses_.state_ns != 0 && now - said_ns_ > quiet_ns) {
     begin(Phase::poses, now);
     return;
   }
@@ -183,10 +185,10 @@ void CalibrationFlight::handshake(TimeNs now, Words& words) {
   words.emplace_back("command");
 }
 
-// Refuses what must not take off, too: wrong() is asked before.
+// Refuses what must not take off, too: check() is asked before.
 void CalibrationFlight::wait_for_pose(TimeNs now) {
-  if (!state_.has_velocity) return end("its state text does not report vgx, vgy and vgz");
-  if (settings_.poses && (!pose_ || now - pose_->stamp_ns > silent_ns)) {
+  if (!senses_.state.has_velocity) return end("its state text does not report vgx, vgy and vgz");
+  if (settings_.poses && (!senses_.pose || now - senses_.pose->stamp_ns > silent_ns)) {
     if (now - since_ns_ > first_pose_ns) end("no pose comes: is the topic's name right, and does the source see it?");
     return;
   }
@@ -207,13 +209,13 @@ void CalibrationFlight::take_off(TimeNs now, Words& words) {
   if (!refusal_.empty()) return end("it refuses to take off: " + refusal_);
   if (now - since_ns_ > max_takeoff_ns) return end("it did not take off within 20 s");
   if (!answered_ || !aloft_now()) return;
-  way_m_ = {};
-  home_ = pose_;
+  senses_.way_m = {};
+  senses_.home = senses_.pose;
   begin(Phase::hover, now);
 }
 
-void CalibrationFlight::tell(TimeNs now, int channel, int value) {
-  stroke_from_ = pose_;
+void CalibrationFlight::set_rc(TimeNs now, int channel, int value) {
+  progress_.stroke_from = senses_.pose;
   rc_ = {};
   rc_[static_cast<std::size_t>(channel)] = value;
   record_.sent_rc.push_back({now, rc_});
@@ -222,42 +224,44 @@ void CalibrationFlight::tell(TimeNs now, int channel, int value) {
 
 void CalibrationFlight::begin_block(TimeNs now) {
   begin(Phase::stroke, now);
-  stroke_ = 0;
-  turned_deg_ = 0;
-  way_m_[2] = 0;
-  if (home_) home_->position_m[2] = pose_->position_m[2];
-  record_.blocks.push_back({strokes_at(block_).channel, now, 0});
-  tell(now, strokes_at(block_).channel, strokes_at(block_).rc[0]);
+  progress_.stroke = 0;
+  senses_.turned_deg = 0;
+  senses_.way_m[2] = 0;
+  if (senses_.home) senses_.home->position_m[2] = senses_.pose->position_m[2];
+  record_.blocks.push_back({strokes_at(progress_.block).channel, now, 0});
+  set_rc(now, strokes_at(progress_.block).channel, strokes_at(progress_.block).rc[0]);
 }
 
 bool CalibrationFlight::stroke_ends(TimeNs now) const {
-  const Strokes& strokes = strokes_at(block_);
-  if (strokes.turn) return std::abs(turned_deg_) >= right_angle_deg;
-  if (now - since_ns_ >= from_seconds(stroke_s(strokes, stroke_))) return true;
+  const Strokes& strokes = strokes_at(progress_.block);
+  if (strokes.turn) return std::abs(senses_.turned_deg) >= right_angle_deg;
+  if (now - since_ns_ >= from_seconds(stroke_s(strokes, progress_.stroke))) return true;
   const double reach = strokes.channel == up ? max_reach_z_m : max_reach_m;
-  return strokes.channel != clockwise && now - since_ns_ >= min_stroke_ns && outwards_ && away_m() > reach;
+  return strokes.channel != clockwise && now - since_ns_ >= min_stroke_ns && progress_.outwards && away_m() > reach;
 }
 
 void CalibrationFlight::next_stroke(TimeNs now) {
-  const Strokes& strokes = strokes_at(block_);
-  if (stroke_from_ && strokes.channel <= forward) {
+  const Strokes& strokes = strokes_at(progress_.block);
+  if (progress_.stroke_from && strokes.channel <= forward) {
     const double towards = rc_[static_cast<std::size_t>(strokes.channel)] > 0 ? 1 : -1;
     response_m_[static_cast<std::size_t>(strokes.channel)] +=
-        towards * std::polar(1.0, -pose_->yaw_rad) * (in_plane(*pose_) - in_plane(*stroke_from_));
+        towards * std::polar(1.0, -senses_.pose->yaw_rad) *
+        (in_plane(*senses_.pose) - in_plane(*progress_.stroke_from));
   }
   begin(Phase::stroke, now);
-  if (++stroke_ < strokes_of(strokes)) return tell(now, strokes.channel, strokes.rc[stroke_]);
+  if (++progress_.stroke < strokes_of(strokes)) return set_rc(now, strokes.channel, strokes.rc[progress_.stroke]);
   record_.blocks.back().end_ns = now;
-  tell(now, strokes.channel, 0);
-  if (strokes.turn) way_m_ = {};
-  ++block_;
+  set_rc(now, strokes.channel, 0);
+  if (strokes.turn) senses_.way_m = {};
+  ++progress_.block;
   begin(Phase::back, now);
 }
 
 link::Rc CalibrationFlight::rc_home() const {
   link::Rc rc{};
-  if (!home_ || !pose_ || response_m_[right] == 0.0 || response_m_[forward] == 0.0) return rc;
-  const std::complex<double> to = (in_plane(*home_) - in_plane(*pose_)) * std::polar(1.0, -pose_->yaw_rad);
+  if (!senses_.home || !senses_.pose || response_m_[right] == 0.0 || response_m_[forward] == 0.0) return rc;
+  const std::complex<double> to =
+      (in_plane(*senses_.home) - in_plane(*senses_.pose)) * std::polar(1.0, -senses_.pose->yaw_rad);
   if (std::abs(to) < home_m) return rc;
   for (const std::size_t channel : {right, forward}) {
     const std::complex<double> lead = response_m_[channel] / std::abs(response_m_[channel]);
@@ -272,16 +276,17 @@ void CalibrationFlight::fly(TimeNs now, Words& words) {
     rc_ = now - since_ns_ < max_back_ns ? rc_home() : link::Rc{};
     if (rc_ == link::Rc{}) begin(Phase::hover, now);
   } else if (phase_ == Phase::hover && now - since_ns_ >= from_seconds(hover_s)) {
-    if (block_ >= schedule.size() * static_cast<std::size_t>(settings_.repeat)) {
+    if (progress_.block >= schedule.size() * static_cast<std::size_t>(settings_.repeat)) {
       begin(Phase::landing, now);
       return land(now, words);
     }
     begin_block(now);
   } else if (phase_ == Phase::stroke) {
     const double away = away_m();
-    if (away != last_away_m_) outwards_ = away > last_away_m_;
-    last_away_m_ = away;
-    if (strokes_at(block_).turn && now - since_ns_ > turn_ns) return end("it does not turn when rc commands it to");
+    if (away != progress_.last_away_m) progress_.outwards = away > progress_.last_away_m;
+    progress_.last_away_m = away;
+    if (strokes_at(progress_.block).turn && now - since_ns_ > turn_ns)
+      return end("it does not turn when rc commands it to");
     if (stroke_ends(now)) next_stroke(now);
   }
   if (now - said_ns_ < rc_every_ns) return;
@@ -314,9 +319,10 @@ std::string CalibrationFlight::doing() const {
     case Phase::back:
     case Phase::hover:
     case Phase::stroke:
-      return fmt::format(
-          "{} of {}: {} and back", std::min(block_ + 1, schedule.size() * static_cast<std::size_t>(settings_.repeat)),
-          schedule.size() * static_cast<std::size_t>(settings_.repeat), channel_names[strokes_at(block_).channel]);
+      return fmt::format("{} of {}: {} and back",
+                         std::min(progress_.block + 1, schedule.size() * static_cast<std::size_t>(settings_.repeat)),
+                         schedule.size() * static_cast<std::size_t>(settings_.repeat),
+                         channel_names[strokes_at(progress_.block).channel]);
     case Phase::landing:
       return "lands";
     case Phase::over:

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "tools/tello/core/calibrate/estimate.hpp"
-#include "tools/tello/core/landing.hpp"
+#include "tools/tello/core/dialogue.hpp"
 
 namespace ledgerline::tello {
 
@@ -66,10 +66,26 @@ class CalibrationFlight {
   /// rc that leads back to where it began; none where it is near enough, or not seen, or its way not known.
   link::Rc rc_home() const;
   bool stroke_ends(TimeNs now) const;
-  void tell(TimeNs now, int channel, int value);
-  std::string wrong(TimeNs now) const;
+  void set_rc(TimeNs now, int channel, int value);
+  Status check(TimeNs now) const;
   double away_m() const;
-  bool aloft_now() const { return height_of(state_) >= 0.4F; }
+  bool aloft_now() const { return height_of(senses_.state) >= 0.4F; }
+
+  /// What is known of the drone.
+  struct Senses {
+    link::TelloState state;
+    TimeNs state_ns = 0;
+    std::optional<PoseSample> pose, home;
+    std::array<double, 3> way_m{};  ///< by its own velocities, from where it took off or turned
+    double turned_deg = 0;
+  };
+  /// How far it is in the schedule.
+  struct Progress {
+    std::size_t block = 0, stroke = 0;
+    std::optional<PoseSample> stroke_from;
+    double last_away_m = 0;
+    bool outwards = false;
+  };
 
   CalibrationSettings settings_;
   Phase phase_ = Phase::handshake;
@@ -78,16 +94,11 @@ class CalibrationFlight {
   std::string failure_, refusal_;
   bool answered_ = false, took_off_ = false;
   int tries_ = 0;
-  TimeNs since_ns_ = 0, said_ns_ = 0, state_ns_ = 0, now_ns_ = 0, takeoff_ns_ = 0;
-  link::TelloState state_;
-  std::optional<PoseSample> pose_, home_;
-  std::array<double, 3> way_m_{};  ///< by its own velocities, from where it took off or turned
-  std::size_t block_ = 0, stroke_ = 0;
-  double turned_deg_ = 0, last_away_m_ = 0;
-  std::optional<PoseSample> stroke_from_;
+  TimeNs since_ns_ = 0, said_ns_ = 0, now_ns_ = 0, takeoff_ns_ = 0;
+  Senses senses_;
+  Progress progress_;
   /// Sums of where rc right and forward led, turned by the pose's own yaw.
   std::array<std::complex<double>, 2> response_m_{};
-  bool outwards_ = false;
   link::Rc rc_{};
 };
 

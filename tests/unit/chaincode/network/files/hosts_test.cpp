@@ -1,4 +1,4 @@
-#include "chaincode/network/files/places.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <gmock/gmock.h>
 #include <sys/stat.h>
@@ -9,10 +9,9 @@
 #include <nlohmann/json.hpp>
 
 #include "chaincode/identities/identities.hpp"
-#include "chaincode/network/files/texts.hpp"
 #include "common/base/file.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 namespace fs = std::filesystem;
@@ -174,4 +173,4 @@ TEST(FabricTexts, AnOrderersAdministrationIsForItsOwnHostAlone) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

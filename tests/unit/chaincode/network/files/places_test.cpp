@@ -1,10 +1,10 @@
-#include "chaincode/network/files/places.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <sys/socket.h>
 
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::AllOf;
@@ -50,4 +50,4 @@ TEST(PlacesTest, OneThatIsTakenIsNamedAndNotChosen) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

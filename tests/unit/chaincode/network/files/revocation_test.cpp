@@ -1,4 +1,4 @@
-#include "chaincode/network/files/revocation.hpp"
+#include "chaincode/network/files/authority.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -8,7 +8,7 @@
 #include "msp/msp_config.pb.h"
 #include "tests/unit/common/crypto/revocation_list.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::ElementsAre;
@@ -195,4 +195,4 @@ TEST(Revocation, WhatIsNoConfigurationIsReported) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -1,9 +1,9 @@
-#include "chaincode/network/files/texts.hpp"
+#include "chaincode/network/options.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::Contains;
@@ -62,4 +62,4 @@ TEST_F(TextsTest, BurstsAreLongerThanFabricsDefaults) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

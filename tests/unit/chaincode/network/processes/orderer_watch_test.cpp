@@ -2,7 +2,7 @@
 
 #include <gmock/gmock.h>
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::ElementsAre;
@@ -56,4 +56,4 @@ TEST_F(OrdererWatchTest, NobodyIsAskedMoreThanOnceASecond) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

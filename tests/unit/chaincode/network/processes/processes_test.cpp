@@ -10,7 +10,7 @@
 
 #include "chaincode/network/processes/processes.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::HasSubstr;
@@ -36,7 +36,7 @@ class ProcessesTest : public testing::Test {
   template <typename Condition>
   Status tend_until(Condition good) {
     for (const TimeNs until = monotonic_ns() + 60 * ns_per_s; !good() && monotonic_ns() < until;) {
-      if (Status s = processes().tend(10 * ns_per_ms); !s) return s;
+      if (Status s = processes().poll(10 * ns_per_ms); !s) return s;
     }
     return good() ? Status(done) : Status(Error{"not within a minute"});
   }
@@ -112,4 +112,4 @@ TEST_F(ProcessesTest, ACommandIsRepeatedUntilItSucceedsOrSaysWhatIsGoodToo) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -2,7 +2,7 @@
 
 #include "chaincode/network/processes/orderer_watch.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using Verdict = StartCheck::Verdict;
@@ -59,4 +59,4 @@ TEST(StartCheck, OneChannelThatHangsIsEnough) {
 TEST(StartCheck, WhoDoesNotListenIsAnError) { EXPECT_FALSE(fetch_metrics("127.0.0.1:1").ok()); }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

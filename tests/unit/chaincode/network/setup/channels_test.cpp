@@ -1,8 +1,8 @@
-#include "chaincode/network/setup/channels.hpp"
+#include "chaincode/network/setup/site.hpp"
 
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::AllOf;
@@ -55,4 +55,4 @@ TEST_F(ChannelsTest, APeerThatDoesNotSayItsHeightIsReportedWithItsWords) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -1,9 +1,9 @@
-#include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/setup/site.hpp"
 
 #include "chaincode/identities/identities.hpp"
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::HasSubstr;
@@ -38,4 +38,4 @@ TEST(CryptoMaterialTest, AHostOfSeveralMakesNoneOfItsOwn) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -1,9 +1,9 @@
 #include "chaincode/network/setup/deployment.hpp"
 
-#include "chaincode/network/setup/crypto_material.hpp"
+#include "chaincode/network/setup/site.hpp"
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::Each;
@@ -137,4 +137,4 @@ TEST_F(DeploymentTest, AServiceThatEndsAtItsStartIsNamed) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -10,7 +10,7 @@
 #include "chaincode/network/options.hpp"
 #include "common/base/file.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 
 /// A folder with stand-ins for Fabric's programs, which note how they are called and succeed; it goes with the test.
 class FakeTools {
@@ -54,4 +54,4 @@ class FakeTools {
   std::string folder_ = testing::TempDir() + "ledgerline_tools_XXXXXX";
 };
 
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

@@ -2,7 +2,7 @@
 
 #include "tests/unit/chaincode/network/setup/fake_tools.hpp"
 
-namespace ledgerline::fabric_network {
+namespace ledgerline::network {
 namespace {
 
 using testing::ElementsAre;
@@ -60,4 +60,4 @@ TEST(SiteTest, PlacesStayThoseOfTheFirstStart) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fabric_network
+}  // namespace ledgerline::network

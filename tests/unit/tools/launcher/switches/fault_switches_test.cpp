@@ -1,4 +1,4 @@
-#include "tools/launcher/switches/switch_service.hpp"
+#include "tools/launcher/fault_switches.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,7 +7,7 @@
 
 #include "hil/proxy/switches.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using nlohmann::json;
@@ -82,32 +82,32 @@ TEST(FaultSwitches, AreOnOnceTheProxyHasDoneIt) {
   const auto step = switches.step_of("on silent-tello1");
   ASSERT_TRUE(step && *step);
   EXPECT_THAT(names_on(switches), testing::ElementsAre());
-  switches.done_with(**step);
+  switches.on_done(**step);
   EXPECT_THAT(names_on(switches), testing::ElementsAre("silent-tello1"));
   EXPECT_TRUE(*switches.step_of("on silent-tello1")) << "it is sent again";
   const auto off = switches.steps_off();
   ASSERT_EQ(off.size(), 1u);
   EXPECT_EQ(off[0].line, "drone tello1 from partition off");
-  switches.done_with(off[0]);
+  switches.on_done(off[0]);
   EXPECT_THAT(names_on(switches), testing::ElementsAre());
 }
 
 TEST(FaultSwitches, WhatTheProxyDidNotAnswerMayBeOnAndIsSwitchedOffAtTheEnd) {
   FaultSwitches switches = two_drones();
-  switches.tell(**switches.step_of("on silent-tello1"));
+  switches.on_sent(**switches.step_of("on silent-tello1"));
   EXPECT_THAT(names_on(switches), testing::ElementsAre());
   const auto off = switches.steps_off();
   ASSERT_EQ(off.size(), 1u);
   EXPECT_EQ(off[0].line, "drone tello1 from partition off");
-  switches.tell(off[0]);
+  switches.on_sent(off[0]);
   EXPECT_EQ(switches.steps_off().size(), 1u) << "until the proxy has said so";
-  switches.done_with(off[0]);
+  switches.on_done(off[0]);
   EXPECT_TRUE(switches.steps_off().empty());
 }
 
 TEST(FaultSwitches, BehindTheEndAreSwitchedOffAlone) {
   FaultSwitches switches = two_drones();
-  switches.done_with(**switches.step_of("on silent-tello1"));
+  switches.on_done(**switches.step_of("on silent-tello1"));
   switches.end();
   EXPECT_THAT(switches.step_of("on silent-tello2").error().message, HasSubstr("the flight ends"));
   EXPECT_TRUE(switches.step_of("off silent-tello1"));
@@ -123,4 +123,4 @@ TEST(FaultSwitches, TakeNothingElse) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

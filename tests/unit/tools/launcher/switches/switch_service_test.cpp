@@ -1,4 +1,4 @@
-#include "tools/launcher/switches/switch_service.hpp"
+#include "tools/launcher/fault_switches.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 
 #include "tests/unit/served_socket.hpp"
 
-namespace ledgerline::fly {
+namespace ledgerline::launcher {
 namespace {
 
 using testing::ElementsAre;
@@ -97,4 +97,4 @@ TEST_F(SwitchServiceTest, SaysThatTheProxyDoesNotAnswer) {
 }
 
 }  // namespace
-}  // namespace ledgerline::fly
+}  // namespace ledgerline::launcher

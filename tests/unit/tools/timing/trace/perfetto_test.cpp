@@ -1,4 +1,4 @@
-#include "tools/timing/show.hpp"
+#include "tools/timing/metrics.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <sstream>
 
-#include "tests/unit/tools/timing/some_walks.hpp"
+#include "tests/unit/tools/timing/some_traces.hpp"
 
 namespace ledgerline::timing {
 namespace {
@@ -16,9 +16,9 @@ using testing::HasSubstr;
 
 TEST(Perfetto, EveryEventHasItsMembersAndNoSliceIsNegativeOrCrossesAnother) {
   Flight flight;
-  for (std::uint64_t n = 1; n <= 50; ++n) flight.walk(start + static_cast<TimeNs>(n) * 4 * ms, n);  // four at a time
+  for (std::uint64_t n = 1; n <= 50; ++n) flight.trace(start + static_cast<TimeNs>(n) * 4 * ms, n);  // four at a time
   std::ostringstream out;
-  EXPECT_EQ(write_perfetto(out, flight.walks().take(), turns({{5, 10, 1500}})), 0U);
+  EXPECT_EQ(write_perfetto(out, flight.traces().pop(), turns({{5, 10, 1500}})), 0U);
   const json document = json::parse(out.str());
   std::map<std::pair<int, int>, std::vector<std::pair<double, double>>> samples;  // of each track
   std::size_t slices = 0, counters = 0;
@@ -44,9 +44,9 @@ TEST(Perfetto, EveryEventHasItsMembersAndNoSliceIsNegativeOrCrossesAnother) {
 
 TEST(Perfetto, HasTheNewestWalksAndSaysHowManyItLeftOut) {
   Flight flight;
-  for (std::uint64_t n = 1; n <= 50; ++n) flight.walk(start + static_cast<TimeNs>(n) * 20 * ms, n);
+  for (std::uint64_t n = 1; n <= 50; ++n) flight.trace(start + static_cast<TimeNs>(n) * 20 * ms, n);
   std::ostringstream out;
-  EXPECT_EQ(write_perfetto(out, flight.walks().take(), {}, 10), 40U);
+  EXPECT_EQ(write_perfetto(out, flight.traces().pop(), {}, 10), 40U);
   EXPECT_THAT(out.str(), testing::AllOf(HasSubstr("\"sequence\":50"), testing::Not(HasSubstr("\"sequence\":40}"))));
 }
 

@@ -1,0 +1,143 @@
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <ctime>
+
+#include "common/msg/names.hpp"
+#include "tools/audit/chain_audit.hpp"
+
+namespace ledgerline::audit {
+namespace {
+
+constexpr std::size_t max_lines = 6;  // of a drone's lists: the page and --json have them whole
+constexpr std::size_t max_drones = 8;
+constexpr std::size_t max_findings = 20;
+
+std::string time_text(TimeNs time_ns) {
+  if (time_ns <= 0) return "at no time";
+  const std::time_t seconds = time_ns / ns_per_s;
+  std::tm utc{};
+  gmtime_r(&seconds, &utc);
+  char text[32];
+  std::strftime(text, sizeof text, "%Y-%m-%d %H:%M:%S", &utc);
+  return text;
+}
+
+std::string where(const Moment& moment) { return fmt::format("block {}, {}", moment.block, time_text(moment.time_ns)); }
+
+std::string codes_text(const std::map<int, std::uint64_t>& codes) {
+  std::string text;
+  for (const auto& [code, count] : codes) text += fmt::format(", {} {}", count, code_name(code));
+  return text;
+}
+
+/// The first lines, and how many there are beside them.
+template <typename List, typename Line>
+std::string some(const List& list, std::uint64_t count, const Line& line) {
+  std::string text;
+  std::size_t shown = 0;
+  for (const auto& one : list) {
+    if (shown == max_lines) break;
+    text += "    " + line(one) + "\n";
+    ++shown;
+  }
+  return count > shown ? text + fmt::format("    and {} more\n", count - shown) : text;
+}
+
+std::string holder_line(const Tenure& t) {
+  const std::string until = t.to ? fmt::format("to {} ({})", where(*t.to), t.ended_by) : "and holds it still";
+  const std::string delegate = t.delegate.empty() ? "" : fmt::format(", commanded by {}", t.delegate);
+  return fmt::format("held by {}{}, epoch {}, priority {}, from {}, {}", t.who, delegate, t.epoch, t.priority,
+                     where(t.from), until);
+}
+
+std::string drone_text(const std::string& drone_name, const DroneReport& drone) {
+  std::string text = fmt::format("\n  {}: {} states, {} poses\n", drone_name, drone.states, drone.path.count());
+  text += some(drone.holders.all(), drone.holders.count(), holder_line);
+  text += some(drone.commands, drone.commands.size(), [](const auto& entry) {
+    const Commands& c = entry.second;
+    return fmt::format("commands of {}: {} valid{}; {} to {}", entry.first, c.valid, codes_text(c.invalid),
+                       where(c.first), where(c.last));
+  });
+  text += some(drone.events.all(), drone.events.count(),
+               [](const Event& w) { return fmt::format("{} by {}, {}", w.what, w.who, where(w.when)); });
+  text += some(drone.transitions.all(), drone.transitions.count(), [](const Change& c) {
+    const Transition& t = c.transition;
+    return fmt::format("failsafe {}: {}, {}, {}; {}", t.number, name(t.phase), name(t.mode), name(t.cause),
+                       where(c.when));
+  });
+  if (drone.transitions_missing > 0)
+    text += fmt::format("    {} of its failsafe's transitions are not in the chain\n", drone.transitions_missing);
+  if (drone.path.count() > 0)
+    text +=
+        fmt::format("    flown: x {:.2f} to {:.2f} m, y {:.2f} to {:.2f} m, z {:.2f} to {:.2f} m\n", drone.lowest_m[0],
+                    drone.highest_m[0], drone.lowest_m[1], drone.highest_m[1], drone.lowest_m[2], drone.highest_m[2]);
+  const Quantiles q = drone.two_way.quantiles_ms();
+  if (q.count > 0)
+    text +=
+        fmt::format("    two-way latency by the drone host's clock: median {:.1f} ms, p95 {:.1f}, max {:.1f}, of {}\n",
+                    q.median, q.p95, q.max, q.count);
+  return text;
+}
+
+std::string refusals_text(const ChainReport& report) {
+  if (report.refusals().empty()) return "";
+  std::vector<std::pair<ChainReport::RefusalKey, Refusals>> all(report.refusals().begin(), report.refusals().end());
+  std::stable_sort(all.begin(), all.end(),
+                   [](const auto& a, const auto& b) { return a.second.count > b.second.count; });
+  return "\n  invalid transactions\n" + some(all, all.size() + report.refusals_left_out(), [](const auto& entry) {
+           const auto& [key, r] = entry;
+           return fmt::format("{} {} of {}: {} ({}); first in {}", r.count,
+                              key.function.empty() ? "calls" : key.function, key.who, code_name(key.code), r.why,
+                              where(r.first));
+         });
+}
+
+std::string findings_text(const ChainAudit& audit) {
+  std::string text = "\n";
+  const auto& findings = audit.findings();
+  for (std::size_t i = 0; i < std::min(findings.size(), max_findings); ++i)
+    text += fmt::format("  found: {}\n", to_text(findings[i]));
+  if (audit.counts().findings > max_findings)
+    text += fmt::format("  and {} findings more, which may follow from the first ones\n",
+                        audit.counts().findings - max_findings);
+  if (findings.empty()) return text + "nothing found: everything is as it must be\n";
+  return text + fmt::format("first difference: {}\n", to_text(findings.front()));
+}
+
+}  // namespace
+
+std::string to_table(const ChainAudit& audit, const AuditRequest& asked) {
+  const Counts& c = audit.counts();
+  const ChainReport& report = audit.report();
+  std::string text = fmt::format("channel {}, {}: {} blocks, {} of them configurations; newest {}\n", asked.channel,
+                                 asked.source, c.blocks, c.config_blocks, audit.newest_hash());
+  text += asked.anchor.empty() ? "  NO TRUST ANCHOR: the first block was taken as it is, so the author of this chain "
+                                 "may have made up all of it\n"
+                               : fmt::format("  trust anchor: {}\n", asked.anchor);
+  text += fmt::format("  {} transactions with {} endorsements: {} valid{}\n", c.transactions, c.endorsements, c.valid,
+                      codes_text(c.invalid));
+  if (report.first_ns() > 0)
+    text +=
+        fmt::format("  {} to {} (UTC, as clients say)\n", time_text(report.first_ns()), time_text(report.last_ns()));
+  if (c.without_flags > 0) text += fmt::format("  {} blocks have no flags to compare with\n", c.without_flags);
+  std::string functions;
+  for (const auto& [name, count] : report.functions()) functions += fmt::format(" {} {}", count, name);
+  if (!functions.empty()) text += "  valid:" + functions + "\n";
+  text += some(report.roles().all(), report.roles().count(),
+               [](const Event& w) { return fmt::format("{} by {}, {}", w.what, w.who, where(w.when)); });
+  std::size_t shown = 0, quiet = 0;
+  for (const auto& [name, drone] : report.drones()) {
+    const bool moved = drone.states > 0 || drone.holders.count() > 0 || !drone.commands.empty();
+    if (moved && shown < max_drones) {
+      text += drone_text(name, drone);
+      ++shown;
+    } else {
+      ++quiet;
+    }
+  }
+  if (quiet > 0) text += fmt::format("\n  {} drones more, enrolled or beyond what fits here\n", quiet);
+  return text + refusals_text(report) + findings_text(audit);
+}
+
+}  // namespace ledgerline::audit
