@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "ledgerline.pb.h"
 
 /// The control records with which a program begins: who reads the ledger's blocks knows of changes alone.

@@ -9,7 +9,7 @@
 #include "common/base/log.hpp"
 #include "common/fabric/client/repeated.hpp"
 #include "common/program/program.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {

@@ -18,7 +18,7 @@
 #include <string_view>
 #include <vector>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 namespace {
 

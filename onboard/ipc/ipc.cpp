@@ -1,8 +1,10 @@
 #include "onboard/ipc/ipc.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <cstdio>
 #include <future>
 #include <thread>
 #include <utility>
@@ -12,8 +14,6 @@
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
 
-#include "onboard/ipc/quiet_stdout.hpp"
-#include "onboard/ipc/roudi_probe.hpp"
 #include "onboard/ipc/wakeup.hpp"
 
 namespace ledgerline::ipc {
@@ -39,6 +39,26 @@ iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
   return {"ledgerline", iox::capro::IdString_t(iox::cxx::TruncateToCapacity, version),
           iox::capro::IdString_t(iox::cxx::TruncateToCapacity, std::string(name))};
 }
+
+// iceoryx writes banners to standard output, which is for results here: while this lives, they go to standard error.
+// Before other threads write.
+class QuietStdout {
+ public:
+  QuietStdout() : saved_(::dup(STDOUT_FILENO)) {
+    std::fflush(stdout);
+    ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  }
+  QuietStdout(const QuietStdout&) = delete;
+  QuietStdout& operator=(const QuietStdout&) = delete;
+  ~QuietStdout() {
+    std::fflush(stdout);
+    ::dup2(saved_, STDOUT_FILENO);
+    ::close(saved_);
+  }
+
+ private:
+  int saved_;
+};
 
 template <typename T>
 class Sender {

@@ -10,10 +10,9 @@
 #include <iceoryx_posh/roudi/iceoryx_roudi_components.hpp>
 #include <string>
 
-#include "common/rt/retry/keep_trying.hpp"
-#include "onboard/ipc/roudi_probe.hpp"
-#include "onboard/roudi/other_roudi.hpp"
-#include "onboard/roudi/shared_memory.hpp"
+#include "common/rt/retry.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::roudi {
 namespace {

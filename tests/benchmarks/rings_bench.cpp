@@ -7,10 +7,11 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
 
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/benchmarks/rounds.hpp"

@@ -1,4 +1,6 @@
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
+
+#include <nlohmann/json.hpp>
 
 #include "tools/bench/figures.hpp"
 

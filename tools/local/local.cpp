@@ -10,7 +10,7 @@
 #include "common/msg/pose_messages.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/program.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::hil {
 namespace {

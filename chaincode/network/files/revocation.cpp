@@ -18,7 +18,7 @@
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/list_origin.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "msp/msp_config.pb.h"
 
 namespace ledgerline::fabric_network {

@@ -8,7 +8,7 @@
 
 #include "common/base/log.hpp"
 #include "common/fabric/config.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "common/verification/client.hpp"
 #include "common/verification/control_records.hpp"
 

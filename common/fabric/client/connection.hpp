@@ -11,7 +11,7 @@
 #include "common/crypto/identities/identity_in_use.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/commits.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "peer/proposal_response.pb.h"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::agent {
 namespace {

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/rt/real_time.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/loop_ticker.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::agent {
 namespace {

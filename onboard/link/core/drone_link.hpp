@@ -5,12 +5,12 @@
 
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_orders.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/playout/setpoint_path.hpp"
 #include "onboard/link/core/pose/drone_position.hpp"
-#include "onboard/link/core/reporting/drone_reporting.hpp"
 #include "onboard/link/core/separation/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"

@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "onboard/link/core/watch/drone_watches.hpp"
-#include "onboard/link/core/watch/held.hpp"
 
 namespace ledgerline::link {
 namespace {

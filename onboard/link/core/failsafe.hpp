@@ -2,7 +2,7 @@
 #include <array>
 
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 

@@ -2,17 +2,17 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <string>
 
+#include "common/base/result.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/loop_ticker.hpp"
-#include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/loop_clock.hpp"
 #include "onboard/link/shell/publisher_thread.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 
 namespace ledgerline::link {
 
@@ -96,5 +96,18 @@ class LinkLoop {
   std::atomic<bool> ended_{false};
   std::atomic<std::uint64_t> turns_{0};
 };
+
+/// The process around the loop: shared memory, sockets, the real-time thread, and in this thread everything that may
+/// block: signals, trace file, log, status lines, the summary. Returns the exit code.
+int run_link(const ShellSettings& settings);
+
+/// One status line (JSON) from the newest sample of each drone.
+std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest);
+
+/// Writes the summary at the end of the run.
+Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop,
+                     const PublisherThread& publisher, bool realtime);
+
+const char* name(DropReason reason) noexcept;
 
 }  // namespace ledgerline::link

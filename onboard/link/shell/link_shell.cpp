@@ -1,4 +1,3 @@
-#include "onboard/link/shell/link_shell.hpp"
 
 #include <fmt/format.h>
 #include <pthread.h>

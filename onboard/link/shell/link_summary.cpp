@@ -1,11 +1,12 @@
-#include "onboard/link/shell/link_shell.hpp"
+#include "onboard/link/shell/link_loop.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/file.hpp"
 #include "common/msg/names.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::link {
 namespace {

@@ -5,7 +5,7 @@
 
 #include "common/base/random.hpp"
 #include "common/fabric/sending/outcome.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "onboard/agent/core/integrity_monitor.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 

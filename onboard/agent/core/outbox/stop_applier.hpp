@@ -5,7 +5,7 @@
 
 #include "common/fabric/sending/repeat.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 namespace ledgerline::agent {

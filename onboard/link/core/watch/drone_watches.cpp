@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "onboard/link/core/watch/held.hpp"
-
 namespace ledgerline::link {
 namespace {
 

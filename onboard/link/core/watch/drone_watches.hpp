@@ -114,4 +114,19 @@ struct DroneWatches {
   void on_state(TimeNs now, const TelloState& state, FlightPhase phase) noexcept;
 };
 
+/// `since` remembers from when `seen` has been true without a break; 0: it is not.
+inline void note_since(TimeNs now, bool seen, TimeNs& since) noexcept {
+  if (!seen) {
+    since = 0;
+  } else if (since == 0) {
+    since = now;
+  }
+}
+
+/// Whether `seen` was true for all of `long_enough`.
+inline bool held(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
+  note_since(now, seen, since);
+  return seen && now - since >= long_enough;
+}
+
 }  // namespace ledgerline::link

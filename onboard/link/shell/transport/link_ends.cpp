@@ -1,6 +1,6 @@
 #include "onboard/link/shell/transport/link_ends.hpp"
 
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
 
 namespace ledgerline::link {

@@ -12,7 +12,7 @@
 #include "common/base/result.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 
 namespace ledgerline::link {

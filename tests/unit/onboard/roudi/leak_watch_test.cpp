@@ -1,4 +1,4 @@
-#include "onboard/roudi/leak_watch.hpp"
+#include "onboard/roudi/broker.hpp"
 
 #include <gtest/gtest.h>
 

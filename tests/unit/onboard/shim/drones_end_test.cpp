@@ -1,4 +1,4 @@
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>

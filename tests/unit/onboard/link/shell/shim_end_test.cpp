@@ -1,11 +1,11 @@
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <thread>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 namespace ledgerline::link {
 namespace {

@@ -14,7 +14,7 @@
 #include <string>
 #include <string_view>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 /// The real ledgerline-link is asked to end, whatever has become of who reads its output. In lockstep: this test moves
 /// its clock, and stands in for a drone that says nothing, which link tells to land all the same. Argument: link.

@@ -1,4 +1,4 @@
-#include "onboard/link/core/pose/failover.hpp"
+#include "onboard/link/core/pose/drone_position.hpp"
 
 #include <gtest/gtest.h>
 

@@ -4,7 +4,6 @@
 
 #include "common/base/random.hpp"
 #include "onboard/link/core/watch/drone_watches.hpp"
-#include "onboard/link/core/watch/flow_watch.hpp"
 #include "onboard/link/core/watch/motion_watch.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 

@@ -1,4 +1,4 @@
-#include "onboard/link/core/reporting/drone_reporting.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
 
 #include <algorithm>
 

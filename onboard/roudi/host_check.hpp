@@ -1,6 +1,6 @@
 #pragma once
 #include <sys/types.h>
-
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -18,5 +18,10 @@ Error in_the_way(bool answers, std::optional<pid_t> holder, const std::string& p
 
 /// An error where another RouDi has this machine, or has left files that this user cannot take over.
 Status check_no_other();
+
+/// Whether a /dev/shm of so many bytes, of which so many are free, has room for RouDi. An error says what to do.
+Status check_shared_memory(std::uint64_t size, std::uint64_t available);
+/// That of this machine.
+Status check_shared_memory();
 
 }  // namespace ledgerline::roudi

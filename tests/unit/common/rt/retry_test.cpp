@@ -1,4 +1,4 @@
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

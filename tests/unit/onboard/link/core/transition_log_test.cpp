@@ -1,4 +1,4 @@
-#include "onboard/link/core/reporting/transition_log.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "common/base/log.hpp"
-#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline {
 

@@ -5,8 +5,7 @@
 
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/shell/loop_clock.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 #include "onboard/shim/mapping.hpp"
 
 namespace ledgerline::link {
