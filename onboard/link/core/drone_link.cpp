@@ -64,7 +64,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
   if (admission_.admit(at.now, plan) != DropReason::none) return;
   if (is_empty_plan(plan)) {
     setpoints_.drop_plans(DropReason::superseded);
-    admission_.applied();
+    admission_.record_applied();
     return;
   }
   if (!is_contract_action(plan.action)) reporting_.record_arrival(at.now, plan);
@@ -73,11 +73,11 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
   if (flies && session_.phase() == FlightPhase::flying) setpoints_.set_by_hand(plan.body_frame);
   const DropReason reason = flies ? may_follow(at, plan) : obey(at, plan);
   if (reason != DropReason::none) {
-    admission_.dropped(plan, reason);
+    admission_.record_end(plan, reason);
   } else if (flies) {
     setpoints_.add(at.now, plan);
   } else {
-    admission_.applied();
+    admission_.record_applied();
     // A stop that is cleared is nothing that is flown.
     if (plan.action < PlanAction::stop_cleared) reporting_.record_applied(at, plan, setpoints_.sent());
   }

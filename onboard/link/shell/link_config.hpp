@@ -48,9 +48,5 @@ struct PoseSettings {
 };
 
 PoseSettings read_pose(Config& config);
-/// `key`: "drone.0."
-void read_drone_pose(Config& config, const std::string& key, const PoseSettings& pose, DroneSettings& drone);
-/// What of all drones together cannot be flown; `path` is the file's.
-Status check_poses(const std::string& path, const LinkSettings& link);
 
 }  // namespace ledgerline::link

@@ -37,25 +37,17 @@ DropReason PlanAdmission::check(TimeNs now, const Plan& plan) const noexcept {
 DropReason PlanAdmission::admit(TimeNs now, const Plan& plan) noexcept {
   ++counters_.received;
   const DropReason reason = check(now, plan);
-  if (reason != DropReason::none) {
-    dropped(plan, reason);
-    return reason;
-  }
-  if (is_contract_action(plan.action)) return DropReason::none;
+  if (reason != DropReason::none) record_end(plan, reason);
+  if (reason != DropReason::none || is_contract_action(plan.action)) return reason;
   any_ = true;
   newest_epoch_ = plan.epoch;
   newest_sequence_ = plan.sequence;
   return DropReason::none;
 }
 
-void PlanAdmission::late(const Plan& plan) noexcept {
-  ++counters_.late;
-  ends_.push({plan.sequence, plan.state_stamp_ns, DropReason::none});
-}
-
-void PlanAdmission::dropped(const Plan& plan, DropReason reason) noexcept {
-  ++counters_.dropped;
-  ++counters_.dropped_by[static_cast<std::size_t>(reason)];
+void PlanAdmission::record_end(const Plan& plan, DropReason reason) noexcept {
+  ++(reason == DropReason::none ? counters_.late : counters_.dropped);
+  if (reason != DropReason::none) ++counters_.dropped_by[static_cast<std::size_t>(reason)];
   ends_.push({plan.sequence, plan.state_stamp_ns, reason});
 }
 

@@ -11,9 +11,8 @@ namespace ledgerline::link {
 /// What became of the plans. Once nothing is pending: received = applied + late + dropped.
 struct PlanCounters {
   std::uint32_t received = 0;
-  std::uint32_t applied =
-      0;  ///< at least one setpoint flown (or the state that a take-off, landing or stop asks for is reached)
-  std::uint32_t late = 0;  ///< came, or could be flown, only after its last setpoint was over
+  std::uint32_t applied = 0;  ///< at least one setpoint flown, or its take-off, landing or stop begun
+  std::uint32_t late = 0;     ///< came, or could be flown, only after its last setpoint was over
   std::uint32_t dropped = 0;
   std::array<std::uint32_t, enum_count<DropReason>> dropped_by{};  ///< by DropReason
 };
@@ -43,9 +42,9 @@ class PlanAdmission {
   /// Counts it as received. Anything but `none` means that it was dropped.
   DropReason admit(TimeNs now, const Plan& plan) noexcept;
 
-  void applied() noexcept { ++counters_.applied; }
-  void late(const Plan& plan) noexcept;
-  void dropped(const Plan& plan, DropReason reason) noexcept;
+  void record_applied() noexcept { ++counters_.applied; }
+  /// It ended unflown; none: it is late.
+  void record_end(const Plan& plan, DropReason reason) noexcept;
 
   const PlanCounters& counters() const noexcept { return counters_; }
   /// Plans that ended unflown since the last call of clear_ends().

@@ -35,12 +35,7 @@ TimeNs Margin::step(TimeNs now) noexcept {
 }
 
 void Playout::finish(const Waiting& waiting, DropReason reason) noexcept {
-  if (waiting.applied) return;  // counted when it was
-  if (reason == DropReason::none) {
-    admission_.late(waiting.plan);
-  } else {
-    admission_.dropped(waiting.plan, reason);
-  }
+  if (!waiting.applied) admission_.record_end(waiting.plan, reason);
 }
 
 TimeNs Playout::end_of(const Plan& plan) const noexcept {
@@ -106,7 +101,7 @@ bool Playout::mark_sent() noexcept {
   flown.sent_setpoint = desired_index_;
   if (flown.applied) return false;
   flown.applied = true;
-  admission_.applied();
+  admission_.record_applied();
   return true;
 }
 

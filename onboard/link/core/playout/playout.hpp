@@ -6,7 +6,7 @@
 #include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "onboard/link/core/watch/held.hpp"
+#include "onboard/link/core/watch/drone_watches.hpp"
 
 namespace ledgerline::link {
 
@@ -77,16 +77,11 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
       }
       break;
     case PendingCommand::Kind::land:
-      // A refusal changes nothing: the command goes out again until the drone is down. While a take-off may still lift
-      // it, an ok may be the take-off's.
-      if (answer == Answer::ok && !reported_.is_airborne(now) && now >= rising_until_ns_) {
-        end_command(now, FlightPhase::landed);
-      }
-      break;
+      if (now < rising_until_ns_) break;  // while a take-off may still lift it, an ok may be the take-off's
+      [[fallthrough]];
     case PendingCommand::Kind::emergency:
-      if (answer == Answer::ok && !reported_.is_airborne(now)) {
-        end_command(now, FlightPhase::landed);
-      }
+      // A refusal changes nothing: the command goes out again until the drone is down.
+      if (answer == Answer::ok && !reported_.is_airborne(now)) end_command(now, FlightPhase::landed);
       break;
     case PendingCommand::Kind::nothing:
       break;
