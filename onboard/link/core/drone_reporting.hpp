@@ -89,7 +89,7 @@ class DroneReporting {
   void on_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
   void record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept;
   /// A plan of the drone's holder was admitted.
-  void record_arrival(TimeNs now, const Plan& plan) noexcept;
+  void record_arrival(TimeNs now, const Plan& plan) noexcept { arrived_ = {plan.sequence, now}; }
   /// A command took effect, `late_ns` behind the moment it was meant for, while this was sent.
   void record_applied(const LinkMoment& at, const Plan& plan, const Velocity& sent) noexcept {
     trace_applied(at, plan.sequence, plan.state_stamp_ns, 0, sent);
@@ -109,6 +109,8 @@ class DroneReporting {
   DroneReport report(const TelloSession& session, const PlanCounters& plans) const;
 
  private:
+  /// Completes it by the time and the drone.
+  void trace(const LinkMoment& at, TraceRecord record) const noexcept;
   void trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
                      const Velocity& sent) noexcept;
 

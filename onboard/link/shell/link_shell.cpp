@@ -330,7 +330,7 @@ int run_link(const ShellSettings& settings) {
   tell_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), *parts->publisher, real_time.all());
+    if (auto status = write_summary(settings.summary, *core, loop->metrics(), *parts->publisher, real_time.all());
         !status)
       return fail(status.error());
   }

@@ -34,7 +34,7 @@ nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
           {"phase", name(report.phase)}};
 }
 
-nlohmann::json to_json(const LoopFigures& loop) {
+nlohmann::json to_json(const LoopMetrics& loop) {
   const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
   return {{"cycles", loop.cycles},
           {"overruns", loop.overruns},
@@ -79,7 +79,7 @@ std::string status_line(const LinkSettings& settings, const std::array<StateSamp
   return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
 }
 
-Status write_summary(const std::string& path, const LinkCore& core, const LoopFigures& loop,
+Status write_summary(const std::string& path, const LinkCore& core, const LoopMetrics& loop,
                      const PublisherThread& publisher, bool realtime) {
   nlohmann::json drones = nlohmann::json::array();
   for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, publisher.lost(report.number)));

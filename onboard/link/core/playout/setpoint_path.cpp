@@ -109,9 +109,6 @@ void SetpointPath::send(const LinkMoment& at, const Velocity& sent, const Rc& rc
   at.out.trace.push({.t_ns = at.now,
                      .kind = TraceKind::rc_sent,
                      .drone = drone_,
-                     .extra = 0,
-                     .id = 0,
-                     .stamp_ns = 0,
                      .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
   last_rc_ns_ = at.now;
   last_rc_ = rc;
