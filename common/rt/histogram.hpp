@@ -25,7 +25,6 @@ class Histogram {
   /// Duration below which the share `q` (0..1) of the samples lies; 0 when there are none.
   TimeNs quantile(double q) const noexcept;
   TimeNs max() const noexcept { return max_; }
-  /// All figures in milliseconds.
   Quantiles quantiles_ms() const noexcept;
 
  private:

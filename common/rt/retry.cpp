@@ -17,8 +17,8 @@ TryWorld TryWorld::real() {
           .seed = std::random_device{}()};
 }
 
-Status keep_trying(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
-                   const std::function<Status()>& attempt, const TryWorld& world) {
+Status retry(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
+             const std::function<Status()>& attempt, const TryWorld& world) {
   BackOff pause(limits.first_pause_ns, limits.max_pause_ns);
   Random random(world.seed);
   const TimeNs begin_ns = world.now();

@@ -14,14 +14,13 @@ struct TryLimits {
   /// From the first attempt; an attempt that began before ends in its own time. RouDi and the embedded ledger are there
   /// within a second; somebody who starts programs by hand needs a few.
   TimeNs within_ns = 15 * ns_per_s;
-  /// Twice as long after each attempt, with jitter (BackOff). The first is short beside a start, the last for a
-  /// person who waits, and neither is work for the server.
+  /// Twice as long after each attempt, with jitter (BackOff): short beside a start, and for a person who waits.
   TimeNs first_pause_ns = 10 * ns_per_ms, max_pause_ns = 200 * ns_per_ms;
   /// The wait is in the log from then on, and so often. Most are over before.
   TimeNs say_first_after_ns = 500 * ns_per_ms, say_again_after_ns = 3 * ns_per_s;
 };
 
-/// What keep_trying() lives in: this thread, its clock and the log; a test brings its own.
+/// What retry() lives in: this thread, its clock and the log; a test brings its own.
 struct TryWorld {
   std::function<TimeNs()> now;
   std::function<void(TimeNs)> sleep;
@@ -33,8 +32,8 @@ struct TryWorld {
 
 /// Waits for what may not be there yet, in the calling thread: repeats until an attempt succeeds. An error once `stop`
 /// says so ("asked to end before WHAT") or the time is over (its last error). `what`: "RouDi answers".
-Status keep_trying(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
-                   const std::function<Status()>& attempt, const TryWorld& world = TryWorld::real());
+Status retry(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
+             const std::function<Status()>& attempt, const TryWorld& world = TryWorld::real());
 
 /// Exponential back-off after failures: doubles up to `max_ns`, with jitter (half to whole), so that the many clients
 /// of a ledger that comes back do not all ask at once; a success resets it. One thread.

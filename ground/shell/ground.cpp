@@ -108,7 +108,7 @@ Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
     }
     return first_ns && monotonic_ns() - *first_ns > others_wait_ns ? Status(done) : all;
   };
-  return keep_trying(
+  return retry(
       "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
 }
 

@@ -51,7 +51,7 @@ Result<Broker> Broker::start() {
   auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());
   new iox::roudi::RouDi(components->rouDiMemoryManager, components->portManager,
                         iox::roudi::RouDi::RoudiStartupParameters{iox::roudi::MonitoringMode::OFF, false});
-  const Status answers = keep_trying(
+  const Status answers = retry(
       "RouDi answers", until_it_answers, [] { return false; },
       []() -> Status {
         if (ipc::probe("roudi") == ipc::Peer::alive) return done;

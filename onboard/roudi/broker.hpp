@@ -25,8 +25,7 @@ class LeakWatch {
   /// `kept`: by the publishers of each pool, one chunk a publisher.
   explicit LeakWatch(const Chunks& kept) : kept_(kept) {}
 
-  /// What is in use now.
-  void look(const Chunks& used) {
+  void update(const Chunks& used) {
     history_[looks_++ % looks] = used;
     if (looks_ < looks) return;
     leaked_ = 0;

@@ -8,8 +8,8 @@
 
 namespace ledgerline::roudi {
 
-/// The process that holds a lock on the file with this device and inode, by the text of /proc/locks; none: no process
-/// that can be seen from here does.
+/// The process that holds a lock on this device and inode, by the text of /proc/locks; none: none that is seen from
+/// here.
 std::optional<pid_t> lock_holder(const std::string& locks, dev_t device, ino_t inode);
 
 /// Why RouDi cannot serve beside what answers at its socket, and the cure. `answers`: it took a connection, else this

@@ -38,7 +38,7 @@ int watch_leaks(const sigset_t& signals, const Broker& broker, LeakWatch& watch,
     const timespec period{0, look_period_ns};
     const int signal = ::sigtimedwait(&signals, nullptr, &period);
     if (signal > 0) return signal;
-    watch.look(broker.chunks_in_use());
+    watch.update(broker.chunks_in_use());
     if (watch.leaked() == said) continue;
     if (said == 0) {
       spdlog::warn(

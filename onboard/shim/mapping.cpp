@@ -183,14 +183,14 @@ Result<DronesEnd> DronesEnd::open(const std::string& path, bool lockstep) {
   return DronesEnd(std::move(*mapping));
 }
 
-bool DronesEnd::give(DroneNumber drone, Datagram::Port port, std::string_view text) noexcept {
+bool DronesEnd::send(DroneNumber drone, Datagram::Port port, std::string_view text) noexcept {
   Datagram datagram;
   datagram.drone = drone;
   datagram.port = port;
   return datagram.assign(text) && mapping_.memory().to_link.push(datagram);
 }
 
-void DronesEnd::ask_turn(TimeNs now) noexcept {
+void DronesEnd::request_turn(TimeNs now) noexcept {
   Memory::Turns& turns = mapping_.memory().turns;
   turns.now_ns.store(now, std::memory_order_relaxed);
   turns.asked.fetch_add(1, std::memory_order_release);
@@ -205,7 +205,7 @@ DronesEnd::Turn DronesEnd::wait_turn(TimeNs max_ns) noexcept {
     const std::uint32_t done = turns.done.load(std::memory_order_acquire);
     if (done == asked) return Turn::made;
     const TimeNs left_ns = until_ns - monotonic_ns();
-    if (left_ns <= 0) return link_lives() ? Turn::under_way : Turn::no_link;
+    if (left_ns <= 0) return is_link_alive() ? Turn::in_progress : Turn::no_link;
     wait_while(turns.done, done, left_ns);
   }
 }

@@ -50,9 +50,9 @@ struct ReaderWriterQueue {
 struct Iceoryx {
   static constexpr const char* name = "iceoryx";
   bool send(const StateSample& state) { return link->send_state(state); }
-  bool receive(StateSample& state) { return agent->take_state(state); }
+  bool receive(StateSample& state) { return agent->receive_state(state); }
   bool answer(const Pose& pose) { return agent->send_pose(pose); }
-  bool take_answer(Pose& pose) { return link->take_pose(pose); }
+  bool take_answer(Pose& pose) { return link->receive_pose(pose); }
   std::unique_ptr<ipc::LinkEnd> link;
   std::unique_ptr<ipc::AgentEnd> agent;
 };

@@ -144,7 +144,7 @@ class Side {
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
-    for (agent::Event& event : mailbox_.take_all()) {
+    for (agent::Event& event : mailbox_.pop_all()) {
       if (const auto* block = std::get_if<fabric::Block>(&event)) {
         take(*block);
       } else if (const auto* ended = std::get_if<agent::FrameEnded>(&event)) {

@@ -153,7 +153,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { down_.on_block(block); };
   blocks_.open(*client_, std::move(handlers));
-  const Status open = keep_trying(
+  const Status open = retry(
       fmt::format("the blocks of channel {} can be read", channel_), {}, [&] { return quit.load(); },
       [this] { return blocks_.connection(); });
   if (!open) return open;

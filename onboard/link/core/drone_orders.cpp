@@ -41,7 +41,7 @@ void DroneOrders::stop(TimeNs now, const Plan& plan) noexcept {
 
 void DroneOrders::stop_locally(TimeNs now) noexcept {
   session_.land_again(now, LostLinkProtocol::Requester::local);
-  if (!session_.may_fly() || !session_.heard()) return;
+  if (!session_.may_fly() || !session_.has_responded()) return;
   local_stop_ = true;
   stopped_ns_ = std::max(stopped_ns_, now);
   stop_cleared_ = local_stop_cleared_ = false;

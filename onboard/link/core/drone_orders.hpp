@@ -30,9 +30,8 @@ class LandingWait {
 };
 
 /// What a drone is ordered to do besides flying plans: take off, land, stay down. Who stopped it and what clears that
-/// (docs/failsafe.md), since when a take-off may be asked for, and whether it waits to land. A stop stands until it is
-/// cleared by name: no plan, epoch, boot or agent does that. `session` outlives it. Core: no I/O, no clock, no
-/// allocation; one thread.
+/// (docs/failsafe.md), and whether it waits to land. A stop stands until it is cleared by name: no plan, epoch, boot or
+/// agent does that. `session` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class DroneOrders {
  public:
   /// `local_stop`: one of a link before this one stands. `max_wait_ns`: of a landing.

@@ -7,8 +7,8 @@ namespace ledgerline::link {
 void DroneReporting::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
   const bool of_this_boot = heartbeat.boot_id == boot_id_;  // a restarted agent knows of no boot
   const std::size_t i = std::min(number_, max_drones);
-  transitions_.heard(of_this_boot ? heartbeat.transitions_taken[i] : 0,
-                     of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
+  transitions_.acknowledge(of_this_boot ? heartbeat.transitions_taken[i] : 0,
+                           of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
 }
 
 void DroneReporting::trace(const LinkMoment& at, TraceRecord record) const noexcept {
@@ -108,7 +108,7 @@ DroneReport DroneReporting::report(const TelloSession& session, const PlanCounte
           .plans = plans,
           .transitions = transitions_.counters(),
           .age_ms = age_.quantiles_ms(),
-          .heard = session.heard(),
+          .heard = session.has_responded(),
           .landed = session.has_flown() && on_ground(session.phase()),
           .phase = session.phase()};
 }

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "common/base/check.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/histogram.hpp"
 #include "onboard/link/core/failsafe.hpp"
@@ -14,11 +15,10 @@
 
 namespace ledgerline::link {
 
-/// The transitions of one drone that are not on the ledger yet. With each heartbeat agent says how far it has taken
-/// them and how far they are on the ledger: what it has not taken is sent, or sent again; what is on the ledger is
-/// forgotten. So no message that is lost, no agent that dies and no ledger that is away loses one. When `capacity` are
-/// kept the oldest goes, and counts as lost unless agent has it; a reader of the ledger sees the gap in the numbers. No
-/// allocation; one thread.
+/// The transitions of one drone that are not on the ledger yet. Each heartbeat of agent says how far it has taken them
+/// and how far they are on the ledger: what it has not taken is sent again, what is on the ledger is forgotten. So no
+/// lost message, dead agent or absent ledger loses one. When `capacity` are kept the oldest goes, and counts as lost
+/// unless agent has it; a reader of the ledger sees the gap in the numbers. No allocation; one thread.
 class TransitionLog {
  public:
   static constexpr std::uint64_t capacity = 256;
@@ -27,18 +27,18 @@ class TransitionLog {
     std::uint64_t made = 0, on_ledger = 0, lost = 0, kept = 0;
   };
 
-  /// Numbers it.
   void add(Transition transition) noexcept {
     if (newest_ + 1 - oldest_ == capacity) {
       if (oldest_ > taken_) ++lost_;
       ++oldest_;
     }
     transition.number = ++newest_;
+    LEDGERLINE_CHECK(newest_ - oldest_ < capacity, "the transitions that are kept have room", oldest_, newest_);
     kept_[newest_ % capacity] = transition;
   }
 
   /// What a heartbeat of agent says of this drone; zeros when it knows another boot, or none.
-  void heard(std::uint64_t taken, std::uint64_t on_ledger) noexcept {
+  void acknowledge(std::uint64_t taken, std::uint64_t on_ledger) noexcept {
     on_ledger_ = std::max(on_ledger_, std::min(on_ledger, newest_));
     oldest_ = std::max(oldest_, on_ledger_ + 1);
     taken_ = std::clamp(taken, on_ledger_, newest_);
@@ -85,10 +85,8 @@ class DroneReporting {
   DroneReporting(std::string name, DroneNumber number, std::uint64_t boot_id)
       : name_(std::move(name)), number_(number), boot_id_(boot_id) {}
 
-  /// How far agent has taken the transitions.
   void on_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
   void record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept;
-  /// A plan of the drone's holder was admitted.
   void record_arrival(TimeNs now, const Plan& plan) noexcept { arrived_ = {plan.sequence, now}; }
   /// A command took effect, `late_ns` behind the moment it was meant for, while this was sent.
   void record_applied(const LinkMoment& at, const Plan& plan, const Velocity& sent) noexcept {
@@ -109,7 +107,6 @@ class DroneReporting {
   DroneReport report(const TelloSession& session, const PlanCounters& plans) const;
 
  private:
-  /// Completes it by the time and the drone.
   void trace(const LinkMoment& at, TraceRecord record) const noexcept;
   void trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
                      const Velocity& sent) noexcept;

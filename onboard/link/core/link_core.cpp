@@ -48,7 +48,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
                       .check_failed = checks_.failed() || agent_check_failed_,
                       .out = out_};
   dispatch(at, inputs);
-  keep_apart(now, passed_s);
+  separate(now, passed_s);
   for (DroneLink& drone : drones_) drone.step(at);
   sample(at);
   return out_;
@@ -73,19 +73,19 @@ bool LinkCore::has_slept(TimeNs now, TimeNs suspended_ns) noexcept {
   return true;
 }
 
-void LinkCore::keep_apart(TimeNs now, double passed_s) noexcept {
+void LinkCore::separate(TimeNs now, double passed_s) noexcept {
   std::array<Neighbour, max_drones> neighbours{};
   std::array<DroneLink*, max_drones> whose{};
   std::size_t count = 0;
   for (DroneLink& drone : drones_) {
-    drone.set_verdict(std::nullopt);
+    drone.set_clearance(std::nullopt);
     const auto neighbour = count < max_drones ? drone.as_neighbour(now) : std::nullopt;
     if (!neighbour) continue;
     neighbours[count] = *neighbour;
     whose[count++] = &drone;
   }
-  const auto verdicts = separation_.step(passed_s, std::span(neighbours).first(count));
-  for (std::size_t i = 0; i < count; ++i) whose[i]->set_verdict(verdicts[i]);
+  const auto clearances = separation_.step(passed_s, std::span(neighbours).first(count));
+  for (std::size_t i = 0; i < count; ++i) whose[i]->set_clearance(clearances[i]);
 }
 
 void LinkCore::dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept {
@@ -123,7 +123,7 @@ bool LinkCore::all_on_ground() const noexcept {
 
 bool LinkCore::all_on_ground_or_unheard() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(),
-                      [](const DroneLink& d) { return d.session().may_fly() && d.session().heard(); });
+                      [](const DroneLink& d) { return d.session().may_fly() && d.session().has_responded(); });
 }
 
 bool LinkCore::all_landed_or_commanded() const noexcept {

@@ -12,9 +12,8 @@
 
 namespace ledgerline::link {
 
-/// All of link for up to 16 drones: who of them gets what came (drone_link.hpp flies each), whether link itself is
-/// healthy, and when states are sampled. `step` is meant for 1 kHz and works at any rate. Core: no I/O, no clock, no
-/// allocation after construction; one thread.
+/// All of link for up to 16 drones: who of them gets what came, whether link itself is healthy, and when states are
+/// sampled. step() is meant for 1 kHz. Core: no I/O, no clock, no allocation after construction; one thread.
 class LinkCore {
  public:
   /// `boot_id`: random for each start; the shell or the simulated campaign's seed provides it. `starts`: link's recent
@@ -42,9 +41,7 @@ class LinkCore {
   Pose pose(DroneNumber drone) const noexcept;
   /// Link flies it to make room for another, though no plan says so.
   bool makes_room(DroneNumber drone) const noexcept;
-  /// How much later than they say its setpoints are flown now.
   TimeNs margin_ns(DroneNumber drone) const noexcept;
-  /// The heading by which velocities of the map become rc.
   double yaw_rad(DroneNumber drone, TimeNs now) const noexcept;
 
   /// Ends all plans that still wait, so that the counters add up. After the last step.
@@ -55,12 +52,10 @@ class LinkCore {
   const DroneLink* find(DroneNumber number) const noexcept;
   DroneLink* find(DroneNumber number) noexcept;
   void watch_health(TimeNs now, bool slept) noexcept;
-  /// The host was suspended: the clock stood still meanwhile, so all that is kept is older than its stamps say, and is
-  /// aged here.
+  /// The host was suspended, and its clock stood still: all that is kept is older than its stamps say, and aged here.
   bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
   void dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept;
-  /// Limits the setpoints of the drones so that they do not come too near to each other.
-  void keep_apart(TimeNs now, double passed_s) noexcept;
+  void separate(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;
 
   TimeNs period_ns_;  ///< of samples

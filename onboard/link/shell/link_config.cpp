@@ -97,8 +97,7 @@ void read_failsafe(Config& config, FailsafeSettings& failsafe) {
   read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600,
          "of hold or brake without a break, then land: longer than a ledger takes to choose a new leader, and than "
          "clear_after_ms");
-  // At half of it, what comes as seldom as it may must still be in time: agent's heartbeats each 100 ms, state texts
-  // too.
+  // At half of it, what comes each 100 ms (heartbeats, state texts) must still be in time.
   read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000,
           "without a heartbeat of agent, it counts as gone: ten heartbeats of 50 ms. From 250, since heartbeats may be "
           "100 ms apart");

@@ -34,8 +34,7 @@ struct ShellSettings {
 Result<ShellSettings> load_settings(const std::string& path);
 /// The same of a file that is open; `path` is for errors.
 Result<ShellSettings> read_settings(Config& config, const std::string& path);
-/// [limits], [rc] and [fence] alone, of a file that says them for a link.toml to come (deployment.toml). What is wrong
-/// is in config.finish().
+/// [limits], [rc] and [fence] alone, of deployment.toml, which says them for a link.toml to come.
 void read_bounds(Config& config, LinkSettings& link);
 
 /// What link.toml says of where drones are: [pose], [[pad]], and the keys of [[drone]] that belong to it.

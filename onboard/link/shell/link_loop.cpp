@@ -10,7 +10,7 @@ void LinkLoop::run(LoopClock& clock) noexcept {
   TimeNs give_up_ns = 0;
   while (true) {
     const TimeNs now = clock.wait(stop_);
-    if (clock.lost()) break;
+    if (clock.is_lost()) break;
     trace_.add_turn(clock.due_ns(), now);
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
@@ -29,9 +29,9 @@ void LinkLoop::run(LoopClock& clock) noexcept {
 
 void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept {
   std::size_t plans = 0, poses = 0, heartbeats = 0;
-  while (heartbeats < heartbeats_.size() && end_.take_heartbeat(heartbeats_[heartbeats])) ++heartbeats;
-  while (poses < poses_.size() && end_.take_pose(poses_[poses])) ++poses;
-  while (plans < plans_.size() && end_.take_plan(plans_[plans])) ++plans;
+  while (heartbeats < heartbeats_.size() && end_.receive_heartbeat(heartbeats_[heartbeats])) ++heartbeats;
+  while (poses < poses_.size() && end_.receive_pose(poses_[poses])) ++poses;
+  while (plans < plans_.size() && end_.receive_plan(plans_[plans])) ++plans;
 
   const LinkOutputs& out =
       core_.step(now, {.received = transport_.receive(),

@@ -124,13 +124,4 @@ class LinkLoop {
 /// block: signals, trace file, log, status lines, the summary. Returns the exit code.
 int run_link(const ShellSettings& settings);
 
-/// One status line (JSON) from the newest sample of each drone.
-std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest);
-
-/// Writes the summary at the end of the run.
-Status write_summary(const std::string& path, const LinkCore& core, const LoopMetrics& loop,
-                     const PublisherThread& publisher, bool realtime);
-
-const char* name(DropReason reason) noexcept;
-
 }  // namespace ledgerline::link

@@ -140,7 +140,7 @@ void SourceCheck::decide(TimeNs now, double share, const OwnMotion& own, const P
   }
 }
 
-void SourceCheck::take(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept {
+void SourceCheck::on_state(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept {
   path_.advance(now, own);
   scale_sigma_ = own.scale_sigma;
   if (!flying) {

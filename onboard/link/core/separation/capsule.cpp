@@ -41,13 +41,12 @@ double gap_m(const Capsule& one, const Capsule& other) noexcept {
   return std::max(in_height, level_distance_m(one, other) - one.radius_m - other.radius_m);
 }
 
-Course course(const Motion& motion, const Braking& braking) noexcept {
-  Course out;
+Coasting coasting(const Motion& motion, const Braking& braking) noexcept {
+  Coasting out;
   out.blur_m = motion.blur_m;
   const double kept = std::exp(-motion.age_s / braking.response_s);
   for (std::size_t i = 0; i < 3; ++i) {
-    // What it is sent now stands for what it was sent while the pose was on its way: to the centimetre, since the
-    // limiter changes it by 0.4 m/s in 0.1 s.
+    // What it is sent now stands for that while the pose came: to a centimetre, by the limiter's 0.4 m/s in 0.1 s.
     const double position = motion.position_m[i] + motion.sent_mps[i] * motion.late_s;
     const double velocity = motion.sent_mps[i] + (motion.velocity_mps[i] - motion.sent_mps[i]) * kept;
     out.coasted_m[i] = position + braking.response_s * motion.velocity_mps[i];
@@ -56,18 +55,18 @@ Course course(const Motion& motion, const Braking& braking) noexcept {
   return out;
 }
 
-Capsule until_rest(const Course& course, const Braking& braking, const Vec3& sent_mps) noexcept {
+Capsule until_rest(const Coasting& coasting, const Braking& braking, const Vec3& sent_mps) noexcept {
   const double ramp_s = length(sent_mps) / (2 * braking.acceleration_mps2);
-  const Vec3 &at = course.at_m, &coasted = course.coasted_m;
+  const Vec3 &at = coasting.at_m, &coasted = coasting.coasted_m;
   Vec3 rest{};
   for (std::size_t i = 0; i < 3; ++i) rest[i] = coasted[i] + sent_mps[i] * (braking.reaction_s + ramp_s);
   const auto [low, high] = std::minmax({at[2], coasted[2], rest[2]});
   const double turn = std::sqrt(squared_to_segment({coasted[0], coasted[1]}, {at[0], at[1]}, {rest[0], rest[1]}));
   return {.from_m = {at[0], at[1]},
           .to_m = {rest[0], rest[1]},
-          .low_m = low - course.blur_m,
-          .high_m = high + course.blur_m,
-          .radius_m = turn + course.blur_m};
+          .low_m = low - coasting.blur_m,
+          .high_m = high + coasting.blur_m,
+          .radius_m = turn + coasting.blur_m};
 }
 
 Capsule stretched(const Capsule& capsule, const Vec3& way_m) noexcept {

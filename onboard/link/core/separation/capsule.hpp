@@ -20,8 +20,7 @@ struct Capsule {
 /// Negative where both overlap. Any point of one is at least so far from any of the other. Pure.
 double gap_m(const Capsule& one, const Capsule& other) noexcept;
 
-/// What is known of a flying drone, and the model that carries it on: it is sent velocities, and follows them as a
-/// first-order response of `response_s`.
+/// What is known of a flying drone, which follows what it is sent as a first-order response of `response_s`.
 struct Motion {
   Vec3 position_m{};    ///< the newest pose's, moved on by what was sent since it came
   Vec3 velocity_mps{};  ///< of that pose
@@ -43,16 +42,16 @@ struct Braking {
 /// With v' = (u - v)/T the way from now on is ∫v = T·v + ∫u, so the place that it comes to rest at is known from place,
 /// velocity and what it is sent: x + T·v + u·|u|/2a, where u is ramped to zero by a. For the same reason x + T·v moves
 /// by what is sent alone: that of an old pose needs no guess of how the velocity went since.
-struct Course {
+struct Coasting {
   Vec3 at_m{}, coasted_m{};
   double blur_m = 0;
 };
-Course course(const Motion& motion, const Braking& braking) noexcept;
+Coasting coasting(const Motion& motion, const Braking& braking) noexcept;
 
 /// Where it is until it hovers, if it is sent `sent_mps` now and to stop from the next step on. On its way to rest a
 /// drone stays in the triangle of x, x + T·v and its rest, since the answer to u lags the decay of v; the capsule has
 /// that triangle in it. Commanded to stop it shrinks into itself, which is what separation.hpp's invariant rests on.
-Capsule until_rest(const Course& course, const Braking& braking, const Vec3& sent_mps) noexcept;
+Capsule until_rest(const Coasting& coasting, const Braking& braking, const Vec3& sent_mps) noexcept;
 
 /// The capsule, stretched by a way: where it goes on.
 Capsule stretched(const Capsule& capsule, const Vec3& way_m) noexcept;

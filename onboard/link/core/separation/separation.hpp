@@ -71,7 +71,7 @@ struct Neighbour {
   double floor_m = 0, ceiling_m = 0;
 };
 
-struct Verdict {
+struct Clearance {
   enum class Kind : std::uint8_t {
     unchanged,  ///< it flies its setpoint
     hold,       ///< another comes too near: it waits, or flies that part of its setpoint that leads past
@@ -112,14 +112,14 @@ class Separation {
   Separation(const SeparationSettings& settings, double acceleration_mps2) noexcept;
 
   /// `passed_s` since the last step. `neighbours`: all that have a place, max_drones at most, each in every step as
-  /// long as it has one. The verdicts are in their order, valid until the next step.
-  std::span<const Verdict> step(double passed_s, std::span<const Neighbour> neighbours) noexcept;
+  /// long as it has one. The clearances are in their order, valid until the next step.
+  std::span<const Clearance> step(double passed_s, std::span<const Neighbour> neighbours) noexcept;
 
  private:
   /// The ways round another, tried in turn.
-  enum class Way : std::uint8_t { none, up, down, away, right, left };
+  enum class Direction : std::uint8_t { none, up, down, away, right, left };
   struct Memory {
-    Way way = Way::none;
+    Direction direction = Direction::none;
     double parting_s = 0;  ///< on this way
     double waited_s = 0;   ///< without a break, with a setpoint that is not flown
     double idle_s = 0;     ///< on this way, without getting further
@@ -132,30 +132,30 @@ class Separation {
     Capsule claim;       ///< where it will be if nobody hinders it
     double reach_m = 0;  ///< how far either of them goes, level
     bool moves = false;
-    Course course;
+    Coasting coasting;
     std::bitset<max_drones> near;  ///< who could come into its way at all
     std::size_t stacked_with = 0;  ///< who is nearest of those above and below; itself: nobody
   };
 
-  void see(std::size_t i) noexcept;
+  void predict(std::size_t i) noexcept;
   void find_near() noexcept;
   void decide(std::size_t i) noexcept;
   /// Its desired, level.
   bool leads_away(std::size_t i, std::size_t other) const noexcept;
   void go_round(std::size_t i, std::size_t other) noexcept;
   /// Takes the first of its ways that leads anywhere.
-  void choose_way(std::size_t i, std::size_t other) noexcept;
-  void choose_way(std::size_t i, std::size_t other, std::span<const Way> ways) noexcept;
+  void choose_direction(std::size_t i, std::size_t other) noexcept;
+  void choose_direction(std::size_t i, std::size_t other, std::span<const Direction> directions) noexcept;
   /// Out of another's wash, or not back into it; false: nothing of that is needed.
-  bool leave_wash(std::size_t i) noexcept;
+  bool avoid_wash(std::size_t i) noexcept;
   void watch_wash(std::size_t i) noexcept;
   bool can_step_aside(std::size_t i) const noexcept;
-  bool has_room(std::size_t i, std::size_t other, Way way) const noexcept;
-  Vec3 way_mps(std::size_t i, std::size_t other, Way way) const noexcept;
+  bool has_room(std::size_t i, std::size_t other, Direction direction) const noexcept;
+  Vec3 direction_mps(std::size_t i, std::size_t other, Direction direction) const noexcept;
   /// Who is in the way of this velocity; itself: nobody.
   std::size_t hindered_by(std::size_t i, const Vec3& velocity_mps, bool yields) const noexcept;
-  bool try_fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind, bool yields) noexcept;
-  void fly(std::size_t i, const Vec3& velocity_mps, Verdict::Kind kind) noexcept;
+  bool try_fly(std::size_t i, const Vec3& velocity_mps, Clearance::Kind kind, bool yields) noexcept;
+  void fly(std::size_t i, const Vec3& velocity_mps, Clearance::Kind kind) noexcept;
   /// What it is sent in the next step, if this is the desired velocity.
   Vec3 limited(const Vec3& sent_mps, const Vec3& desired_mps) const noexcept;
   bool has_way_over(std::size_t j, std::size_t i) const noexcept;
@@ -168,7 +168,7 @@ class Separation {
   double passed_s_ = 0;
   std::span<const Neighbour> in_;
   std::array<Drone, max_drones> drones_{};
-  std::array<Verdict, max_drones> verdicts_{};
+  std::array<Clearance, max_drones> clearances_{};
   std::array<Memory, max_drones + 1> memory_{};  ///< by number
   std::array<DownwashWatch, max_drones + 1> wash_{};
 };

@@ -32,8 +32,7 @@ class LostLinkProtocol {
   void seek() noexcept;
   /// The command was sent for long already: silence, then the command again.
   void begin_silence(TimeNs now, Command command) noexcept;
-  /// Sends the command from now on; no effect while it is sent, or was sent and the silence goes on. `emergency`
-  /// outranks `land`.
+  /// Sends the command from now on, unless it is, or was and the silence goes on. `emergency` outranks `land`.
   void land(TimeNs now, Command command) noexcept;
   /// A request while the command is sent, or was: it is sent from the beginning. For the local key always, for the
   /// contract once in each round, for the holder once and only in the silence, if he did not ask before it.

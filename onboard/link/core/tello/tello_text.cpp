@@ -1,5 +1,6 @@
 #include "onboard/link/core/tello/tello_text.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <charconv>
 #include <cmath>
@@ -42,6 +43,10 @@ bool begins_with(std::string_view text, std::string_view lower) noexcept {
 char* append(char* at, char* end, int number) noexcept {
   *at++ = ' ';
   return std::to_chars(at, end, number).ptr;
+}
+
+Eigen::Matrix2f rotation(double yaw_rad) noexcept {
+  return Eigen::Rotation2Dd(yaw_rad).toRotationMatrix().cast<float>();
 }
 
 }  // namespace
@@ -139,11 +144,8 @@ CommandText rc_text(const Rc& rc) noexcept {
 }
 
 BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double yaw_rad) noexcept {
-  const auto c = static_cast<float>(std::cos(yaw_rad));
-  const auto s = static_cast<float>(std::sin(yaw_rad));
-  const float forward = c * velocity.mps[0] + s * velocity.mps[1];
-  const float left = -s * velocity.mps[0] + c * velocity.mps[1];
-  const float up = velocity.mps[2];
+  const Eigen::Vector2f level = rotation(-yaw_rad) * Eigen::Vector2f(velocity.mps[0], velocity.mps[1]);
+  const float forward = level.x(), left = level.y(), up = velocity.mps[2];
 
   const float largest = std::max({std::abs(forward), std::abs(left), std::abs(up)});
   const float shorter = largest > settings.full_scale_mps ? settings.full_scale_mps / largest : 1.0F;
@@ -160,9 +162,8 @@ BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double
 }
 
 Velocity to_map(const Velocity& body, double yaw_rad) noexcept {
-  const auto c = static_cast<float>(std::cos(yaw_rad));
-  const auto s = static_cast<float>(std::sin(yaw_rad));
-  return {{c * body.mps[0] - s * body.mps[1], s * body.mps[0] + c * body.mps[1], body.mps[2]}, body.yaw_radps};
+  const Eigen::Vector2f level = rotation(yaw_rad) * Eigen::Vector2f(body.mps[0], body.mps[1]);
+  return {{level.x(), level.y(), body.mps[2]}, body.yaw_radps};
 }
 
 }  // namespace ledgerline::link

@@ -32,8 +32,7 @@ struct TelloState {
   float on_pad_yaw_deg = 0;         ///< the third of mpry
 };
 
-/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a plausible range,
-/// with the semicolon behind that ends each field.
+/// False, and `state` untouched, unless battery, h and tof are there, plausible, with the semicolon that ends each.
 bool parse_state(std::string_view bytes, TelloState& state) noexcept;
 
 // A Tello's axes are forward, right, down; REP 103's forward, left, up. Angles in radians, SI units.

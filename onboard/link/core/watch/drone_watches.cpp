@@ -19,7 +19,7 @@ constexpr float jump_share = 0.05F;
 
 }  // namespace
 
-void TiltWatch::take(TimeNs now, const TelloState& state) noexcept {
+void TiltWatch::update(TimeNs now, const TelloState& state) noexcept {
   if (now - text_ns_ > max_text_gap_ns) tilted_since_ns_ = lies_since_ns_ = 0;
   text_ns_ = now;
   const auto attitude = attitude_rad(state);
@@ -29,11 +29,11 @@ void TiltWatch::take(TimeNs now, const TelloState& state) noexcept {
   const bool rests = std::abs(all - rest_mg) < rest_within_mg;
   const bool turned = static_cast<double>(feels[2]) > upright_mg;
   const bool tilted = tilt_rad_ > tilted_rad;
-  note_since(now, tilted, tilted_since_ns_);
-  note_since(now, tilted && rests && turned, lies_since_ns_);
+  update_since(now, tilted, tilted_since_ns_);
+  update_since(now, tilted && rests && turned, lies_since_ns_);
 }
 
-void BatteryWatch::take(TimeNs now, float battery) noexcept {
+void BatteryWatch::update(TimeNs now, float battery) noexcept {
   const bool jump = std::abs(newest_ - battery) > jump_share;
   newest_ = battery;
   if (since_ns_ == 0 || battery > at_since_ || jump) {
@@ -67,11 +67,11 @@ void ClientWatch::on_answer(TimeNs now) noexcept {
 }
 
 void DroneWatches::on_state(TimeNs now, const TelloState& state, FlightPhase phase) noexcept {
-  tilt.take(now, state);
+  tilt.update(now, state);
   heat.update(state, in_flight(phase));
   client.on_text(now);
   if (phase == FlightPhase::flying) {
-    battery.take(now, state.battery);
+    battery.update(now, state.battery);
   } else {
     battery.reset();
   }

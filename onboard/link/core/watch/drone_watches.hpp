@@ -21,10 +21,10 @@ class TiltWatch {
   static constexpr double no_takeoff_rad = 0.3;
 
   /// A state text that came at `now`.
-  void take(TimeNs now, const TelloState& state) noexcept;
+  void update(TimeNs now, const TelloState& state) noexcept;
   double tilt_rad() const noexcept { return tilt_rad_; }
-  bool tilted() const noexcept { return tilted_since_ns_ != 0 && text_ns_ - tilted_since_ns_ >= tilted_for_ns; }
-  bool overturned() const noexcept { return lies_since_ns_ != 0 && text_ns_ - lies_since_ns_ >= overturned_for_ns; }
+  bool is_tilted() const noexcept { return tilted_since_ns_ != 0 && text_ns_ - tilted_since_ns_ >= tilted_for_ns; }
+  bool is_overturned() const noexcept { return lies_since_ns_ != 0 && text_ns_ - lies_since_ns_ >= overturned_for_ns; }
 
  private:
   double tilt_rad_ = 0;
@@ -43,7 +43,7 @@ class BatteryWatch {
   static constexpr TimeNs window_ns = 10 * ns_per_s;
 
   /// A state text in flight that came at `now`.
-  void take(TimeNs now, float battery) noexcept;
+  void update(TimeNs now, float battery) noexcept;
   void reset() noexcept { *this = {}; }
   double rate_per_s() const noexcept { return rate_per_s_; }
   /// Share of a full battery below which it must land now, from `height_m`.
@@ -67,7 +67,7 @@ class HeatWatch {
     const float limit_c = flies ? warm_in_air_c : warm_c;
     hot_ = state.temperature_c > (hot_ ? limit_c - margin_c : limit_c);
   }
-  bool hot() const noexcept { return hot_; }
+  bool is_hot() const noexcept { return hot_; }
 
  private:
   bool hot_ = false;
@@ -92,8 +92,8 @@ class ClientWatch {
   void on_text(TimeNs now) noexcept;
   void on_answer(TimeNs now) noexcept;
 
-  bool contested(TimeNs now) const noexcept { return returned_ns_[1] != 0 && now - returned_ns_[1] < within_ns; }
-  bool diverted(TimeNs now) const noexcept {
+  bool is_contested(TimeNs now) const noexcept { return returned_ns_[1] != 0 && now - returned_ns_[1] < within_ns; }
+  bool is_diverted(TimeNs now) const noexcept {
     return answered_ns_ > text_ns_ && text_ns_ != 0 && now - answered_ns_ > at_once_ns;
   }
 
@@ -115,7 +115,7 @@ struct DroneWatches {
 };
 
 /// `since` remembers from when `seen` has been true without a break; 0: it is not.
-inline void note_since(TimeNs now, bool seen, TimeNs& since) noexcept {
+inline void update_since(TimeNs now, bool seen, TimeNs& since) noexcept {
   if (!seen) {
     since = 0;
   } else if (since == 0) {
@@ -124,8 +124,8 @@ inline void note_since(TimeNs now, bool seen, TimeNs& since) noexcept {
 }
 
 /// Whether `seen` was true for all of `long_enough`.
-inline bool held(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
-  note_since(now, seen, since);
+inline bool has_lasted(TimeNs now, bool seen, TimeNs& since, TimeNs long_enough) noexcept {
+  update_since(now, seen, since);
   return seen && now - since >= long_enough;
 }
 

@@ -23,7 +23,7 @@ double length_without(const std::array<double, 2>& v, const std::array<double, 2
   return std::hypot(v[0] - share * part[0], v[1] - share * part[1]);
 }
 
-void MotionWatch::tell(double seconds, const std::array<float, 3>& sent_mps) noexcept {
+void MotionWatch::on_sent(double seconds, const std::array<float, 3>& sent_mps) noexcept {
   const double share = follow(seconds, response_s);
   for (std::size_t i = 0; i < 2; ++i) expected_mps_[i] += share * (static_cast<double>(sent_mps[i]) - expected_mps_[i]);
   learn_drift(seconds);
@@ -42,7 +42,7 @@ void MotionWatch::learn_drift(double seconds) noexcept {
 
 double MotionWatch::expected_mps() const noexcept { return std::hypot(expected_mps_[0], expected_mps_[1]); }
 
-void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept {
+void MotionWatch::on_pose(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept {
   const TimeNs gap = now - seen_ns_;
   if (gap > max_pose_gap_ns) {
     since_ns_ = outruns_since_ns_ = 0;
@@ -56,9 +56,9 @@ void MotionWatch::see(TimeNs now, const std::array<double, 3>& velocity_mps) noe
     off_mps[i] = smooth_mps_[i] - expected_mps_[i];
   }
   const double limit = std::max(limit_mps, limit_share * expected_mps());
-  note_since(now, length_without(off_mps, drift_mps_) > limit, since_ns_);
+  update_since(now, length_without(off_mps, drift_mps_) > limit, since_ns_);
   const std::array<double, 2> seen_mps{velocity_mps[0], velocity_mps[1]};
-  note_since(now, length_without(seen_mps, drift_mps_) > expected_mps() + outrun_mps, outruns_since_ns_);
+  update_since(now, length_without(seen_mps, drift_mps_) > expected_mps() + outrun_mps, outruns_since_ns_);
 }
 
 namespace {
@@ -73,19 +73,19 @@ double part_along(const std::array<double, 2>& v, const std::array<double, 2>& d
 
 }  // namespace
 
-void FlowWatch::update(TimeNs now, const TelloState& state, const Motion& motion) noexcept {
+void FlowWatch::update(TimeNs now, const TelloState& state, const Inputs& inputs) noexcept {
   const TimeNs step_ns = text_ns_ == 0 ? 0 : now - text_ns_;
   if (step_ns > max_gap_ns) {
     count_ = 0;
     faded_ = 0;
   }
   text_ns_ = now;
-  const auto& [response, drift] = motion.expected;
+  const auto& [response, drift] = inputs.expected;
   // As slow as the wind may make it, or not: where it holds its position it is not drifted.
   const double should_mps = length_without(response, {-drift[0], -drift[1]});
   const double leans_anyway = -part_along(drift, response) / MotionWatch::response_s;
   std::copy_backward(texts_.begin(), texts_.end() - 1, texts_.end());
-  texts_[0] = {should_mps, part_along(motion.lean_mps2, response) - std::max(0.0, leans_anyway), motion.sent_mps};
+  texts_[0] = {should_mps, part_along(inputs.lean_mps2, response) - std::max(0.0, leans_anyway), inputs.sent_mps};
   count_ = std::min(count_ + 1, kept);
 
   const double reported = static_cast<double>(std::hypot(state.velocity_dmps[0], state.velocity_dmps[1])) / 10;

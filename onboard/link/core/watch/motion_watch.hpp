@@ -41,11 +41,11 @@ class MotionWatch {
   };
 
   /// Time passed since the last call: `sent_mps` all the while.
-  void tell(double seconds, const std::array<float, 3>& sent_mps) noexcept;
+  void on_sent(double seconds, const std::array<float, 3>& sent_mps) noexcept;
   /// The level part of its thrust, by its attitude: until the next one.
-  void lean(const std::array<double, 2>& lean_mps2) noexcept { lean_mps2_ = lean_mps2; }
+  void set_lean(const std::array<double, 2>& lean_mps2) noexcept { lean_mps2_ = lean_mps2; }
   /// A new pose came: its velocity.
-  void see(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept;
+  void on_pose(TimeNs now, const std::array<double, 3>& velocity_mps) noexcept;
   /// It does not fly, or nothing is known.
   void reset() noexcept { *this = {}; }
   /// How fast it should move by now, by its commands alone.
@@ -87,8 +87,7 @@ class FlowWatch {
   static constexpr double fade_share = 0.6, rounding_mps = 0.05;
   /// It should move so fast at least: below, a slow flight to one side is all rounding. Of zeros the lower one.
   static constexpr double fading_mps = 0.25, moving_mps = 0.15;
-  /// 3 degrees beyond what wind and drag need: half is the noise of attitudes in whole degrees; double is a stick of
-  /// 0.3 m/s. And 8 degrees, which no steady flight needs.
+  /// 3 degrees beyond wind and drag: half is an attitude's rounding, double a stick of 0.3 m/s. 8: no steady flight.
   static constexpr double lean_mps2 = 0.5, far_lean_mps2 = 1.4;
   /// Of its value two texts before: a drone that sees has got up speed by then, and half of the lean is gone.
   static constexpr double lasting_share = 0.75;
@@ -98,17 +97,17 @@ class FlowWatch {
   static constexpr double sees_again_mps = 0.15;        ///< more than the least it has reported since: two steps
 
   /// What moves the drone as link knows it, in one frame.
-  struct Motion {
+  struct Inputs {
     MotionWatch::Expected expected;
     std::array<double, 2> sent_mps{};   ///< the newest stick
     std::array<double, 2> lean_mps2{};  ///< level part of its thrust, by its attitude
   };
 
   /// A state text in flight that came at `now`.
-  void update(TimeNs now, const TelloState& state, const Motion& motion) noexcept;
+  void update(TimeNs now, const TelloState& state, const Inputs& inputs) noexcept;
   void reset() noexcept { *this = {}; }
   /// It is suspected to see nothing.
-  bool blind() const noexcept { return since_ns_ != 0; }
+  bool is_blind() const noexcept { return since_ns_ != 0; }
   TimeNs since_ns() const noexcept { return since_ns_; }  ///< 0: it sees, as far as is known
 
  private:

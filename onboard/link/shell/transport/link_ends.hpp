@@ -16,22 +16,19 @@
 
 namespace ledgerline::link {
 
-/// When the loop's turns are, and what time it is in them: this computer's clock, or one that the shim moves
-/// (lockstep). The loop's thread.
+/// When the loop's turns are: by this computer's clock, or one that the shim moves (lockstep). The loop's thread.
 class LoopClock {
  public:
   virtual ~LoopClock() = default;
 
-  /// Waits for the next turn; its time. The turn before is over with this call. `stopping`: link is asked to end, so a
-  /// clock that stands is lost.
+  /// Ends the turn before, waits for the next; its time. `stopping`: link is to end, so a clock that stands is lost.
   virtual TimeNs wait(const std::atomic<bool>& stopping) noexcept = 0;
-  /// When the newest turn was due.
   virtual TimeNs due_ns() const noexcept = 0;
   virtual TimeNs now() const noexcept = 0;
   /// How long the host was suspended since it booted: now() stood still meanwhile.
   virtual TimeNs suspended_ns() const noexcept = 0;
   /// Nobody moves it any more: there will be no turn.
-  virtual bool lost() const noexcept = 0;
+  virtual bool is_lost() const noexcept = 0;
 
   /// Turns that began more than a period late, and how late each one began.
   virtual std::uint64_t overruns() const noexcept = 0;
@@ -45,13 +42,12 @@ class RealClock final : public LoopClock {
   TimeNs wait(const std::atomic<bool>&) noexcept override { return turns_.wait(); }
   TimeNs due_ns() const noexcept override { return turns_.due_ns(); }
   TimeNs now() const noexcept override { return monotonic_ns(); }
-  /// CLOCK_MONOTONIC stands still while the host is suspended, CLOCK_BOOTTIME goes on. The one is read behind the
-  /// other, so the difference jitters by what lies between.
+  /// CLOCK_BOOTTIME goes on while the host is suspended. The one is read behind the other, so it jitters by that.
   TimeNs suspended_ns() const noexcept override {
     const TimeNs monotonic = monotonic_ns();
     return read_clock(CLOCK_BOOTTIME) - monotonic;
   }
-  bool lost() const noexcept override { return false; }
+  bool is_lost() const noexcept override { return false; }
   std::uint64_t overruns() const noexcept override { return turns_.overruns(); }
   const Histogram& late() const noexcept override { return turns_.late(); }
 
@@ -62,7 +58,7 @@ class RealClock final : public LoopClock {
 /// How link reaches its drones: over UDP, or through the shim's shared memory with the same bytes. After it was opened,
 /// receive() and send() allocate nothing, take no lock and do not wait.
 ///
-/// Threads: receive() and send() are the loop's; tend() is another's.
+/// Threads: receive() and send() are the loop's; refresh() is another's.
 class Transport {
  public:
   virtual ~Transport() = default;
@@ -79,7 +75,7 @@ class Transport {
   };
   virtual std::span<const AtDevice> at_device() noexcept { return {}; }
   /// To be called about once a second, beside the loop; what changed since, for people.
-  virtual std::vector<std::string> tend() = 0;
+  virtual std::vector<std::string> refresh() = 0;
 };
 
 /// What link's loop talks to, by its config: drones over UDP and agent; drones behind the shim and agent; or, in

@@ -12,7 +12,6 @@
 /// to do. Any thread, but not the real-time loop, unless said.
 namespace ledgerline::link {
 
-/// Owns a descriptor.
 class Descriptor {
  public:
   explicit Descriptor(int fd = -1) noexcept : fd_(fd) {}

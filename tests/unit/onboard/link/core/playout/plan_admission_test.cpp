@@ -1,4 +1,4 @@
-#include "onboard/link/core/playout/plan_admission.hpp"
+#include "onboard/link/core/playout/playout.hpp"
 
 #include <gtest/gtest.h>
 

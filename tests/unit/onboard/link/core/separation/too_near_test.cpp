@@ -5,7 +5,7 @@
 #include "tests/unit/onboard/link/core/failsafe_fixture.hpp"
 #include "tests/unit/onboard/link/core/link_world.hpp"
 
-/// What link makes of Separation's verdicts: what is flown, what is said, and who may take off.
+/// What link makes of Separation's clearances: what is flown, what is said, and who may take off.
 namespace ledgerline::link {
 namespace {
 
