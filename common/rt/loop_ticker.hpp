@@ -61,8 +61,7 @@ struct RealTime {
   bool all() const { return scheduled && locked; }
 };
 
-/// Puts the calling thread under SCHED_FIFO at `priority` (1 to 98); threads that it starts are ordinary ones again. An
-/// error says what would permit it.
+/// Puts the calling thread under SCHED_FIFO at `priority` (1 to 98); threads that it starts are ordinary again.
 Status schedule_fifo(int priority);
 
 /// For the calling thread: SCHED_FIFO at `priority` (0: none wanted), pinned to `cpu` (-1: any), memory locked. What is

@@ -37,8 +37,7 @@ iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
           iox::capro::IdString_t(iox::cxx::TruncateToCapacity, std::string(name))};
 }
 
-// iceoryx writes banners to standard output, which is for results here: while this lives, they go to standard error.
-// Before other threads write.
+// While this lives iceoryx's banners go to standard error. Before other threads write.
 class QuietStdout {
  public:
   QuietStdout() : saved_(::dup(STDOUT_FILENO)) {

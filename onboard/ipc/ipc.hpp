@@ -15,15 +15,13 @@
 /// To receive is lock-free. To send is not: a process killed meanwhile may hold a lock of iceoryx 2.0 in shared memory.
 namespace ledgerline::ipc {
 
-/// Must be called once a process, before any end is made. RouDi must be running: without it iceoryx waits, so this
-/// checks first that it answers and returns an error that names the cure.
-/// A RouDi that takes the call and never answers is waited for, up to a minute, unless `is_asked_to_end` says so: then
-/// the process is to end, since iceoryx waits on.
+/// Must be called once a process, before any end is made. Without a RouDi iceoryx waits, so this checks first that it
+/// answers. One that takes the call and never answers is waited for, up to a minute, unless `is_asked_to_end`: then the
+/// process is to end, since iceoryx waits on.
 Status connect(const std::string& program, const std::function<bool()>& is_asked_to_end = {});
 
-/// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks now
-/// and then, from a thread that may block. False for good once another RouDi took its place: only a new start connects
-/// to that one.
+/// Whether RouDi still answers: a dead one is silent (old links flow, new ends never join), so each process asks at
+/// times, from a thread that may block. False for good once another took its place.
 bool is_roudi_alive();
 
 class LinkEnd {

@@ -14,8 +14,7 @@ namespace ledgerline::roudi {
 
 /// Tells chunks that are lost from those in use. A process that was killed may take chunks with it that nobody gives
 /// back. Chunks in transit come and go, so what is in use at each of the last looks, beyond what publishers keep while
-/// nothing moves, is lost, or waits in the queue of a reader that stands still (then the figure goes down again).
-/// Core: one thread.
+/// nothing moves, is lost, or waits in the queue of a reader that stands still. Core: one thread.
 class LeakWatch {
  public:
   static constexpr std::size_t pools = 3;

@@ -8,8 +8,7 @@
 
 namespace ledgerline::roudi {
 
-/// The process that holds a lock on this device and inode, by the text of /proc/locks; none: none that is seen from
-/// here.
+/// The process that holds a lock on this device and inode, by the text of /proc/locks; none: none that is seen.
 std::optional<pid_t> lock_holder(const std::string& locks, dev_t device, ino_t inode);
 
 /// Why RouDi cannot serve beside what answers at its socket, and the cure. `answers`: it took a connection, else this

@@ -11,8 +11,7 @@ namespace {
 
 // 19 of 20 positions. With three, two drones that fly by onboard odometry soon block each other across a room.
 constexpr double blur_sigmas = 2;
-// Of a drone that may be anywhere (first seen in the air, without motion capture) nobody can keep away, and who tried
-// would never move again.
+// From a drone that may be anywhere nobody can keep away, and who tried would never move again.
 constexpr double max_sigma_m = 2;
 
 }  // namespace

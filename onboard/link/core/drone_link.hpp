@@ -6,15 +6,15 @@
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_orders.hpp"
 #include "onboard/link/core/drone_reporting.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/playout.hpp"
 #include "onboard/link/core/playout/setpoint_path.hpp"
 #include "onboard/link/core/pose/drone_position.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
 
 namespace ledgerline::link {
 

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "onboard/link/core/watch/drone_watches.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
 namespace {

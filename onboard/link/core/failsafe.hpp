@@ -27,7 +27,7 @@ struct FailsafeInputs {
   bool by_odometry = false;
   /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
   bool needs_position = true;
-  bool motion_differs = false;  ///< from what it is sent (watch/motion_watch.hpp)
+  bool motion_differs = false;  ///< from what it is sent (MotionWatch)
   /// Since when its flow is suspected to see nothing (FlowWatch) and nothing else says where it is; 0: no.
   TimeNs dark_since_ns = 0;
   bool other_client = false;  ///< commands it as well (ClientWatch)

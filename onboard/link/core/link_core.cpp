@@ -138,36 +138,6 @@ DroneSet LinkCore::local_stops() const noexcept {
   return stopped;
 }
 
-FlightPhase LinkCore::phase(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->session().phase() : FlightPhase::disconnected;
-}
-
-FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->mode() : FailsafeMode::none;
-}
-
-Pose LinkCore::pose(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->position().pose() : Pose{};
-}
-
-bool LinkCore::makes_room(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone && drone->makes_room();
-}
-
-TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->margin_ns() : 0;
-}
-
-double LinkCore::yaw_rad(DroneNumber number, TimeNs now) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->position().yaw_rad(now) : 0;
-}
-
 void LinkCore::finish() noexcept {
   for (DroneLink& drone : drones_) drone.finish();
 }

@@ -1,13 +1,15 @@
 #pragma once
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/check.hpp"
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_link.hpp"
 #include "onboard/link/core/link_io.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
@@ -35,14 +37,20 @@ class LinkCore {
   bool all_landed_or_commanded() const noexcept;
   /// Drones that the local stop key keeps down. They must outlast this link: the code that ends it keeps them.
   DroneSet local_stops() const noexcept;
-  FlightPhase phase(DroneNumber drone) const noexcept;
-  FailsafeMode mode(DroneNumber drone) const noexcept;
+  FlightPhase phase(DroneNumber drone) const noexcept {
+    return value_of(drone, [](const DroneLink& d) { return d.session().phase(); });
+  }
+  FailsafeMode mode(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::mode); }
   /// The newest; its stamp is 0 where there was none.
-  Pose pose(DroneNumber drone) const noexcept;
+  Pose pose(DroneNumber drone) const noexcept {
+    return value_of(drone, [](const DroneLink& d) { return d.position().pose(); });
+  }
   /// Link flies it to make room for another, though no plan says so.
-  bool makes_room(DroneNumber drone) const noexcept;
-  TimeNs margin_ns(DroneNumber drone) const noexcept;
-  double yaw_rad(DroneNumber drone, TimeNs now) const noexcept;
+  bool makes_room(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::makes_room); }
+  TimeNs margin_ns(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::margin_ns); }
+  double yaw_rad(DroneNumber drone, TimeNs now) const noexcept {
+    return value_of(drone, [now](const DroneLink& d) { return d.position().yaw_rad(now); });
+  }
 
   /// Ends all plans that still wait, so that the counters add up. After the last step.
   void finish() noexcept;
@@ -51,6 +59,12 @@ class LinkCore {
  private:
   const DroneLink* find(DroneNumber number) const noexcept;
   DroneLink* find(DroneNumber number) noexcept;
+  /// The type's zero of a drone that is none of link's.
+  template <typename Read>
+  std::invoke_result_t<Read, const DroneLink&> value_of(DroneNumber number, Read read) const noexcept {
+    const DroneLink* drone = find(number);
+    return drone ? std::invoke(read, *drone) : std::invoke_result_t<Read, const DroneLink&>{};
+  }
   void watch_health(TimeNs now, bool slept) noexcept;
   /// The host was suspended, and its clock stood still: all that is kept is older than its stamps say, and aged here.
   bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;

@@ -63,8 +63,7 @@ struct SessionSettings {
   /// Starts of link within starts_within_ns (below), of which the last one commands every drone to land in its first
   /// step: who dies so often cannot fly, and each start keeps a Tello up. The launcher gives up with as many.
   int many_starts = 7;
-  /// From here on it is in the air. `h` has steps of 0.1 m: 0.15 would accept one step, 0.5 take a low hover for
-  /// standing.
+  /// From here on it is in the air. `h` has steps of 0.1 m: 0.15 accepts one step, 0.5 takes a low hover for standing.
   float airborne_m = 0.25F;
   /// Up to this distance it is down: tof shows 0.10 m on the ground. Half is never seen; double is a low hover.
   float grounded_m = 0.15F;
@@ -128,9 +127,8 @@ struct FailsafeSettings {
   /// From the end of the plan until the mode says hold; the ramp to zero begins at once. Three plans at 30 Hz: with
   /// half each late plan is a hold, and each hold a transition on the ledger; with double a gap of six goes unsaid.
   TimeNs hold_grace_ns = 100 * ns_per_ms;
-  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/deaths.md), short beside 13
-  /// min of battery and the drift of a drone without a pose. Half lands for a pause that would have ended; double
-  /// lets a drone that nobody steers drift for 10 s.
+  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/deaths.md), short beside 13 min
+  /// of battery. Half lands for a pause that would have ended; double lets a drone drift for 10 s.
   TimeNs land_after_ns = 5 * ns_per_s;
   /// Agent sends a heartbeat every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would
   /// go on until heartbeats come closer than 125 ms, and one late heartbeat would keep it; with double a hold says for
@@ -151,8 +149,7 @@ struct FailsafeSettings {
   TimeNs dark_land_after_ns = 500 * ns_per_ms;
   /// The fence is drawn in by so many standard deviations of the position: beyond three is one sample in 370.
   double fence_sigmas = 3;
-  /// So much of it must be left, along x and y, or nobody can fly a path in it. Half is narrower than a drone that
-  /// overshoots; double refuses rooms of 3 m.
+  /// So much of it must be left along x and y. Half is narrower than a drone overshoots; double refuses rooms of 3 m.
   double min_room_m = 0.5;
   /// Of the heading, 17 degrees: with more a path leads somewhere else, and the fence holds another place. Half is what
   /// somebody makes who puts a drone down by eye twice; double is a spiral.
@@ -169,8 +166,8 @@ struct FailsafeSettings {
   /// No take-off, and a warning in the air: of 13 min nearly 2 are left. Half is below battery_critical; with double
   /// a third of each battery cannot be taken off with.
   float battery_low = 0.15F;
-  /// Land at once: about a minute is left, a landing from 3 m takes 6 s, and at 5 % a Tello refuses to take off. Half
-  /// is below that; double is above battery_low.
+  /// Land at once: a minute is left. Half is below the 5 % at which a Tello refuses to take off; double above
+  /// battery_low.
   float battery_critical = 0.08F;
   /// A low battery is forgotten only above the threshold by this: the state text has whole percents, so 0.01 is one
   /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
@@ -237,13 +234,11 @@ struct PadSettings {
 struct FenceSettings {
   std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: a user who flies in a room sets its bounds
   std::array<double, 3> max_m{20, 20, 3};
-  /// Outward speed is at most the distance to the fence over this. With the drone's response of 0.3 s the approach
-  /// overshoots by 2 % of the way (a damping of 0.76); with half by 13 %, double flies the last 1.4 m slower for
-  /// nothing.
+  /// Outward speed is at most the distance to the fence over this. With its response of 0.3 s a drone overshoots by 2 %
+  /// of the way; with half by 13 %, double flies the last 1.4 m slower for nothing.
   double slow_s = 0.7;
-  /// Beyond the fence, faster outward than this counts as still going outward. Gusts move a hovering drone so
-  /// (docs/sources.md, assumed): half takes a hover outside for a flight, double drifts on at 0.2 m/s until
-  /// far_beyond_m.
+  /// Beyond the fence, faster than this is still going outward. Gusts move a hovering drone so (docs/sources.md,
+  /// assumed): half takes a hover for a flight, double drifts on at 0.2 m/s until far_beyond_m.
   double outward_mps = 0.1;
   /// Beyond the fence by this counts as still going outward, at any speed: it does not come back by itself. Half is
   /// the way to stop from 2 m/s; double is a metre more that a room beside the fence must leave free.
@@ -279,9 +274,8 @@ struct DroneSettings {
   OdometrySettings odometry{};
   /// The signs and the frame of vgx and vgy are known: else motion capture cannot be held against them.
   bool velocity_known = true;
-  /// Motion capture is missing when none of its poses has come for so long, and onboard odometry takes over with the
-  /// next text: three poses of 30 Hz. Half changes over for one that is lost; with double and a lost text pose_lost_ns
-  /// is over: it brakes.
+  /// When no pose of motion capture has come for so long, onboard odometry takes over: three poses of 30 Hz. Half
+  /// changes over for one that is lost; with double and a lost text pose_lost_ns is over: it brakes.
   TimeNs odometry_after_ns = 100 * ns_per_ms;
   /// A pilot, who sees it, may fly it and take off without a usable position; then only the fence's ceiling holds.
   bool by_hand_without_pose = false;

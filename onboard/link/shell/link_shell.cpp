@@ -127,7 +127,7 @@ class Housekeeping {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
       print_status(status_line(settings_.link, newest_));
     }
-    if (ends_.needs_roudi && now >= next_roudi_ns_) watch_roudi(now);
+    if (!settings_.lockstep && now >= next_roudi_ns_) watch_roudi(now);
     if (now >= next_refresh_ns_) {
       next_refresh_ns_ = now + refresh_period_ns;
       for (const std::string& news : ends_.drones->refresh()) spdlog::warn("{}", news);

@@ -4,7 +4,7 @@
 
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/playout.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
@@ -39,9 +39,8 @@ struct Steering {
   float height_m = 0;
 };
 
-/// A drone's setpoints from its admitted plans to what it is sent: playout, what the other drones leave of them, fence,
-/// limits, rc. Does not move: playout holds on to `admission`, which outlives it. Core: no I/O, no clock, no
-/// allocation; one thread.
+/// A drone's setpoints from its admitted plans to what it is sent: playout, the other drones, fence, limits, rc. Does
+/// not move; `admission` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class SetpointPath {
  public:
   SetpointPath(DroneNumber drone, const LinkSettings& settings, PlanAdmission& admission) noexcept

@@ -8,7 +8,7 @@
 #include "onboard/link/core/pose/source_check.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
-#include "onboard/link/core/watch/motion_watch.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
 

@@ -18,8 +18,7 @@ namespace ledgerline::link {
 ///                                          or `emergency`, repeated
 // clang-format on
 ///
-/// A drone that is known to stand on the ground is sought without an end: nobody holds that one up. Core: no I/O, no
-/// allocation; one thread.
+/// A drone that is known to stand on the ground is sought without an end. Core: no I/O, no allocation; one thread.
 class LostLinkProtocol {
  public:
   enum class Command : std::uint8_t { land, emergency };

@@ -6,7 +6,7 @@
 
 #include "common/base/check.hpp"
 #include "common/msg/names.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
 

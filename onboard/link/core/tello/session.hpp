@@ -48,8 +48,7 @@ class ReportedState {
   std::uint32_t unreadable_ = 0;
 };
 
-/// The one command to a connected drone whose answer is waited for, or that is sent again until the drone is down.
-/// Core: no I/O, no allocation; one thread.
+/// The one command to a connected drone that waits for its answer, or is repeated until the drone is down. One thread.
 class PendingCommand {
  public:
   enum class Kind : std::uint8_t { nothing, takeoff, land, emergency };

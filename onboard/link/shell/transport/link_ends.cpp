@@ -23,7 +23,6 @@ Result<LinkEnds> LinkEnds::open_drones(const ShellSettings& settings) {
 
 Status LinkEnds::connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end) {
   if (settings.lockstep) {
-    needs_roudi = false;
     agent = std::make_unique<LockstepAgent>(shim->memory());
     return done;
   }

@@ -84,7 +84,6 @@ struct LinkEnds {
   std::optional<drone_shim::Mapping> shim;
   std::unique_ptr<Transport> drones;
   std::unique_ptr<ipc::LinkEnd> agent;
-  bool needs_roudi = true;
 
   /// The drones' alone. Over UDP each of them is sent `command` and zero sticks at once.
   static Result<LinkEnds> open_drones(const ShellSettings& settings);

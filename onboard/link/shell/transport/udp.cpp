@@ -15,17 +15,6 @@
 
 namespace ledgerline::link {
 
-Descriptor::Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-Descriptor::~Descriptor() {
-  if (fd_ >= 0) ::close(fd_);
-}
-
 std::string text(const sockaddr_in& address) {
   std::array<char, INET_ADDRSTRLEN> host{};
   ::inet_ntop(AF_INET, &address.sin_addr, host.data(), host.size());

@@ -1,4 +1,4 @@
-#include "onboard/link/core/separation/capsule.hpp"
+#include "onboard/link/core/separation.hpp"
 
 #include <gtest/gtest.h>
 

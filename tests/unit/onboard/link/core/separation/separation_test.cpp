@@ -1,4 +1,4 @@
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 
 #include <gtest/gtest.h>
 

@@ -7,7 +7,7 @@
 
 #include "common/base/random.hpp"
 #include "onboard/link/core/playout/setpoint_path.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 
 namespace ledgerline::link {
 

@@ -3,8 +3,7 @@
 #include <cmath>
 
 #include "common/base/random.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
-#include "onboard/link/core/watch/motion_watch.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
 namespace ledgerline::link {
