@@ -14,7 +14,7 @@ constexpr double rest_mg = 1000, rest_within_mg = 250;
 constexpr double upright_mg = -500;
 
 // A percent more or less is rounding, not a loss.
-constexpr double step = 0.01;
+constexpr double percent = 0.01;
 // From one text to the next: a gauge that thinks again, not a rate. Where it lands counts by itself.
 constexpr float jump_share = 0.05F;
 
@@ -45,9 +45,10 @@ void BatteryWatch::update(TimeNs now, float battery) noexcept {
   const double lost = static_cast<double>(at_since_ - battery);
   const double seconds = to_seconds(now - since_ns_);
   // Within the window only what is faster than before counts, and no single step does.
-  if (seconds > 0 && lost > 2.5 * step) rate_per_s_ = std::max(rate_per_s_, (lost - step) / std::max(seconds, 1.0));
+  if (seconds > 0 && lost > 2.5 * percent)
+    rate_per_s_ = std::max(rate_per_s_, (lost - percent) / std::max(seconds, 1.0));
   if (now - since_ns_ < window_ns) return;
-  rate_per_s_ = std::max(0.0, lost - step) / seconds;
+  rate_per_s_ = std::max(0.0, lost - percent) / seconds;
   since_ns_ = now;
   at_since_ = battery;
 }

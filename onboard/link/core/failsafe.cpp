@@ -206,7 +206,7 @@ bool long_ago(const Moment& at, TimeNs last_ns) {
 }
 
 // A landing is never taken back in the air.
-constexpr ClearCondition on_ground{"on_ground", [](const Moment& at) { return at.on_ground(); }};
+constexpr ClearCondition when_on_ground{"on_ground", [](const Moment& at) { return at.on_ground(); }};
 // While a cause to brake is there the table decides, by which of them; then the last one stays until it is rested.
 constexpr ClearCondition when_rested{"when_rested", [](const Moment& at) { return !at.resting; }};
 // Or with another cause, which one of silence is not taken for at once.
@@ -233,18 +233,18 @@ bool is_considered(const FailsafeRow& row, FlightPhase phase) noexcept {
 }  // namespace
 
 const std::array<FailsafeRow, 26> failsafe_table{{
-    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, cut, on_ground},
-    {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, overturned, on_ground},
-    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, stopped, on_ground},
-    {"FS-67", FailsafeCause::check_failed, FailsafeMode::land, check_failed, on_ground},
-    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, battery_critical, on_ground},
-    {"FS-04", FailsafeCause::fence, FailsafeMode::land, leaves_fence, on_ground},
-    {"FS-17", FailsafeCause::tilted, FailsafeMode::land, tilted, on_ground},
-    {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, motion_differs, on_ground},
-    {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, dark, on_ground},
-    {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, sources_unresolved, on_ground},
-    {"FS-14", FailsafeCause::ledger_untrusted, FailsafeMode::land, untrusted_lands, on_ground},
-    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, held_too_long, on_ground},
+    {"FS-01", FailsafeCause::stopped, FailsafeMode::cut, cut, when_on_ground},
+    {"FS-16", FailsafeCause::overturned, FailsafeMode::cut, overturned, when_on_ground},
+    {"FS-02", FailsafeCause::stopped, FailsafeMode::land, stopped, when_on_ground},
+    {"FS-67", FailsafeCause::check_failed, FailsafeMode::land, check_failed, when_on_ground},
+    {"FS-03", FailsafeCause::battery_critical, FailsafeMode::land, battery_critical, when_on_ground},
+    {"FS-04", FailsafeCause::fence, FailsafeMode::land, leaves_fence, when_on_ground},
+    {"FS-17", FailsafeCause::tilted, FailsafeMode::land, tilted, when_on_ground},
+    {"FS-18", FailsafeCause::motion_differs, FailsafeMode::land, motion_differs, when_on_ground},
+    {"FS-47", FailsafeCause::velocity_lost, FailsafeMode::land, dark, when_on_ground},
+    {"FS-43", FailsafeCause::sources_differ, FailsafeMode::land, sources_unresolved, when_on_ground},
+    {"FS-14", FailsafeCause::ledger_untrusted, FailsafeMode::land, untrusted_lands, when_on_ground},
+    {"FS-05", FailsafeCause::held_too_long, FailsafeMode::land, held_too_long, when_on_ground},
     {"FS-06", FailsafeCause::state_stale, FailsafeMode::brake, state_stale, when_rested},
     {"FS-07", FailsafeCause::pose_lost, FailsafeMode::brake, pose_lost, when_rested},
     {"FS-37", FailsafeCause::velocity_lost, FailsafeMode::brake, velocity_lost, when_rested},
@@ -258,7 +258,7 @@ const std::array<FailsafeRow, 26> failsafe_table{{
     {"FS-60", FailsafeCause::too_near, FailsafeMode::none, too_near, apart},
     {"FS-11", FailsafeCause::fence, FailsafeMode::none, outside_fence, back_inside},
     {"FS-12", FailsafeCause::battery_low, FailsafeMode::none, battery_low, when_charged},
-    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, blind, on_ground},
+    {"FS-13", FailsafeCause::state_stale, FailsafeMode::land, blind, when_on_ground},
 }};
 
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
