@@ -4,11 +4,11 @@
 #include <vector>
 
 #include "common/msg/onboard.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/pose/source_check.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
-#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
 
