@@ -7,7 +7,7 @@ set(public_headers common/crypto/crypto.hpp common/fabric/blocks/checkpoint.hpp
   common/fabric/client/client.hpp common/fabric/client/outcome.hpp common/fabric/tx/transaction.hpp common/rt/clock.hpp
   common/base/result.hpp chaincode/shim/shim.hpp
   common/msg/contract.hpp common/msg/onboard.hpp common/rt/spsc_ring.hpp
-  onboard/shim/drones_end.hpp onboard/shim/mapping.hpp onboard/shim/shim_memory.hpp)
+  onboard/shim/mapping.hpp)
 foreach(header ${public_headers})
   get_filename_component(folder ${header} DIRECTORY)
   install(FILES ${header} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/ledgerline/${folder} COMPONENT dev)

@@ -1,5 +1,5 @@
 # find_package(Ledgerline): Ledgerline::client (common/fabric/client/client.hpp) Ledgerline::shim (chaincode/shim/shim.hpp)
-# and Ledgerline::drone_shim (onboard/shim/drones_end.hpp).
+# and Ledgerline::drone_shim (onboard/shim/mapping.hpp).
 include(CMakeFindDependencyMacro)
 list(PREPEND CMAKE_MODULE_PATH ${CMAKE_CURRENT_LIST_DIR})  # FindMbedTLS
 find_dependency(Threads)

@@ -1,12 +1,13 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <nlohmann/json.hpp>
 
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/socket/command_socket.hpp"
 #include "common/rt/clock.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "ground/shell/course_file.hpp"
 #include "hil/netem/recording/day.hpp"
 #include "hil/proxy/proxy.hpp"

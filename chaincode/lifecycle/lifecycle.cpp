@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "common/base/printable.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "peer/lifecycle/lifecycle.pb.h"
 #include "peer/policy.pb.h"
 

@@ -1,10 +1,11 @@
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 #include "chaincode/service/contract_stub.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace {
 

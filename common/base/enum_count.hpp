@@ -1,4 +1,5 @@
 #pragma once
+#include <array>
 #include <cstddef>
 #include <string_view>
 
@@ -25,5 +26,13 @@ constexpr std::size_t count_enumerators() noexcept {
 /// size, or assert it: so an enumerator that is added without its entry does not compile.
 template <typename Enum>
 inline constexpr std::size_t enum_count = count_enumerators<Enum>();
+
+/// Of names in the order of the values; "unknown" for a value that is none.
+template <typename Enum, std::size_t count>
+constexpr const char* name_of(Enum value, const std::array<const char*, count>& names) noexcept {
+  static_assert(count == enum_count<Enum>);
+  const auto at = static_cast<std::size_t>(value);
+  return at < count ? names[at] : "unknown";
+}
 
 }  // namespace ledgerline

@@ -11,29 +11,20 @@
 namespace ledgerline {
 
 constexpr const char* name(FlightPhase phase) noexcept {
-  constexpr std::array names{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
-  static_assert(names.size() == enum_count<FlightPhase>);
-  const auto at = static_cast<std::size_t>(phase);
-  return at < names.size() ? names[at] : "unknown";
+  return name_of(phase, std::array{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"});
 }
 
 constexpr const char* name(FailsafeMode mode) noexcept {
-  constexpr std::array names{"none", "hold", "brake", "land", "cut"};
-  static_assert(names.size() == enum_count<FailsafeMode>);
-  const auto at = static_cast<std::size_t>(mode);
-  return at < names.size() ? names[at] : "unknown";
+  return name_of(mode, std::array{"none", "hold", "brake", "land", "cut"});
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
-  constexpr std::array names{"none",           "plan_ran_out",       "held_too_long",  "agent_silent",
-                             "ledger_silent",  "state_stale",        "pose_lost",      "fence",
-                             "battery_low",    "battery_critical",   "stopped",        "ledger_untrusted",
-                             "velocity_lost",  "position_uncertain", "motion_differs", "tilted",
-                             "overturned",     "too_near",           "height_lost",    "other_client",
-                             "sources_differ", "check_failed"};
-  static_assert(names.size() == enum_count<FailsafeCause>);
-  const auto at = static_cast<std::size_t>(cause);
-  return at < names.size() ? names[at] : "unknown";
+  return name_of(
+      cause, std::array{"none",           "plan_ran_out",     "held_too_long", "agent_silent",       "ledger_silent",
+                        "state_stale",    "pose_lost",        "fence",         "battery_low",        "battery_critical",
+                        "stopped",        "ledger_untrusted", "velocity_lost", "position_uncertain", "motion_differs",
+                        "tilted",         "overturned",       "too_near",      "height_lost",        "other_client",
+                        "sources_differ", "check_failed"});
 }
 
 /// The same in a sentence: "its failsafe landed it: ...".

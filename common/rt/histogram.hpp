@@ -25,7 +25,6 @@ class Histogram {
   /// Duration below which the share `q` (0..1) of the samples lies; 0 when there are none.
   TimeNs quantile(double q) const noexcept;
   TimeNs max() const noexcept { return max_; }
-  /// All figures in milliseconds.
   Quantiles quantiles_ms() const noexcept;
 
  private:
@@ -54,6 +53,16 @@ inline double median(std::vector<double> values) {
   std::sort(values.begin(), values.end());
   const std::size_t n = values.size();
   return (values[(n - 1) / 2] + values[n / 2]) / 2;
+}
+
+/// For people's eyes: 1/1000 of the unit, or what `per_unit` says.
+inline double rounded(double value, double per_unit = 1000) { return std::round(value * per_unit) / per_unit; }
+
+/// For nlohmann::json, which finds it by name: `json{{"two_way_ms", quantiles}}`. Rounded to the histogram's 1 us.
+template <typename Json>
+void to_json(Json& out, const Quantiles& q) {
+  out = {{"p5", rounded(q.p5)},   {"q1", rounded(q.q1)},   {"median", rounded(q.median)}, {"q3", rounded(q.q3)},
+         {"p95", rounded(q.p95)}, {"p99", rounded(q.p99)}, {"max", rounded(q.max)},       {"count", q.count}};
 }
 
 }  // namespace ledgerline

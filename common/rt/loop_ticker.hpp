@@ -1,8 +1,10 @@
 #pragma once
 #include <array>
 #include <cstdint>
+#include <string>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/trace.hpp"
@@ -10,8 +12,7 @@
 namespace ledgerline {
 
 /// The ticks of a time-triggered loop: a turn is due every period. One that begins more than a period late is an
-/// overrun; the turns missed by it are not made up for, since a burst of old turns helps nobody. One thread; its system
-/// calls are the clock and the sleep; no allocation.
+/// overrun; the turns missed by it are not made up for. One thread; system calls: clock and sleep; no allocation.
 class LoopTicker {
  public:
   explicit LoopTicker(TimeNs period_ns) noexcept : period_ns_(period_ns), next_ns_(monotonic_ns() + period_ns) {}
@@ -33,8 +34,7 @@ class LoopTicker {
   Histogram late_;
 };
 
-/// How late each turn began, 16 turns a trace record, so that a record of every turn costs 4 bytes. One thread; no
-/// allocation.
+/// How late each turn began, 16 turns a trace record: 4 bytes a turn. One thread; no allocation.
 class PackedTurns {
  public:
   static constexpr std::size_t capacity = 16;
@@ -44,8 +44,7 @@ class PackedTurns {
   /// Those since the last full one; `extra` says how many.
   const TraceRecord& record() const noexcept { return record_; }
 
-  /// Microseconds of each; 65,535 stands for that and more. Empty for a record of another kind or with a count that
-  /// cannot be.
+  /// Microseconds of each; 65,535: that and more. Empty for a record of another kind or with an impossible count.
   static std::vector<std::uint16_t> late_us(const TraceRecord& record);
 
  private:
@@ -53,5 +52,20 @@ class PackedTurns {
   std::array<std::uint16_t, capacity> late_us_{};
   std::uint64_t turns_ = 0;
 };
+
+/// What the calling thread and its process got of what was asked for.
+struct RealTime {
+  bool scheduled = false;            ///< SCHED_FIFO
+  bool locked = false;               ///< all memory in RAM
+  std::vector<std::string> notices;  ///< what was refused, and what would allow it
+  bool all() const { return scheduled && locked; }
+};
+
+/// Puts the calling thread under SCHED_FIFO at `priority` (1 to 98); threads that it starts are ordinary again.
+Status schedule_fifo(int priority);
+
+/// For the calling thread: SCHED_FIFO at `priority` (0: none wanted), pinned to `cpu` (-1: any), memory locked. What is
+/// not permitted is a notice, not an error: on a developer's computer the loop runs well enough without.
+RealTime enter_real_time(int priority, int cpu);
 
 }  // namespace ledgerline

@@ -28,7 +28,7 @@ class Mailbox {
       : max_in_turn_(max_in_turn), wake_fd_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {}
   /// Nobody puts any more.
   ~Mailbox() {
-    (void)take_all();
+    (void)pop_all();
     ::close(wake_fd_);
   }
   Mailbox(const Mailbox&) = delete;
@@ -58,9 +58,8 @@ class Mailbox {
     (void)::ppoll(fds.data(), fds.size(), &timeout, nullptr);  // interrupted or not: the loop looks at everything
   }
 
-  /// The loop only: all that has come, in order. Also clears the descriptor, and does so first: who puts behind the
-  /// take wakes behind the clearing.
-  std::deque<Event> take_all() {
+  /// The loop only: all that has come, in order. Clears the descriptor first: who puts behind that wakes behind it.
+  std::deque<Event> pop_all() {
     std::uint64_t count = 0;
     (void)!::read(wake_fd_, &count, sizeof count);  // nothing to read: nothing has come
     std::deque<Event> events;

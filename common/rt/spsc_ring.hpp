@@ -18,8 +18,7 @@ class SpscRing {
   static_assert(std::is_trivially_copyable_v<T>, "elements cross threads as plain data");
 
  public:
-  /// Producer thread only; beside pop() and size(). False when full: nothing is stored, though the consumer may be
-  /// making room at this moment.
+  /// Producer thread only. False when full: nothing is stored, though the consumer may be making room just now.
   bool push(const T& element) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     if (tail - head_seen_ == Capacity) {
@@ -31,8 +30,7 @@ class SpscRing {
     return true;
   }
 
-  /// Consumer thread only; beside push() and size(). False when empty: `out` is untouched, though the producer may be
-  /// storing an element at this moment.
+  /// Consumer thread only. False when empty: `out` is untouched, though the producer may be storing one just now.
   bool pop(T& out) noexcept {
     const std::size_t head = head_.load(std::memory_order_relaxed);
     if (head == tail_seen_) {

@@ -56,8 +56,7 @@ struct TraceRecord {
 static_assert(sizeof(TraceRecord) == 64);
 
 /// Appends records to a file, buffered for at most a second of records; bounded: after `max_records` further ones are
-/// only counted, and dropped() says so. One thread. A real-time loop does not call it: it hands records over through an
-/// SpscRing.
+/// only counted, and dropped() says so. One thread, not a real-time loop's.
 class TraceWriter {
  public:
   static Result<TraceWriter> create(const std::string& path, std::uint64_t max_records = 16'000'000);

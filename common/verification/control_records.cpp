@@ -61,7 +61,7 @@ Result<std::vector<Control>> read_controls(const std::vector<std::string>& drone
 }
 
 Status read_repeatedly(const std::stop_token& stop, const std::function<Status()>& read, const TryWorld& world) {
-  return keep_trying(
+  return retry(
       "the control records can be read (no block is taken before)",
       {.within_ns = max_controls_wait_ns, .first_pause_ns = 50 * ns_per_ms, .max_pause_ns = 500 * ns_per_ms},
       [&] { return stop.stop_requested(); }, read, world);

@@ -8,7 +8,7 @@
 
 #include "common/base/result.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "common/verification/control_events.hpp"
 #include "ledgerline.pb.h"
 

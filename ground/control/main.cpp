@@ -243,7 +243,7 @@ Status show_live(fabric::Client& client, const Options& options) {
   while (!stop_requested) {
     if (!changed.exchange(false)) {
       wakeup.wait(200 * ns_per_ms);  // and see whether to end
-      wakeup.take_all();
+      wakeup.pop_all();
       continue;
     }
     if (auto status = show_records(client, options); !status) return status;

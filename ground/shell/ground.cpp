@@ -9,7 +9,7 @@
 #include "common/base/log.hpp"
 #include "common/fabric/client/repeat.hpp"
 #include "common/program/program.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::ground {
@@ -108,7 +108,7 @@ Status Ground::wait_for_block_streams(const std::atomic<bool>& quit) {
     }
     return first_ns && monotonic_ns() - *first_ns > others_wait_ns ? Status(done) : all;
   };
-  return keep_trying(
+  return retry(
       "the ledger's blocks can be read", {}, [&] { return quit.load(); }, are_open);
 }
 

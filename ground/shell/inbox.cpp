@@ -27,7 +27,7 @@ void Inbox::post_command(const PilotCommand& one) {
 std::optional<Inbox::Event> Inbox::next(TimeNs timeout_ns) {
   if (events_.empty()) {
     mailbox_.wait(timeout_ns);
-    events_ = mailbox_.take_all();
+    events_ = mailbox_.pop_all();
   }
   if (events_.empty()) return std::nullopt;
   Event event = std::move(events_.front());
@@ -40,7 +40,7 @@ void Inbox::put_first(std::vector<Event> events) {
 }
 
 bool Inbox::has_more_for(std::size_t channel) {
-  if (events_.empty()) events_ = mailbox_.take_all();
+  if (events_.empty()) events_ = mailbox_.pop_all();
   return std::any_of(events_.begin(), events_.end(), [&](const Event& event) {
     const auto* of = std::get_if<OfChannel>(&event);
     return !of || of->channel == channel;

@@ -75,7 +75,7 @@ void MissionService::close() {
   worker_.close(Workers::Waiting::dropped);
   disk_.close();
   tasks_.close();
-  (void)tasks_.take_all();
+  (void)tasks_.pop_all();
   waiting_.clear();
 }
 
@@ -244,7 +244,7 @@ void MissionService::anchor(const MissionAsk& asked, const Answer& answer) {
 }
 
 void MissionService::step(TimeNs now) {
-  for (Task& task : tasks_.take_all()) waiting_.push_back(std::move(task));
+  for (Task& task : tasks_.pop_all()) waiting_.push_back(std::move(task));
   // A few a step: a client with many requests waits, and no command does.
   for (int i = 0; i < max_tasks && !waiting_.empty(); ++i) {
     const Task task = std::move(waiting_.front());

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <nlohmann/json.hpp>
 
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "ground/core/topics.hpp"
 #include "ground/plugin/plugin.hpp"
 #include "ground/shell/course_file.hpp"

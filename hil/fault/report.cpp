@@ -10,7 +10,7 @@
 #include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::hil {
 

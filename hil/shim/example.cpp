@@ -18,7 +18,7 @@
 #include <string_view>
 #include <vector>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 namespace {
 
@@ -74,15 +74,15 @@ int main(int argc, char** argv) {
   std::vector<Drone> drones(static_cast<std::size_t>(count));
   const auto known = [&](ledgerline::DroneNumber number) { return number >= 1 && number <= drones.size(); };
   for (int millisecond = 0; !ended; ++millisecond) {
-    for (Datagram datagram; end->take(datagram);) {
+    for (Datagram datagram; end->receive(datagram);) {
       if (!known(datagram.drone)) continue;
       const std::string_view answer = drones[datagram.drone - 1u].sent(datagram.view());
-      if (!answer.empty()) (void)end->give(datagram.drone, Datagram::Port::answer, answer);
+      if (!answer.empty()) (void)end->send(datagram.drone, Datagram::Port::answer, answer);
     }
     for (std::size_t i = 0; i < drones.size(); ++i) {
       drones[i].fly(0.001);
       if (millisecond % 100 == 0)
-        (void)end->give(static_cast<ledgerline::DroneNumber>(i + 1), Datagram::Port::state, drones[i].state());
+        (void)end->send(static_cast<ledgerline::DroneNumber>(i + 1), Datagram::Port::state, drones[i].state());
     }
     const timespec turn{0, 1'000'000};
     ::nanosleep(&turn, nullptr);

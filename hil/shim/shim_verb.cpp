@@ -188,7 +188,7 @@ class Lockstep {
     }
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
-    for (drone_shim::Datagram datagram; end_.take(datagram);) {
+    for (drone_shim::Datagram datagram; end_.receive(datagram);) {
       record_.sent(now_, datagram.drone, datagram.view());
       ways_.from_client(now_, datagram.drone, link_endpoint, datagram.view());
     }
@@ -208,10 +208,10 @@ class Lockstep {
 
  private:
   Status turn() {
-    end_.ask_turn(now_);
+    end_.request_turn(now_);
     using Turn = drone_shim::DronesEnd::Turn;
-    Turn state = Turn::under_way;
-    while (state == Turn::under_way && !stop_requested) state = end_.wait_turn(turn_look_ns);
+    Turn state = Turn::in_progress;
+    while (state == Turn::in_progress && !stop_requested) state = end_.wait_turn(turn_look_ns);
     if (state != Turn::made) return Error{state == Turn::no_link ? "link has ended" : "ended while link made its turn"};
     return done;
   }
@@ -237,8 +237,8 @@ class Lockstep {
 
 bool wait_for_link(const drone_shim::DronesEnd& end) {
   const TimeNs until = monotonic_ns() + link_timeout_ns;
-  while (!end.link_lives() && !stop_requested && monotonic_ns() < until) sleep_for(look_ns);
-  return end.link_lives();
+  while (!end.is_link_alive() && !stop_requested && monotonic_ns() < until) sleep_for(look_ns);
+  return end.is_link_alive();
 }
 
 /// So that `simulated_ns` of the clock take as long as asked for; time that the clock stood does not count.
@@ -301,7 +301,7 @@ Status fly_in_real_time(const FlightOptions& options) {
   say_ready();
   const TimeNs give_up_ns = monotonic_ns() + link_timeout_ns;
   StateSample state;
-  while (!link.take_state(state) && !stop_requested) {
+  while (!link.receive_state(state) && !stop_requested) {
     if (monotonic_ns() > give_up_ns) return Error{"no link came within 30 s"};
     sleep_for(look_ns);
   }
@@ -325,9 +325,9 @@ Status fly_in_real_time(const FlightOptions& options) {
     for (const AgentHeartbeat& heartbeat : said.heartbeats) unsaid += link.send_heartbeat(heartbeat) ? 0 : 1;
     for (const Pose& pose : said.poses) unsaid += link.send_pose(pose) ? 0 : 1;
     for (const Plan& plan : said.plans) unsaid += link.send_plan(plan) ? 0 : 1;
-    while (link.take_state(state)) {
+    while (link.receive_state(state)) {
     }
-    for (Transition transition; link.take_transition(transition);) agent.take(transition);
+    for (Transition transition; link.receive_transition(transition);) agent.take(transition);
   }
   const Status written = write_all(record, options, now, agent, drones, drones_wire.sdk_counts());
   if (unsaid > 0) return Error{fmt::format("link's shared memory took {} plans, poses or signs of life not", unsaid)};

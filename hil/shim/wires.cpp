@@ -11,7 +11,7 @@ namespace ledgerline::hil::shim {
 
 bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram) {
   using Port = drone_shim::Datagram::Port;
-  return end.give(datagram.drone, datagram.to.port == sim::state_port ? Port::state : Port::answer, datagram.bytes);
+  return end.send(datagram.drone, datagram.to.port == sim::state_port ? Port::state : Port::answer, datagram.bytes);
 }
 
 bool ShimWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
@@ -22,7 +22,7 @@ bool ShimWire::wait(TimeNs until, const sigset_t& signals_while_waiting) {
 }
 
 bool ShimWire::receive(Received& out) {
-  if (taken_ == drone_shim::Memory::datagrams || !end_.take(received_)) return false;
+  if (taken_ == drone_shim::Memory::datagrams || !end_.receive(received_)) return false;
   ++taken_;
   out = {received_.drone, link_endpoint, received_.view()};
   return true;

@@ -5,7 +5,7 @@
 
 #include "common/program/socket/command_socket.hpp"
 #include "hil/shim/drone_ways.hpp"
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 #include "sim/shell/drone_wire.hpp"
 
 /// The wires of the simulated drones of `ledgerline hil shim`. One thread.

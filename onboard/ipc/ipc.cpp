@@ -1,8 +1,10 @@
 #include "onboard/ipc/ipc.hpp"
 
 #include <fmt/format.h>
+#include <unistd.h>
 
 #include <chrono>
+#include <cstdio>
 #include <future>
 #include <thread>
 #include <utility>
@@ -11,10 +13,6 @@
 #include <iceoryx_posh/popo/publisher.hpp>
 #include <iceoryx_posh/popo/subscriber.hpp>
 #include <iceoryx_posh/runtime/posh_runtime.hpp>
-
-#include "onboard/ipc/quiet_stdout.hpp"
-#include "onboard/ipc/roudi_probe.hpp"
-#include "onboard/ipc/wakeup.hpp"
 
 namespace ledgerline::ipc {
 namespace {
@@ -25,8 +23,7 @@ constexpr const char* agent_wakeup = "/tmp/ledgerline-agent.wakeup";
 std::uint64_t roudi_inode = 0;  // set once in connect(), before any thread
 
 // No history anywhere: a plan or pose from before the reader came is not to be flown. Queues hold what may gather while
-// the reader is stopped for a moment; then the oldest is lost, which playout and the samples' sequence numbers show;
-// transitions come again.
+// the reader is stopped for a moment; then the oldest is lost, as sequence numbers show; transitions come again.
 constexpr std::uint64_t plan_queue = 128;
 constexpr std::uint64_t pose_queue = 256;
 constexpr std::uint64_t heartbeat_queue = 32;  // two of each channel that an agent may be on
@@ -39,6 +36,25 @@ iox::capro::ServiceDescription channel(const char* name, std::size_t size) {
   return {"ledgerline", iox::capro::IdString_t(iox::cxx::TruncateToCapacity, version),
           iox::capro::IdString_t(iox::cxx::TruncateToCapacity, std::string(name))};
 }
+
+// While this lives iceoryx's banners go to standard error. Before other threads write.
+class QuietStdout {
+ public:
+  QuietStdout() : saved_(::dup(STDOUT_FILENO)) {
+    std::fflush(stdout);
+    ::dup2(STDERR_FILENO, STDOUT_FILENO);
+  }
+  QuietStdout(const QuietStdout&) = delete;
+  QuietStdout& operator=(const QuietStdout&) = delete;
+  ~QuietStdout() {
+    std::fflush(stdout);
+    ::dup2(saved_, STDOUT_FILENO);
+    ::close(saved_);
+  }
+
+ private:
+  int saved_;
+};
 
 template <typename T>
 class Sender {
@@ -69,9 +85,9 @@ class Receiver {
 class IceoryxLinkEnd final : public LinkEnd {
  public:
   explicit IceoryxLinkEnd(WakeupSource agent) : agent_(std::move(agent)) {}
-  bool take_plan(Plan& out) noexcept override { return plans_.take(out); }
-  bool take_pose(Pose& out) noexcept override { return poses_.take(out); }
-  bool take_heartbeat(AgentHeartbeat& out) noexcept override { return heartbeats_.take(out); }
+  bool receive_plan(Plan& out) noexcept override { return plans_.take(out); }
+  bool receive_pose(Pose& out) noexcept override { return poses_.take(out); }
+  bool receive_heartbeat(AgentHeartbeat& out) noexcept override { return heartbeats_.take(out); }
   bool send_state(const StateSample& sample) noexcept override { return states_.send(sample); }
   bool send_transition(const Transition& transition) noexcept override { return transitions_.send(transition); }
   void wake_agent() noexcept override { agent_.notify(); }
@@ -88,8 +104,8 @@ class IceoryxLinkEnd final : public LinkEnd {
 class IceoryxAgentEnd final : public AgentEnd {
  public:
   explicit IceoryxAgentEnd(std::unique_ptr<WakeupSink> wakeup) : wakeup_(std::move(wakeup)) {}
-  bool take_state(StateSample& out) noexcept override { return states_.take(out); }
-  bool take_transition(Transition& out) noexcept override { return transitions_.take(out); }
+  bool receive_state(StateSample& out) noexcept override { return states_.take(out); }
+  bool receive_transition(Transition& out) noexcept override { return transitions_.take(out); }
   bool send_plan(const Plan& plan) noexcept override { return plans_.send(plan); }
   bool send_pose(const Pose& pose) noexcept override { return poses_.send(pose); }
   bool send_heartbeat(const AgentHeartbeat& heartbeat) noexcept override { return heartbeats_.send(heartbeat); }
@@ -137,7 +153,7 @@ Status connect(const std::string& program, const std::function<bool()>& is_asked
   return done;
 }
 
-bool roudi_lives() { return probe(roudi_name) == Peer::alive && socket_inode(roudi_name) == roudi_inode; }
+bool is_roudi_alive() { return probe(roudi_name) == Peer::alive && socket_inode(roudi_name) == roudi_inode; }
 
 Result<std::unique_ptr<LinkEnd>> LinkEnd::create() {
   auto agent = WakeupSource::create(agent_wakeup);

@@ -1,7 +1,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/link_shell.hpp"
+#include "onboard/link/shell/link_loop.hpp"
 
 namespace {
 

@@ -10,10 +10,9 @@
 #include <iceoryx_posh/roudi/iceoryx_roudi_components.hpp>
 #include <string>
 
-#include "common/rt/retry/keep_trying.hpp"
-#include "onboard/ipc/roudi_probe.hpp"
-#include "onboard/roudi/other_roudi.hpp"
-#include "onboard/roudi/shared_memory.hpp"
+#include "common/rt/retry.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::roudi {
 namespace {
@@ -52,7 +51,7 @@ Result<Broker> Broker::start() {
   auto* components = new iox::roudi::IceOryxRouDiComponents(small_pools());
   new iox::roudi::RouDi(components->rouDiMemoryManager, components->portManager,
                         iox::roudi::RouDi::RoudiStartupParameters{iox::roudi::MonitoringMode::OFF, false});
-  const Status answers = keep_trying(
+  const Status answers = retry(
       "RouDi answers", until_it_answers, [] { return false; },
       []() -> Status {
         if (ipc::probe("roudi") == ipc::Peer::alive) return done;

@@ -9,7 +9,6 @@
 #include <sys/syscall.h>
 #include <sys/vfs.h>
 #include <unistd.h>
-
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -17,6 +16,7 @@
 #include <utility>
 
 namespace ledgerline::drone_shim {
+
 namespace {
 
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free && std::atomic<std::uint32_t>::is_always_lock_free,
@@ -175,6 +175,39 @@ void wait_while(const std::atomic<std::uint32_t>& word, std::uint32_t old, TimeN
 
 void wake(std::atomic<std::uint32_t>& word) noexcept {
   (void)!::syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
+}
+
+Result<DronesEnd> DronesEnd::open(const std::string& path, bool lockstep) {
+  auto mapping = Mapping::open(path, End::drones, lockstep);
+  if (!mapping) return mapping.error();
+  return DronesEnd(std::move(*mapping));
+}
+
+bool DronesEnd::send(DroneNumber drone, Datagram::Port port, std::string_view text) noexcept {
+  Datagram datagram;
+  datagram.drone = drone;
+  datagram.port = port;
+  return datagram.assign(text) && mapping_.memory().to_link.push(datagram);
+}
+
+void DronesEnd::request_turn(TimeNs now) noexcept {
+  Memory::Turns& turns = mapping_.memory().turns;
+  turns.now_ns.store(now, std::memory_order_relaxed);
+  turns.asked.fetch_add(1, std::memory_order_release);
+  wake(turns.asked);
+}
+
+DronesEnd::Turn DronesEnd::wait_turn(TimeNs max_ns) noexcept {
+  Memory::Turns& turns = mapping_.memory().turns;
+  const std::uint32_t asked = turns.asked.load(std::memory_order_relaxed);
+  const TimeNs until_ns = monotonic_ns() + max_ns;
+  while (true) {
+    const std::uint32_t done = turns.done.load(std::memory_order_acquire);
+    if (done == asked) return Turn::made;
+    const TimeNs left_ns = until_ns - monotonic_ns();
+    if (left_ns <= 0) return is_link_alive() ? Turn::in_progress : Turn::no_link;
+    wait_while(turns.done, done, left_ns);
+  }
 }
 
 }  // namespace ledgerline::drone_shim

@@ -7,10 +7,11 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
 
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "tests/benchmarks/rounds.hpp"
@@ -49,9 +50,9 @@ struct ReaderWriterQueue {
 struct Iceoryx {
   static constexpr const char* name = "iceoryx";
   bool send(const StateSample& state) { return link->send_state(state); }
-  bool receive(StateSample& state) { return agent->take_state(state); }
+  bool receive(StateSample& state) { return agent->receive_state(state); }
   bool answer(const Pose& pose) { return agent->send_pose(pose); }
-  bool take_answer(Pose& pose) { return link->take_pose(pose); }
+  bool take_answer(Pose& pose) { return link->receive_pose(pose); }
   std::unique_ptr<ipc::LinkEnd> link;
   std::unique_ptr<ipc::AgentEnd> agent;
 };

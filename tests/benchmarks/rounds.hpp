@@ -4,7 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <vector>
 
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 /// What benchmarks say of the figures of their rounds, and of the machine.
 namespace ledgerline {

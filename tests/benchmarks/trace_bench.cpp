@@ -10,7 +10,6 @@
 #include <thread>
 
 #include "common/rt/loop_ticker.hpp"
-#include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "common/rt/trace.hpp"
 

@@ -9,11 +9,12 @@
 #include <ctime>
 #include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 
 #include "common/access/access.hpp"
 #include "common/fabric/blocks/block_intake.hpp"
 #include "common/msg/ros.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/verification/calls.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "peer/transaction.pb.h"

@@ -2,7 +2,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/page/html.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "tools/audit/chain_audit.hpp"
 
 namespace ledgerline::report {

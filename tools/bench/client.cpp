@@ -17,7 +17,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/verification/calls.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 #include "onboard/agent/shell/ledger_follower.hpp"
@@ -144,7 +144,7 @@ class Side {
     pollfd fd{.fd = mailbox_.wake_fd(), .events = POLLIN, .revents = 0};
     const timespec timeout{.tv_sec = 0, .tv_nsec = wait_ns};
     (void)::ppoll(&fd, 1, &timeout, nullptr);  // interrupted or not: the loop looks at everything
-    for (agent::Event& event : mailbox_.take_all()) {
+    for (agent::Event& event : mailbox_.pop_all()) {
       if (const auto* block = std::get_if<fabric::Block>(&event)) {
         on_block(*block);
       } else if (const auto* ended = std::get_if<agent::FrameEnded>(&event)) {

@@ -3,12 +3,13 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <nlohmann/json.hpp>
 #include <optional>
 
 #include "chaincode/node/storage/files.hpp"
 #include "common/base/file.hpp"
 #include "common/base/log.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "tools/launcher/machine.hpp"
 
 namespace ledgerline::bench {

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "common/rt/histogram.hpp"
-#include "common/rt/histogram_json.hpp"
 
 namespace ledgerline::bench {
 namespace {

@@ -10,7 +10,7 @@
 #include "common/msg/pose_messages.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/program.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::local {
 namespace {
@@ -28,7 +28,7 @@ LocalShell::LocalShell(ground::FlightConfig flight, ground::OutputSettings outpu
 
 Status LocalShell::start() {
   if (auto status = recorder_.open(output_.trace); !status) return status;
-  const Status connected = keep_trying(
+  const Status connected = retry(
       "RouDi answers", {}, [this] { return quit_.load(); },
       [this] { return ipc::connect("ledgerline-local", [this] { return quit_.load(); }); });
   if (!connected) return connected;
@@ -77,13 +77,13 @@ void LocalShell::forward_mocap() {
 
 void LocalShell::receive_states(std::vector<StateSample>& states) {
   StateSample sample;
-  while (end_->take_state(sample)) {
+  while (end_->receive_state(sample)) {
     heartbeat_.boot_id = sample.boot_id;
     states.push_back(sample);
   }
   // Nobody keeps transitions; link need not either.
   Transition transition;
-  while (end_->take_transition(transition)) {
+  while (end_->receive_transition(transition)) {
     const std::size_t i = std::min(transition.drone, max_drones);
     heartbeat_.boot_id = transition.boot_id;
     heartbeat_.transitions_taken[i] = heartbeat_.transitions_on_ledger[i] = transition.number;

@@ -1,4 +1,6 @@
-#include "common/rt/histogram_json.hpp"
+#include <nlohmann/json.hpp>
+
+#include "common/rt/histogram.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

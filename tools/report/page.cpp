@@ -2,9 +2,10 @@
 
 #include <fstream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 
 #include "common/page/html.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "tools/report/results.hpp"
 
 namespace ledgerline::report {

@@ -5,9 +5,10 @@
 #include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <nlohmann/json.hpp>
 #include <set>
 
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::report {
 namespace {

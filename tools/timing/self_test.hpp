@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/rt/histogram.hpp"
-#include "common/rt/real_time.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline::timing {
 

@@ -17,11 +17,10 @@
 #include <thread>
 
 #include "common/rt/loop_ticker.hpp"
-#include "common/rt/real_time.hpp"
 #include "hil/shim/wires.hpp"
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 #include "sim/shell/drone_sockets.hpp"
 
 namespace ledgerline::timing {

@@ -14,7 +14,7 @@
 #include "common/base/random.hpp"
 #include "common/common.pb.h"
 #include "common/rt/clock.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::endorser {
 namespace {

@@ -17,7 +17,7 @@
 #include "common/common.pb.h"
 #include "common/configtx.pb.h"
 #include "common/crypto/crypto.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "msp/msp_config.pb.h"
 
 namespace ledgerline::network {

@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <csignal>
+#include <nlohmann/json.hpp>
 
 #include "chaincode/node/server/services.hpp"
 #include "common/base/file.hpp"
@@ -9,7 +10,7 @@
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace {
 

@@ -1,6 +1,8 @@
 #include "common/bridge/core/report.hpp"
 
-#include "common/rt/histogram_json.hpp"
+#include <nlohmann/json.hpp>
+
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::bridge {
 namespace {

@@ -15,7 +15,7 @@
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 #include "common/rt/histogram.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::bridge {
 

@@ -9,7 +9,7 @@
 #include "common/base/log.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 #include "common/verification/calls.hpp"
 #include "common/verification/control_records.hpp"
 
@@ -154,7 +154,7 @@ Status Bridge::start(const std::atomic<bool>& quit) {
   fabric::Client::StreamHandlers handlers;
   handlers.on_block = [this](const fabric::Block& block, std::string_view) { down_.on_block(block); };
   blocks_.open(*client_, std::move(handlers));
-  const Status open = keep_trying(
+  const Status open = retry(
       fmt::format("the blocks of channel {} can be read", channel_), {}, [&] { return quit.load(); },
       [this] { return blocks_.connection(); });
   if (!open) return open;

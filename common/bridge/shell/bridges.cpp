@@ -13,7 +13,7 @@
 #include "common/base/log.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/config.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::bridge {
 namespace {

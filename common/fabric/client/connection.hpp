@@ -13,7 +13,7 @@
 #include "common/base/random.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "peer/proposal_response.pb.h"
 
 /// What the pipeline and the streams share. Inside common/fabric alone: it brings in gRPC.

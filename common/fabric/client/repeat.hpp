@@ -5,7 +5,7 @@
 #include "common/base/random.hpp"
 #include "common/fabric/client/outcome.hpp"
 #include "common/rt/clock.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::fabric {
 class Client;

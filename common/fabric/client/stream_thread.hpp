@@ -15,7 +15,7 @@
 #include "common/common.pb.h"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/client/connection.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::fabric {
 

@@ -13,7 +13,7 @@
 #include <cstring>
 #include <utility>
 
-#include "common/rt/real_time.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline {
 namespace {

@@ -19,7 +19,7 @@ void RoleWatch::look(const fabric::Block& block) {
 }
 
 const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
-  for (const Result<verification::Roles>& roles : read_.take_all()) {
+  for (const Result<verification::Roles>& roles : read_.pop_all()) {
     is_reading_ = false;
     if (roles) {
       dismissed_ = service::dismissed(parts_.operators, *roles);

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -39,7 +39,7 @@ Status Agent::start() {
   manager_.emplace(std::move(manager).value());
   if (auto status = recorder_.open(settings_.trace); !status) return status;
   if (certificates_) certificates_->start(fabric::CertificateWatch::log);
-  const Status connected = keep_trying(
+  const Status connected = retry(
       "RouDi answers", {.within_ns = settings_.start_wait_ns}, [this] { return quit_.load(); },
       [this] { return ipc::connect("ledgerline-agent", [this] { return quit_.load(); }); });
   if (!connected) return connected;
@@ -111,13 +111,13 @@ void Agent::receive_from_link() {
     return slot && slot->up() ? slot->shell.get() : nullptr;
   };
   StateSample sample;
-  while (end_->take_state(sample)) {
+  while (end_->receive_state(sample)) {
     if (in_flight(sample.phase)) flight_heard_ns_ = monotonic_ns();
     if (AgentShell* shell = of(sample.drone)) shell->on_state(sample);
   }
   // Link keeps one that nobody takes, and sends it again.
   Transition transition;
-  while (end_->take_transition(transition)) {
+  while (end_->receive_transition(transition)) {
     if (AgentShell* shell = of(transition.drone)) shell->on_transition(transition);
   }
 }
@@ -181,7 +181,7 @@ Status Agent::write_summary() {
 
 void Agent::watch_roudi(const std::stop_token& stop) {
   while (!stop.stop_requested()) {
-    if (!roudi_gone_ && !ipc::roudi_lives()) {
+    if (!roudi_gone_ && !ipc::is_roudi_alive()) {
       roudi_gone_ = true;
       spdlog::error(
           "RouDi is gone: what is connected goes on, but a link that restarts is not heard; once none is heard or "

@@ -6,8 +6,8 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/rt/real_time.hpp"
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/loop_ticker.hpp"
+#include "common/rt/retry.hpp"
 
 namespace ledgerline::agent {
 namespace {
@@ -186,7 +186,7 @@ void LedgerFollower::start() {
 Status LedgerFollower::reach(const std::atomic<bool>& quit, AgentLog& log) {
   if (auto status = wait_for_block_stream(quit, log); !status) return status;
   if (control_start_.known()) return done;  // by the checkpoint and the blocks since
-  return keep_trying(
+  return retry(
       label_ + "the control records can be read", {.within_ns = settings_.start_wait_ns}, [&] { return quit.load(); },
       [this]() -> Status {
         const auto records = records_.read();
@@ -210,13 +210,13 @@ Status LedgerFollower::wait_for_block_stream(const std::atomic<bool>& quit, Agen
                                core_.height() == 0 ? 0 : core_.height() - checkpoint_block_ - 1)};
     return Error{stream_.why.empty() ? "no answer yet" : stream_.why};
   };
-  return keep_trying(
+  return retry(
       label_ + "the ledger's block stream is open", {.within_ns = settings_.start_wait_ns}, [&] { return quit.load(); },
       is_open);
 }
 
 Status LedgerFollower::handle_early_events(AgentLog& log) {
-  for (Event& event : mailbox_.take_all()) {
+  for (Event& event : mailbox_.pop_all()) {
     // Both are held against records, which are not there or not up to date yet.
     if (std::holds_alternative<RefusedBlock>(event) || std::holds_alternative<SecondReading>(event)) continue;
     if (auto status = handle(event); !status) return status;

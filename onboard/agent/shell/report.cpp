@@ -1,11 +1,12 @@
 #include "onboard/agent/shell/report.hpp"
 
+#include <nlohmann/json.hpp>
 #include <utility>
 
 #include "common/base/log.hpp"
 #include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
-#include "common/rt/histogram_json.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::agent {
 namespace {

@@ -68,7 +68,7 @@ bool AgentShell::flies(DroneNumber drone) const {
 Status AgentShell::handle_events(bool link_woke) {
   link_woke_ = link_woke;
   if (link_woke) ++counters_.link_wakes;
-  for (Event& event : mailbox_.take_all()) {
+  for (Event& event : mailbox_.pop_all()) {
     if (const auto* ended = std::get_if<FrameEnded>(&event)) {
       core_.on_outcome(monotonic_ns(), ended->frame, ended->outcome, out_);
       log_.outcome(ended->outcome);

@@ -9,11 +9,9 @@
 namespace ledgerline::link {
 namespace {
 
-// Two standard deviations cover 19 of 20 positions. With three, two drones that fly by onboard odometry would soon
-// block each other across a room.
+// 19 of 20 positions. With three, two drones that fly by onboard odometry soon block each other across a room.
 constexpr double blur_sigmas = 2;
-// Of a drone that may be anywhere (first seen in the air, without motion capture) nobody can keep away, and who tried
-// would never move again.
+// From a drone that may be anywhere nobody can keep away, and who tried would never move again.
 constexpr double max_sigma_m = 2;
 
 }  // namespace
@@ -37,14 +35,14 @@ void DroneLink::on_bytes(TimeNs now, Port port, std::string_view bytes) noexcept
     watches_.client.on_answer(now);
   } else if (session_.on_state(now, bytes)) {
     watches_.on_state(now, session_.state(), session_.phase());
-    position_.on_state(now, session_.state(), session_.phase(), session_.seen_standing(now), setpoints_.sent());
+    position_.on_state(now, session_.state(), session_.phase(), session_.is_standing(now), setpoints_.sent());
   }
 }
 
 void DroneLink::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
-  facts_.heartbeat_ns = heartbeat.stamp_ns;
-  facts_.ledger_alive = heartbeat.ledger_alive;
-  facts_.ledger_untrusted = heartbeat.ledger_untrusted;
+  inputs_.heartbeat_ns = heartbeat.stamp_ns;
+  inputs_.ledger_alive = heartbeat.ledger_alive;
+  inputs_.ledger_untrusted = heartbeat.ledger_untrusted;
   reporting_.on_heartbeat(heartbeat);
 }
 
@@ -64,7 +62,7 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
   if (admission_.admit(at.now, plan) != DropReason::none) return;
   if (is_empty_plan(plan)) {
     setpoints_.drop_plans(DropReason::superseded);
-    admission_.applied();
+    admission_.record_applied();
     return;
   }
   if (!is_contract_action(plan.action)) reporting_.record_arrival(at.now, plan);
@@ -73,11 +71,11 @@ void DroneLink::on_plan(const LinkMoment& at, const Plan& plan) noexcept {
   if (flies && session_.phase() == FlightPhase::flying) setpoints_.set_by_hand(plan.body_frame);
   const DropReason reason = flies ? may_follow(at, plan) : obey(at, plan);
   if (reason != DropReason::none) {
-    admission_.dropped(plan, reason);
+    admission_.record_end(plan, reason);
   } else if (flies) {
     setpoints_.add(at.now, plan);
   } else {
-    admission_.applied();
+    admission_.record_applied();
     // A stop that is cleared is nothing that is flown.
     if (plan.action < PlanAction::stop_cleared) reporting_.record_applied(at, plan, setpoints_.sent());
   }
@@ -117,52 +115,52 @@ DropReason DroneLink::take_off(const LinkMoment& at, const Plan& plan) noexcept 
   const bool is_up = phase == FlightPhase::taking_off || phase == FlightPhase::flying;
   if (is_up && !orders_.waits_to_land()) return DropReason::none;
   if (const DropReason reason = orders_.takeoff_refusal(plan); reason != DropReason::none) return reason;
-  update_facts(at, {});
-  facts_.needs_position = !(plan.body_frame && by_hand_without_pose_);
-  const bool refused = takeoff_refusal(failsafe_settings_, fence_, at.now, facts_) != FailsafeCause::none;
+  update_inputs(at, {});
+  inputs_.needs_position = !(plan.body_frame && by_hand_without_pose_);
+  const bool refused = takeoff_refusal(failsafe_settings_, fence_, at.now, inputs_) != FailsafeCause::none;
   if (refused || !session_.request_takeoff(at.now)) return DropReason::not_flying;
   setpoints_.set_by_hand(plan.body_frame);
   return DropReason::none;
 }
 
-void DroneLink::update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
+void DroneLink::update_inputs(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept {
   const Pose& pose = position_.pose();
-  facts_.phase = session_.phase();
-  facts_.may_be_airborne = session_.may_be_airborne();
-  facts_.flying_since_ns = session_.phase_since_ns();
-  facts_.plan_valid = setpoint.valid;
-  facts_.covered_until_ns = setpoints_.covered_until_ns();
-  facts_.state_ns = session_.state_at_ns();
-  facts_.battery = session_.state().battery;
+  inputs_.phase = session_.phase();
+  inputs_.may_be_airborne = session_.may_be_airborne();
+  inputs_.flying_since_ns = session_.phase_since_ns();
+  inputs_.plan_valid = setpoint.valid;
+  inputs_.covered_until_ns = setpoints_.covered_until_ns();
+  inputs_.state_ns = session_.state_at_ns();
+  inputs_.battery = session_.state().battery;
 
-  facts_.pose_ns = pose.stamp_ns;
-  facts_.position_m = position_.position_m();
-  facts_.velocity_mps = pose.velocity_mps;
-  facts_.height_m = session_.state().height_m;
-  for (std::size_t i = 0; i < 3; ++i) facts_.sigma_m[i] = std::sqrt(static_cast<double>(pose.variance[i]));
-  facts_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose.variance[3]));
+  inputs_.pose_ns = pose.stamp_ns;
+  inputs_.position_m = position_.position_m();
+  inputs_.velocity_mps = pose.velocity_mps;
+  inputs_.height_m = session_.state().height_m;
+  for (std::size_t i = 0; i < 3; ++i) inputs_.sigma_m[i] = std::sqrt(static_cast<double>(pose.variance[i]));
+  inputs_.sigma_yaw_rad = std::sqrt(static_cast<double>(pose.variance[3]));
   const bool by_hand = setpoint.valid ? setpoint.body_frame : setpoints_.is_by_hand();
-  facts_.needs_position = !(by_hand && by_hand_without_pose_);
+  inputs_.needs_position = !(by_hand && by_hand_without_pose_);
   const bool placed =
-      pose.stamp_ns != 0 && (facts_.needs_position || at.now - pose.stamp_ns < failsafe_settings_.state_stale_ns);
+      pose.stamp_ns != 0 && (inputs_.needs_position || at.now - pose.stamp_ns < failsafe_settings_.state_stale_ns);
   if (!placed) place_by_height();
 
-  facts_.by_odometry = position_.is_by_odometry();
-  facts_.fix_overdue = position_.is_fix_overdue();
-  facts_.sources_differ = position_.has_source_conflict();
-  facts_.sources_unresolved = position_.are_sources_unresolved();
-  facts_.motion_differs = position_.does_motion_differ();
-  facts_.dark_since_ns = position_.dark_since_ns(at.now);
-  facts_.height_lost = session_.state().tof_m >= tof_sees_m;
-  facts_.other_client = watches_.client.contested(at.now);
-  facts_.tilted = watches_.tilt.tilted();
-  facts_.overturned = watches_.tilt.overturned();
-  facts_.tilt_rad = watches_.tilt.tilt_rad();
-  facts_.landing_battery = watches_.battery.needed(facts_.height_m);
-  facts_.too_near = is_too_near();
-  facts_.check_failed = at.check_failed;
-  facts_.stop = orders_.is_stopped() || at.stop_all;
-  facts_.cut = orders_.is_cut();
+  inputs_.by_odometry = position_.is_by_odometry();
+  inputs_.fix_overdue = position_.is_fix_overdue();
+  inputs_.sources_differ = position_.has_source_conflict();
+  inputs_.sources_unresolved = position_.are_sources_unresolved();
+  inputs_.motion_differs = position_.does_motion_differ();
+  inputs_.dark_since_ns = position_.dark_since_ns(at.now);
+  inputs_.height_lost = session_.state().tof_m >= tof_sees_m;
+  inputs_.other_client = watches_.client.is_contested(at.now);
+  inputs_.tilted = watches_.tilt.is_tilted();
+  inputs_.overturned = watches_.tilt.is_overturned();
+  inputs_.tilt_rad = watches_.tilt.tilt_rad();
+  inputs_.landing_battery = watches_.battery.needed(inputs_.height_m);
+  inputs_.too_near = is_too_near();
+  inputs_.check_failed = at.check_failed;
+  inputs_.stop = orders_.is_stopped() || at.stop_all;
+  inputs_.cut = orders_.is_cut();
 }
 
 void DroneLink::place_by_height() noexcept {
@@ -170,8 +168,8 @@ void DroneLink::place_by_height() noexcept {
   // A barometer may sink, and h with it; what tof sees below is at least so far away.
   const auto attitude = attitude_rad(state);
   const float below_m = state.tof_m * std::cos(attitude[0]) * std::cos(attitude[1]);
-  if (state.tof_m < tof_sees_m) facts_.height_m = std::max(facts_.height_m, below_m);
-  facts_.position_m[2] = static_cast<double>(facts_.height_m);
+  if (state.tof_m < tof_sees_m) inputs_.height_m = std::max(inputs_.height_m, below_m);
+  inputs_.position_m[2] = static_cast<double>(inputs_.height_m);
 }
 
 void DroneLink::step(const LinkMoment& at) noexcept {
@@ -179,10 +177,13 @@ void DroneLink::step(const LinkMoment& at) noexcept {
   watch_phase(at);
   orders_.forget_cleared_stops();
   Playout::CurrentSetpoint setpoint = setpoints_.desired(now, orders_.waits_to_land());
-  update_facts(at, setpoint);
-  facts_.blind = session_.blind(now);
-  failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, facts_);
-  LEDGERLINE_CHECK(!facts_.stop || !in_flight(facts_.phase) || failsafe_.mode >= FailsafeMode::land,
+  update_inputs(at, setpoint);
+  inputs_.blind = session_.is_blind(now);
+  const FailsafeMode before = failsafe_.mode;
+  failsafe_ = update(failsafe_settings_, fence_, failsafe_, now, inputs_);
+  LEDGERLINE_CHECK(before < FailsafeMode::land || failsafe_.mode >= before || inputs_.overturned || !session_.may_fly(),
+                   "no landing is taken back in the air", number_, name(before), name(failsafe_.mode));
+  LEDGERLINE_CHECK(!inputs_.stop || !in_flight(inputs_.phase) || failsafe_.mode >= FailsafeMode::land,
                    "one that is stopped lands", number_, name(failsafe_.mode));
   obey_failsafe(now);
   if (orders_.waits_to_land() && !landing_waits(at)) session_.request_land(now);
@@ -216,7 +217,7 @@ void DroneLink::send_commands(const LinkMoment& at) noexcept {
   for (CommandText text; session_.next_send(at.now, text);) {
     if (text.view() == rc_text({}).view()) {
       setpoints_.send_zero(at);  // the one that a drone without state gets, for the trace
-    } else if (LEDGERLINE_CHECK(text.view() != "takeoff" || !facts_.stop, "one that is stopped is sent no take-off",
+    } else if (LEDGERLINE_CHECK(text.view() != "takeoff" || !inputs_.stop, "one that is stopped is sent no take-off",
                                 number_)) {
       at.out.to_send.push({number_, text});
       if (text.view() == "command") watches_.client.on_command(at.now);
@@ -235,9 +236,9 @@ void DroneLink::fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoi
                           .steps_aside = steps_aside(),
                           .brakes = failsafe_.mode == FailsafeMode::brake,
                           .yaw_rad = position_.yaw_rad(at.now),
-                          .fence = fence_for(failsafe_settings_, fence_, failsafe_, at.now, facts_),
-                          .position_m = facts_.position_m,
-                          .height_m = facts_.height_m};
+                          .fence = fence_for(failsafe_settings_, fence_, failsafe_, at.now, inputs_),
+                          .position_m = inputs_.position_m,
+                          .height_m = inputs_.height_m};
   if (!setpoints_.fly(at, setpoint, steering) || !steering.follows || lands) return;
   const bool first = setpoints_.mark_applied();
   reporting_.record_setpoint(at, setpoint, first, setpoints_.sent());
@@ -257,13 +258,13 @@ void DroneLink::watch_phase(const LinkMoment& at) noexcept {
 }
 
 bool DroneLink::is_placed(TimeNs now) const noexcept {
-  return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, facts_.by_odometry);
+  return now - position_.pose().stamp_ns <= pose_limit_ns(failsafe_settings_, inputs_.by_odometry);
 }
 
 bool DroneLink::landing_waits(const LinkMoment& at) const noexcept {
-  const auto& verdict = setpoints_.verdict();
-  return verdict && verdict->landing_waits && at.healthy && can_wait_to_land(failsafe_, facts_) && is_placed(at.now) &&
-         orders_.may_wait_longer(at.now);
+  const auto& clearance = setpoints_.clearance();
+  return clearance && clearance->landing_waits && at.healthy && can_wait_to_land(failsafe_, inputs_) &&
+         is_placed(at.now) && orders_.may_wait_longer(at.now);
 }
 
 bool DroneLink::makes_room() const noexcept {
@@ -271,10 +272,10 @@ bool DroneLink::makes_room() const noexcept {
 }
 
 bool DroneLink::is_too_near() const noexcept {
-  const auto& verdict = setpoints_.verdict();
-  if (!verdict) return false;
-  return verdict->kind != Verdict::Kind::unchanged || (orders_.waits_to_land() && verdict->landing_waits) ||
-         (!session_.may_fly() && verdict->takeoff_refused);
+  const auto& clearance = setpoints_.clearance();
+  if (!clearance) return false;
+  return clearance->kind != Clearance::Kind::unchanged || (orders_.waits_to_land() && clearance->landing_waits) ||
+         (!session_.may_fly() && clearance->takeoff_refused);
 }
 
 Neighbour::Kind DroneLink::kind_as_neighbour(bool is_steered) const noexcept {
@@ -344,9 +345,9 @@ void DroneLink::sample(const LinkMoment& at) noexcept {
                           .plans_dropped = plans.dropped,
                           .plans_applied = plans.applied,
                           .temperature_c = state.temperature_c,
-                          .hot = watches_.heat.hot(),
-                          .contested = watches_.client.contested(at.now),
-                          .diverted = watches_.client.diverted(at.now)});
+                          .hot = watches_.heat.is_hot(),
+                          .contested = watches_.client.is_contested(at.now),
+                          .diverted = watches_.client.is_diverted(at.now)});
 }
 
 }  // namespace ledgerline::link

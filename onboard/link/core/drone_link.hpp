@@ -5,23 +5,22 @@
 
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_orders.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/link_io.hpp"
-#include "onboard/link/core/playout/plan_admission.hpp"
+#include "onboard/link/core/playout/playout.hpp"
 #include "onboard/link/core/playout/setpoint_path.hpp"
 #include "onboard/link/core/pose/drone_position.hpp"
-#include "onboard/link/core/reporting/drone_reporting.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/session.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
 
 namespace ledgerline::link {
 
 /// One drone as link flies it. Each of its parts has one job; this class hands them what came, and asks the failsafe
-/// once a step what to do. In a step first what came is taken, then step() is called once, then sample() if it is time
-/// for one. Does not move: its parts hold on to each other. Core: no I/O, no clock, no allocation after construction;
-/// one thread.
+/// once a step what to do. In a step: what came, step(), then sample() if it is time for one. Does not move: its parts
+/// hold on to each other. Core: no I/O, no clock, no allocation after construction; one thread.
 class DroneLink {
  public:
   /// `local_stop`: one of a link before this one stands.
@@ -30,8 +29,7 @@ class DroneLink {
   DroneLink& operator=(const DroneLink&) = delete;
 
   void on_bytes(TimeNs now, Port port, std::string_view bytes) noexcept;
-  /// Stamps never go back and are not of the future: LinkCore passes on no other. A pose counts where motion capture is
-  /// the source.
+  /// Stamps neither go back nor are of the future (LinkCore). A pose counts where motion capture is the source.
   void on_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
   void on_pose(TimeNs now, const Pose& pose) noexcept;
   void on_plan(const LinkMoment& at, const Plan& plan) noexcept;
@@ -43,13 +41,11 @@ class DroneLink {
   /// What the others must know of it, and its setpoint; none: it has no place among them, or none that is known.
   std::optional<Neighbour> as_neighbour(TimeNs now) noexcept;
   /// What it may fly of that, before step(); none: it is alone.
-  void set_verdict(const std::optional<Verdict>& verdict) noexcept { setpoints_.set_verdict(verdict); }
+  void set_clearance(const std::optional<Clearance>& clearance) noexcept { setpoints_.set_clearance(clearance); }
   void step(const LinkMoment& at) noexcept;
   void sample(const LinkMoment& at) noexcept;
-  /// Ends all plans that still wait.
   void finish() noexcept { setpoints_.drop_plans(DropReason::superseded); }
 
-  /// Local stops are set and cleared there.
   DroneOrders& orders() noexcept { return orders_; }
   const DroneOrders& orders() const noexcept { return orders_; }
   const DronePosition& position() const noexcept { return position_; }
@@ -67,7 +63,7 @@ class DroneLink {
   /// Does what any other plan asks for; none: done, or it was so already.
   DropReason obey(const LinkMoment& at, const Plan& plan) noexcept;
   DropReason take_off(const LinkMoment& at, const Plan& plan) noexcept;
-  void update_facts(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
+  void update_inputs(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint) noexcept;
   /// Without a pose its own height is all that is known of where it is.
   void place_by_height() noexcept;
   Neighbour::Kind kind_as_neighbour(bool is_steered) const noexcept;
@@ -95,7 +91,7 @@ class DroneLink {
   PlanAdmission admission_;
   SetpointPath setpoints_;
   FailsafeState failsafe_;
-  FailsafeFacts facts_;
+  FailsafeInputs inputs_;
   DroneReporting reporting_;
   FlightPhase last_phase_ = FlightPhase::disconnected;
 };

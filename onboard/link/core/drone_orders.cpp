@@ -5,7 +5,7 @@
 namespace ledgerline::link {
 
 DropReason DroneOrders::takeoff_refusal(const Plan& plan) const noexcept {
-  if (landing_.is_requested() || !on_ground(session_.phase())) return DropReason::not_flying;
+  if (waits_to_land() || !on_ground(session_.phase())) return DropReason::not_flying;
   return plan.state_stamp_ns <= takeoff_after_ns_ ? DropReason::too_old : DropReason::none;
 }
 
@@ -18,14 +18,14 @@ DropReason DroneOrders::land(TimeNs now) noexcept {
 
 void DroneOrders::request_landing(TimeNs now) noexcept {
   if (session_.phase() == FlightPhase::flying) {
-    landing_.request(now);  // the step sends it, this one where nobody is below
+    if (!waits_to_land()) landing_requested_ns_ = now;  // the step sends it, this one where nobody is below
   } else {
     session_.request_land(now);
   }
 }
 
 void DroneOrders::on_phase(TimeNs now, FlightPhase before, FlightPhase phase) noexcept {
-  landing_.reset();
+  landing_requested_ns_ = 0;
   if (in_flight(before) && !in_flight(phase)) takeoff_after_ns_ = now;
   if (!session_.may_fly()) cut_ = false;
 }
@@ -41,7 +41,7 @@ void DroneOrders::stop(TimeNs now, const Plan& plan) noexcept {
 
 void DroneOrders::stop_locally(TimeNs now) noexcept {
   session_.land_again(now, LostLinkProtocol::Requester::local);
-  if (!session_.may_fly() || !session_.heard()) return;
+  if (!session_.may_fly() || !session_.has_responded()) return;
   local_stop_ = true;
   stopped_ns_ = std::max(stopped_ns_, now);
   stop_cleared_ = local_stop_cleared_ = false;

@@ -4,40 +4,14 @@
 
 namespace ledgerline::link {
 
-/// A landing of a flying drone that is requested, by its holder or by the failsafe, and not begun yet because another
-/// drone is below it (docs/failsafe.md, FS-64).
-///
-///   none ──request()──▶ requested ──nobody below, or !is_in_time()──▶ the session lands it
-///     ▲                     └───────────── another phase: reset() ──────────────┘
-///     └─────────────────────────────────────────────────────────────────────────┘
-///
-/// The first request starts the time; repeating it, or another reason to land, does not start it again. One thread.
-class LandingWait {
- public:
-  /// `max_wait_ns`: SeparationSettings::landing_wait_s.
-  explicit LandingWait(TimeNs max_wait_ns) noexcept : max_wait_ns_(max_wait_ns) {}
-
-  void request(TimeNs now) noexcept {
-    if (requested_ns_ == 0) requested_ns_ = now;
-  }
-  void reset() noexcept { requested_ns_ = 0; }
-  bool is_requested() const noexcept { return requested_ns_ != 0; }
-  bool is_in_time(TimeNs now) const noexcept { return now - requested_ns_ < max_wait_ns_; }
-
- private:
-  TimeNs max_wait_ns_;
-  TimeNs requested_ns_ = 0;
-};
-
 /// What a drone is ordered to do besides flying plans: take off, land, stay down. Who stopped it and what clears that
-/// (docs/failsafe.md), since when a take-off may be asked for, and whether it waits to land. A stop stands until it is
-/// cleared by name: no plan, epoch, boot or agent does that. `session` outlives it. Core: no I/O, no clock, no
-/// allocation; one thread.
+/// (docs/failsafe.md), and whether it waits to land. A stop stands until it is cleared by name: no plan, epoch, boot or
+/// agent does that. `session` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class DroneOrders {
  public:
   /// `local_stop`: one of a link before this one stands. `max_wait_ns`: of a landing.
   DroneOrders(TelloSession& session, TimeNs max_wait_ns, bool local_stop) noexcept
-      : session_(session), landing_(max_wait_ns), local_stop_(local_stop) {}
+      : session_(session), max_wait_ns_(max_wait_ns), local_stop_(local_stop) {}
 
   /// Why this plan's take-off is not asked for, whatever the failsafe says of it.
   DropReason takeoff_refusal(const Plan& plan) const noexcept;
@@ -47,8 +21,8 @@ class DroneOrders {
   /// The failsafe's, at each step that it wants it.
   void request_landing(TimeNs now) noexcept;
   /// Whether the landing waits, and may go on to for its time's sake.
-  bool waits_to_land() const noexcept { return landing_.is_requested(); }
-  bool may_wait_longer(TimeNs now) const noexcept { return landing_.is_in_time(now); }
+  bool waits_to_land() const noexcept { return landing_requested_ns_ != 0; }
+  bool may_wait_longer(TimeNs now) const noexcept { return now - landing_requested_ns_ < max_wait_ns_; }
 
   void stop(TimeNs now, const Plan& plan) noexcept;
   DropReason clear_stop(const Plan& plan) noexcept;
@@ -66,7 +40,10 @@ class DroneOrders {
 
  private:
   TelloSession& session_;
-  LandingWait landing_;
+  TimeNs max_wait_ns_;
+  /// Of a flying drone that did not begin to land yet, since another is below it (FS-64): the first request starts the
+  /// time, which another one does not start again. 0: none.
+  TimeNs landing_requested_ns_ = 0;
   bool stop_ = false;      ///< the ledger's
   bool local_stop_;        ///< of the local stop key, perhaps of a link before this one
   bool cut_ = false;       ///< the ledger's; in the air nobody takes it back, and it ends on the ground

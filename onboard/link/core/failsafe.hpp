@@ -2,12 +2,12 @@
 #include <array>
 
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
 /// The failsafe's inputs at every step. Times are when something last came; 0: never.
-struct FailsafeFacts {
+struct FailsafeInputs {
   FlightPhase phase = FlightPhase::disconnected;
   bool may_be_airborne = false;  ///< disconnected, and not known to stand on the ground
   bool blind = false;            ///< and all handshakes with it failed
@@ -27,8 +27,8 @@ struct FailsafeFacts {
   bool by_odometry = false;
   /// False where a pilot who may do without flies it by hand: what is flown now, or was flown last.
   bool needs_position = true;
-  bool motion_differs = false;  ///< from what it is sent (watch/motion_watch.hpp)
-  /// Since when its flow is suspected to see nothing (watch/flow_watch.hpp) and nothing else says where it is; 0: no.
+  bool motion_differs = false;  ///< from what it is sent (MotionWatch)
+  /// Since when its flow is suspected to see nothing (FlowWatch) and nothing else says where it is; 0: no.
   TimeNs dark_since_ns = 0;
   bool other_client = false;  ///< commands it as well (ClientWatch)
   bool height_lost = false;   ///< tof sees nothing, and without a height flow has no scale
@@ -70,8 +70,7 @@ struct ClearCondition {
   bool (*holds)(const FailsafeMoment&);
 };
 
-/// One requirement: this cause leads to this mode, until it is cleared. docs/failsafe.md has them in words, with the
-/// test of each.
+/// This cause leads to this mode, until it is cleared. In words, with the test of each: docs/failsafe.md.
 struct FailsafeRow {
   const char* id;
   FailsafeCause cause;
@@ -104,11 +103,11 @@ extern const std::array<FailsafeRow, 26> failsafe_table;
 /// The fence as it holds now: drawn in by how uncertain the position is. By hand and without a usable position it is
 /// the height alone: the walls are the pilot's to see.
 FenceSettings fence_for(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
-                        TimeNs now, const FailsafeFacts& facts) noexcept;
+                        TimeNs now, const FailsafeInputs& inputs) noexcept;
 
-/// Pure: the next state from the last one, the time and the facts.
+/// Pure: the next state from the last one, the time and the inputs.
 FailsafeState update(const FailsafeSettings& settings, const FenceSettings& fence, const FailsafeState& last,
-                     TimeNs now, const FailsafeFacts& facts) noexcept;
+                     TimeNs now, const FailsafeInputs& inputs) noexcept;
 
 /// Whether a flying drone is sent the plan's setpoint (clipped at the fence). If not, it is sent zero, or `land`.
 constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
@@ -117,12 +116,12 @@ constexpr bool follows_plan(FailsafeMode mode, bool plan_valid) noexcept {
 
 /// Whether a drone that is to land can still be steered to a place with room below: its position is known, it does as
 /// commanded, and nobody asked for it to be down at once. A brake has no usable position or state text.
-inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeFacts& facts) noexcept {
+inline bool can_wait_to_land(const FailsafeState& failsafe, const FailsafeInputs& inputs) noexcept {
   if (failsafe.mode != FailsafeMode::none && failsafe.mode != FailsafeMode::land) return false;
   const bool lost = failsafe.cause == FailsafeCause::pose_lost || failsafe.cause == FailsafeCause::velocity_lost ||
                     failsafe.cause == FailsafeCause::height_lost || failsafe.cause == FailsafeCause::sources_differ;
-  return !facts.check_failed && !facts.stop && !facts.cut && !facts.tilted && !facts.overturned &&
-         !facts.motion_differs && !lost;
+  return !inputs.check_failed && !inputs.stop && !inputs.cut && !inputs.tilted && !inputs.overturned &&
+         !inputs.motion_differs && !lost;
 }
 
 /// How old the newest pose may be, by its source, before it counts as lost.
@@ -132,7 +131,7 @@ constexpr TimeNs pose_limit_ns(const FailsafeSettings& settings, bool by_odometr
 
 /// Why the drone must not take off now; none: it may.
 FailsafeCause takeoff_refusal(const FailsafeSettings& settings, const FenceSettings& fence, TimeNs now,
-                              const FailsafeFacts& facts) noexcept;
+                              const FailsafeInputs& inputs) noexcept;
 
 /// The desired, slowed toward the fence and with no outward part at or beyond it; upward by the higher one of pose and
 /// the drone's own height. That one is taken as it is: a step too early only slows the last 0.1 m.

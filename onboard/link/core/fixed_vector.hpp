@@ -4,8 +4,7 @@
 
 namespace ledgerline {
 
-/// A list of at most `Capacity` plain elements in place: what a real-time step returns. A full list refuses, and counts
-/// what it refused, so that nothing is lost unnoticed.
+/// A list of at most `Capacity` plain elements in place, for a real-time step. A full one refuses, and counts that.
 template <typename T, std::size_t Capacity>
 class FixedVector {
  public:

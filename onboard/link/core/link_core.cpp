@@ -48,7 +48,7 @@ const LinkOutputs& LinkCore::step(TimeNs now, const LinkInputs& inputs) noexcept
                       .check_failed = checks_.failed() || agent_check_failed_,
                       .out = out_};
   dispatch(at, inputs);
-  keep_apart(now, passed_s);
+  separate(now, passed_s);
   for (DroneLink& drone : drones_) drone.step(at);
   sample(at);
   return out_;
@@ -73,19 +73,19 @@ bool LinkCore::has_slept(TimeNs now, TimeNs suspended_ns) noexcept {
   return true;
 }
 
-void LinkCore::keep_apart(TimeNs now, double passed_s) noexcept {
+void LinkCore::separate(TimeNs now, double passed_s) noexcept {
   std::array<Neighbour, max_drones> neighbours{};
   std::array<DroneLink*, max_drones> whose{};
   std::size_t count = 0;
   for (DroneLink& drone : drones_) {
-    drone.set_verdict(std::nullopt);
+    drone.set_clearance(std::nullopt);
     const auto neighbour = count < max_drones ? drone.as_neighbour(now) : std::nullopt;
     if (!neighbour) continue;
     neighbours[count] = *neighbour;
     whose[count++] = &drone;
   }
-  const auto verdicts = separation_.step(passed_s, std::span(neighbours).first(count));
-  for (std::size_t i = 0; i < count; ++i) whose[i]->set_verdict(verdicts[i]);
+  const auto clearances = separation_.step(passed_s, std::span(neighbours).first(count));
+  for (std::size_t i = 0; i < count; ++i) whose[i]->set_clearance(clearances[i]);
 }
 
 void LinkCore::dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept {
@@ -123,7 +123,7 @@ bool LinkCore::all_on_ground() const noexcept {
 
 bool LinkCore::all_on_ground_or_unheard() const noexcept {
   return std::none_of(drones_.begin(), drones_.end(),
-                      [](const DroneLink& d) { return d.session().may_fly() && d.session().heard(); });
+                      [](const DroneLink& d) { return d.session().may_fly() && d.session().has_responded(); });
 }
 
 bool LinkCore::all_landed_or_commanded() const noexcept {
@@ -136,36 +136,6 @@ DroneSet LinkCore::local_stops() const noexcept {
   DroneSet stopped;
   for (const DroneLink& drone : drones_) stopped[drone.number()] = drone.orders().is_stopped_locally();
   return stopped;
-}
-
-FlightPhase LinkCore::phase(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->session().phase() : FlightPhase::disconnected;
-}
-
-FailsafeMode LinkCore::mode(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->mode() : FailsafeMode::none;
-}
-
-Pose LinkCore::pose(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->position().pose() : Pose{};
-}
-
-bool LinkCore::makes_room(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone && drone->makes_room();
-}
-
-TimeNs LinkCore::margin_ns(DroneNumber number) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->margin_ns() : 0;
-}
-
-double LinkCore::yaw_rad(DroneNumber number, TimeNs now) const noexcept {
-  const DroneLink* drone = find(number);
-  return drone ? drone->position().yaw_rad(now) : 0;
 }
 
 void LinkCore::finish() noexcept {

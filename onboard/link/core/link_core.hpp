@@ -1,20 +1,21 @@
 #pragma once
 #include <cstdint>
 #include <deque>
+#include <functional>
+#include <type_traits>
 #include <vector>
 
 #include "common/base/check.hpp"
 #include "common/msg/onboard.hpp"
 #include "onboard/link/core/drone_link.hpp"
 #include "onboard/link/core/link_io.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
 
 namespace ledgerline::link {
 
-/// All of link for up to 16 drones: who of them gets what came (drone_link.hpp flies each), whether link itself is
-/// healthy, and when states are sampled. `step` is meant for 1 kHz and works at any rate. Core: no I/O, no clock, no
-/// allocation after construction; one thread.
+/// All of link for up to 16 drones: who of them gets what came, whether link itself is healthy, and when states are
+/// sampled. step() is meant for 1 kHz. Core: no I/O, no clock, no allocation after construction; one thread.
 class LinkCore {
  public:
   /// `boot_id`: random for each start; the shell or the simulated campaign's seed provides it. `starts`: link's recent
@@ -36,16 +37,20 @@ class LinkCore {
   bool all_landed_or_commanded() const noexcept;
   /// Drones that the local stop key keeps down. They must outlast this link: the code that ends it keeps them.
   DroneSet local_stops() const noexcept;
-  FlightPhase phase(DroneNumber drone) const noexcept;
-  FailsafeMode mode(DroneNumber drone) const noexcept;
+  FlightPhase phase(DroneNumber drone) const noexcept {
+    return value_of(drone, [](const DroneLink& d) { return d.session().phase(); });
+  }
+  FailsafeMode mode(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::mode); }
   /// The newest; its stamp is 0 where there was none.
-  Pose pose(DroneNumber drone) const noexcept;
+  Pose pose(DroneNumber drone) const noexcept {
+    return value_of(drone, [](const DroneLink& d) { return d.position().pose(); });
+  }
   /// Link flies it to make room for another, though no plan says so.
-  bool makes_room(DroneNumber drone) const noexcept;
-  /// How much later than they say its setpoints are flown now.
-  TimeNs margin_ns(DroneNumber drone) const noexcept;
-  /// The heading by which velocities of the map become rc.
-  double yaw_rad(DroneNumber drone, TimeNs now) const noexcept;
+  bool makes_room(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::makes_room); }
+  TimeNs margin_ns(DroneNumber drone) const noexcept { return value_of(drone, &DroneLink::margin_ns); }
+  double yaw_rad(DroneNumber drone, TimeNs now) const noexcept {
+    return value_of(drone, [now](const DroneLink& d) { return d.position().yaw_rad(now); });
+  }
 
   /// Ends all plans that still wait, so that the counters add up. After the last step.
   void finish() noexcept;
@@ -54,13 +59,17 @@ class LinkCore {
  private:
   const DroneLink* find(DroneNumber number) const noexcept;
   DroneLink* find(DroneNumber number) noexcept;
+  /// The type's zero of a drone that is none of link's.
+  template <typename Read>
+  std::invoke_result_t<Read, const DroneLink&> value_of(DroneNumber number, Read read) const noexcept {
+    const DroneLink* drone = find(number);
+    return drone ? std::invoke(read, *drone) : std::invoke_result_t<Read, const DroneLink&>{};
+  }
   void watch_health(TimeNs now, bool slept) noexcept;
-  /// The host was suspended: the clock stood still meanwhile, so all that is kept is older than its stamps say, and is
-  /// aged here.
+  /// The host was suspended, and its clock stood still: all that is kept is older than its stamps say, and aged here.
   bool has_slept(TimeNs now, TimeNs suspended_ns) noexcept;
   void dispatch(const LinkMoment& at, const LinkInputs& inputs) noexcept;
-  /// Limits the setpoints of the drones so that they do not come too near to each other.
-  void keep_apart(TimeNs now, double passed_s) noexcept;
+  void separate(TimeNs now, double passed_s) noexcept;
   void sample(const LinkMoment& at) noexcept;
 
   TimeNs period_ns_;  ///< of samples

@@ -22,7 +22,6 @@ struct Received {
   std::string_view bytes;
 };
 
-/// For the drone's port 8889.
 struct ToSend {
   DroneNumber drone = 0;
   CommandText command;
@@ -46,7 +45,6 @@ struct LinkInputs {
   bool clear_local_stops = false;  ///< the local stops are cleared by somebody at this host (SIGUSR1)
 };
 
-/// Drones by their numbers.
 using DroneSet = std::bitset<max_drones + 1>;
 
 struct LinkOutputs {

@@ -19,11 +19,9 @@ struct SessionSettings {
   /// 0.8 s land; with three of four, every second text is not enough.
   static constexpr std::size_t battery_texts = 4, battery_says_so = 2;
   /// First try of `command`; doubles with each further one. A Tello near its access point answers within tens of ms:
-  /// half would ask twice on a slow radio (harmless, but the duplicate's answer comes late), double delays a first
-  /// contact.
+  /// half would ask twice on a slow radio, double delays a first contact.
   TimeNs answer_timeout_ns = 500 * ns_per_ms;
-  /// Where the doubling ends: a drone that is switched on later is found this late at most. Half is twice the chatter
-  /// to nobody; double keeps a person waiting.
+  /// A drone that is switched on later is found this late. Half is twice the chatter; double keeps a person waiting.
   TimeNs answer_timeout_max_ns = 4 * ns_per_s;
   /// Clients wait 20 s; a take-off takes about 4 s. Half is close to that where the climb is slow, and a drone that
   /// still rises would be asked again; double waits 20 s where the answer is lost and the drone hovers already.
@@ -31,9 +29,8 @@ struct SessionSettings {
   /// After a refused take-off, before the next may be tried: a drone that refuses (low battery, a bad IMU) refuses
   /// again. Half asks twice as often for the same answer; double keeps a person who repaired the cause waiting.
   TimeNs refused_pause_ns = 2 * ns_per_s;
-  /// `land` is sent again while the drone does not come down: its answer comes when it is down, so this is no
-  /// timeout. With half a drone may answer twice, and answers carry no id; with double one lost datagram costs two
-  /// seconds of hovering.
+  /// `land` is sent again while the drone does not come down: its answer comes when it is down. With half it may answer
+  /// twice, and answers carry no id; double costs two seconds of hovering for a lost datagram.
   TimeNs land_repeat_ns = 1 * ns_per_s;
   /// `emergency` is sent again until the drone is seen on the ground: whom it is said for is to fall now, and it does
   /// no harm twice. With 60 % lost, nine of ten hear one of five. Double takes as long as the fall; half is talk.
@@ -45,21 +42,17 @@ struct SessionSettings {
   /// Landing, with neither answer nor state text: disconnected. From 10 m at 0.5 m/s it takes 20 s: half would give
   /// up on a drone that is still coming down; double holds up the end of link behind one that is gone.
   TimeNs landing_lost_after_ns = 30 * ns_per_s;
-  /// Seen on the ground without a break for so long it stands there: a shorter sight may be of a take-off that a link
-  /// began which is gone, whose motors spin up for a second or two before it rises. Double only delays a first
-  /// take-off.
+  /// Seen on the ground for so long it stands there: motors spin up for a second or two before a take-off, which a link
+  /// that is gone may have begun. Double only delays a first take-off.
   TimeNs stands_after_ns = 3 * ns_per_s;
   /// To a drone that is not seen and may fly (lost_link_protocol.hpp). So many `command`, at 0, 0.5 and 1.5 s, all
   /// given up 3.5 s after the first: a state text comes every 100 ms, an answer within tens of ms. One would end a
-  /// flight for one datagram that is lost; with six a drone that hears but is not heard hovers for 15.5 s before it is
-  /// landed.
+  /// flight for a lost datagram; with six a drone that is not heard hovers for 15.5 s before it is landed.
   int handshakes = 3;
   TimeNs zero_gap_ns = 100 * ns_per_ms;  ///< between two zeros meanwhile: with 60 % lost, 92 % hear one of five
-  /// Between two `land` (or `emergency`), each behind a `command` and a zero: twice as often as where it is seen
-  /// whether the drone obeys.
+  /// Between two `land` or `emergency`, each behind a `command` and a zero: twice as often as to a drone that is seen.
   TimeNs blind_repeat_ns = 500 * ns_per_ms;
-  /// So long: longer than a take-off, during which `land` is ignored (4 s); with 60 % lost, 99.8 % hear one of
-  /// twelve.
+  /// Longer than a take-off, which ignores `land` (4 s); with 60 % lost, 99.8 % hear one of twelve.
   TimeNs blind_land_for_ns = 6 * ns_per_s;
   /// Then nothing at all, longer than the 15 s after which a Tello lands by itself, and that by what the network may
   /// hold back. Shorter would hold a drone in the air that hears everything but `land`; longer makes a user who
@@ -68,25 +61,20 @@ struct SessionSettings {
   /// The same word, when link ends and a drone was never heard of: mostly there is none, and a person waits. 7 times.
   TimeNs unheard_land_for_ns = 3 * ns_per_s;
   /// Starts of link within starts_within_ns (below), of which the last one commands every drone to land in its first
-  /// step: who dies so often cannot fly, and each life's first words are a sign of life to a Tello. The launcher gives
-  /// up with as many.
+  /// step: who dies so often cannot fly, and each start keeps a Tello up. The launcher gives up with as many.
   int many_starts = 7;
-  /// From this height on it is in the air. `h` comes in steps of 0.1 m: 0.15 would accept a single step, 0.5 would
-  /// take a drone that hovers low for one that stands.
+  /// From here on it is in the air. `h` has steps of 0.1 m: 0.15 accepts one step, 0.5 takes a low hover for standing.
   float airborne_m = 0.25F;
-  /// Up to this distance below it, it is down: tof shows 0.10 m on the ground. Half is never seen; double is a drone
-  /// that hovers low.
+  /// Up to this distance it is down: tof shows 0.10 m on the ground. Half is never seen; double is a low hover.
   float grounded_m = 0.15F;
 };
 
 struct PlayoutSettings {
-  /// A FLY or TAKEOFF plan made from an older state is dropped. At 1 m/s the drone is 2 m from where the plan
-  /// assumes it to be. Half would refuse most plans of a ledger that takes a second both ways; double flies what was
-  /// planned for another place.
+  /// A FLY or TAKEOFF plan made from an older state is dropped: at 1 m/s the drone is 2 m from there. Half would refuse
+  /// most plans of a ledger that takes a second both ways; double flies what was planned for another place.
   TimeNs max_age_ns = 2 * ns_per_s;
-  /// A setpoint further in the future is a bad value: it may be of a clock that is not this host's. It must be above
-  /// what ground plans ahead and the ledger's delay, or good plans are dropped; double only lets errors wait for
-  /// longer.
+  /// A later setpoint is a bad value: perhaps of another host's clock. It must be above what ground plans ahead and the
+  /// ledger's delay, or good plans are dropped; double only lets errors wait for longer.
   TimeNs max_ahead_ns = 5 * ns_per_s;
   /// How long the only setpoint of a plan is valid: three plans at 30 Hz, so that one lost plan leaves no gap. Half
   /// is less than two plans, and jitter makes gaps; double flies 0.1 m further at 1 m/s with no plan behind it.
@@ -97,13 +85,11 @@ struct PlayoutSettings {
   /// Upper bound of the adaptive playout margin; 0 disables it. Blocks of 50 commands at 30 Hz ask for 0.8 s
   /// (BurstsTest). Half drops part of such plans as late; double flies a metre behind the path at 0.5 m/s.
   TimeNs max_margin_ns = 1 * ns_per_s;
-  /// Of the plans' lateness: so many are to come in time. The rest is bridged by the plan before. At 0.9 three plans
-  /// a second are late; at 0.995 the third latest of 256 decides, and one stall delays the flight for the 8 s that
-  /// its plans are remembered.
+  /// Of the plans' lateness: so many are to come in time. The rest is bridged by the plan before. At 0.9 three plans a
+  /// second are late; at 0.995 the third latest of 256 decides, and one stall delays the flight for 8 s.
   double margin_quantile = 0.98;
-  /// Of the horizontal velocity: stopped within half a metre at 4 m/s². rc ends at 1 m/s as clients have it, so half
-  /// is felt by nobody whose rc is as assumed; doubled the way to stop is two metres, and beyond the drone's slow
-  /// mode.
+  /// Of the horizontal velocity: stopped within half a metre at 4 m/s². rc ends at 1 m/s as clients have it, so half is
+  /// felt by nobody; doubled it stops within two metres, and leaves the slow mode.
   float max_speed_mps = 2.0F;
   /// Half of it: the drone's own height comes ten times a second, so it is known to 0.1 m. Halved a landing path
   /// takes twice as long; doubled the floor is 0.2 m nearer than the newest text says.
@@ -134,34 +120,28 @@ struct RcSettings {
 /// What the failsafe does while agent does not trust the ledger.
 enum class OnUntrustedLedger : std::uint8_t { ignore = 0, hold = 1, land = 2 };
 constexpr const char* name(OnUntrustedLedger action) noexcept {
-  constexpr std::array names{"ignore", "hold", "land"};
-  static_assert(names.size() == enum_count<OnUntrustedLedger>);
-  const auto at = static_cast<std::size_t>(action);
-  return at < names.size() ? names[at] : "unknown";
+  return name_of(action, std::array{"ignore", "hold", "land"});
 }
 
 struct FailsafeSettings {
   /// From the end of the plan until the mode says hold; the ramp to zero begins at once. Three plans at 30 Hz: with
   /// half each late plan is a hold, and each hold a transition on the ledger; with double a gap of six goes unsaid.
   TimeNs hold_grace_ns = 100 * ns_per_ms;
-  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/deaths.md), short beside 13
-  /// min of battery and the drift of a drone without a pose. Half lands for a pause that would have ended; double
-  /// lets a drone that nobody steers drift for 10 s.
+  /// Of hold or brake, then land. Long enough for an agent that is started again (docs/deaths.md), short beside 13 min
+  /// of battery. Half lands for a pause that would have ended; double lets a drone drift for 10 s.
   TimeNs land_after_ns = 5 * ns_per_s;
   /// Agent sends a heartbeat every 50 ms, every 100 at the latest: five in a row are missing. With half a silence would
   /// go on until heartbeats come closer than 125 ms, and one late heartbeat would keep it; with double a hold says for
   /// a second that plans ran out, when agent is dead. A plan in hand is flown to its end either way.
   TimeNs agent_silent_ns = 500 * ns_per_ms;
-  /// The Tello's state text comes at 10 Hz: ten in a row are missing. With half five lost texts brake, and to end
-  /// that brake they must come closer than 250 ms; with double the drone flies two metres at 1 m/s with neither
-  /// battery nor height known.
+  /// The Tello's state text comes at 10 Hz: ten in a row are missing. With half five lost texts brake, and end it only
+  /// closer than 250 ms; with double the drone flies two metres at 1 m/s with neither battery nor height known.
   TimeNs state_stale_ns = 1 * ns_per_s;
   /// While agent is heard. At 1 m/s the place is known to 0.3 m when the brake begins: double doubles that. Half must
   /// still be more than mocap's period, and so must its half, by which a brake ends.
   TimeNs pose_lost_ns = 300 * ns_per_ms;
-  /// Of a drone that is flown by onboard odometry: without a usable velocity. Five texts in a row are missing, or see
-  /// nothing: at 1 m/s the drone goes half a metre unmeasured. Half is two lost texts and a late one; double is a
-  /// metre.
+  /// Of a drone that is flown by onboard odometry: without a usable velocity. Five texts are missing, or see nothing:
+  /// half a metre unmeasured at 1 m/s. Half is two lost texts and a late one; double is a metre.
   TimeNs velocity_lost_ns = 500 * ns_per_ms;
   /// Of a drone that is suspected to see nothing and that nothing else places or holds: its sticks are at zero at once,
   /// and after this it lands. Five texts, in which one that sees shows it: half is two lost texts and a late one; with
@@ -169,12 +149,10 @@ struct FailsafeSettings {
   TimeNs dark_land_after_ns = 500 * ns_per_ms;
   /// The fence is drawn in by so many standard deviations of the position: beyond three is one sample in 370.
   double fence_sigmas = 3;
-  /// So much of it must be left, along x and y, or nobody can fly a path in it. Half is narrower than a drone that
-  /// overshoots; double refuses rooms of 3 m.
+  /// So much of it must be left along x and y. Half is narrower than a drone overshoots; double refuses rooms of 3 m.
   double min_room_m = 0.5;
-  /// Of the heading: with more a path leads somewhere else, and the fence holds another place. 17 degrees: a tenth of a
-  /// metre beside each third of one; half is what somebody makes who puts a drone down by eye twice; double is a
-  /// spiral.
+  /// Of the heading, 17 degrees: with more a path leads somewhere else, and the fence holds another place. Half is what
+  /// somebody makes who puts a drone down by eye twice; double is a spiral.
   double max_yaw_sigma_rad = 0.3;
   /// Of the position: with more nobody knows where it is, and a fence around that place would hold it anywhere.
   double lost_sigma_m = 5;
@@ -188,15 +166,14 @@ struct FailsafeSettings {
   /// No take-off, and a warning in the air: of 13 min nearly 2 are left. Half is below battery_critical; with double
   /// a third of each battery cannot be taken off with.
   float battery_low = 0.15F;
-  /// Land at once: about a minute is left, a landing from 3 m takes 6 s, and at 5 % a Tello refuses to take off. Half
-  /// is below that; double is above battery_low.
+  /// Land at once: a minute is left. Half is below the 5 % at which a Tello refuses to take off; double above
+  /// battery_low.
   float battery_critical = 0.08F;
   /// A low battery is forgotten only above the threshold by this: the state text has whole percents, so 0.01 is one
   /// step back and forth. Half is still a step; double holds a warning up for longer where a battery was changed.
   float battery_margin = 0.03F;
-  /// Agent leaves out alone what cannot be trusted, and what stays away becomes silence: so nothing is done besides
-  /// unless the config asks for it. A peer that feeds agent blocks can take that trust away at will, and would bring
-  /// drones down by it.
+  /// Agent leaves out what cannot be trusted, which becomes silence: so nothing is done besides unless the config asks
+  /// for it. A peer that feeds agent blocks can take that trust away at will, and would bring drones down.
   OnUntrustedLedger on_untrusted_ledger = OnUntrustedLedger::ignore;
 };
 
@@ -212,10 +189,7 @@ constexpr bool uses_mocap(PoseSource source) noexcept {
 }
 constexpr bool uses_odometry(PoseSource source) noexcept { return source != PoseSource::mocap; }
 constexpr const char* name(PoseSource source) noexcept {
-  constexpr std::array names{"mocap", "tello", "pads", "mocap+tello"};
-  static_assert(names.size() == enum_count<PoseSource>);
-  const auto at = static_cast<std::size_t>(source);
-  return at < names.size() ? names[at] : "unknown";
+  return name_of(source, std::array{"mocap", "tello", "pads", "mocap+tello"});
 }
 
 /// A drone's own odometry. Standard deviations, of the simulator's drone where nobody measured a Tello [A].
@@ -233,9 +207,8 @@ struct OdometrySettings {
   /// hovering Tello drifts by up to 5 cm/s and goes on to for a minute [A]. Half is beside the truth by three
   /// deviations then; double ends a flight without fixes after 20 s in a room of 6 m.
   double flow_mps = 0.035, flow_s = 60;
-  /// Its scale: a flow is an angle until it is multiplied by a height. Of the one public trace of a Tello 0.7 m of 1.0
-  /// m were reported, two of these. Half would draw the fence in by what a third of drones exceed; double ends a flight
-  /// of 10 m.
+  /// Its scale, by a height. In the one public trace of a Tello 0.7 m of 1.0 m were reported, two of these. Half would
+  /// draw the fence in by what a third of drones exceed; double ends a flight of 10 m.
   double flow_scale = 0.15;
   double velocity_scale = 1;        ///< what vgx and vgy are multiplied by
   bool velocity_truncated = false;  ///< they are cast to whole dm/s, toward zero; else rounded
@@ -261,13 +234,11 @@ struct PadSettings {
 struct FenceSettings {
   std::array<double, 3> min_m{-20, -20, 0};  ///< 40 m by 40 m: a user who flies in a room sets its bounds
   std::array<double, 3> max_m{20, 20, 3};
-  /// Outward speed is at most the distance to the fence over this. With the drone's response of 0.3 s, first order,
-  /// the approach then overshoots by 2 % of the way (a damping of 0.76); with half by 13 %, double flies the last 1.4
-  /// m slower than 1 m/s for nothing.
+  /// Outward speed is at most the distance to the fence over this. With its response of 0.3 s a drone overshoots by 2 %
+  /// of the way; with half by 13 %, double flies the last 1.4 m slower for nothing.
   double slow_s = 0.7;
-  /// Beyond the fence, faster outward than this counts as still going outward. It is what gusts move a hovering drone
-  /// by (docs/sources.md, assumed): half takes a hover just outside for a flight, with double it drifts on at 0.2 m/s
-  /// until far_beyond_m.
+  /// Beyond the fence, faster than this is still going outward. Gusts move a hovering drone so (docs/sources.md,
+  /// assumed): half takes a hover for a flight, double drifts on at 0.2 m/s until far_beyond_m.
   double outward_mps = 0.1;
   /// Beyond the fence by this counts as still going outward, at any speed: it does not come back by itself. Half is
   /// the way to stop from 2 m/s; double is a metre more that a room beside the fence must leave free.
@@ -280,9 +251,8 @@ struct SeparationSettings {
   /// A Tello with its guards is 0.18 m wide. With half, a gust of 0.5 m/s for 0.3 s is more than what is left between
   /// two; with double three layers are all that fit under a ceiling of 3 m.
   double min_m = 0.5;
-  /// On top, for what the model does not know: an rc's rounding and gap, noise of poses. With 0.15 two that fly beside
-  /// each other drift together to 0.495 m in one of a hundred flights of eight; double keeps drones apart that could
-  /// pass.
+  /// On top, for what the model does not know: an rc's rounding and gap, noise of poses. With 0.15 one of a hundred
+  /// flights of eight comes to 0.495 m; double keeps drones apart that could pass.
   double margin_m = 0.18;
   double response_s = 0.3;   ///< of the drone to a velocity, first order (docs/sources.md)
   double reaction_s = 0.05;  ///< RcSettings::changing_gap_ns, and what the radio takes
@@ -292,9 +262,8 @@ struct SeparationSettings {
   /// Out of another's way in height. A landing's speed, the half of max_vertical: half keeps others waiting for 3 s,
   /// double climbs 0.4 m beyond where it is commanded to stop.
   double part_mps = 0.5;
-  /// A landing that was asked for waits so long until nobody is below, then it is begun all the same. Half ends within
-  /// detour_after_s and one way round, 6 s; double goes beyond the 20 s in which ground sees it land, or says that it
-  /// did not.
+  /// A landing waits so long until nobody is below, then it begins all the same. Half ends within detour_after_s and
+  /// one way round, 6 s; double goes beyond the 20 s in which ground sees it land.
   double landing_wait_s = 10;
 };
 
@@ -305,12 +274,10 @@ struct DroneSettings {
   OdometrySettings odometry{};
   /// The signs and the frame of vgx and vgy are known: else motion capture cannot be held against them.
   bool velocity_known = true;
-  /// Motion capture is missing when none of its poses has come for so long, and onboard odometry takes over with the
-  /// next text: three poses of 30 Hz. Half changes over for one that is lost; with double, a text that is lost as well,
-  /// and pose_lost_ns is over: it brakes.
+  /// When no pose of motion capture has come for so long, onboard odometry takes over: three poses of 30 Hz. Half
+  /// changes over for one that is lost; with double and a lost text pose_lost_ns is over: it brakes.
   TimeNs odometry_after_ns = 100 * ns_per_ms;
-  /// A pilot may fly it on, and take off with it, without a usable position; then no wall of the fence holds, only its
-  /// ceiling. For a pilot who sees the drone.
+  /// A pilot, who sees it, may fly it and take off without a usable position; then only the fence's ceiling holds.
   bool by_hand_without_pose = false;
   std::string serial{};  ///< what `sn?` must answer before a take-off; empty: not asked
   /// Its poses are in the frame of the others': only then it can be kept apart from them.
@@ -325,9 +292,8 @@ struct LinkSettings {
   /// Between two steps; a longer one means that link is not healthy. 250 steps of the real-time loop: half takes a
   /// busy machine's scheduler for a fault; with double the drone flies half a metre at 1 m/s on an rc of long ago.
   TimeNs health_gap_ns = 250 * ns_per_ms;
-  /// ... for this long: no rc, so that a link that stutters lets the Tello land itself. A link that stutters twice a
-  /// second never sends; with half it would, and hold the drone up for ever. Double only delays the hold that
-  /// follows.
+  /// ... for this long: no rc, so that a link that stutters lets the Tello land itself. With half one that stutters
+  /// twice a second would send, and hold the drone up. Double delays the hold that follows.
   TimeNs health_rest_ns = 1 * ns_per_s;
   SessionSettings session;
   PlayoutSettings playout;

@@ -10,7 +10,6 @@
 #include <set>
 #include <utility>
 
-#include "common/config/config.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 
@@ -32,69 +31,59 @@ Result<sockaddr_in> parse_address(const std::string& host, const std::string& po
   return address;
 }
 
-TimeNs read_ms(Config& config, const Key& key, TimeNs otherwise, double min_ms, double max_ms) {
-  return from_seconds(config.number(key, to_ms(otherwise), min_ms, max_ms) / 1000);
+// Each reads a key into the value that it sets, which is its default as well.
+template <typename Number>
+void read_number(Config& config, const char* key, Number& value, double min, double max, std::string_view about) {
+  value = static_cast<Number>(config.number({key, about}, static_cast<double>(value), min, max));
 }
 
-TimeNs read_s(Config& config, const Key& key, TimeNs otherwise, double min_s, double max_s) {
-  return from_seconds(config.number(key, to_seconds(otherwise), min_s, max_s));
+void read_ms(Config& config, const char* key, TimeNs& value, double min, double max, std::string_view about) {
+  value = from_seconds(config.number({key, about}, to_ms(value), min, max) / 1000);
 }
 
-float read_float(Config& config, const Key& key, float otherwise, double min, double max) {
-  return static_cast<float>(config.number(key, static_cast<double>(otherwise), min, max));
+void read_s(Config& config, const char* key, TimeNs& value, double min, double max, std::string_view about) {
+  value = from_seconds(config.number({key, about}, to_seconds(value), min, max));
+}
+
+template <typename Enum>
+Enum read_choice(Config& config, const Key& key, Enum otherwise) {
+  std::vector<std::string> names;
+  for (std::size_t i = 0; i < enum_count<Enum>; ++i) names.emplace_back(name(static_cast<Enum>(i)));
+  return from_name<Enum>(config.choice(key, names, name(otherwise))).value_or(otherwise);
 }
 
 void read_limits(Config& config, PlayoutSettings& playout) {
-  playout.max_speed_mps = read_float(
-      config,
-      {"limits.speed_mps",
-       "upper bound of the horizontal velocity, whatever a plan says; above what rc 100 means it bounds nothing"},
-      playout.max_speed_mps, 0.05, 10);
-  playout.max_vertical_mps =
-      read_float(config,
-                 {"limits.vertical_mps",
-                  "upper bound of climbing and sinking: what rc 100 means, so that a higher one bounds nothing"},
-                 playout.max_vertical_mps, 0.05, 10);
-  playout.max_acceleration_mps2 =
-      read_float(config,
-                 {"limits.acceleration_mps2",
-                  "how fast the velocity asked for may change, and the ramp to zero of a hold: lower stops later. "
-                  "Ground must know the same (its flight.max_acceleration_mps2)"},
-                 playout.max_acceleration_mps2, 0.1, 50);
-  playout.max_yaw_rate_radps = read_float(
-      config,
-      {"limits.yaw_rate_radps", "upper bound of turning: what rc 100 means, so that nothing is cut short there"},
-      playout.max_yaw_rate_radps, 0.01, 10);
-  playout.max_yaw_acceleration_radps2 =
-      read_float(config, {"limits.yaw_acceleration_radps2", "how fast the rate of turning may change"},
-                 playout.max_yaw_acceleration_radps2, 0.1, 100);
+  read_number(
+      config, "limits.speed_mps", playout.max_speed_mps, 0.05, 10,
+      "upper bound of the horizontal velocity, whatever a plan says; above what rc 100 means it bounds nothing");
+  read_number(config, "limits.vertical_mps", playout.max_vertical_mps, 0.05, 10,
+              "upper bound of climbing and sinking: what rc 100 means, so that a higher one bounds nothing");
+  read_number(
+      config, "limits.acceleration_mps2", playout.max_acceleration_mps2, 0.1, 50,
+      "how fast the velocity asked for may change, and the ramp to zero of a hold: lower stops later. Ground must "
+      "know the same (its flight.max_acceleration_mps2)");
+  read_number(config, "limits.yaw_rate_radps", playout.max_yaw_rate_radps, 0.01, 10,
+              "upper bound of turning: what rc 100 means, so that nothing is cut short there");
+  read_number(config, "limits.yaw_acceleration_radps2", playout.max_yaw_acceleration_radps2, 0.1, 100,
+              "how fast the rate of turning may change");
 }
 
 void read_playout(Config& config, PlayoutSettings& playout) {
-  playout.max_age_ns = read_ms(config,
-                               {"playout.max_age_ms",
-                                "a plan made from an older state is dropped: longer flies by what is no longer true, "
-                                "shorter than the two-way latency drops every plan"},
-                               playout.max_age_ns, 10, 60'000);
-  playout.max_ahead_ns = read_ms(
-      config, {"playout.max_ahead_ms", "a setpoint meant for later than this is a bad value, such as of a wrong clock"},
-      playout.max_ahead_ns, 10, 60'000);
-  playout.max_margin_ns =
-      read_ms(config,
-              {"playout.max_margin_ms",
-               "upper bound of the adaptive playout margin, by which setpoints wait so that late ones still come in "
-               "order; 0 disables it, as in a flight around a path, where ground chooses the moment"},
-              playout.max_margin_ns, 0, 10'000);
+  read_ms(config, "playout.max_age_ms", playout.max_age_ns, 10, 60'000,
+          "a plan made from an older state is dropped: longer flies by what is no longer true, shorter than the "
+          "two-way latency drops every plan");
+  read_ms(config, "playout.max_ahead_ms", playout.max_ahead_ns, 10, 60'000,
+          "a setpoint meant for later than this is a bad value, such as of a wrong clock");
+  read_ms(config, "playout.max_margin_ms", playout.max_margin_ns, 0, 10'000,
+          "upper bound of the adaptive playout margin, by which setpoints wait so that late ones still come in order; "
+          "0 disables it, as in a flight around a path, where ground chooses the moment");
 }
 
 void read_rc(Config& config, RcSettings& rc) {
-  rc.full_scale_mps = read_float(
-      config,
-      {"rc.full_scale_mps", "the velocity that rc 100 means; not documented by the maker, clients take rc as cm/s"},
-      rc.full_scale_mps, 0.1, 20);
-  rc.full_scale_radps =
-      read_float(config, {"rc.full_scale_radps", "the rate of turning that rc 100 means: 100 degrees/s"},
-                 rc.full_scale_radps, 0.1, 20);
+  read_number(config, "rc.full_scale_mps", rc.full_scale_mps, 0.1, 20,
+              "the velocity that rc 100 means; not documented by the maker, clients take rc as cm/s");
+  read_number(config, "rc.full_scale_radps", rc.full_scale_radps, 0.1, 20,
+              "the rate of turning that rc 100 means: 100 degrees/s");
   const auto signs =
       config.numbers({"rc.signs", "sign of each rc channel against left, forward, up, counter-clockwise"}, 4,
                      {rc.signs[0], rc.signs[1], rc.signs[2], rc.signs[3]});
@@ -102,72 +91,43 @@ void read_rc(Config& config, RcSettings& rc) {
 }
 
 void read_failsafe(Config& config, FailsafeSettings& failsafe) {
-  failsafe.hold_grace_ns = read_ms(
+  read_ms(config, "failsafe.hold_grace_ms", failsafe.hold_grace_ns, 0, 5'000,
+          "from the end of the last plan until the mode says hold; the ramp to zero begins at once. Shorter reports "
+          "each plan that is a little late");
+  read_s(config, "failsafe.land_after_s", failsafe.land_after_ns, 0.1, 600,
+         "of hold or brake without a break, then land: longer than a ledger takes to choose a new leader, and than "
+         "clear_after_ms");
+  // At half of it, what comes each 100 ms (heartbeats, state texts) must still be in time.
+  read_ms(config, "failsafe.agent_silent_ms", failsafe.agent_silent_ns, 250, 60'000,
+          "without a heartbeat of agent, it counts as gone: ten heartbeats of 50 ms. From 250, since heartbeats may be "
+          "100 ms apart");
+  read_ms(config, "failsafe.state_stale_ms", failsafe.state_stale_ns, 250, 60'000,
+          "without a state text of the drone, brake: ten texts at a Tello's 10 Hz");
+  read_ms(config, "failsafe.pose_lost_ms", failsafe.pose_lost_ns, 20, 60'000,
+          "without a new pose, brake: at 1 m/s the drone goes 0.3 m unmeasured meanwhile; ground must know the same "
+          "(its flight.pose_lost_ms)");
+  read_ms(config, "failsafe.velocity_lost_ms", failsafe.velocity_lost_ns, 250, 60'000,
+          "of a drone that is flown by onboard odometry: without a usable velocity, brake; texts come each 100 ms");
+  read_ms(config, "failsafe.dark_land_after_ms", failsafe.dark_land_after_ns, 0, 5'000,
+          "of a drone whose flow sees nothing and that nothing else places or holds: hovering blindly so long, then "
+          "land. Shorter lands who sees again, longer glides on in the dark");
+  read_number(config, "failsafe.fence_sigmas", failsafe.fence_sigmas, 0, 10,
+              "the fence is drawn in by so many standard deviations of the position");
+  read_number(config, "failsafe.min_room_m", failsafe.min_room_m, 0.1, 100,
+              "so much of the fence must then be left along x and y, or no path is flown: brake");
+  read_ms(config, "failsafe.clear_after_ms", failsafe.clear_after_ns, 0, 60'000,
+          "a brake ends when its cause has been away this long; at least half of each of the limits above, or a lonely "
+          "sign of life would end it");
+  failsafe.on_untrusted_ledger = read_choice(
       config,
-      {"failsafe.hold_grace_ms",
-       "from the end of the last plan until the mode says hold; the ramp to zero begins at once. Shorter reports "
-       "each plan that is a little late"},
-      failsafe.hold_grace_ns, 0, 5'000);
-  failsafe.land_after_ns = read_s(config,
-                                  {"failsafe.land_after_s",
-                                   "of hold or brake without a break, then land: longer than a ledger takes to choose "
-                                   "a new leader, and than clear_after_ms"},
-                                  failsafe.land_after_ns, 0.1, 600);
-  // At half of it, what comes as seldom as it may must still be in time: agent's heartbeats each 100 ms, state texts
-  // too.
-  failsafe.agent_silent_ns = read_ms(config,
-                                     {"failsafe.agent_silent_ms",
-                                      "without a heartbeat of agent, it counts as gone: ten heartbeats of 50 ms. From "
-                                      "250, since heartbeats may be 100 ms apart"},
-                                     failsafe.agent_silent_ns, 250, 60'000);
-  failsafe.state_stale_ns = read_ms(
-      config, {"failsafe.state_stale_ms", "without a state text of the drone, brake: ten texts at a Tello's 10 Hz"},
-      failsafe.state_stale_ns, 250, 60'000);
-  failsafe.pose_lost_ns = read_ms(
-      config,
-      {"failsafe.pose_lost_ms",
-       "without a new pose, brake: at 1 m/s the drone goes 0.3 m unmeasured meanwhile; ground must know the same "
-       "(its flight.pose_lost_ms)"},
-      failsafe.pose_lost_ns, 20, 60'000);
-  failsafe.velocity_lost_ns = read_ms(
-      config,
-      {"failsafe.velocity_lost_ms",
-       "of a drone that is flown by onboard odometry: without a usable velocity, brake; texts come each 100 ms"},
-      failsafe.velocity_lost_ns, 250, 60'000);
-  failsafe.dark_land_after_ns = read_ms(
-      config,
-      {"failsafe.dark_land_after_ms",
-       "of a drone whose flow sees nothing and that nothing else places or holds: hovering blindly so long, then land. "
-       "Shorter lands who sees again, longer glides on in the dark"},
-      failsafe.dark_land_after_ns, 0, 5'000);
-  failsafe.fence_sigmas =
-      config.number({"failsafe.fence_sigmas", "the fence is drawn in by so many standard deviations of the position"},
-                    failsafe.fence_sigmas, 0, 10);
-  failsafe.min_room_m = config.number(
-      {"failsafe.min_room_m", "so much of the fence must then be left along x and y, or no path is flown: brake"},
-      failsafe.min_room_m, 0.1, 100);
-  failsafe.clear_after_ns =
-      read_ms(config,
-              {"failsafe.clear_after_ms",
-               "a brake ends when its cause has been away this long; at least half of each of the "
-               "limits above, or a lonely sign of life would end it"},
-              failsafe.clear_after_ns, 0, 60'000);
-  failsafe.on_untrusted_ledger =
-      from_name<OnUntrustedLedger>(
-          config.choice(
-              {"failsafe.on_untrusted_ledger",
-               "when agent does not trust the ledger: brake and hover, or land, and do not take off. What cannot be "
-               "trusted is left out "
-               "anyway, and a peer or relay that feeds agent blocks would bring drones down"},
-              {name(OnUntrustedLedger::ignore), name(OnUntrustedLedger::hold), name(OnUntrustedLedger::land)},
-              name(failsafe.on_untrusted_ledger)))
-          .value_or(failsafe.on_untrusted_ledger);
-  failsafe.battery_low =
-      read_float(config, {"failsafe.battery_low", "share of a full battery: below it a warning, and no take-off"},
-                 failsafe.battery_low, 0.01, 0.95);
-  failsafe.battery_critical =
-      read_float(config, {"failsafe.battery_critical", "share of a full battery: below it land; below battery_low"},
-                 failsafe.battery_critical, 0, 1);
+      {"failsafe.on_untrusted_ledger",
+       "when agent does not trust the ledger: brake and hover, or land, and do not take off. What cannot be trusted is "
+       "left out anyway, and a peer or relay that feeds agent blocks would bring drones down"},
+      failsafe.on_untrusted_ledger);
+  read_number(config, "failsafe.battery_low", failsafe.battery_low, 0.01, 0.95,
+              "share of a full battery: below it a warning, and no take-off");
+  read_number(config, "failsafe.battery_critical", failsafe.battery_critical, 0, 1,
+              "share of a full battery: below it land; below battery_low");
 }
 
 // True: both corners are in the file.
@@ -183,14 +143,10 @@ bool read_fence(Config& config, LinkSettings& link) {
     fence.min_m[i] = low[i];
     fence.max_m[i] = high[i];
   }
-  link.failsafe.fence_land_after_ns = read_ms(
-      config,
-      {"fence.land_after_ms",
-       "beyond the fence and still going outward for this long: land. Shorter lands who is already turning back"},
-      link.failsafe.fence_land_after_ns, 0, 60'000);
-  fence.far_beyond_m =
-      config.number({"fence.far_beyond_m", "beyond the fence by this counts as going outward at any speed"},
-                    fence.far_beyond_m, 0, 1000);
+  read_ms(config, "fence.land_after_ms", link.failsafe.fence_land_after_ns, 0, 60'000,
+          "beyond the fence and still going outward for this long: land. Shorter lands who is already turning back");
+  read_number(config, "fence.far_beyond_m", fence.far_beyond_m, 0, 1000,
+              "beyond the fence by this counts as going outward at any speed");
   const std::string said = config.table_text("fence");
   return said.find("min_m") != std::string::npos && said.find("max_m") != std::string::npos;
 }
@@ -210,6 +166,128 @@ bool read_transport(Config& config, ShellSettings& settings) {
   if (!udp && memory.empty()) config.wrong("shim.memory", "is needed with tello.transport = \"shim\"");
   if (!udp) settings.shim = memory;
   return udp;
+}
+
+void read_odometry(Config& config, PoseSettings& pose) {
+  OdometrySettings& odometry = pose.odometry;
+  const auto signs =
+      config.numbers(Key{"pose.velocity_signs",
+                         "sign of each of vgx, vgy, vgz against forward, left, up, as `calibrate` measures them; "
+                         "must be there where onboard odometry is the source",
+                         "none"},
+                     3, {});
+  pose.has_signs = signs.size() == 3;
+  for (std::size_t i = 0; i < 3 && pose.has_signs; ++i) odometry.velocity_signs[i] = signs[i] < 0 ? -1.0F : 1.0F;
+  odometry.velocity_in_body =
+      config.choice(
+          {"pose.velocity_frame",
+           "the frame that vgx, vgy, vgz are reported in: the one it had at power on, or one that turns with it"},
+          {"power_on", "body"}, "power_on") == "body";
+  read_number(config, "pose.flow_mps", odometry.flow_mps, 0.001, 1,
+              "standard deviation of its velocities' slow error, for the variance");
+  read_number(config, "pose.flow_s", odometry.flow_s, 0.1, 600, "how long that error lasts (correlation time)");
+  read_number(config, "pose.flow_scale", odometry.flow_scale, 0, 0.5,
+              "standard deviation of its velocities' scale, wide until somebody measured it");
+  odometry.velocity_scale =
+      config.number({"pose.velocity_scale", "what vgx and vgy are multiplied by to be metres a second"}, 1, 0.5, 2);
+  odometry.velocity_truncated =
+      config.boolean({"pose.velocity_truncated", "vgx and vgy are cast to whole dm/s; else they are rounded"}, false);
+  read_number(config, "pose.velocity_lag_s", odometry.velocity_lag_s, 0, 1, "by how much vgx and vgy are late");
+  read_number(config, "pose.velocity_lag_sd_s", odometry.velocity_lag_sigma_s, 0, 1, "standard deviation of that");
+  read_number(config, "pose.max_unfixed_s", odometry.max_unfixed_s, 1, 3600,
+              "with pads: a path is flown for so long without one; then it brakes");
+  read_number(config, "pose.max_unfixed_m", odometry.max_unfixed_m, 1, 10'000, "the same, so far");
+}
+
+void read_pads(Config& config, std::vector<PadSettings>& pads) {
+  for (std::size_t i = 0; i < config.table_count({"pad", "mission pads, where they lie; for source \"pads\""}); ++i) {
+    const std::string key = fmt::format("pad.{}.", i);
+    PadSettings pad;
+    pad.id = static_cast<int>(config.number({key + "id", "the pad's number, printed on it"}, 1, 8));
+    const auto place = config.numbers({key + "position_m", "x, y, z of its middle in `map`"}, 3, {});
+    if (place.size() != 3 && !config.describes()) config.wrong(key + "position_m", "must be there: where the pad lies");
+    std::copy_n(place.begin(), std::min<std::size_t>(3, place.size()), pad.position_m.begin());
+    pad.yaw_rad = config.number({key + "yaw_rad", "where its arrow points, counter-clockwise from x"}, 0, -7, 7);
+    pads.push_back(pad);
+  }
+}
+
+void read_start(Config& config, const std::string& key, OdometrySettings& odometry) {
+  const auto start = config.numbers(
+      {key + "start_m", "where it stands when link first sees it, x, y, z in `map`; for its own odometry"}, 3,
+      {0, 0, 0});
+  std::copy_n(start.begin(), std::min<std::size_t>(3, start.size()), odometry.start_m.begin());
+  odometry.start_yaw_rad =
+      config.number({key + "start_yaw_rad", "where its nose points then, counter-clockwise from x"}, 0, -7, 7);
+}
+
+// Two that would be at one place have no common frame: they would not know of each other.
+Status check_starts(const std::string& path, const LinkSettings& link) {
+  for (std::size_t i = 0; i < link.drones.size(); ++i) {
+    for (std::size_t k = 0; k < i; ++k) {
+      const DroneSettings &one = link.drones[k], &other = link.drones[i];
+      if (uses_mocap(one.source) || uses_mocap(other.source)) continue;
+      if (!one.in_common_frame || !other.in_common_frame) continue;
+      const auto &a = one.odometry.start_m, &b = other.odometry.start_m;
+      if (std::hypot(a[0] - b[0], a[1] - b[1]) >= link.separation.min_m) continue;
+      return Error{fmt::format(
+          "{}: drones {} and {} fly by onboard odometry from one place ({:.2f}, {:.2f}): say start_m of each, or "
+          "common_frame = false of those that you keep apart by yourself",
+          path, one.name, other.name, b[0], b[1])};
+    }
+  }
+  return done;
+}
+
+Status check_pads(const std::string& path, const LinkSettings& link) {
+  std::set<int> ids;
+  for (const PadSettings& pad : link.pads) {
+    if (!ids.insert(pad.id).second) return Error{fmt::format("{}: two [[pad]] have id {}", path, pad.id)};
+  }
+  const bool wanted = std::any_of(link.drones.begin(), link.drones.end(),
+                                  [](const DroneSettings& drone) { return drone.source == PoseSource::pads; });
+  if (wanted && link.pads.empty())
+    return Error{fmt::format("{}: source \"pads\" needs a [[pad]] for each pad that lies there", path)};
+  if (!wanted && !link.pads.empty())
+    return Error{fmt::format("{}: [[pad]] goes with source \"pads\": no drone has it", path)};
+  return done;
+}
+
+void read_drone_pose(Config& config, const std::string& key, const PoseSettings& pose, DroneSettings& drone) {
+  drone.source =
+      read_choice(config, {key + "pose_source", "as pose.source, of this drone", "pose.source"}, pose.source);
+  drone.odometry = pose.odometry;
+  drone.odometry_after_ns = pose.odometry_after_ns;
+  const bool own = uses_odometry(drone.source);
+  drone.velocity_known = pose.has_signs;
+  if (own && !pose.has_signs && !config.describes()) {
+    config.wrong("pose.velocity_signs",
+                 fmt::format("must be there: drone {} flies by onboard odometry, or may, and with a wrong sign "
+                             "it flies away",
+                             drone.name));
+  }
+  read_start(config, key, drone.odometry);
+  drone.in_common_frame = config.boolean(
+      {key + "common_frame",
+       "its poses are in the frame of the others': else it is not kept apart from them, and you see to it"},
+      true);
+  drone.by_hand_without_pose =
+      config.boolean({key + "by_hand_without_pose",
+                      "a pilot, who sees it, may fly it without a usable position: then the fence is its ceiling alone",
+                      "true where onboard odometry alone is the source"},
+                     !uses_mocap(drone.source));
+}
+
+Status check_poses(const std::string& path, const LinkSettings& link) {
+  for (const DroneSettings& drone : link.drones) {
+    if (drone.source != PoseSource::mocap_then_tello || drone.odometry_after_ns < link.failsafe.pose_lost_ns) continue;
+    return Error{
+        fmt::format("{}: pose.odometry_after_ms must be less than failsafe.pose_lost_ms: drone {} would brake "
+                    "before onboard odometry takes over",
+                    path, drone.name)};
+  }
+  if (auto status = check_starts(path, link); !status) return status;
+  return check_pads(path, link);
 }
 
 struct DroneTable {
@@ -274,11 +352,10 @@ Status check_drones(const std::string& path, const std::vector<DroneTable>& tabl
 }
 
 void read_separation(Config& config, SeparationSettings& separation) {
-  separation.min_m = config.number(
-      {"separation.min_m",
-       "drones of this host never come nearer to each other, centre to centre; 0 switches it off. Larger needs more "
-       "room to pass"},
-      separation.min_m, 0, 10);
+  read_number(
+      config, "separation.min_m", separation.min_m, 0, 10,
+      "drones of this host never come nearer to each other, centre to centre; 0 switches it off. Larger needs more "
+      "room to pass");
 }
 
 // What is no simulation: simulated drones and a proxy's are on loopback, or behind the shim.
@@ -350,6 +427,23 @@ void read_output(Config& config, ShellSettings& settings) {
 
 }  // namespace
 
+PoseSettings read_pose(Config& config) {
+  PoseSettings pose;
+  pose.source =
+      read_choice(config,
+                  {"pose.source",
+                   "who says where drones are: motion capture (or any topic of poses) through agent, the "
+                   "drone's own velocities and heights, these and mission pads, or motion capture, and onboard "
+                   "odometry while its poses are missing"},
+                  PoseSource::mocap);
+  read_ms(config, "pose.odometry_after_ms", pose.odometry_after_ns, 20, 60'000,
+          "with mocap+tello: onboard odometry takes over when no pose of motion capture has come for so long; less "
+          "than failsafe.pose_lost_ms");
+  read_odometry(config, pose);
+  read_pads(config, pose.pads);
+  return pose;
+}
+
 void read_bounds(Config& config, LinkSettings& link) {
   read_limits(config, link.playout);
   read_rc(config, link.rc);
@@ -377,14 +471,12 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
       command_port, 0, 65535));
   const std::string listen = config.text(
       {"state.listen", "IPv4 and port where state texts arrive; drones always send to port 8890"}, "0.0.0.0:8890");
-  settings.link.rate_hz = config.number({"state.rate_hz",
-                                         "state samples a second of each drone: each is a transaction, or shares one; "
-                                         "ground answers each with a command"},
-                                        settings.link.rate_hz, 1, 200);
+  read_number(
+      config, "state.rate_hz", settings.link.rate_hz, 1, 200,
+      "state samples a second of each drone: each is a transaction, or shares one; ground answers each with a command");
   read_output(config, settings);
-  settings.loop_hz = config.number(
-      {"realtime.loop_hz", "turns of the loop: a setpoint waits for at most one. Half of it doubles that wait"},
-      settings.loop_hz, 100, 4000);
+  read_number(config, "realtime.loop_hz", settings.loop_hz, 100, 4000,
+              "turns of the loop: a setpoint waits for at most one. Half of it doubles that wait");
   settings.priority = static_cast<int>(config.integer(
       {"realtime.priority", "SCHED_FIFO, above agent's and below the kernel's own 99; 0: ordinary scheduling"},
       settings.priority, 0, 98));
@@ -396,11 +488,11 @@ Result<ShellSettings> read_settings(Config& config, const std::string& path) {
   read_failsafe(config, settings.link.failsafe);
   const bool fenced = read_fence(config, settings.link);
   read_separation(config, settings.link.separation);
-  if (auto status = config.finish(); !status) return status.error();
-  if (auto status = check_drones(path, tables, udp); !status) return status.error();
-  if (auto status = check_fence(path, settings.link.fence, fenced, real_drone(tables, udp)); !status)
-    return status.error();
-  if (auto status = check_failsafe(path, settings.link.failsafe); !status) return status.error();
+  for (const Status& status : {config.finish(), check_drones(path, tables, udp),
+                               check_fence(path, settings.link.fence, fenced, real_drone(tables, udp)),
+                               check_failsafe(path, settings.link.failsafe)}) {
+    if (!status) return status.error();
+  }
 
   const std::size_t colon = listen.rfind(':');
   auto state_listen = colon == std::string::npos ? parse_address(listen, "")

@@ -34,8 +34,7 @@ struct ShellSettings {
 Result<ShellSettings> load_settings(const std::string& path);
 /// The same of a file that is open; `path` is for errors.
 Result<ShellSettings> read_settings(Config& config, const std::string& path);
-/// [limits], [rc] and [fence] alone, of a file that says them for a link.toml to come (deployment.toml). What is wrong
-/// is in config.finish().
+/// [limits], [rc] and [fence] alone, of deployment.toml, which says them for a link.toml to come.
 void read_bounds(Config& config, LinkSettings& link);
 
 /// What link.toml says of where drones are: [pose], [[pad]], and the keys of [[drone]] that belong to it.
@@ -48,9 +47,5 @@ struct PoseSettings {
 };
 
 PoseSettings read_pose(Config& config);
-/// `key`: "drone.0."
-void read_drone_pose(Config& config, const std::string& key, const PoseSettings& pose, DroneSettings& drone);
-/// What of all drones together cannot be flown; `path` is the file's.
-Status check_poses(const std::string& path, const LinkSettings& link);
 
 }  // namespace ledgerline::link

@@ -10,27 +10,28 @@ void LinkLoop::run(LoopClock& clock) noexcept {
   TimeNs give_up_ns = 0;
   while (true) {
     const TimeNs now = clock.wait(stop_);
-    if (clock.lost()) break;
-    if (packed_turns_.add(clock.due_ns(), now)) hand_over(packed_turns_.record());
+    if (clock.is_lost()) break;
+    trace_.add_turn(clock.due_ns(), now);
 
     const bool stopping = stop_.load(std::memory_order_relaxed);
     turn(clock, now, stopping);
-    turns_.store(++figures_.cycles, std::memory_order_relaxed);
+    turns_.store(++metrics_.cycles, std::memory_order_relaxed);
     if (!stopping) continue;
     if (give_up_ns == 0) give_up_ns = now + settings_.landing_bound_ns;
     if (core_.all_landed_or_commanded() || now >= give_up_ns) break;
   }
-  if (packed_turns_.record().extra < PackedTurns::capacity) hand_over(packed_turns_.record());
-  figures_.overruns = clock.overruns();
-  figures_.lateness = clock.late();
+  trace_.finish();
+  metrics_.trace_lost = trace_.lost();
+  metrics_.overruns = clock.overruns();
+  metrics_.lateness = clock.late();
   ended_.store(true, std::memory_order_release);
 }
 
 void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept {
   std::size_t plans = 0, poses = 0, heartbeats = 0;
-  while (heartbeats < max_heartbeats && end_.take_heartbeat(heartbeats_[heartbeats])) ++heartbeats;
-  while (poses < max_poses && end_.take_pose(poses_[poses])) ++poses;
-  while (plans < max_plans && end_.take_plan(plans_[plans])) ++plans;
+  while (heartbeats < heartbeats_.size() && end_.receive_heartbeat(heartbeats_[heartbeats])) ++heartbeats;
+  while (poses < poses_.size() && end_.receive_pose(poses_[poses])) ++poses;
+  while (plans < plans_.size() && end_.receive_plan(plans_[plans])) ++plans;
 
   const LinkOutputs& out =
       core_.step(now, {.received = transport_.receive(),
@@ -43,16 +44,10 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
   if (core_.checks().failed() && !std::exchange(check_reported_, true))
     spdlog::error("a check failed, all drones land: {}", core_.checks().first());
   local_stops_.store(bits(core_.local_stops()), std::memory_order_relaxed);
-  for (const auto& [drone, t_ns] : transport_.at_device()) {
-    TraceRecord& record = newest_sent_[drone];
-    if (record.kind != TraceKind::setpoint_sent) continue;
-    record.kind = TraceKind::setpoint_left;
-    record.t_ns = t_ns;
-    hand_over(record);
-  }
+  for (const Transport::AtDevice& left : transport_.at_device()) trace_.add_left(left);
   for (const ToSend& message : out.to_send) {
-    newest_sent_[message.drone] = {};
-    figures_.sends_failed += transport_.send(message) ? 0 : 1;
+    trace_.begin_sending(message.drone);
+    metrics_.sends_failed += transport_.send(message) ? 0 : 1;
   }
   const TimeNs sent_ns = out.to_send.empty() ? now : clock.now();
   for (const StateSample& state : out.states) {
@@ -65,14 +60,25 @@ void LinkLoop::turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept 
   if (!out.states.empty() || !out.transitions.empty()) publisher_.wake();
   // The same: a full ring is of drones that come and go faster than a person reads.
   for (const SerialReport& reported : out.serials) (void)serials_.push(reported);
-  for (TraceRecord record : out.trace) {
-    hand_over(record);
-    if (record.kind != TraceKind::command_applied) continue;
-    record.kind = TraceKind::setpoint_sent;
-    record.t_ns = sent_ns;
-    hand_over(record);
-    newest_sent_[record.drone] = record;
+  for (const TraceRecord& record : out.trace) {
+    trace_.add(record);
+    if (record.kind == TraceKind::command_applied) trace_.add_sent(record, sent_ns);
   }
+}
+
+void LoopTrace::add_sent(TraceRecord applied, TimeNs sent_ns) noexcept {
+  applied.kind = TraceKind::setpoint_sent;
+  applied.t_ns = sent_ns;
+  add(applied);
+  newest_sent_[applied.drone] = applied;
+}
+
+void LoopTrace::add_left(const Transport::AtDevice& left) noexcept {
+  TraceRecord& record = newest_sent_[left.drone];
+  if (record.kind != TraceKind::setpoint_sent) return;
+  record.kind = TraceKind::setpoint_left;
+  record.t_ns = left.t_ns;
+  add(record);
 }
 
 }  // namespace ledgerline::link

@@ -2,27 +2,58 @@
 #include <array>
 #include <atomic>
 #include <cstdint>
+#include <string>
 
+#include "common/base/result.hpp"
 #include "common/rt/histogram.hpp"
 #include "common/rt/loop_ticker.hpp"
-#include "common/rt/real_time.hpp"
 #include "common/rt/spsc_ring.hpp"
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/loop_clock.hpp"
 #include "onboard/link/shell/publisher_thread.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 
 namespace ledgerline::link {
 
-/// Figures of the loop; read after it ended.
-struct LoopFigures {
+/// Counts of the loop; read after it ended.
+struct LoopMetrics {
   std::uint64_t cycles = 0;
   std::uint64_t overruns = 0;  ///< cycles that began more than a period late
   Histogram lateness;          ///< of each cycle's begin
   std::uint64_t sends_failed = 0;
   std::uint64_t trace_lost = 0;  ///< the writer was behind
+};
+
+/// The loop's trace, on its way to the thread that writes it. All but records(): the loop's thread; wait-free.
+class LoopTrace {
+ public:
+  using Ring = SpscRing<TraceRecord, 16384>;
+
+  void add(const TraceRecord& record) noexcept { lost_ += ring_.push(record) ? 0 : 1; }
+  void add_turn(TimeNs due_ns, TimeNs begun_ns) noexcept {
+    if (turns_.add(due_ns, begun_ns)) add(turns_.record());
+  }
+  /// Of the turns since the last full record; behind the last turn.
+  void finish() noexcept {
+    if (turns_.record().extra < PackedTurns::capacity) add(turns_.record());
+  }
+  /// A drone is sent something: what it was sent before is forgotten.
+  void begin_sending(DroneNumber drone) noexcept { newest_sent_[drone] = {}; }
+  /// That carried the setpoint of this command_applied.
+  void add_sent(TraceRecord applied, TimeNs sent_ns) noexcept;
+  /// The network device had it.
+  void add_left(const Transport::AtDevice& left) noexcept;
+
+  std::uint64_t lost() const noexcept { return lost_; }
+  /// The writer's end: one thread.
+  Ring& records() noexcept { return ring_; }
+
+ private:
+  Ring ring_;
+  PackedTurns turns_;
+  std::array<TraceRecord, max_drones + 1> newest_sent_{};  ///< by drone: of its newest datagram, if with a setpoint
+  std::uint64_t lost_ = 0;                                 ///< the writer was behind
 };
 
 /// The one real-time loop: time-triggered, each turn polls shared memory and transport, steps the core, sends. Its only
@@ -55,24 +86,19 @@ class LinkLoop {
   std::uint64_t turns() const noexcept { return turns_.load(std::memory_order_relaxed); }
 
   /// The other thread's ends of the rings: one thread.
-  SpscRing<TraceRecord, 16384>& trace() noexcept { return trace_; }
+  LoopTrace::Ring& trace() noexcept { return trace_.records(); }
   SpscRing<StateSample, 512>& states() noexcept { return states_; }
   SpscRing<SerialReport, 64>& serials() noexcept { return serials_; }
 
   /// After ended().
-  const LoopFigures& figures() const noexcept { return figures_; }
+  const LoopMetrics& metrics() const noexcept { return metrics_; }
 
  private:
-  static constexpr std::size_t max_plans = 64;
-  static constexpr std::size_t max_poses = 128;
-  static constexpr std::size_t max_heartbeats = 32;  // as ipc's queue holds
-
   static std::uint32_t bits(const DroneSet& drones) noexcept {
     static_assert(max_drones < 32);
     return static_cast<std::uint32_t>(drones.to_ulong());
   }
   void turn(const LoopClock& clock, TimeNs now, bool stopping) noexcept;
-  void hand_over(const TraceRecord& record) noexcept { figures_.trace_lost += trace_.push(record) ? 0 : 1; }
 
   const std::atomic<bool>& stop_;
   const ShellSettings& settings_;
@@ -80,21 +106,22 @@ class LinkLoop {
   ipc::LinkEnd& end_;
   PublisherThread& publisher_;
   Transport& transport_;
-  std::array<Plan, max_plans> plans_{};
-  std::array<Pose, max_poses> poses_{};
-  std::array<AgentHeartbeat, max_heartbeats> heartbeats_{};
-  SpscRing<TraceRecord, 16384> trace_;
-  /// By drone: the record of its newest datagram, if that carried a setpoint.
-  std::array<TraceRecord, max_drones + 1> newest_sent_{};
-  PackedTurns packed_turns_;
+  std::array<Plan, 64> plans_{};
+  std::array<Pose, 128> poses_{};
+  std::array<AgentHeartbeat, 32> heartbeats_{};  ///< as ipc's queue holds
+  LoopTrace trace_;
   SpscRing<StateSample, 512> states_;
   SpscRing<SerialReport, 64> serials_;
-  LoopFigures figures_;
+  LoopMetrics metrics_;
   bool check_reported_ = false;
   std::atomic<bool> clear_local_stops_{false};
   std::atomic<std::uint32_t> local_stops_;
   std::atomic<bool> ended_{false};
   std::atomic<std::uint64_t> turns_{0};
 };
+
+/// The process around the loop: shared memory, sockets, the real-time thread, and in this thread everything that may
+/// block: signals, trace file, log, status lines, the summary. Returns the exit code.
+int run_link(const ShellSettings& settings);
 
 }  // namespace ledgerline::link

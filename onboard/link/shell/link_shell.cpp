@@ -1,4 +1,3 @@
-#include "onboard/link/shell/link_shell.hpp"
 
 #include <fmt/format.h>
 #include <pthread.h>
@@ -8,10 +7,12 @@
 #include <csignal>
 #include <ctime>
 #include <future>
+#include <nlohmann/json.hpp>
 #include <optional>
 #include <thread>
 #include <utility>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/msg/names.hpp"
 #include "common/program/program.hpp"
@@ -27,14 +28,81 @@ namespace {
 
 constexpr TimeNs housekeeping_period_ns = 10 * ns_per_ms;
 constexpr TimeNs roudi_period_ns = 1 * ns_per_s;
-constexpr TimeNs tend_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined again is no loss for longer
-constexpr TimeNs stops_retry_ns = 1 * ns_per_s;  // a disk that is full may have room again
-constexpr int publisher_below_loop = 10;         // priorities between the two are for what a user wants there
+constexpr TimeNs refresh_period_ns = 1 * ns_per_s;  // a Wi-Fi that is joined again is no loss for longer
+constexpr TimeNs stops_retry_ns = 1 * ns_per_s;     // a disk that is full may have room again
+constexpr int publisher_below_loop = 10;            // priorities between the two are for what a user wants there
 
 Result<std::uint64_t> random_boot_id() {
   std::uint64_t id = 0;
   if (::getrandom(&id, sizeof id, 0) != sizeof id) return Error{"the system gave no random bytes for a boot id"};
   return id;
+}
+
+// One status line (JSON) from the newest sample of each drone.
+std::string status_line(const LinkSettings& settings, const std::array<StateSample, max_drones + 1>& newest) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneSettings& drone : settings.drones) {
+    const StateSample& state = newest[drone.number];
+    const nlohmann::json pose_age_ms =
+        state.pose_stamp_ns > 0 ? nlohmann::json(to_ms(state.stamp_ns - state.pose_stamp_ns)) : nlohmann::json();
+    drones.push_back({{"name", drone.name},
+                      {"phase", name(state.phase)},
+                      {"mode", name(state.mode)},
+                      {"cause", name(state.cause)},
+                      {"battery", state.battery},
+                      {"temperature_c", state.temperature_c},
+                      {"position", state.position_m},
+                      {"pose_age_ms", pose_age_ms},
+                      {"applied", state.plans_applied},
+                      {"dropped", state.plans_dropped},
+                      {"late", state.plans_late}});
+  }
+  return nlohmann::json{{"link", {{"drones", drones}}}}.dump();
+}
+
+nlohmann::json to_json(const DroneReport& report, std::uint64_t states_lost) {
+  nlohmann::json reasons = nlohmann::json::object();
+  for (std::size_t i = 1; i < report.plans.dropped_by.size(); ++i) {
+    if (report.plans.dropped_by[i] > 0) reasons[name(static_cast<DropReason>(i))] = report.plans.dropped_by[i];
+  }
+  return {{"name", report.name},
+          {"states_sampled", report.states_sampled},
+          {"states_lost", states_lost},
+          {"commands_received", report.plans.received},
+          {"commands_applied", report.plans.applied},
+          {"commands_late", report.plans.late},
+          {"commands_dropped", report.plans.dropped},
+          {"drop_reasons", reasons},
+          {"transitions",
+           {{"made", report.transitions.made},
+            {"on_ledger", report.transitions.on_ledger},
+            {"lost", report.transitions.lost},
+            {"kept", report.transitions.kept}}},
+          {"age_ms", report.age_ms},
+          {"landed", report.landed},
+          {"phase", name(report.phase)}};
+}
+
+nlohmann::json to_json(const LoopMetrics& loop) {
+  const auto late_us = [&](double quantile) { return loop.lateness.quantile(quantile) / ns_per_us; };
+  return {{"cycles", loop.cycles},
+          {"overruns", loop.overruns},
+          {"lateness_us",
+           {{"p50", late_us(0.5)},
+            {"p95", late_us(0.95)},
+            {"p99", late_us(0.99)},
+            {"p99_9", late_us(0.999)},
+            {"max", loop.lateness.max() / ns_per_us}}},
+          {"sends_failed", loop.sends_failed},
+          {"trace_lost", loop.trace_lost}};
+}
+
+Status write_summary(const std::string& path, const LinkCore& core, const LoopMetrics& loop,
+                     const PublisherThread& publisher, bool realtime) {
+  nlohmann::json drones = nlohmann::json::array();
+  for (const DroneReport& report : core.reports()) drones.push_back(to_json(report, publisher.lost(report.number)));
+  const nlohmann::json summary{{"drones", drones}, {"loop", to_json(loop)}, {"realtime", realtime}};
+  return write_file(path, summary.dump(2) + "\n");
 }
 
 // The thread that may block, beside the loop.
@@ -45,7 +113,7 @@ class Housekeeping {
       : settings_(settings), loop_(loop), trace_(std::move(trace)), watchdog_(watchdog), stops_(stops), ends_(ends) {}
 
   void once(TimeNs now) {
-    keep_stops(now);
+    store_stops(now);
     for (TraceRecord record; loop_.trace().pop(record);) {
       if (trace_) trace_->add(record);
       if (record.kind == TraceKind::mode) log_mode(record);
@@ -59,10 +127,10 @@ class Housekeeping {
       next_status_ns_ = now + settings_.status_period_ms * ns_per_ms;
       print_status(status_line(settings_.link, newest_));
     }
-    if (ends_.needs_roudi && now >= next_roudi_ns_) watch_roudi(now);
-    if (now >= next_tend_ns_) {
-      next_tend_ns_ = now + tend_period_ns;
-      for (const std::string& news : ends_.drones->tend()) spdlog::warn("{}", news);
+    if (!settings_.lockstep && now >= next_roudi_ns_) watch_roudi(now);
+    if (now >= next_refresh_ns_) {
+      next_refresh_ns_ = now + refresh_period_ns;
+      for (const std::string& news : ends_.drones->refresh()) spdlog::warn("{}", news);
     }
     if (const std::uint64_t failed = watchdog_.failed(); failed > std::exchange(watchdog_failed_, failed))
       spdlog::warn("the service manager could not be notified that link lives, {} times so far", failed);
@@ -140,7 +208,7 @@ class Housekeeping {
                          [&](const DroneSettings& known) { return known.number == number; });
   }
 
-  void keep_stops(TimeNs now) {
+  void store_stops(TimeNs now) {
     const DroneSet stopped = loop_.local_stops();
     for (const DroneSettings& drone : settings_.link.drones) {
       if (stopped[drone.number] && !reported_stops_[drone.number])
@@ -150,7 +218,7 @@ class Housekeeping {
     }
     reported_stops_ = stopped;
     if (now < next_stops_ns_) return;
-    if (const Status status = stops_.keep(stopped); !status) {
+    if (const Status status = stops_.store(stopped); !status) {
       next_stops_ns_ = now + stops_retry_ns;
       spdlog::error("{}: a link that restarts would not know who is stopped", status.error().message);
     }
@@ -158,7 +226,7 @@ class Housekeeping {
 
   void watch_roudi(TimeNs now) {
     next_roudi_ns_ = now + roudi_period_ns;
-    const bool lives = ipc::roudi_lives();
+    const bool lives = ipc::is_roudi_alive();
     if (roudi_lives_ && !lives) {
       spdlog::error(
           "RouDi is gone: what is connected goes on, but nobody new can join; once nothing flies, link ends, to be "
@@ -179,7 +247,7 @@ class Housekeeping {
   std::array<StateSample, max_drones + 1> newest_{};
   TimeNs next_status_ns_ = 0;
   TimeNs next_roudi_ns_ = 0;
-  TimeNs next_tend_ns_ = 0;
+  TimeNs next_refresh_ns_ = 0;
   bool roudi_lives_ = true;
 };
 
@@ -190,7 +258,7 @@ bool wait_for_clear(const sigset_t& clear) {
 }
 
 // Who cannot know which drones are stopped stops all of them.
-DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
+DroneSet previous_stops(const ShellSettings& settings, LocalStopsFile& file) {
   auto stopped = file.read();
   if (stopped) return *stopped;
   spdlog::error("{}: every drone counts as stopped at this host, until that is cleared", stopped.error().message);
@@ -199,11 +267,10 @@ DroneSet stops_of_before(const ShellSettings& settings, LocalStopsFile& file) {
   return all;
 }
 
-// How often it was started recently; none: nobody remembers. Then a link that dies and dies is taken for a first one
-// each time, which is no reason not to fly.
+// How often it was started recently; none: nobody remembers, which is no reason not to fly.
 std::optional<int> recent_starts(const ShellSettings& settings) {
   if (settings.starts.empty()) return std::nullopt;
-  const auto starts = note_start(settings.starts, monotonic_ns());
+  const auto starts = record_start(settings.starts, monotonic_ns());
   if (!starts) {
     spdlog::error("{}: a link that dies repeatedly would keep its drones in the air", starts.error().message);
     return std::nullopt;
@@ -264,7 +331,7 @@ void warn_of_lost_links(const LinkCore& core) {
     spdlog::error("not every drone was seen on the ground; a Tello lands by itself 15 s after the last command");
 }
 
-void tell_transitions(const LinkCore& core) {
+void report_transitions(const LinkCore& core) {
   for (const DroneReport& report : core.reports()) {
     const TransitionLog::Counters& t = report.transitions;
     if (t.lost > 0)
@@ -291,7 +358,7 @@ int run_link(const ShellSettings& settings) {
 
   LocalStopsFile stops(settings.local_stops, settings.link.drones);
   auto core =
-      std::make_unique<LinkCore>(settings.link, parts->boot_id, starts.value_or(1), stops_of_before(settings, stops));
+      std::make_unique<LinkCore>(settings.link, parts->boot_id, starts.value_or(1), previous_stops(settings, stops));
   auto loop =
       std::make_unique<LinkLoop>(settings, *core, *ends->agent, *parts->publisher, *ends->drones, stop_requested);
 
@@ -328,10 +395,10 @@ int run_link(const ShellSettings& settings) {
   core->finish();
   housekeeping.once(monotonic_ns());
   warn_of_lost_links(*core);
-  tell_transitions(*core);
+  report_transitions(*core);
   if (auto status = housekeeping.close(); !status) return fail(status.error());
   if (!settings.summary.empty()) {
-    if (auto status = write_summary(settings.summary, *core, loop->figures(), *parts->publisher, real_time.all());
+    if (auto status = write_summary(settings.summary, *core, loop->metrics(), *parts->publisher, real_time.all());
         !status)
       return fail(status.error());
   }

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <filesystem>
 #include <optional>
+#include <sstream>
 #include <string_view>
 #include <utility>
 
@@ -36,13 +37,8 @@ std::optional<std::vector<std::string>> names_in(std::string_view text) {
       text.substr(sum_at) != fmt::format("{}{:016x}\n", sum_word, sum_of(text.substr(0, sum_at))))
     return std::nullopt;
   std::vector<std::string> names;
-  std::string_view rest = text.substr(first_line.size(), sum_at - first_line.size());
-  while (!rest.empty()) {
-    const auto end = rest.find('\n');
-    if (end == std::string_view::npos) return std::nullopt;
-    names.emplace_back(rest.substr(0, end));
-    rest.remove_prefix(end + 1);
-  }
+  std::istringstream lines(std::string(text.substr(first_line.size(), sum_at - first_line.size())));
+  for (std::string name; std::getline(lines, name);) names.push_back(name);
   return names;
 }
 
@@ -84,7 +80,7 @@ std::string LocalStopsFile::text_of(const DroneSet& stopped) const {
   return text + fmt::format("{}{:016x}\n", sum_word, sum_of(text));
 }
 
-Status LocalStopsFile::keep(const DroneSet& stopped) {
+Status LocalStopsFile::store(const DroneSet& stopped) {
   if (path_.empty()) return done;
   std::string text = text_of(stopped);
   if (text == kept_) return done;
@@ -94,7 +90,7 @@ Status LocalStopsFile::keep(const DroneSet& stopped) {
   return done;
 }
 
-Result<int> note_start(const std::string& file, TimeNs now) {
+Result<int> record_start(const std::string& file, TimeNs now) {
   // Slots of the newest starts, the oldest of which gives way: one write, so that a kill tears nothing.
   std::array<TimeNs, 64> starts{};
   const int fd = ::open(file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0600);

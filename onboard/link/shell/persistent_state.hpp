@@ -17,12 +17,10 @@ class LocalStopsFile {
   /// `path`: empty: nobody remembers.
   LocalStopsFile(std::string path, std::vector<DroneSettings> drones);
 
-  /// The drones that are stopped: none where there is no file. An error: the file is there, and cannot be read or is
-  /// not whole. Then nobody knows which, and all are.
+  /// None where there is no file. An error: it cannot be read or is not whole. Then nobody knows which, and all are.
   Result<DroneSet> read();
-  /// Keeps them, with mode 0600; no effect where the file has them already. Names that this link does not fly stay in
-  /// it.
-  Status keep(const DroneSet& stopped);
+  /// With mode 0600; no effect where the file has them. Names that this link does not fly stay in it.
+  Status store(const DroneSet& stopped);
 
  private:
   std::string text_of(const DroneSet& stopped) const;
@@ -37,6 +35,6 @@ class LocalStopsFile {
 /// 64. CLOCK_MONOTONIC, so what was written before the computer was switched on last counts nothing. A file that is
 /// missing, torn or somebody else's text counts as none; the error is that it cannot be written, and then nobody
 /// remembers this start. Before the real-time loop: it waits for a disk.
-Result<int> note_start(const std::string& file, TimeNs now);
+Result<int> record_start(const std::string& file, TimeNs now);
 
 }  // namespace ledgerline::link

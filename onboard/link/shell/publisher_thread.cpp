@@ -9,7 +9,7 @@
 #include <cstring>
 #include <ctime>
 
-#include "common/rt/real_time.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 namespace ledgerline::link {
 

@@ -11,10 +11,9 @@
 
 namespace ledgerline::link {
 
-/// Carries states and transitions from the loop to agent, which it wakes, in a thread of its own. To publish,
-/// iceoryx 2.0 takes locks in shared memory that RouDi and agent take too; one of them killed while it holds one would
-/// stop the loop for ever. Here it stops the publisher: agent hears no more states, link flies on, and at its end has
-/// to be killed.
+/// Carries states and transitions from the loop to agent, which it wakes, in a thread of its own. To publish, iceoryx
+/// 2.0 takes locks in shared memory that RouDi and agent take too; one of them killed while it holds one would stop the
+/// loop for ever. Here it stops the publisher, and link flies on, but has to be killed at its end.
 class PublisherThread {
  public:
   /// `priority`: of its thread, SCHED_FIFO; 0, or where that is not permitted, an ordinary one. `looks`: it is not

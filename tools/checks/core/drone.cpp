@@ -7,7 +7,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/msg/pose_messages.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::checks {
 namespace {

@@ -19,8 +19,8 @@
 #include <sstream>
 
 #include "common/base/disk_space.hpp"
-#include "onboard/ipc/roudi_probe.hpp"
-#include "onboard/roudi/shared_memory.hpp"
+#include "onboard/ipc/ipc.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 namespace ledgerline::checks {
 namespace {

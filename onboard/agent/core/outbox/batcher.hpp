@@ -7,7 +7,7 @@
 #include "common/fabric/client/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "onboard/agent/core/records.hpp"
 
 namespace ledgerline::agent {

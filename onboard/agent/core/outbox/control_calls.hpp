@@ -6,7 +6,7 @@
 
 #include "common/fabric/client/repeat.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 namespace ledgerline::agent {

@@ -10,7 +10,7 @@
 #include "common/base/random.hpp"
 #include "common/fabric/client/outcome.hpp"
 #include "common/rt/clock.hpp"
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 #include "onboard/agent/core/outbox/batcher.hpp"
 
 namespace ledgerline::agent {

@@ -3,12 +3,69 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "common/base/enum_count.hpp"
 #include "onboard/link/core/fixed_vector.hpp"
-#include "onboard/link/core/playout/plan_admission.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
+
+constexpr const char* name(DropReason reason) noexcept {
+  return name_of(reason,
+                 std::array{"none", "too_old", "out_of_order", "superseded", "bad_value", "not_flying", "queue_full"});
+}
+
+/// What became of the plans. Once nothing is pending: received = applied + late + dropped.
+struct PlanCounters {
+  std::uint32_t received = 0;
+  std::uint32_t applied = 0;  ///< at least one setpoint flown, or its take-off, landing or stop begun
+  std::uint32_t late = 0;     ///< came, or could be flown, only after its last setpoint was over
+  std::uint32_t dropped = 0;
+  std::array<std::uint32_t, enum_count<DropReason>> dropped_by{};  ///< by DropReason
+};
+
+/// A plan that ended unflown, for the trace.
+struct PlanEnd {
+  std::uint64_t sequence = 0;
+  TimeNs state_stamp_ns = 0;
+  DropReason reason = DropReason::none;  ///< none: late
+};
+
+/// Of agent, when a lease has ended: its holder's plans are not flown to their end. It begins the next epoch.
+inline bool is_empty_plan(const Plan& plan) noexcept {
+  return plan.action == PlanAction::fly && plan.count == 0 && plan.sequence == 0;
+}
+
+/// Whether a drone's plan may be acted on, whatever its action, and what became of each. A plan never goes behind a
+/// newer one: (epoch, sequence) only rises. What wants flight must be young and made of plausible numbers; a landing is
+/// never too old, and what comes from the contract (stop, cut, stop_cleared) carries no sequence and is always
+/// admitted. Who acts on it reports here how it ended. Core: no allocation; one thread.
+class PlanAdmission {
+ public:
+  explicit PlanAdmission(const PlayoutSettings& settings) noexcept : settings_(settings) {}
+
+  /// Counts it as received. Anything but `none` means that it was dropped.
+  DropReason admit(TimeNs now, const Plan& plan) noexcept;
+
+  void record_applied() noexcept { ++counters_.applied; }
+  /// It ended unflown; none: it is late.
+  void record_end(const Plan& plan, DropReason reason) noexcept;
+
+  const PlanCounters& counters() const noexcept { return counters_; }
+  /// Plans that ended unflown since the last call of clear_ends().
+  const FixedVector<PlanEnd, 64>& ends() const noexcept { return ends_; }
+  void clear_ends() noexcept { ends_.clear(); }
+
+ private:
+  DropReason check(TimeNs now, const Plan& plan) const noexcept;
+
+  PlayoutSettings settings_;
+  std::uint64_t newest_epoch_ = 0;
+  std::uint64_t newest_sequence_ = 0;
+  bool any_ = false;
+  PlanCounters counters_;
+  FixedVector<PlanEnd, 64> ends_;
+};
 
 /// How much later than they say setpoints are to be flown because plans come late, as an audio jitter buffer does: a
 /// quantile of the lateness of the newest 256 plans, never negative. The margin moves to it slowly, so that the time of
@@ -18,7 +75,6 @@ class Margin {
   explicit Margin(const PlayoutSettings& settings) noexcept : settings_(settings) {}
   /// A plan came, this long after the time of its first setpoint (negative: before it).
   void add(TimeNs now, TimeNs lateness_ns) noexcept;
-  /// Moves on to `now`.
   TimeNs step(TimeNs now) noexcept;
   TimeNs value() const noexcept { return margin_ns_; }
 

@@ -60,9 +60,9 @@ Playout::CurrentSetpoint SetpointPath::desired(TimeNs now, bool waits_to_land) n
   return {.valid = true, .velocity = {{0, 0, -landing_mps}, 0}, .body_frame = by_hand_};
 }
 
-Velocity SetpointPath::apply_verdict(Velocity desired) const noexcept {
-  if (!verdict_ || verdict_->kind == Verdict::Kind::unchanged) return desired;
-  for (std::size_t i = 0; i < 3; ++i) desired.mps[i] = static_cast<float>(verdict_->velocity_mps[i]);
+Velocity SetpointPath::apply_clearance(Velocity desired) const noexcept {
+  if (!clearance_ || clearance_->kind == Clearance::Kind::unchanged) return desired;
+  for (std::size_t i = 0; i < 3; ++i) desired.mps[i] = static_cast<float>(clearance_->velocity_mps[i]);
   return desired;
 }
 
@@ -81,7 +81,7 @@ bool SetpointPath::fly(const LinkMoment& at, const Playout::CurrentSetpoint& set
   drawn_fence_ = steering.fence;
   Velocity goal;
   if (steering.follows || steering.steps_aside) {
-    const Velocity apart = apply_verdict(in_map(setpoint, steering.yaw_rad));
+    const Velocity apart = apply_clearance(in_map(setpoint, steering.yaw_rad));
     goal = clip_at_fence(drawn_fence_, steering.position_m, steering.height_m, apart);
   }
   const Velocity& limited = limiter_.step(at.now, goal, steering.brakes);
@@ -105,13 +105,12 @@ void SetpointPath::fall_silent(const LinkMoment& at) noexcept {
 }
 
 void SetpointPath::send(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept {
+  LEDGERLINE_CHECK(std::ranges::all_of(rc, [](int channel) { return std::abs(channel) <= 100; }), "rc keeps its range",
+                   drone_, rc[0], rc[1], rc[2], rc[3]);
   at.out.to_send.push({drone_, rc_text(rc)});
   at.out.trace.push({.t_ns = at.now,
                      .kind = TraceKind::rc_sent,
                      .drone = drone_,
-                     .extra = 0,
-                     .id = 0,
-                     .stamp_ns = 0,
                      .v = {double(rc[0]), double(rc[1]), double(rc[2]), double(rc[3])}});
   last_rc_ns_ = at.now;
   last_rc_ = rc;

@@ -4,14 +4,13 @@
 
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/playout.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
 
-/// Keeps a velocity within speed and acceleration limits: each call moves the output toward the desired, no faster than
-/// allowed. Core: no allocation; one thread.
+/// Keeps a velocity within speed and acceleration limits. Core: no allocation; one thread.
 class Limiter {
  public:
   explicit Limiter(const PlayoutSettings& settings) noexcept : settings_(settings) {}
@@ -32,7 +31,7 @@ class Limiter {
 /// How a setpoint is to be flown in a step, as failsafe and position say.
 struct Steering {
   bool follows = false;      ///< the setpoint is flown, else zero
-  bool steps_aside = false;  ///< else what the verdict says is
+  bool steps_aside = false;  ///< else what the clearance says is
   bool brakes = false;       ///< with twice the deceleration
   double yaw_rad = 0;        ///< of the drone, in the map
   FenceSettings fence{};     ///< as it holds now
@@ -40,9 +39,8 @@ struct Steering {
   float height_m = 0;
 };
 
-/// A drone's setpoints from its admitted plans to what it is sent: playout, what the other drones leave of them, fence,
-/// limits, rc. Does not move: playout holds on to `admission`, which outlives it. Core: no I/O, no clock, no
-/// allocation; one thread.
+/// A drone's setpoints from its admitted plans to what it is sent: playout, the other drones, fence, limits, rc. Does
+/// not move; `admission` outlives it. Core: no I/O, no clock, no allocation; one thread.
 class SetpointPath {
  public:
   SetpointPath(DroneNumber drone, const LinkSettings& settings, PlanAdmission& admission) noexcept
@@ -54,9 +52,7 @@ class SetpointPath {
 
   void add(TimeNs now, const Plan& plan) noexcept { playout_.add(now, plan); }
   void drop_plans(DropReason reason) noexcept { playout_.clear(reason); }
-  /// How much later than they say setpoints are flown now.
   TimeNs margin_ns() const noexcept { return playout_.margin_ns(); }
-  /// When the newest plan ended or will end; 0: there was none.
   TimeNs covered_until_ns() const noexcept { return playout_.covered_until_ns(); }
 
   /// The newest plan that was to be flown is in the drone's frame.
@@ -66,16 +62,15 @@ class SetpointPath {
   Playout::CurrentSetpoint desired(TimeNs now, bool waits_to_land) noexcept;
 
   /// What of it may be flown, as separation says in this step; none: it is alone.
-  void set_verdict(const std::optional<Verdict>& verdict) noexcept { verdict_ = verdict; }
-  const std::optional<Verdict>& verdict() const noexcept { return verdict_; }
+  void set_clearance(const std::optional<Clearance>& clearance) noexcept { clearance_ = clearance; }
+  const std::optional<Clearance>& clearance() const noexcept { return clearance_; }
   /// Another wants it out of the way.
-  bool should_step_aside() const noexcept { return verdict_ && verdict_->kind == Verdict::Kind::part; }
+  bool should_step_aside() const noexcept { return clearance_ && clearance_->kind == Clearance::Kind::part; }
 
   void on_phase(TimeNs now, FlightPhase phase) noexcept;
   /// In every step that flies. True when it was sent something; then the caller may mark_applied().
   bool fly(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint, const Steering& steering) noexcept;
-  /// Link is not healthy: one zero, since the drone goes on with the last rc it got; then silence
-  /// (LinkSettings::health_rest_ns).
+  /// Link is not healthy: one zero, since a drone goes on with its last rc; then silence (health_rest_ns).
   void fall_silent(const LinkMoment& at) noexcept;
   void send_zero(const LinkMoment& at) noexcept { send(at, {}, {}); }
   /// True when it was its plan's first.
@@ -89,7 +84,7 @@ class SetpointPath {
   const FenceSettings& drawn_fence() const noexcept { return drawn_fence_; }
 
  private:
-  Velocity apply_verdict(Velocity desired) const noexcept;
+  Velocity apply_clearance(Velocity desired) const noexcept;
   void send(const LinkMoment& at, const Velocity& sent, const Rc& rc) noexcept;
 
   DroneNumber drone_;
@@ -97,14 +92,13 @@ class SetpointPath {
   Playout playout_;
   Limiter limiter_;
   bool by_hand_ = false;
-  std::optional<Verdict> verdict_;
+  std::optional<Clearance> clearance_;
   FenceSettings drawn_fence_;
   TimeNs last_rc_ns_ = 0;
   Rc last_rc_{};
   Velocity sent_;
 };
 
-/// A setpoint's velocity in the map.
 inline Velocity in_map(const Playout::CurrentSetpoint& setpoint, double yaw_rad) noexcept {
   return setpoint.body_frame ? to_map(setpoint.velocity, yaw_rad) : setpoint.velocity;
 }

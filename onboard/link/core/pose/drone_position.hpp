@@ -1,24 +1,54 @@
 #pragma once
+#include <Eigen/Core>
 #include <array>
 #include <vector>
 
 #include "common/msg/onboard.hpp"
-#include "onboard/link/core/pose/failover.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "onboard/link/core/pose/odometry.hpp"
 #include "onboard/link/core/pose/source_check.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/core/velocity.hpp"
-#include "onboard/link/core/watch/flow_watch.hpp"
-#include "onboard/link/core/watch/motion_watch.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
+
+/// Joins two sources of one drone's position: motion capture, and onboard odometry while motion capture is missing. The
+/// published position and heading never jump under the controller that uses them. The difference between the two at a
+/// change is let in at correction_mps and 10 degrees a second, and until then is part of the variance. Where nobody can
+/// have followed, on the ground or behind a gap without either, the new source counts at once.
+///
+/// Core: no I/O, no clock, no allocation; one thread.
+class Failover {
+ public:
+  enum class Source { none, mocap, own };
+
+  /// `after_ns`: no pose of motion capture has come for so long: it is missing.
+  Failover(TimeNs after_ns, double correction_mps) noexcept : after_ns_(after_ns), correction_mps_(correction_mps) {}
+
+  /// A pose of motion capture came that is not too old to fly by.
+  void on_mocap(TimeNs now) noexcept { heard_ns_ = now; }
+  /// It spoke once, and is missing now.
+  bool is_missing(TimeNs now) const noexcept { return heard_ns_ != 0 && now - heard_ns_ > after_ns_; }
+
+  /// The pose to publish when `source` says `pose`. `flies`: the drone is in the air.
+  Pose to_publish(Source source, const Pose& pose, bool flies) noexcept;
+  Source source() const noexcept { return source_; }
+
+ private:
+  TimeNs after_ns_;
+  double correction_mps_;
+  Source source_ = Source::none;
+  TimeNs heard_ns_ = 0;
+  Pose published_;
+  Eigen::Vector3d ahead_m_ = Eigen::Vector3d::Zero();  ///< what is published, less what the source says
+  double ahead_rad_ = 0;
+};
 
 /// Where a drone is and how it moves, by the source that its config names: motion capture, onboard odometry, or one in
 /// place of the other. Holds the sources against each other and the drone's motion against what it was sent, and
 /// carries the newest pose on by that. Core: no I/O, no clock, no allocation after construction; one thread.
 class DronePosition {
  public:
-  /// `pose_lost_ns`: FailsafeSettings::pose_lost_ns.
   DronePosition(const DroneSettings& drone, const std::vector<PadSettings>& pads, TimeNs pose_lost_ns);
 
   /// A state text that came at `now`. `stands`: it is seen on the ground; `sent`: its newest command.
@@ -26,8 +56,7 @@ class DronePosition {
   /// Of motion capture; ignored where that is not the source.
   void on_pose(TimeNs now, const Pose& pose, bool flies) noexcept;
   void on_phase(FlightPhase phase) noexcept;
-  /// Time passed while it was sent this: without a pose (agent died, its plan is flown to the end) the fence still
-  /// needs to know about where the drone is.
+  /// Time passed while it was sent this: the fence needs a position without a pose, too (agent died).
   void dead_reckon(double seconds, const Velocity& sent) noexcept;
   /// The clock stood still for so long while time passed.
   void grow_older(TimeNs slept_ns) noexcept;
@@ -36,17 +65,14 @@ class DronePosition {
   const Pose& pose() const noexcept { return pose_; }
   /// The same for the drone's pilot: it never jumps.
   const Pose& published_pose() const noexcept { return published_pose_; }
-  /// When the newest came.
   TimeNs pose_came_ns() const noexcept { return pose_came_ns_; }
   /// Of that pose, moved on by what was sent since.
   std::array<double, 3> position_m() const noexcept;
   /// The heading by which velocities of the map become rc.
   double yaw_rad(TimeNs now) const noexcept;
 
-  /// It comes from onboard odometry.
   bool is_by_odometry() const noexcept;
-  /// It flies by mission pads, and has seen none for too long.
-  bool is_fix_overdue() const noexcept { return source_ == PoseSource::pads && odometry_.overdue(); }
+  bool is_fix_overdue() const noexcept { return source_ == PoseSource::pads && odometry_.is_overdue(); }
   /// Motion capture and its own velocity contradict each other: neither is used ...
   bool has_source_conflict() const noexcept {
     return source_check_.verdict() == SourceCheck::Verdict::differ || are_sources_unresolved();
@@ -55,7 +81,6 @@ class DronePosition {
   bool are_sources_unresolved() const noexcept {
     return source_ == PoseSource::mocap && source_check_.verdict() == SourceCheck::Verdict::unresolved;
   }
-  /// It moves otherwise than it is sent.
   bool does_motion_differ() const noexcept { return motion_watch_.differs(); }
   /// Since when its flow is suspected to see nothing and nothing else holds it; 0: it is not.
   TimeNs dark_since_ns(TimeNs now) const noexcept;

@@ -1,5 +1,6 @@
 #include "onboard/link/core/pose/odometry.hpp"
 
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
@@ -84,18 +85,16 @@ Eigen::Vector3d Odometry::reported_velocity(const TelloState& state) const noexc
     const double cut_off = settings_.velocity_truncated && reported != 0 ? velocity_step_mps / 2 : 0;
     velocity[i] = (i < 2 ? settings_.velocity_scale : 1) * (reported + std::copysign(cut_off, reported));
   }
-  if (settings_.velocity_in_body) {
-    const double c = std::cos(drone_yaw_rad_), s = std::sin(drone_yaw_rad_);
-    velocity = {c * velocity.x() - s * velocity.y(), s * velocity.x() + c * velocity.y(), velocity.z()};
-  }
+  if (settings_.velocity_in_body)
+    velocity.head<2>() = Eigen::Rotation2Dd(drone_yaw_rad_) * Eigen::Vector2d(velocity.head<2>());
   return velocity;
 }
 
 Eigen::Vector3d Odometry::in_map(const Eigen::Vector3d& velocity) const noexcept {
-  const double angle = frame_yaw_rad_ + plane_[heading];
-  const double c = std::cos(angle), s = std::sin(angle), by = 1 + plane_[scale];
-  return {by * (c * velocity.x() - s * velocity.y()) - plane_[flow],
-          by * (s * velocity.x() + c * velocity.y()) - plane_[flow + 1], velocity.z()};
+  const Eigen::Vector2d turned =
+      Eigen::Rotation2Dd(frame_yaw_rad_ + plane_[heading]) * Eigen::Vector2d(velocity.head<2>());
+  const Eigen::Vector2d level = (1 + plane_[scale]) * turned - plane_.segment<2>(flow);
+  return {level.x(), level.y(), velocity.z()};
 }
 
 Eigen::Vector2d Odometry::velocity_mps() const noexcept {
@@ -169,7 +168,7 @@ void Odometry::widen(double metres) noexcept {
   plane_cov_(px + 1, px + 1) += square(metres);
 }
 
-void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
+void Odometry::on_state(TimeNs now, const TelloState& state, bool stands) noexcept {
   const bool first = text_ns_ == 0;
   // Texts may overtake each other, so in the air a `time` that falls is only an old text.
   const bool switched_off = stands && state.motor_s < motor_s_;
@@ -202,7 +201,7 @@ void Odometry::take(TimeNs now, const TelloState& state, bool stands) noexcept {
   const double let_in = settings_.correction_mps * seconds, held = held_back_m_.norm();
   held_back_m_ *= held > let_in ? 1 - let_in / held : 0;
   if (usable || stands) pose_.stamp_ns = now;
-  tell(velocity);
+  update_pose(velocity);
 }
 
 bool Odometry::heading_fits(const Fix& fix) noexcept {
@@ -265,10 +264,10 @@ void Odometry::fix(const Fix& fix) noexcept {
   last_fix_ = {.velocity_mps = last_fix_.velocity_mps + speed_change()};
   // On the ground nothing follows the reported pose, so nothing can jump.
   if (!stood_) held_back_m_ += before - place_now();
-  tell(last_velocity_mps_);
+  update_pose(last_velocity_mps_);
 }
 
-void Odometry::tell(const Eigen::Vector3d& velocity) noexcept {
+void Odometry::update_pose(const Eigen::Vector3d& velocity) noexcept {
   const Eigen::Vector3d known = Eigen::Vector3d(place().x(), place().y(), height_[z]) + held_back_m_;
   const Eigen::Vector3d moves = velocity.isZero() ? Eigen::Vector3d::Zero() : in_map(velocity);
   for (int i = 0; i < 3; ++i) {

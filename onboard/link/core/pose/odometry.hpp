@@ -8,8 +8,7 @@
 
 namespace ledgerline::link {
 
-/// A fix that is far off what a filter expects may be right all the same: it is accepted when so many in a row agree
-/// with each other, not only in being off.
+/// A fix far off what a filter expects may be right: it is accepted when so many in a row agree with each other.
 class FixAgreement {
  public:
   explicit FixAgreement(int needed) noexcept : needed_(needed) {}
@@ -43,7 +42,7 @@ class Odometry {
   /// A state text that came at `now`. `stands`: it is seen on the ground, so it does not move. It is where the settings
   /// say when it is first seen standing, and when it was switched off and on; first seen in the air (a link that starts
   /// again), or standing where it was seen flying before a silence, it may be anywhere.
-  void take(TimeNs now, const TelloState& state, bool stands) noexcept;
+  void on_state(TimeNs now, const TelloState& state, bool stands) noexcept;
   /// The clock stood still for so long while the drone went on: the next text counts as so much later.
   void grow_older(TimeNs slept_ns) noexcept {
     if (text_ns_ != 0) text_ns_ -= slept_ns;
@@ -64,7 +63,7 @@ class Odometry {
   double scale_sigma() const noexcept;
   const OdometrySettings& settings() const noexcept { return settings_; }
   /// It has flown for too long, or too far, since its position was last known by more than onboard odometry.
-  bool overdue() const noexcept {
+  bool is_overdue() const noexcept {
     return last_fix_.flown_s > settings_.max_unfixed_s || last_fix_.flown_m > settings_.max_unfixed_m;
   }
 
@@ -93,7 +92,7 @@ class Odometry {
   Eigen::Vector3d reported_velocity(const TelloState& state) const noexcept;
   Eigen::Vector3d in_map(const Eigen::Vector3d& velocity_mps) const noexcept;
   double yaw() const noexcept;
-  void tell(const Eigen::Vector3d& velocity_mps) noexcept;
+  void update_pose(const Eigen::Vector3d& velocity_mps) noexcept;
 
   OdometrySettings settings_;
   Plane plane_ = Plane::Zero();

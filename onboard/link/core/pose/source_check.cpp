@@ -12,11 +12,11 @@ constexpr double max_extrapolated_s = 0.2;  // two texts
 constexpr TimeNs max_pose_age_ns = 300 * ns_per_ms;  // as pose_lost_ns
 // A drone that is pushed flies 3 m/s before its own velocity says so, for a text at most; below 0.3 m it may be noise.
 constexpr double jump_m = 0.3, pushed_mps = 3, pushed_s = 0.1;
-constexpr double kick_mps = 1.5;       // from one text to the next: at 4 m/s2 0.4 m/s, and three times that
-constexpr double drift_mps = 0.1;      // of its own velocity, as gusts and rounding have it
-constexpr double unmeasured_mps = 1;   // whose own velocity is not usable flies as fast as rc tells it at most
-constexpr double climb_mps = 1;        // PlayoutSettings::max_vertical_mps
-constexpr double height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
+constexpr double kick_mps = 1.5;           // from one text to the next: at 4 m/s2 0.4 m/s, and three times that
+constexpr double drift_mps = 0.1;          // of its own velocity, as gusts and rounding have it
+constexpr double unmeasured_mps = 1;       // whose own velocity is not usable flies as fast as rc tells it at most
+constexpr double climb_mps = 1;            // PlayoutSettings::max_vertical_mps
+constexpr double own_height_step_m = 0.3;  // h has steps of 0.1 m, and is 0.2 s old in a climb of 0.5 m/s
 constexpr double turn_rad = 0.09, turn_rad_per_s = 2.2;  // 5 degrees of noise; a Tello turns by 100 degrees/s
 constexpr double late_s = 0.3;                           // as late as a text may say its heading
 constexpr int texts_in_a_row = 3;                        // one that is torn or late is no contradiction
@@ -78,7 +78,7 @@ bool PoseGate::accepts(const Pose& pose, const OwnPath& own, double scale_sigma,
     const double near = jump_m + pushed_mps * std::clamp(seconds, 0.0, pushed_s);
     if (moved.norm() > near && (moved - by_own).norm() > allowed) return false;
     const double rise = pose.position_m[2] - last_.position_m[2], own_rise = own.height_m - own_.height_m;
-    if (std::abs(rise) > near + climb_mps * seconds && std::abs(rise - own_rise) > allowed + height_step_m)
+    if (std::abs(rise) > near + climb_mps * seconds && std::abs(rise - own_rise) > allowed + own_height_step_m)
       return false;
     const double turned = angle(pose.yaw_rad - last_.yaw_rad), own_turned = angle(own.heading_rad - own_.heading_rad);
     if (std::abs(turned) > turn_rad + turn_rad_per_s * std::clamp(seconds, 0.0, pushed_s) &&
@@ -140,7 +140,7 @@ void SourceCheck::decide(TimeNs now, double share, const OwnMotion& own, const P
   }
 }
 
-void SourceCheck::take(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept {
+void SourceCheck::on_state(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept {
   path_.advance(now, own);
   scale_sigma_ = own.scale_sigma;
   if (!flying) {

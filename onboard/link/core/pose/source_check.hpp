@@ -66,17 +66,15 @@ class SourceCheck {
   /// Longer than gusts, rounding (0.05 m/s) and a late text; a frame that creeps at 0.2 m/s is seen in it. Half misses
   /// that; double is half a metre off before the brake.
   static constexpr TimeNs window_ns = 1800 * ns_per_ms;
-  /// What hovers with an own velocity that is cast to whole dm/s is off by, in a window. Half brakes such a drone,
-  /// double lets a frame creep by 0.2 m/s.
+  /// As a hover with velocities cast to whole dm/s is. Half brakes such a drone, double lets a frame creep by 0.2 m/s.
   static constexpr double apart_m = 0.15;
-  /// Of the path, at least: 0.1 m/s in 0.7 m/s. Half brakes for a tof over a carpet; double misses a quarter of the
-  /// speed.
+  /// Of the path: 0.1 m/s in 0.7 m/s. Half brakes for a tof over a carpet; double misses a quarter of the speed.
   static constexpr double apart_share = 0.15;
   /// A glitch has left the window by then. Half lands for one; double hovers 2 s longer on nothing.
   static constexpr TimeNs unresolved_after_ns = 2 * ns_per_s;
 
   /// A state text came at `now`. `pose`: the newest that its gate accepted.
-  void take(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept;
+  void on_state(TimeNs now, const OwnMotion& own, const Pose& pose, bool flying) noexcept;
   /// A pose of motion capture came: whether it is one (PoseGate).
   bool accepts(const Pose& pose, bool in_flight) noexcept;
 

@@ -18,8 +18,7 @@ namespace ledgerline::link {
 ///                                          or `emergency`, repeated
 // clang-format on
 ///
-/// A drone that is known to stand on the ground is sought without an end: nobody holds that one up. Core: no I/O, no
-/// allocation; one thread.
+/// A drone that is known to stand on the ground is sought without an end. Core: no I/O, no allocation; one thread.
 class LostLinkProtocol {
  public:
   enum class Command : std::uint8_t { land, emergency };
@@ -32,8 +31,7 @@ class LostLinkProtocol {
   void seek() noexcept;
   /// The command was sent for long already: silence, then the command again.
   void begin_silence(TimeNs now, Command command) noexcept;
-  /// Sends the command from now on; no effect while it is sent, or was sent and the silence goes on. `emergency`
-  /// outranks `land`.
+  /// Sends the command from now on, unless it is, or was and the silence goes on. `emergency` outranks `land`.
   void land(TimeNs now, Command command) noexcept;
   /// A request while the command is sent, or was: it is sent from the beginning. For the local key always, for the
   /// contract once in each round, for the holder once and only in the silence, if he did not ask before it.

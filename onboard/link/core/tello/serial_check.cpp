@@ -9,8 +9,7 @@ namespace {
 
 // An answer takes tens of ms: half would ask twice on a slow radio, double delays a first take-off by a lost datagram.
 constexpr TimeNs repeat_ns = 500 * ns_per_ms;
-// One may be the late answer to what link sent without state before; double delays a take-off of such a drone by as
-// much.
+// One may be the late answer to what link sent without state before; double delays such a drone's take-off.
 constexpr int refusals_needed = 3;
 constexpr std::size_t min_serial = 4;
 

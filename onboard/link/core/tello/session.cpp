@@ -1,8 +1,12 @@
 #include "onboard/link/core/tello/session.hpp"
 
 #include <algorithm>
+#include <cmath>
+#include <cstddef>
 
-#include "onboard/link/core/watch/held.hpp"
+#include "common/base/check.hpp"
+#include "common/msg/names.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::link {
 
@@ -43,13 +47,13 @@ bool TelloSession::on_state(TimeNs now, std::string_view bytes) noexcept {
   if (reported_.is_airborne(now)) rising_until_ns_ = 0;
   // Still on the ground a moment after a take-off was sent, it may yet rise.
   const bool down = now >= rising_until_ns_ && reported_.is_grounded(now);
-  stands_ = held(now, down, down_since_ns_, settings_.stands_after_ns);
+  stands_ = has_lasted(now, down, down_since_ns_, settings_.stands_after_ns);
   return true;
 }
 
-bool TelloSession::asks_for_pads(TimeNs now) noexcept {
+bool TelloSession::should_request_pads(TimeNs now) noexcept {
   const bool stands = phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed;
-  return stands && seen_standing(now) && !pending_.is_pending() && serial_.allows_takeoff() &&
+  return stands && is_standing(now) && !pending_.is_pending() && serial_.allows_takeoff() &&
          pads_.due(now, state().pad);
 }
 
@@ -77,16 +81,11 @@ void TelloSession::on_answer(TimeNs now, std::string_view bytes) noexcept {
       }
       break;
     case PendingCommand::Kind::land:
-      // A refusal changes nothing: the command goes out again until the drone is down. While a take-off may still lift
-      // it, an ok may be the take-off's.
-      if (answer == Answer::ok && !reported_.is_airborne(now) && now >= rising_until_ns_) {
-        end_command(now, FlightPhase::landed);
-      }
-      break;
+      if (now < rising_until_ns_) break;  // while a take-off may still lift it, an ok may be the take-off's
+      [[fallthrough]];
     case PendingCommand::Kind::emergency:
-      if (answer == Answer::ok && !reported_.is_airborne(now)) {
-        end_command(now, FlightPhase::landed);
-      }
+      // A refusal changes nothing: the command goes out again until the drone is down.
+      if (answer == Answer::ok && !reported_.is_airborne(now)) end_command(now, FlightPhase::landed);
       break;
     case PendingCommand::Kind::nothing:
       break;
@@ -155,10 +154,11 @@ void TelloSession::watch_takeoff(TimeNs now) noexcept {
 
 void TelloSession::watch_sight(TimeNs now) noexcept {
   if (phase_ == FlightPhase::flying) {
-    if (!held(now, reported_.is_grounded(now), grounded_since_ns_, down_for_ns)) return;
+    if (!has_lasted(now, reported_.is_grounded(now), grounded_since_ns_, down_for_ns)) return;
     request_land(now);  // does no harm where the sight is wrong
   } else if (phase_ == FlightPhase::on_ground || phase_ == FlightPhase::landed) {
-    if (!held(now, reported_.is_airborne(now) && state().tof_m > settings_.grounded_m, aloft_since_ns_, aloft_for_ns))
+    if (!has_lasted(now, reported_.is_airborne(now) && state().tof_m > settings_.grounded_m, aloft_since_ns_,
+                    aloft_for_ns))
       return;
     end_command(now, FlightPhase::flying);
   }
@@ -167,7 +167,7 @@ void TelloSession::watch_sight(TimeNs now) noexcept {
 void TelloSession::watch_landing(TimeNs now) noexcept {
   if (phase_ != FlightPhase::landing) return;
   // `land` is ignored during a take-off, which begins on the ground: seen there, it may yet rise.
-  if (held(now, reported_.is_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
+  if (has_lasted(now, reported_.is_grounded(now) && now >= rising_until_ns_, grounded_since_ns_, grounded_for_ns)) {
     end_command(now, FlightPhase::landed);
     return;
   }
@@ -185,6 +185,9 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
   watch_takeoff(now);
   watch_sight(now);
   watch_landing(now);
+  const bool rises = pending_.kind() == PendingCommand::Kind::takeoff;
+  LEDGERLINE_CHECK(!pending_.is_pending() || phase_ == (rises ? FlightPhase::taking_off : FlightPhase::landing),
+                   "a pending command is of its phase", name(phase_));
   if (phase_ == FlightPhase::disconnected) {
     if (lost_link_.next_send(now, may_be_airborne(), out)) return true;
   } else {
@@ -194,11 +197,125 @@ bool TelloSession::next_send(TimeNs now, CommandText& out) noexcept {
     out = command_text("sn?");
     return true;
   }
-  if (asks_for_pads(now)) {
+  if (should_request_pads(now)) {
     out = command_text("mon");
     return true;
   }
   return pending_.next_send(now, out);
+}
+
+namespace {
+
+// Less descent than this between two `land` means that it does not come down.
+constexpr float descent_m = 0.1F;
+
+}  // namespace
+
+void PendingCommand::begin(TimeNs now, Kind kind, float height_m) noexcept {
+  if (kind == Kind::emergency) cut_since_ns_ = now;
+  kind_ = kind;
+  at_ns_ = now;
+  must_send_ = true;
+  lowest_m_ = height_m;
+}
+
+void PendingCommand::repeat(TimeNs now, bool is_fresh, float height_m) noexcept {
+  const bool falls = kind_ == Kind::emergency && now - cut_since_ns_ < settings_.cut_often_for_ns;
+  const TimeNs gap_ns = falls ? settings_.cut_repeat_ns : settings_.land_repeat_ns;
+  if (must_send_ || now - at_ns_ < gap_ns) return;
+  const bool descends = kind_ == Kind::land && is_fresh && height_m <= lowest_m_ - descent_m;
+  lowest_m_ = std::min(lowest_m_, height_m);
+  at_ns_ = now;
+  must_send_ = !descends;
+}
+
+bool PendingCommand::next_send(TimeNs now, CommandText& out) noexcept {
+  if (!is_pending() || !must_send_) return false;
+  must_send_ = false;
+  at_ns_ = now;
+  out = command_text(kind_ == Kind::takeoff ? "takeoff" : kind_ == Kind::land ? "land" : "emergency");
+  return true;
+}
+
+bool PadRequest::due(TimeNs now, int pad) noexcept {
+  constexpr TimeNs pause_ns = 2 * ns_per_s;
+  constexpr int not_looking = -2;
+  if (left_ == 0) return false;
+  if (pad != not_looking) {
+    left_ = max_requests;
+    return false;
+  }
+  if (requested_ns_ != 0 && now - requested_ns_ < pause_ns) return false;
+  requested_ns_ = now;
+  --left_;
+  return true;
+}
+
+namespace {
+
+// State text comes at 10 Hz; what is older than this does not decide about take-off or landing.
+constexpr TimeNs fresh_for_ns = 500 * ns_per_ms;
+// `time` is in whole seconds, and a text may come late: so far ahead of what is known it may be.
+constexpr double motor_time_step_s = 1.2, motor_time_slack_s = 2;
+// So many refused texts in a row whose `time` goes on as time does are right: what was accepted before them was not.
+constexpr int refused_texts_needed = 10;
+
+}  // namespace
+
+bool ReportedState::is_fresh(TimeNs now) const noexcept { return at_ns_ != 0 && now - at_ns_ < fresh_for_ns; }
+
+bool ReportedState::is_airborne(TimeNs now) const noexcept { return is_fresh(now) && newest_.height_m >= airborne_m_; }
+
+bool ReportedState::is_grounded(TimeNs now) const noexcept {
+  return is_fresh(now) && newest_.height_m < airborne_m_ && newest_.tof_m <= grounded_m_;
+}
+
+bool ReportedState::is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept {
+  if (!reported.has_motor_time) return true;
+  const double lead_s = reported.motor_s - to_seconds(now);
+  const bool follows = reported.motor_s >= motor_s_ && lead_s <= motor_lead_s_ + motor_time_slack_s;
+  if (follows || !connected) {
+    motor_lead_s_ = follows ? std::max(motor_lead_s_, lead_s) : lead_s;
+  } else {
+    refused_texts_ =
+        refused_texts_ > 0 && std::abs(lead_s - refused_lead_s_) < motor_time_step_s ? refused_texts_ + 1 : 1;
+    if (refused_texts_ == 1) refused_lead_s_ = lead_s;
+    if (refused_texts_ < refused_texts_needed) return false;
+    motor_lead_s_ = lead_s;
+  }
+  motor_s_ = reported.motor_s;
+  refused_texts_ = 0;
+  return true;
+}
+
+void ReportedState::grow_older(TimeNs slept_ns) noexcept {
+  motor_lead_s_ += to_seconds(slept_ns);
+  refused_texts_ = 0;
+}
+
+bool ReportedState::on_text(TimeNs now, std::string_view bytes, bool connected) noexcept {
+  TelloState reported = newest_;
+  if (!parse_state(bytes, reported)) {
+    ++unreadable_;
+    return false;
+  }
+  if (!is_of_now(now, reported, connected)) return false;
+  newest_ = reported;
+  update_battery(reported.battery);
+  at_ns_ = now;
+  return true;
+}
+
+void ReportedState::update_battery(float reported) noexcept {
+  if (batteries_.size() == SessionSettings::battery_texts) batteries_.erase_front(1);
+  batteries_.push(reported);
+  const auto needed = static_cast<std::ptrdiff_t>(std::min(SessionSettings::battery_says_so, batteries_.size()));
+  newest_.battery = 1;
+  for (const float low : batteries_) {
+    const auto says_so = [low](float battery) { return battery <= low; };
+    if (std::count_if(batteries_.begin(), batteries_.end(), says_so) >= needed)
+      newest_.battery = std::min(newest_.battery, low);
+  }
 }
 
 }  // namespace ledgerline::link

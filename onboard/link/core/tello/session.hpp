@@ -2,14 +2,101 @@
 #include <cstdint>
 #include <string_view>
 
+#include "onboard/link/core/fixed_vector.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "onboard/link/core/tello/lost_link_protocol.hpp"
-#include "onboard/link/core/tello/pending_command.hpp"
-#include "onboard/link/core/tello/reported_state.hpp"
 #include "onboard/link/core/tello/serial_check.hpp"
 #include "onboard/link/core/tello/tello_text.hpp"
 
 namespace ledgerline::link {
+
+/// What a drone's state texts report of it, and whether that is of now. A text of another moment or of another drone is
+/// refused, by `time`, which grows as time does while the motors run. Core: no I/O, no allocation; one thread.
+class ReportedState {
+ public:
+  explicit ReportedState(const SessionSettings& settings) noexcept
+      : airborne_m_(settings.airborne_m), grounded_m_(settings.grounded_m) {}
+
+  /// False where it is no state text, or is refused. `connected`: else any `time` may come.
+  bool on_text(TimeNs now, std::string_view bytes, bool connected) noexcept;
+  /// The host was suspended for so long while its clock stood still.
+  void grow_older(TimeNs slept_ns) noexcept;
+
+  /// Its battery is as low as battery_says_so of the newest battery_texts texts say, or the first one alone.
+  const TelloState& newest() const noexcept { return newest_; }
+  /// When the newest text came; 0: none yet.
+  TimeNs at_ns() const noexcept { return at_ns_; }
+  /// Young enough to decide about take-off and landing, and what it shows then.
+  bool is_fresh(TimeNs now) const noexcept;
+  bool is_airborne(TimeNs now) const noexcept;
+  bool is_grounded(TimeNs now) const noexcept;
+  /// Datagrams that were no state text.
+  std::uint32_t unreadable() const noexcept { return unreadable_; }
+
+ private:
+  void update_battery(float reported) noexcept;
+  bool is_of_now(TimeNs now, const TelloState& reported, bool connected) noexcept;
+
+  float airborne_m_, grounded_m_;
+  TelloState newest_;
+  FixedVector<float, SessionSettings::battery_texts> batteries_;  ///< as reported, oldest first
+  TimeNs at_ns_ = 0;
+  int motor_s_ = 0;              ///< `time` of the newest text ...
+  double motor_lead_s_ = -1e18;  ///< ... and by how much one was ahead of the clock at most
+  int refused_texts_ = 0;        ///< in a row that are not of now
+  double refused_lead_s_ = 0;    ///< of the first of them
+  std::uint32_t unreadable_ = 0;
+};
+
+/// The one command to a connected drone that waits for its answer, or is repeated until the drone is down. One thread.
+class PendingCommand {
+ public:
+  enum class Kind : std::uint8_t { nothing, takeoff, land, emergency };
+
+  explicit PendingCommand(const SessionSettings& settings) noexcept : settings_(settings) {}
+
+  /// In place of what was pending. `height_m`: the drone's now.
+  void begin(TimeNs now, Kind kind, float height_m) noexcept;
+  void end() noexcept { kind_ = Kind::nothing; }
+  Kind kind() const noexcept { return kind_; }
+  bool is_pending() const noexcept { return kind_ != Kind::nothing; }
+  /// It was sent, so that an answer may be to it.
+  bool awaits_answer() const noexcept { return is_pending() && !must_send_; }
+
+  /// At every step of a landing: sent again while it does not come down, `emergency` always. `is_fresh`: its height is.
+  void repeat(TimeNs now, bool is_fresh, float height_m) noexcept;
+  /// True when it is to be sent now.
+  bool next_send(TimeNs now, CommandText& out) noexcept;
+
+ private:
+  SessionSettings settings_;
+  Kind kind_ = Kind::nothing;
+  bool must_send_ = false;
+  TimeNs at_ns_ = 0;         ///< asked for, or sent
+  TimeNs cut_since_ns_ = 0;  ///< `emergency` was asked for first
+  float lowest_m_ = 0;       ///< since the last `land` was sent
+};
+
+/// When `mon`, which makes a drone look for mission pads, is sent: until the state text shows that it looks, since an
+/// answer is not needed. Core: no I/O, no allocation; one thread.
+class PadRequest {
+ public:
+  explicit PadRequest(bool wanted) noexcept : left_(wanted ? max_requests : 0) {}
+
+  /// True when it is to be sent now, to a drone that stands and owes no answer. `pad`: of the newest state text.
+  bool due(TimeNs now, int pad) noexcept;
+  /// Its late refusal would be taken for another command's.
+  bool may_be_answered(TimeNs now, TimeNs timeout_ns) const noexcept {
+    return requested_ns_ != 0 && now - requested_ns_ < timeout_ns;
+  }
+
+ private:
+  /// A firmware that knows no pads goes on saying that it does not look for them.
+  static constexpr int max_requests = 5;
+
+  int left_;
+  TimeNs requested_ns_ = 0;  ///< the newest; 0: none yet
+};
 
 /// One drone as an SDK client sees it: who may be asked what, and where the flight is.
 ///
@@ -25,8 +112,7 @@ namespace ledgerline::link {
 /// spoken to as lost_link_protocol.hpp says. Core: no I/O, no allocation; one thread.
 class TelloSession {
  public:
-  /// `serial`: the drone that is meant; one that answers with another does not take off. Empty: any drone. `pads`: it
-  /// is asked to look for mission pads.
+  /// `serial`: one that answers with another does not take off; empty: any. `pads`: it is to look for mission pads.
   explicit TelloSession(const SessionSettings& settings, std::string_view serial = {}, bool pads = false) noexcept
       : settings_(settings),
         reported_(settings),
@@ -48,8 +134,7 @@ class TelloSession {
   void request_land(TimeNs now) noexcept;
   /// Motors off at once, wherever it is. The same.
   void request_cut(TimeNs now) noexcept;
-  /// A landing was requested again: to a drone without state the command is sent again although it was before.
-  /// No effect on one that is seen.
+  /// Requested again: to a drone without state the command is sent again although it was before.
   void land_again(TimeNs now, LostLinkProtocol::Requester by) noexcept;
 
   /// What is to be sent now, one command at a time; called until it returns false.
@@ -61,15 +146,15 @@ class TelloSession {
   /// It is in the air, or nobody knows that it is not.
   bool may_fly() const noexcept { return in_flight(phase_) || may_be_airborne(); }
   /// All handshakes with such a one failed, or it is already commanded to land.
-  bool blind(TimeNs now) const noexcept {
+  bool is_blind(TimeNs now) const noexcept {
     return may_be_airborne() && (lost_link_.handshakes_failed(now) || lost_link_.lands());
   }
   /// Such a one was commanded to land long enough for link to end: to the end, or briefly where nobody was ever heard.
   bool commanded_to_land(TimeNs now) const noexcept;
   /// Anything that can be read came from it.
-  bool heard() const noexcept { return heard_; }
+  bool has_responded() const noexcept { return heard_; }
   /// It is not in flight, and the newest text shows it on the ground.
-  bool seen_standing(TimeNs now) const noexcept { return !in_flight(phase_) && reported_.is_grounded(now); }
+  bool is_standing(TimeNs now) const noexcept { return !in_flight(phase_) && reported_.is_grounded(now); }
   TimeNs phase_since_ns() const noexcept { return phase_since_ns_; }
   const TelloState& state() const noexcept { return reported_.newest(); }
   const SerialCheck& serial() const noexcept { return serial_; }
@@ -88,7 +173,7 @@ class TelloSession {
   void watch_sight(TimeNs now) noexcept;
   void watch_landing(TimeNs now) noexcept;
   void connect(TimeNs now) noexcept;
-  bool asks_for_pads(TimeNs now) noexcept;
+  bool should_request_pads(TimeNs now) noexcept;
 
   SessionSettings settings_;
   ReportedState reported_;

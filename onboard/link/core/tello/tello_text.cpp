@@ -1,11 +1,13 @@
 #include "onboard/link/core/tello/tello_text.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <cstring>
 
 namespace ledgerline::link {
+
 namespace {
 
 // A finite number that takes the whole text; from_chars knows no locale and does not allocate.
@@ -41,6 +43,10 @@ bool begins_with(std::string_view text, std::string_view lower) noexcept {
 char* append(char* at, char* end, int number) noexcept {
   *at++ = ' ';
   return std::to_chars(at, end, number).ptr;
+}
+
+Eigen::Matrix2f rotation(double yaw_rad) noexcept {
+  return Eigen::Rotation2Dd(yaw_rad).toRotationMatrix().cast<float>();
 }
 
 }  // namespace
@@ -135,6 +141,29 @@ CommandText rc_text(const Rc& rc) noexcept {
   for (const int channel : rc) at = append(at, begin + text.bytes.size(), std::clamp(channel, -100, 100));
   text.size = static_cast<std::uint8_t>(at - begin);
   return text;
+}
+
+BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double yaw_rad) noexcept {
+  const Eigen::Vector2f level = rotation(-yaw_rad) * Eigen::Vector2f(velocity.mps[0], velocity.mps[1]);
+  const float forward = level.x(), left = level.y(), up = velocity.mps[2];
+
+  const float largest = std::max({std::abs(forward), std::abs(left), std::abs(up)});
+  const float shorter = largest > settings.full_scale_mps ? settings.full_scale_mps / largest : 1.0F;
+  const float yaw = std::clamp(velocity.yaw_radps, -settings.full_scale_radps, settings.full_scale_radps);
+
+  const float per_mps = 100 * shorter / settings.full_scale_mps;
+  const std::array<float, 4> channels{left * per_mps, forward * per_mps, up * per_mps,
+                                      yaw * 100 / settings.full_scale_radps};
+  BodyCommand command;
+  for (std::size_t i = 0; i < 4; ++i) command.rc[i] = static_cast<int>(std::lround(settings.signs[i] * channels[i]));
+  for (std::size_t i = 0; i < 3; ++i) command.sent.mps[i] = velocity.mps[i] * shorter;
+  command.sent.yaw_radps = yaw;
+  return command;
+}
+
+Velocity to_map(const Velocity& body, double yaw_rad) noexcept {
+  const Eigen::Vector2f level = rotation(yaw_rad) * Eigen::Vector2f(body.mps[0], body.mps[1]);
+  return {{level.x(), level.y(), body.mps[2]}, body.yaw_radps};
 }
 
 }  // namespace ledgerline::link

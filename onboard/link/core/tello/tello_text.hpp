@@ -5,6 +5,8 @@
 #include <numbers>
 #include <string_view>
 
+#include "onboard/link/core/settings.hpp"
+
 /// The Tello SDK's texts: state packets, answers and the `rc` command. Any bytes may come in; nothing is allocated.
 namespace ledgerline::link {
 
@@ -30,8 +32,7 @@ struct TelloState {
   float on_pad_yaw_deg = 0;         ///< the third of mpry
 };
 
-/// False, and `state` untouched, unless at least battery, h and tof are there as plain numbers in a plausible range,
-/// with the semicolon behind that ends each field.
+/// False, and `state` untouched, unless battery, h and tof are there, plausible, with the semicolon that ends each.
 bool parse_state(std::string_view bytes, TelloState& state) noexcept;
 
 // A Tello's axes are forward, right, down; REP 103's forward, left, up. Angles in radians, SI units.
@@ -81,5 +82,24 @@ CommandText command_text(std::string_view word) noexcept;
 /// rc a b c d: right, forward, up, clockwise; -100..100 each.
 using Rc = std::array<int, 4>;
 CommandText rc_text(const Rc& rc) noexcept;
+
+/// A velocity, of the map frame unless said otherwise, and a yaw rate, counter-clockwise.
+struct Velocity {
+  std::array<float, 3> mps{};
+  float yaw_radps = 0;
+};
+
+/// The rc command for a velocity, and the velocity that it really means once every channel is within its range.
+struct BodyCommand {
+  Rc rc{};
+  Velocity sent;  ///< map frame
+};
+
+/// From the map frame (ENU) into the drone's (REP 103: x forward, y left, z up) by its yaw, then to rc's channels. A
+/// velocity beyond rc's range is made shorter, its direction kept.
+BodyCommand to_body(const RcSettings& settings, const Velocity& velocity, double yaw_rad) noexcept;
+
+/// From the drone's frame into the map's.
+Velocity to_map(const Velocity& body, double yaw_rad) noexcept;
 
 }  // namespace ledgerline::link

@@ -1,6 +1,6 @@
 #include "onboard/link/shell/transport/link_ends.hpp"
 
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 #include "onboard/link/shell/transport/tello_sockets.hpp"
 
 namespace ledgerline::link {
@@ -23,7 +23,6 @@ Result<LinkEnds> LinkEnds::open_drones(const ShellSettings& settings) {
 
 Status LinkEnds::connect_agent(const ShellSettings& settings, const std::function<bool()>& is_asked_to_end) {
   if (settings.lockstep) {
-    needs_roudi = false;
     agent = std::make_unique<LockstepAgent>(shim->memory());
     return done;
   }

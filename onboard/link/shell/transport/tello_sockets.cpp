@@ -100,8 +100,7 @@ void TelloSockets::receive_answers(std::size_t drone) noexcept {
   for (std::size_t i = 0; i < reads && more; ++i) {
     sockaddr_in from{};
     const std::size_t bytes = read(drones_[drone].commands.get(), from, more);
-    // As long as no way to the drone is found, its socket is not connected, and receives from any sender that finds its
-    // port.
+    // Without a way to the drone its socket is not connected, and receives from any sender that finds its port.
     const sockaddr_in& meant = drones_[drone].address;
     if (bytes == 0 || from.sin_addr.s_addr != meant.sin_addr.s_addr || from.sin_port != meant.sin_port) continue;
     received_[count_] = {drones_[drone].number, Port::answer, {buffers_[count_].data(), bytes}};
@@ -160,10 +159,10 @@ std::span<const Transport::AtDevice> TelloSockets::at_device() noexcept {
   return {at_device_.data(), count};
 }
 
-std::vector<std::string> TelloSockets::tend() {
+std::vector<std::string> TelloSockets::refresh() {
   std::vector<std::string> news;
-  for (Drone& drone : drones_) tend(drone, news);
-  for (StateText& states : states_) tend(states, news);
+  for (Drone& drone : drones_) refresh(drone, news);
+  for (StateText& states : states_) refresh(states, news);
   for (std::size_t i = 0; i < drones_.size(); ++i) {
     const std::uint16_t port = (*strange_ports_)[i].load(std::memory_order_relaxed);
     if (port == 0 || std::exchange(drones_[i].reported_port, true)) continue;
@@ -175,7 +174,7 @@ std::vector<std::string> TelloSockets::tend() {
   return news;
 }
 
-void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
+void TelloSockets::refresh(Drone& drone, std::vector<std::string>& news) {
   auto probe = open_udp(drone.interface);
   const bool found = probe && connect_to(*probe, drone.address);
   const std::string trouble = !probe ? probe.error().message : found ? "" : "no route leads to " + text(drone.address);
@@ -192,7 +191,7 @@ void TelloSockets::tend(Drone& drone, std::vector<std::string>& news) {
   news.push_back(fmt::format("{}: {}", drone.name, replaced ? "there is a new way to it" : replaced.error().message));
 }
 
-void TelloSockets::tend(StateText& states, std::vector<std::string>& news) {
+void TelloSockets::refresh(StateText& states, std::vector<std::string>& news) {
   if (states.interface.empty()) return;
   auto fresh = open_udp(states.interface);
   if (!fresh || same_interface(states.socket.get(), fresh->get())) return;

@@ -12,7 +12,7 @@
 #include "common/base/result.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/shell/link_config.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 #include "onboard/link/shell/transport/udp.hpp"
 
 namespace ledgerline::link {
@@ -20,8 +20,7 @@ namespace ledgerline::link {
 /// The UDP sockets toward all drones. Commands: one for each drone, behind its interface where it has one, connected to
 /// its address and command port, so that the kernel drops whatever else comes. State text: one for each interface,
 /// since drones send it all to port 8890; a datagram is a drone's if it comes from the drone's address and state port,
-/// and through its interface. A host in the drone's network can forge both: it is a fence against mistakes and mere
-/// neighbours.
+/// and through its interface. A host in the drone's network can forge both.
 class TelloSockets final : public Transport {
  public:
   /// Fails where one drone has no socket, or the port of the state texts is taken. In the first case send_first_zero()
@@ -37,11 +36,9 @@ class TelloSockets final : public Transport {
   /// Nothing without a trace that it is for.
   std::span<const AtDevice> at_device() noexcept override;
 
-  /// A connected socket keeps the address and the interface that it
-  /// began with, so it is replaced where the way to the drone became another (Wi-Fi joined later or again, an adapter
-  /// plugged in again). Returns what changed, and which drones' state text comes from a port that is not accepted, for
-  /// people.
-  std::vector<std::string> tend() override;
+  /// A connected socket keeps its address and interface, so it is replaced where the way to the drone became another
+  /// (Wi-Fi joined again, an adapter plugged in again). Returns that, and state text from ports that are not accepted.
+  std::vector<std::string> refresh() override;
 
  private:
   static constexpr std::size_t max_received = 64;
@@ -53,8 +50,8 @@ class TelloSockets final : public Transport {
     sockaddr_in address{};
     std::string interface;
     Descriptor commands;
-    bool reached = false;  ///< a way to it was found; tend()'s
-    std::string reported;  ///< the newest trouble; tend()'s
+    bool reached = false;  ///< a way to it was found; refresh()'s
+    std::string reported;  ///< the newest trouble; refresh()'s
     bool reported_port = false;
     TimeNs sent_ns = 0;  ///< CLOCK_REALTIME before the newest datagram was sent, until its stamp is read; the loop's
   };
@@ -69,8 +66,8 @@ class TelloSockets final : public Transport {
   void receive_answers(std::size_t drone) noexcept;
   void receive_states(const StateText& states) noexcept;
   bool is_from(const Drone& drone, const StateText& states, const sockaddr_in& from) noexcept;
-  void tend(Drone& drone, std::vector<std::string>& news);
-  void tend(StateText& states, std::vector<std::string>& news);
+  void refresh(Drone& drone, std::vector<std::string>& news);
+  void refresh(StateText& states, std::vector<std::string>& news);
 
   std::vector<Drone> drones_;
   std::vector<StateText> states_;

@@ -11,20 +11,8 @@
 #include <array>
 #include <cerrno>
 #include <cstring>
-#include <utility>
 
 namespace ledgerline::link {
-
-Descriptor::Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-
-Descriptor& Descriptor::operator=(Descriptor&& other) noexcept {
-  std::swap(fd_, other.fd_);
-  return *this;
-}
-
-Descriptor::~Descriptor() {
-  if (fd_ >= 0) ::close(fd_);
-}
 
 std::string text(const sockaddr_in& address) {
   std::array<char, INET_ADDRSTRLEN> host{};

@@ -1,9 +1,11 @@
 #pragma once
 #include <netinet/in.h>
+#include <unistd.h>
 
 #include <optional>
 #include <span>
 #include <string>
+#include <utility>
 
 #include "common/base/result.hpp"
 #include "common/rt/clock.hpp"
@@ -12,13 +14,17 @@
 /// to do. Any thread, but not the real-time loop, unless said.
 namespace ledgerline::link {
 
-/// Owns a descriptor.
 class Descriptor {
  public:
   explicit Descriptor(int fd = -1) noexcept : fd_(fd) {}
-  Descriptor(Descriptor&& other) noexcept;
-  Descriptor& operator=(Descriptor&& other) noexcept;
-  ~Descriptor();
+  Descriptor(Descriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ~Descriptor() {
+    if (fd_ >= 0) ::close(fd_);
+  }
   int get() const noexcept { return fd_; }
 
  private:

@@ -27,7 +27,7 @@ TEST(Mailbox, WakesTheLoopWhileThereIsSomethingToTake) {
   box.put_in_turn(1);
   box.put(2);
   EXPECT_TRUE(readable(box));
-  EXPECT_EQ(box.take_all().size(), 2U);
+  EXPECT_EQ(box.pop_all().size(), 2U);
   EXPECT_FALSE(readable(box));
 }
 
@@ -36,7 +36,7 @@ TEST(Mailbox, ItsLoopIsWokenWithoutAnEventToo) {
   box.wait(0);
   box.wake();
   box.wait(60 * ns_per_s);
-  EXPECT_TRUE(box.take_all().empty());
+  EXPECT_TRUE(box.pop_all().empty());
   EXPECT_FALSE(readable(box));
 }
 
@@ -49,7 +49,7 @@ TEST(Mailbox, EventsComeInOrderAndNoneIsLostHoweverSlowTheLoopIs) {
   std::uint64_t next = 0;
   std::size_t most = 0;
   while (next < count) {
-    const auto events = box.take_all();
+    const auto events = box.pop_all();
     most = std::max(most, events.size());
     for (const std::uint64_t event : events) EXPECT_EQ(event, next++);
   }
@@ -61,7 +61,7 @@ TEST(Mailbox, OtherEventsNeverWaitForRoom) {
   Box box(1);
   box.put_in_turn(1);
   for (int i = 0; i < 10; ++i) box.put(9);
-  EXPECT_EQ(box.take_all().size(), 11U);
+  EXPECT_EQ(box.pop_all().size(), 11U);
 }
 
 TEST(Mailbox, ClosingLetsTheStreamGoAndThrowsAwayWhatComesLater) {
@@ -71,7 +71,7 @@ TEST(Mailbox, ClosingLetsTheStreamGoAndThrowsAwayWhatComesLater) {
   box.close();
   stream.join();
   box.put(9);
-  EXPECT_EQ(box.take_all().size(), 1U);
+  EXPECT_EQ(box.pop_all().size(), 1U);
 }
 
 TEST(Mailbox, EventsThatNobodyTookEndWithTheMailbox) {
@@ -110,7 +110,7 @@ TEST(Mailbox, OfManyThreadsNothingIsLostDoubledOrOutOfOrderAndNoWakeIsMissed) {
     const TimeNs before = monotonic_ns();
     box.wait(5 * ns_per_s);
     missed += monotonic_ns() - before >= 5 * ns_per_s ? 1 : 0;
-    for (const std::uint64_t event : box.take_all()) {
+    for (const std::uint64_t event : box.pop_all()) {
       wrong += event / threads == next[event % threads]++ ? 0 : 1;
       ++taken;
     }
@@ -129,7 +129,7 @@ TEST(Mailbox, WhoWaitsForRoomIsLetInByEachTake) {
   });
   for (std::uint64_t k = 0; k < 100;) {
     std::this_thread::sleep_for(std::chrono::microseconds(200));  // it waits by now
-    const auto events = box.take_all();
+    const auto events = box.pop_all();
     ASSERT_LE(events.size(), 1U);
     for (const std::uint64_t event : events) EXPECT_EQ(event, k++);
   }

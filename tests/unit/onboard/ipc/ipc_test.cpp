@@ -66,7 +66,7 @@ TEST(Ipc, NobodyRegistersWithARouDiOfAnotherUserOrTakesANameThatAnotherUserHas) 
     const Status with = connect("ipc-test");
     ASSERT_FALSE(with);
     EXPECT_NE(with.error().message.find("another user"), std::string::npos) << with.error().message;
-    EXPECT_FALSE(roudi_lives());
+    EXPECT_FALSE(is_roudi_alive());
   }
   const TakenName own(::geteuid());
   ASSERT_EQ(::symlink("/tmp/elsewhere", "/tmp/ipc-test.lock"), 0);
@@ -100,7 +100,7 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   ASSERT_TRUE(roudi.start({roudi_program, "--summary", "/tmp/roudi.json"}));
   const Status with = connect("ipc-test");
   ASSERT_TRUE(with) << with.error().message;
-  EXPECT_TRUE(roudi_lives());
+  EXPECT_TRUE(is_roudi_alive());
 
   auto agent = AgentEnd::create();
   auto link = LinkEnd::create();
@@ -113,30 +113,31 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   plan.setpoints[max_setpoints - 1].velocity_mps = {1, 2, 3};
   Plan plan_back;
   // Ends find each other within RouDi's discovery period: what is sent before that is lost, by design (no history).
-  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_plan(plan) && (*link)->take_plan(plan_back); }));
+  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_plan(plan) && (*link)->receive_plan(plan_back); }));
   EXPECT_EQ(plan_back.sequence, 7U);
   EXPECT_EQ(plan_back.setpoints[max_setpoints - 1].velocity_mps[2], 3);
 
   Pose pose{.drone = 2, .stamp_ns = 5, .position_m = {1, 2, 3}, .velocity_mps = {}, .yaw_rad = 0.5};
   Pose pose_back;
-  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_pose(pose) && (*link)->take_pose(pose_back); }));
+  ASSERT_TRUE(within_two_seconds([&] { return (*agent)->send_pose(pose) && (*link)->receive_pose(pose_back); }));
   EXPECT_EQ(pose_back.yaw_rad, 0.5);
 
   AgentHeartbeat heartbeat_back;
   ASSERT_TRUE(within_two_seconds([&] {
-    return (*agent)->send_heartbeat({.stamp_ns = 9, .ledger_alive = true}) && (*link)->take_heartbeat(heartbeat_back);
+    return (*agent)->send_heartbeat({.stamp_ns = 9, .ledger_alive = true}) &&
+           (*link)->receive_heartbeat(heartbeat_back);
   }));
   EXPECT_TRUE(heartbeat_back.ledger_alive);
 
   StateSample state, state_back;
   state.sequence = 11;
-  ASSERT_TRUE(within_two_seconds([&] { return (*link)->send_state(state) && (*agent)->take_state(state_back); }));
+  ASSERT_TRUE(within_two_seconds([&] { return (*link)->send_state(state) && (*agent)->receive_state(state_back); }));
   EXPECT_EQ(state_back.sequence, 11U);
 
   Transition transition, transition_back;
   transition.number = 13;
   ASSERT_TRUE(within_two_seconds(
-      [&] { return (*link)->send_transition(transition) && (*agent)->take_transition(transition_back); }));
+      [&] { return (*link)->send_transition(transition) && (*agent)->receive_transition(transition_back); }));
   EXPECT_EQ(transition_back.number, 13U);
 
   // Who waits for link sleeps until it is woken, behind what was sent.
@@ -152,14 +153,14 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   EXPECT_FALSE(readable());
 
   // A burst larger than any queue keeps the newest, in order, and never blocks or fails the sender.
-  while ((*agent)->take_state(state_back)) {
+  while ((*agent)->receive_state(state_back)) {
   }
   for (std::uint64_t i = 1; i <= 2000; ++i) {
     state.sequence = 1000 + i;
     ASSERT_TRUE((*link)->send_state(state));
   }
   std::uint64_t last = 0, count = 0;
-  while ((*agent)->take_state(state_back)) {
+  while ((*agent)->receive_state(state_back)) {
     EXPECT_GT(state_back.sequence, last);
     last = state_back.sequence;
     ++count;
@@ -179,17 +180,17 @@ TEST(Ipc, TheWholeWayWithRoudiMissingThereAndGone) {
   EXPECT_EQ(roudi.end(SIGTERM), 0);
   const auto summary = nlohmann::json::parse(std::ifstream("/tmp/roudi.json"));
   EXPECT_EQ(summary["leaked"], 3) << summary;
-  EXPECT_FALSE(roudi_lives());
+  EXPECT_FALSE(is_roudi_alive());
   plan.sequence = 8;
   ASSERT_TRUE((*agent)->send_plan(plan));
-  while ((*link)->take_plan(plan_back)) {
+  while ((*link)->receive_plan(plan_back)) {
   }
   EXPECT_EQ(plan_back.sequence, 8U);
 
   // Another RouDi is not the one that this process knows.
   Child next;
   ASSERT_TRUE(next.start({roudi_program}));
-  EXPECT_FALSE(roudi_lives());
+  EXPECT_FALSE(is_roudi_alive());
 }
 
 }  // namespace

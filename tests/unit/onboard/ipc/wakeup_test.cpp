@@ -1,4 +1,4 @@
-#include "onboard/ipc/wakeup.hpp"
+#include "onboard/ipc/ipc.hpp"
 
 #include <gtest/gtest.h>
 #include <poll.h>

@@ -1,4 +1,4 @@
-#include "onboard/roudi/shared_memory.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

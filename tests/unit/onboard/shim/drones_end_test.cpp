@@ -1,4 +1,4 @@
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -16,7 +16,7 @@ class ShimDronesEnd : public ::testing::Test {
     drones.emplace(std::move(*opened));
   }
   DronesEnd::Turn turn(TimeNs now, TimeNs max_ns = 10 * ns_per_s) {
-    drones->ask_turn(now);
+    drones->request_turn(now);
     return drones->wait_turn(max_ns);
   }
   std::string path = "/dev/shm/ledgerline_drones_end_test_" + std::to_string(::getpid());
@@ -27,8 +27,8 @@ TEST_F(ShimDronesEnd, GivesWhatFitsInItsOrderAndSaysWhatDoesNot) {
   const auto link = Mapping::open(path, End::link);
   ASSERT_TRUE(link);
   for (std::size_t i = 0; i < Memory::datagrams; ++i)
-    ASSERT_TRUE(drones->give(1, Datagram::Port::state, std::to_string(i)));
-  EXPECT_FALSE(drones->give(1, Datagram::Port::state, "one too many"));
+    ASSERT_TRUE(drones->send(1, Datagram::Port::state, std::to_string(i)));
+  EXPECT_FALSE(drones->send(1, Datagram::Port::state, "one too many"));
   Datagram heard;
   for (std::size_t i = 0; i < Memory::datagrams; ++i) {
     ASSERT_TRUE(link->memory().to_link.pop(heard));
@@ -36,7 +36,7 @@ TEST_F(ShimDronesEnd, GivesWhatFitsInItsOrderAndSaysWhatDoesNot) {
     EXPECT_EQ(heard.port, Datagram::Port::state);
   }
   EXPECT_FALSE(link->memory().to_link.pop(heard));
-  EXPECT_FALSE(drones->give(1, Datagram::Port::answer, std::string(2000, 'x')));
+  EXPECT_FALSE(drones->send(1, Datagram::Port::answer, std::string(2000, 'x')));
 }
 
 TEST_F(ShimDronesEnd, ATurnIsOverWhenLinkSaysSo) {
@@ -65,7 +65,7 @@ TEST_F(ShimDronesEnd, ALinkThatIsGoneIsDistinguishedFromOneThatStandsStill) {
   EXPECT_EQ(turn(ns_per_ms, 50 * ns_per_ms), DronesEnd::Turn::no_link);
   const auto link = Mapping::open(path, End::link);
   ASSERT_TRUE(link);
-  EXPECT_EQ(drones->wait_turn(50 * ns_per_ms), DronesEnd::Turn::under_way);
+  EXPECT_EQ(drones->wait_turn(50 * ns_per_ms), DronesEnd::Turn::in_progress);
 }
 
 }  // namespace

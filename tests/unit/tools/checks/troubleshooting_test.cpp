@@ -7,7 +7,7 @@
 #include "common/base/file.hpp"
 #include "common/msg/names.hpp"
 #include "onboard/agent/core/command_check.hpp"
-#include "onboard/link/shell/link_shell.hpp"
+#include "onboard/link/shell/link_loop.hpp"
 #include "tools/checks/core/problem.hpp"
 
 namespace ledgerline::checks {

@@ -127,7 +127,7 @@ struct Box : rl::test_suite<Box, 3> {
     }
     unsigned next[2] = {};
     while (next[0] + next[1] < 2 * each) {
-      const auto events = box.take_all();
+      const auto events = box.pop_all();
       for (const Element& event : events) {
         const unsigned from = event.number() / 10;
         RL_ASSERT(from < 2 && event.number() == 10 * from + next[from]);

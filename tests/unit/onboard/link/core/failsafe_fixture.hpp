@@ -10,23 +10,23 @@ namespace ledgerline::link {
 class FailsafeTest : public ::testing::Test {
  protected:
   FailsafeTest() {
-    facts.phase = FlightPhase::flying;
-    facts.flying_since_ns = now;
-    facts.plan_valid = true;
-    facts.ledger_alive = true;
-    facts.position_m = {0, 0, 1};
-    facts.height_m = 1;
-    facts.battery = 0.8F;
+    inputs.phase = FlightPhase::flying;
+    inputs.flying_since_ns = now;
+    inputs.plan_valid = true;
+    inputs.ledger_alive = true;
+    inputs.position_m = {0, 0, 1};
+    inputs.height_m = 1;
+    inputs.battery = 0.8F;
   }
   void pass(TimeNs duration) {
     for (const TimeNs end = now + duration; now < end;) {
       now += ms;
-      if (heartbeats) facts.heartbeat_ns = now;
-      if (states) facts.state_ns = now;
-      if (poses) facts.pose_ns = now;
-      if (facts.plan_valid) facts.covered_until_ns = now + 10 * ms;
+      if (heartbeats) inputs.heartbeat_ns = now;
+      if (states) inputs.state_ns = now;
+      if (poses) inputs.pose_ns = now;
+      if (inputs.plan_valid) inputs.covered_until_ns = now + 10 * ms;
       const FailsafeState before = state;
-      state = update(settings, fence, state, now, facts);
+      state = update(settings, fence, state, now, inputs);
       if (state.mode != before.mode) ++changes;
       if (state.cause != before.cause) ++causes;
     }
@@ -38,7 +38,7 @@ class FailsafeTest : public ::testing::Test {
 
   FailsafeSettings settings;
   FenceSettings fence;
-  FailsafeFacts facts;
+  FailsafeInputs inputs;
   FailsafeState state;
   TimeNs now = 100 * ns_per_s;
   bool heartbeats = true, states = true, poses = true;

@@ -186,8 +186,8 @@ class Search {
     return s;
   }
 
-  FailsafeFacts facts(const State& s, const Input& input) const {
-    FailsafeFacts f;
+  FailsafeInputs inputs(const State& s, const Input& input) const {
+    FailsafeInputs f;
     f.phase = static_cast<FlightPhase>(s.phase);
     f.may_be_airborne = s.lost >= 0;
     f.blind = s.lost >= handshakes;
@@ -238,7 +238,7 @@ class Search {
                              .outside_ns = since(older(from.outside)),
                              .too_near_ns = since(older(from.too_near)),
                              .battery_low = from.battery_low != 0};
-    const FailsafeFacts f = facts(s, input);
+    const FailsafeInputs f = inputs(s, input);
     const FailsafeState next = update(settings_, fence_, last, now, f);
     s.mode = static_cast<int>(next.mode);
     s.cause = static_cast<int>(next.cause);
@@ -265,7 +265,7 @@ class Search {
   }
 
   // Whether what decided before may end now, said without the table: in which state its clear condition holds.
-  bool may_end(const State& s, const FailsafeState& last, const FailsafeFacts& f) const {
+  bool may_end(const State& s, const FailsafeState& last, const FailsafeInputs& f) const {
     switch (last.mode) {
       case FailsafeMode::none:
         if (last.cause == FailsafeCause::fence)
@@ -295,7 +295,7 @@ class Search {
     return false;
   }
 
-  void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeFacts& f) {
+  void check(const State& s, const FailsafeState& last, const FailsafeState& next, const FailsafeInputs& f) {
     const auto fail = [&](const char* what) {
       ADD_FAILURE() << what << ": mode " << s.mode << " cause " << s.cause << " phase " << s.phase << " plan "
                     << f.plan_valid << "; ages: uncovered " << s.uncovered << " heartbeat " << s.heartbeat << " state "

@@ -23,14 +23,14 @@ TEST_F(FailsafeTest, WhileAllIsWellThePlanIsFlown) {
 
 TEST_F(FailsafeTest, FS10APlanThatRanOutMeansHoldUntilThereIsOne) {
   pass(ns_per_s);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(settings.hold_grace_ns - 20 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);  // link ramps to zero already
   pass(40 * ms);
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
   pass(3 * ns_per_s);
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
-  facts.plan_valid = true;
+  inputs.plan_valid = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
   EXPECT_EQ(changes, 2);
@@ -38,25 +38,25 @@ TEST_F(FailsafeTest, FS10APlanThatRanOutMeansHoldUntilThereIsOne) {
 
 TEST_F(FailsafeTest, FS05AHoldOrBrakeOfLandAfterMeansLand) {
   pass(ns_per_s);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(3 * ns_per_s);
-  facts.plan_valid = true;
+  inputs.plan_valid = true;
   pass(ms);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(settings.hold_grace_ns + settings.land_after_ns - 100 * ms);  // the clock of the hold restarted
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
   pass(200 * ms);
   expect(FailsafeMode::land, FailsafeCause::held_too_long);
-  facts.plan_valid = true;
+  inputs.plan_valid = true;
   pass(ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::held_too_long);
-  facts.phase = FlightPhase::landed;
+  inputs.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, FS14AnUntrustedLedgerLandsWhereTheConfigSaysSo) {
-  facts.ledger_untrusted = true;
+  inputs.ledger_untrusted = true;
   pass(ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);  // what cannot be trusted is left out anyway
   settings.on_untrusted_ledger = OnUntrustedLedger::land;
@@ -66,22 +66,22 @@ TEST_F(FailsafeTest, FS14AnUntrustedLedgerLandsWhereTheConfigSaysSo) {
 
 TEST_F(FailsafeTest, FS15AnUntrustedLedgerBrakesUntilItIsTrustedForAWhileWhereTheConfigSaysSo) {
   settings.on_untrusted_ledger = OnUntrustedLedger::hold;
-  facts.ledger_untrusted = true;
+  inputs.ledger_untrusted = true;
   pass(ms);
   expect(FailsafeMode::brake, FailsafeCause::ledger_untrusted);
-  facts.ledger_untrusted = false;
+  inputs.ledger_untrusted = false;
   pass(settings.clear_after_ns);
   expect(FailsafeMode::brake, FailsafeCause::ledger_untrusted);
   pass(2 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.ledger_untrusted = true;
+  inputs.ledger_untrusted = true;
   pass(settings.land_after_ns + ms);
   expect(FailsafeMode::land, FailsafeCause::ledger_untrusted);
 }
 
 TEST_F(FailsafeTest, TakingOffGivesNoFreeTime) {
-  facts.plan_valid = false;
-  facts.covered_until_ns = 0;
+  inputs.plan_valid = false;
+  inputs.covered_until_ns = 0;
   pass(settings.hold_grace_ns + ms);
   expect(FailsafeMode::hold, FailsafeCause::plan_ran_out);
   pass(settings.land_after_ns);
@@ -92,13 +92,13 @@ TEST_F(FailsafeTest, FS08WithASilentAgentThePlanInHandIsFlownToItsEndThenHold) {
   heartbeats = false;
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(ns_per_s);
   expect(FailsafeMode::hold, FailsafeCause::agent_silent);
-  facts.plan_valid = true;
+  inputs.plan_valid = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(settings.land_after_ns + ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::agent_silent);
 }
@@ -108,7 +108,7 @@ TEST_F(FailsafeTest, ADeadAgentTakesThePosesAlongAndItsPlanIsStillFlownToItsEnd)
   heartbeats = poses = false;
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(ns_per_s);
   expect(FailsafeMode::hold, FailsafeCause::agent_silent);
   pass(settings.land_after_ns);
@@ -116,16 +116,16 @@ TEST_F(FailsafeTest, ADeadAgentTakesThePosesAlongAndItsPlanIsStillFlownToItsEnd)
 }
 
 TEST_F(FailsafeTest, FS09WithASilentLedgerThePlanInHandIsFlownToItsEndThenHold) {
-  facts.ledger_alive = false;
+  inputs.ledger_alive = false;
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(ns_per_s);
   expect(FailsafeMode::hold, FailsafeCause::ledger_silent);
-  facts.plan_valid = true;
+  inputs.plan_valid = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(settings.land_after_ns + ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::ledger_silent);
 }
@@ -177,7 +177,7 @@ TEST_F(FailsafeTest, FS07ALostPoseMeansBrakeUntilItIsBackForAWhile) {
 TEST_F(FailsafeTest, ASilenceThatComesAndGoesDoesNotMakeTheCauseFlap) {
   settings.land_after_ns = 60 * ns_per_s;
   pass(ns_per_s);
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   for (int i = 0; i < 10; ++i) {
     heartbeats = false;
     pass(settings.agent_silent_ns + 100 * ms);
@@ -194,13 +194,13 @@ TEST_F(FailsafeTest, ASilenceThatComesAndGoesDoesNotMakeTheCauseFlap) {
 TEST_F(FailsafeTest, TheSilencesOfLedgerAgentAndDroneAreDistinguished) {
   const auto after = [&](bool ledger, bool agent, bool drone) {
     state = {};
-    facts.phase = FlightPhase::flying;
-    facts.ledger_alive = heartbeats = poses = states = facts.plan_valid = true;
+    inputs.phase = FlightPhase::flying;
+    inputs.ledger_alive = heartbeats = poses = states = inputs.plan_valid = true;
     pass(ns_per_s);
-    facts.ledger_alive = ledger;
+    inputs.ledger_alive = ledger;
     heartbeats = poses = agent;  // poses come through agent
     states = drone;
-    facts.plan_valid = false;
+    inputs.plan_valid = false;
     pass(settings.state_stale_ns + 100 * ms);
     return std::pair(state.mode, state.cause);
   };
@@ -228,7 +228,7 @@ TEST_F(FailsafeTest, APoseThatComesAndGoesDoesNotMakeModesFlap) {
 TEST_F(FailsafeTest, ABrakeIntoAHoldDoesNotRestartTheClock) {
   pass(ns_per_s);
   poses = false;
-  facts.plan_valid = false;
+  inputs.plan_valid = false;
   pass(settings.land_after_ns / 2);
   poses = true;
   pass(settings.land_after_ns / 2 - 100 * ms);
@@ -238,12 +238,12 @@ TEST_F(FailsafeTest, ABrakeIntoAHoldDoesNotRestartTheClock) {
 }
 
 TEST_F(FailsafeTest, FS11BeyondTheFenceWhatLeadsBackIsFlownWithAWarning) {
-  facts.position_m = {fence.max_m[0] + 0.3, 0, 1};
-  facts.velocity_mps = {-0.5, 0, 0};
+  inputs.position_m = {fence.max_m[0] + 0.3, 0, 1};
+  inputs.velocity_mps = {-0.5, 0, 0};
   pass(10 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::fence);
-  EXPECT_TRUE(follows_plan(state.mode, facts.plan_valid));
-  facts.position_m = {fence.max_m[0] - 0.3, 0, 1};
+  EXPECT_TRUE(follows_plan(state.mode, inputs.plan_valid));
+  inputs.position_m = {fence.max_m[0] - 0.3, 0, 1};
   pass(settings.clear_after_ns - 10 * ms);
   expect(FailsafeMode::none, FailsafeCause::fence);
   pass(20 * ms);
@@ -251,9 +251,9 @@ TEST_F(FailsafeTest, FS11BeyondTheFenceWhatLeadsBackIsFlownWithAWarning) {
 }
 
 TEST_F(FailsafeTest, TheWarningDoesNotFlapAtTheFence) {
-  facts.velocity_mps = {};
+  inputs.velocity_mps = {};
   for (int i = 0; i < 200; ++i) {
-    facts.position_m = {fence.max_m[0] + (i % 2 == 0 ? 0.02 : -0.02), 0, 1};
+    inputs.position_m = {fence.max_m[0] + (i % 2 == 0 ? 0.02 : -0.02), 0, 1};
     pass(10 * ms);
   }
   expect(FailsafeMode::none, FailsafeCause::fence);
@@ -261,39 +261,39 @@ TEST_F(FailsafeTest, TheWarningDoesNotFlapAtTheFence) {
 }
 
 TEST_F(FailsafeTest, FS04BeyondTheFenceAndStillOutwardMeansLand) {
-  facts.position_m = {0, fence.min_m[1] - 0.3, 1};
-  facts.velocity_mps = {0, -0.5, 0};
+  inputs.position_m = {0, fence.min_m[1] - 0.3, 1};
+  inputs.velocity_mps = {0, -0.5, 0};
   pass(settings.fence_land_after_ns - 10 * ms);
   expect(FailsafeMode::none, FailsafeCause::fence);
   pass(20 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
-  facts.position_m = {0, 0, 1};
+  inputs.position_m = {0, 0, 1};
   pass(10 * ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::fence);
-  facts.phase = FlightPhase::landed;
+  inputs.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, FarOutsideTheFenceMeansLandAtAnySpeed) {
-  facts.position_m = {0, 0, fence.max_m[2] + fence.far_beyond_m + 0.1};
+  inputs.position_m = {0, 0, fence.max_m[2] + fence.far_beyond_m + 0.1};
   pass(settings.fence_land_after_ns + 2 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
 
 TEST_F(FailsafeTest, TheDronesOwnHeightHoldsTheCeilingWhateverThePoseSays) {
-  facts.height_m = static_cast<float>(fence.max_m[2]) + 0.4F;
-  facts.velocity_mps = {};
+  inputs.height_m = static_cast<float>(fence.max_m[2]) + 0.4F;
+  inputs.velocity_mps = {};
   pass(2 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::fence);  // the setpoint's upward part is clipped
-  facts.velocity_mps = {0, 0, 0.5};
+  inputs.velocity_mps = {0, 0, 0.5};
   pass(settings.fence_land_after_ns + 2 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
 
 TEST_F(FailsafeTest, FarAboveTheCeilingByItsOwnHeightMeansLandAtAnySpeed) {
-  facts.height_m = static_cast<float>(fence.max_m[2] + fence.far_beyond_m) + 0.3F;
-  facts.velocity_mps = {};
+  inputs.height_m = static_cast<float>(fence.max_m[2] + fence.far_beyond_m) + 0.3F;
+  inputs.velocity_mps = {};
   pass(settings.fence_land_after_ns + 2 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
@@ -301,10 +301,10 @@ TEST_F(FailsafeTest, FarAboveTheCeilingByItsOwnHeightMeansLandAtAnySpeed) {
 TEST_F(FailsafeTest, AStepOfItsOwnHeightJustBelowTheCeilingIsNoReasonToWarnOrLand) {
   for (const double ceiling : {1.5, 2.0, 2.7, 3.0}) {
     fence.max_m[2] = ceiling;
-    facts.position_m = {0, 0, ceiling - 0.01};
-    facts.velocity_mps = {0, 0, 0.5};
+    inputs.position_m = {0, 0, ceiling - 0.01};
+    inputs.velocity_mps = {0, 0, 0.5};
     for (int i = 0; i < 100; ++i) {
-      facts.height_m = static_cast<float>(ceiling) + (i % 2 == 0 ? 0.1F : 0);
+      inputs.height_m = static_cast<float>(ceiling) + (i % 2 == 0 ? 0.1F : 0);
       pass(20 * ms);
       expect(FailsafeMode::none, FailsafeCause::none);
     }
@@ -314,34 +314,34 @@ TEST_F(FailsafeTest, AStepOfItsOwnHeightJustBelowTheCeilingIsNoReasonToWarnOrLan
 TEST_F(FailsafeTest, WithoutAPoseTheHeightAloneIsFenced) {
   pass(ns_per_s);
   poses = false;
-  facts.position_m = {1000, 1000, 1000};
+  inputs.position_m = {1000, 1000, 1000};
   pass(settings.pose_lost_ns + settings.fence_land_after_ns + 100 * ms);
   expect(FailsafeMode::brake, FailsafeCause::pose_lost);
-  facts.height_m = static_cast<float>(fence.max_m[2]) + 0.1F;
+  inputs.height_m = static_cast<float>(fence.max_m[2]) + 0.1F;
   pass(settings.fence_land_after_ns + 2 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
 
 TEST_F(FailsafeTest, FS12ALowBatteryWarnsAndTheWarningDoesNotFlap) {
-  facts.battery = settings.battery_low;
+  inputs.battery = settings.battery_low;
   pass(100 * ms);
   expect(FailsafeMode::none, FailsafeCause::battery_low);
-  facts.battery = settings.battery_low + settings.battery_margin / 2;
+  inputs.battery = settings.battery_low + settings.battery_margin / 2;
   pass(100 * ms);
   expect(FailsafeMode::none, FailsafeCause::battery_low);
-  facts.battery = settings.battery_low + 2 * settings.battery_margin;
+  inputs.battery = settings.battery_low + 2 * settings.battery_margin;
   pass(100 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, FS03ACriticalBatteryLands) {
-  facts.battery = settings.battery_critical;
+  inputs.battery = settings.battery_critical;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::battery_critical);
 }
 
 TEST_F(FailsafeTest, FS67AFailedCheckLandsAllDrones) {
-  facts.check_failed = true;
+  inputs.check_failed = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::check_failed);
 }
@@ -350,110 +350,110 @@ TEST_F(FailsafeTest, FS02AStopLandsAtOnceWhateverElseIsWrong) {
   pass(ns_per_s);
   poses = states = heartbeats = false;
   pass(2 * ns_per_s);
-  facts.stop = true;
+  inputs.stop = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::stopped);
 }
 
 TEST_F(FailsafeTest, FS01MotorsAreCutOnlyWhereAskedForByName) {
-  facts.stop = true;
+  inputs.stop = true;
   pass(20 * ns_per_s);
   EXPECT_EQ(state.mode, FailsafeMode::land);
-  facts.cut = true;
+  inputs.cut = true;
   pass(ms);
   expect(FailsafeMode::cut, FailsafeCause::stopped);
-  facts.cut = facts.stop = false;
+  inputs.cut = inputs.stop = false;
   pass(ns_per_s);
   expect(FailsafeMode::cut, FailsafeCause::stopped);
-  facts.phase = FlightPhase::landed;
+  inputs.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, FS13ADroneThatMayBeAirborneIsLandedWhenItsHandshakesFailed) {
-  facts.phase = FlightPhase::disconnected;
-  facts.may_be_airborne = true;
+  inputs.phase = FlightPhase::disconnected;
+  inputs.may_be_airborne = true;
   states = false;
   pass(3 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::state_stale);
-  facts.blind = true;
+  inputs.blind = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::state_stale);
-  facts.blind = false;  // it is seen again, in the air
-  facts.may_be_airborne = false;
-  facts.phase = FlightPhase::landing;
+  inputs.blind = false;  // it is seen again, in the air
+  inputs.may_be_airborne = false;
+  inputs.phase = FlightPhase::landing;
   states = true;
   pass(ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::state_stale);
-  facts.phase = FlightPhase::disconnected;  // and lost, but on the ground
+  inputs.phase = FlightPhase::disconnected;  // and lost, but on the ground
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, AStopACutAndTheFenceActOnADroneThatMayBeAirborne) {
-  facts.phase = FlightPhase::disconnected;
-  facts.stop = true;
+  inputs.phase = FlightPhase::disconnected;
+  inputs.stop = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
-  facts.may_be_airborne = true;
+  inputs.may_be_airborne = true;
   pass(ms);
   expect(FailsafeMode::land, FailsafeCause::stopped);
-  facts.cut = true;
+  inputs.cut = true;
   pass(ms);
   expect(FailsafeMode::cut, FailsafeCause::stopped);
   state = {};
-  facts.stop = facts.cut = false;
-  facts.position_m = {fence.max_m[0] + 2, 0, 1};
+  inputs.stop = inputs.cut = false;
+  inputs.position_m = {fence.max_m[0] + 2, 0, 1};
   pass(settings.fence_land_after_ns + 10 * ms);
   expect(FailsafeMode::land, FailsafeCause::fence);
 }
 
 TEST_F(FailsafeTest, ALandingIsNeverTakenBackInTheAir) {
-  facts.battery = settings.battery_critical;
+  inputs.battery = settings.battery_critical;
   pass(ms);
-  facts.battery = 1;
-  facts.phase = FlightPhase::landing;
+  inputs.battery = 1;
+  inputs.phase = FlightPhase::landing;
   pass(10 * ns_per_s);
   expect(FailsafeMode::land, FailsafeCause::battery_critical);
-  facts.phase = FlightPhase::landed;
+  inputs.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, AStopOutlastsTheLanding) {
-  facts.stop = true;
+  inputs.stop = true;
   pass(ms);
-  facts.phase = FlightPhase::landed;
+  inputs.phase = FlightPhase::landed;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::stopped);
 }
 
 TEST_F(FailsafeTest, OnTheGroundTheCauseSaysWhatATakeOffWaitsFor) {
-  facts.phase = FlightPhase::on_ground;
-  facts.ledger_alive = false;
+  inputs.phase = FlightPhase::on_ground;
+  inputs.ledger_alive = false;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::ledger_silent);
-  facts.ledger_alive = true;
+  inputs.ledger_alive = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::none);
 }
 
 TEST_F(FailsafeTest, TakeOffIsRefusedWithTheCauseThatSpeaksAgainstIt) {
   const auto refusal = [&](auto spoil) {
-    FailsafeFacts spoiled = facts;
+    FailsafeInputs spoiled = inputs;
     spoiled.heartbeat_ns = spoiled.state_ns = spoiled.pose_ns = now;
     spoil(spoiled);
     return takeoff_refusal(settings, fence, now, spoiled);
   };
-  EXPECT_EQ(refusal([](FailsafeFacts&) {}), FailsafeCause::none);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.stop = true; }), FailsafeCause::stopped);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.battery = 0.1F; }), FailsafeCause::battery_low);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.state_ns = 0; }), FailsafeCause::state_stale);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.pose_ns -= ns_per_s; }), FailsafeCause::pose_lost);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.heartbeat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_alive = false; }), FailsafeCause::ledger_silent);
+  EXPECT_EQ(refusal([](FailsafeInputs&) {}), FailsafeCause::none);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.stop = true; }), FailsafeCause::stopped);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.battery = 0.1F; }), FailsafeCause::battery_low);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.state_ns = 0; }), FailsafeCause::state_stale);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.pose_ns -= ns_per_s; }), FailsafeCause::pose_lost);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.heartbeat_ns -= ns_per_s; }), FailsafeCause::agent_silent);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.ledger_alive = false; }), FailsafeCause::ledger_silent);
   settings.on_untrusted_ledger = OnUntrustedLedger::hold;
-  EXPECT_EQ(refusal([](FailsafeFacts& f) { f.ledger_untrusted = true; }), FailsafeCause::ledger_untrusted);
+  EXPECT_EQ(refusal([](FailsafeInputs& f) { f.ledger_untrusted = true; }), FailsafeCause::ledger_untrusted);
 }
 
 TEST_F(FailsafeTest, TheSetpointIsClippedAtTheFenceAndOnlyOutward) {

@@ -1,4 +1,4 @@
-#include "onboard/link/core/velocity.hpp"
+#include "onboard/link/core/tello/tello_text.hpp"
 
 #include <gtest/gtest.h>
 

@@ -28,7 +28,7 @@ class LocalStops : public ::testing::Test {
   void keep(const DroneSet& stopped) const {
     LocalStopsFile stops(file, drones);
     (void)stops.read();
-    const auto status = stops.keep(stopped);
+    const auto status = stops.store(stopped);
     ASSERT_TRUE(status) << status.error().message;
   }
 
@@ -59,7 +59,7 @@ TEST_F(LocalStops, AreOfNamesAndOneThatThisLinkDoesNotFlyStays) {
   const std::vector<DroneSettings> others{{"tello2", 7}};
   LocalStopsFile stops(file, others);
   EXPECT_EQ(*stops.read(), DroneSet().set(7));
-  ASSERT_TRUE(stops.keep({}));
+  ASSERT_TRUE(stops.store({}));
   EXPECT_EQ(read(drones), DroneSet().set(1));
 }
 
@@ -90,14 +90,14 @@ TEST_F(LocalStops, ADamagedFileIsWrittenAgain) {
   ASSERT_TRUE(write_file(file, "x"));
   LocalStopsFile stops(file, drones);
   ASSERT_FALSE(stops.read());
-  ASSERT_TRUE(stops.keep(DroneSet().set(1).set(2).set(16)));
+  ASSERT_TRUE(stops.store(DroneSet().set(1).set(2).set(16)));
   EXPECT_EQ(read(drones), DroneSet().set(1).set(2).set(16));
 }
 
 TEST_F(LocalStops, ThatCannotBeKeptAreReported) {
   LocalStopsFile stops("/proc/no/such", drones);
   (void)stops.read();
-  const auto status = stops.keep(DroneSet().set(1));
+  const auto status = stops.store(DroneSet().set(1));
   ASSERT_FALSE(status);
   EXPECT_NE(status.error().message.find("/proc/no/such"), std::string::npos);
 }
@@ -105,7 +105,7 @@ TEST_F(LocalStops, ThatCannotBeKeptAreReported) {
 TEST_F(LocalStops, WithoutAFileNobodyRemembers) {
   LocalStopsFile stops("", drones);
   EXPECT_TRUE(stops.read()->none());
-  EXPECT_TRUE(stops.keep(DroneSet().set(1)));
+  EXPECT_TRUE(stops.store(DroneSet().set(1)));
 }
 
 }  // namespace

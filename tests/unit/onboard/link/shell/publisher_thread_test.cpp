@@ -11,9 +11,9 @@ namespace {
 
 /// What agent receives; it can block the sender, as a lock does whose holder was killed.
 struct FakeEnd final : ipc::LinkEnd {
-  bool take_plan(Plan&) noexcept override { return false; }
-  bool take_pose(Pose&) noexcept override { return false; }
-  bool take_heartbeat(AgentHeartbeat&) noexcept override { return false; }
+  bool receive_plan(Plan&) noexcept override { return false; }
+  bool receive_pose(Pose&) noexcept override { return false; }
+  bool receive_heartbeat(AgentHeartbeat&) noexcept override { return false; }
   bool send_state(const StateSample& sample) noexcept override {
     sending = true;
     while (holds) std::this_thread::sleep_for(std::chrono::milliseconds(1));

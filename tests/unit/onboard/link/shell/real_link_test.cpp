@@ -75,7 +75,7 @@ class RealLink : public ::testing::Test {
     return false;
   }
   void take_transitions() {
-    for (Transition t; agent->take_transition(t);) {
+    for (Transition t; agent->receive_transition(t);) {
       auto& drone = transitions[t.drone];
       if (t.number != drone.size() + 1) continue;
       drone.push_back(t);

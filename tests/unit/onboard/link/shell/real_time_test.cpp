@@ -1,4 +1,4 @@
-#include "common/rt/real_time.hpp"
+#include "common/rt/loop_ticker.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,11 +1,11 @@
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <thread>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 namespace ledgerline::link {
 namespace {
@@ -35,10 +35,10 @@ class ShimEnd : public ::testing::Test {
 
 TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndTrustsNoDroneThatItDoesNotKnow) {
   ShimTransport transport(link->memory(), two_drones());
-  ASSERT_TRUE(drones->give(1, Datagram::Port::answer, "ok"));
-  ASSERT_TRUE(drones->give(3, Datagram::Port::answer, "of an outsider"));
-  ASSERT_TRUE(drones->give(60'000, Datagram::Port::answer, "of nobody"));
-  ASSERT_TRUE(drones->give(2, Datagram::Port::state, "bat:90;"));
+  ASSERT_TRUE(drones->send(1, Datagram::Port::answer, "ok"));
+  ASSERT_TRUE(drones->send(3, Datagram::Port::answer, "of an outsider"));
+  ASSERT_TRUE(drones->send(60'000, Datagram::Port::answer, "of nobody"));
+  ASSERT_TRUE(drones->send(2, Datagram::Port::state, "bat:90;"));
   const auto received = transport.receive();
   ASSERT_EQ(received.size(), 2U);
   EXPECT_EQ(received[0].drone, 1);
@@ -52,14 +52,14 @@ TEST_F(ShimEnd, CarriesTheBytesAsTheyAreAndTrustsNoDroneThatItDoesNotKnow) {
   Datagram reported;
   const ToSend land{2, command_text("land")};
   ASSERT_TRUE(transport.send(land));
-  ASSERT_TRUE(drones->take(reported));
+  ASSERT_TRUE(drones->receive(reported));
   EXPECT_EQ(reported.drone, 2);
   EXPECT_EQ(reported.view(), "land");
 }
 
 TEST_F(ShimEnd, TakesABoundedNumberATurnAndSaysWhenThereIsNoRoom) {
   ShimTransport transport(link->memory(), two_drones());
-  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->give(1, Datagram::Port::state, std::to_string(i)));
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->send(1, Datagram::Port::state, std::to_string(i)));
   EXPECT_EQ(transport.receive().size(), 64U);
   const auto rest = transport.receive();
   ASSERT_EQ(rest.size(), 36U);
@@ -72,8 +72,8 @@ TEST_F(ShimEnd, TakesABoundedNumberATurnAndSaysWhenThereIsNoRoom) {
 
 TEST_F(ShimEnd, OutsidersDatagramsDoNotHoldTheLoop) {
   ShimTransport transport(link->memory(), two_drones());
-  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->give(9, Datagram::Port::state, "of an outsider"));
-  ASSERT_TRUE(drones->give(1, Datagram::Port::state, "behind them"));
+  for (int i = 0; i < 100; ++i) ASSERT_TRUE(drones->send(9, Datagram::Port::state, "of an outsider"));
+  ASSERT_TRUE(drones->send(1, Datagram::Port::state, "behind them"));
   EXPECT_TRUE(transport.receive().empty()) << "all of them in one turn";
   EXPECT_EQ(transport.receive().size(), 1U);
 }
@@ -86,13 +86,13 @@ class Lockstep : public ShimEnd {
       LockstepClock clock(*link);
       while (true) {
         const TimeNs now = clock.wait(stopping);
-        if (clock.lost()) return;
+        if (clock.is_lost()) return;
         turns.push_back(now);
       }
     });
   }
   drone_shim::DronesEnd::Turn turn(TimeNs now) {
-    drones->ask_turn(now);
+    drones->request_turn(now);
     return drones->wait_turn(10 * ns_per_s);
   }
   std::atomic<bool> stopping{false};
@@ -118,11 +118,11 @@ TEST_F(Lockstep, AStopEndsALinkWhoseClockStands) {
 }
 
 TEST_F(Lockstep, ATurnIsOverWhenTheLoopEndsInIt) {
-  drones->ask_turn(ns_per_ms);
+  drones->request_turn(ns_per_ms);
   {
     LockstepClock clock(*link);
     EXPECT_EQ(clock.wait(stopping), ns_per_ms);
-    EXPECT_EQ(drones->wait_turn(20 * ns_per_ms), drone_shim::DronesEnd::Turn::under_way);
+    EXPECT_EQ(drones->wait_turn(20 * ns_per_ms), drone_shim::DronesEnd::Turn::in_progress);
   }
   EXPECT_EQ(drones->wait_turn(ns_per_s), drone_shim::DronesEnd::Turn::made);
 }

@@ -26,7 +26,7 @@ inline void heartbeat_and_pose(AgentEnd& agent, AgentHeartbeat heartbeat, DroneN
 
 template <typename States>
 void take_states(AgentEnd& agent, States& newest) {
-  for (StateSample sample; agent.take_state(sample);) newest[sample.drone] = sample;
+  for (StateSample sample; agent.receive_state(sample);) newest[sample.drone] = sample;
 }
 
 /// A main whose arguments are the paths of these programs; the last `optional` of them may be missing.

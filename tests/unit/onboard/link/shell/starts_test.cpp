@@ -13,7 +13,7 @@ class Starts : public ::testing::Test {
  protected:
   ~Starts() override { ::unlink(file.c_str()); }
   int noted(TimeNs now) {
-    const auto count = note_start(file, now);
+    const auto count = record_start(file, now);
     EXPECT_TRUE(count) << count.error().message;
     return count ? *count : 0;
   }
@@ -43,7 +43,7 @@ TEST_F(Starts, OfAnEarlierBootOrAnotherProgramCountNothing) {
 }
 
 TEST_F(Starts, AFileThatCannotBeWrittenIsAnErrorThatNamesIt) {
-  const auto count = note_start("/nowhere/starts", ns_per_s);
+  const auto count = record_start("/nowhere/starts", ns_per_s);
   ASSERT_FALSE(count);
   EXPECT_NE(count.error().message.find("/nowhere/starts"), std::string::npos);
 }

@@ -14,7 +14,7 @@
 #include <string>
 #include <string_view>
 
-#include "onboard/shim/drones_end.hpp"
+#include "onboard/shim/mapping.hpp"
 
 /// The real ledgerline-link is asked to end, whatever has become of who reads its output. In lockstep: this test moves
 /// its clock, and stands in for a drone that says nothing, which link tells to land all the same. Argument: link.
@@ -85,9 +85,9 @@ class StoppedLink : public ::testing::Test {
   }
 
   bool make_turn() {
-    drones->ask_turn(now += ns_per_ms);
+    drones->request_turn(now += ns_per_ms);
     const bool made = drones->wait_turn(ns_per_s) == drone_shim::DronesEnd::Turn::made;
-    for (drone_shim::Datagram reported; drones->take(reported);)
+    for (drone_shim::Datagram reported; drones->receive(reported);)
       commanded_to_land = commanded_to_land || reported.view() == "land";
     return made;
   }

@@ -149,11 +149,11 @@ TEST_F(Sockets, StateTextIsTakenFromTheDronesAddressAndStatePortAlone) {
   Speaker("127.0.0.77", settings.state_port).say(to, "h:4;");
   EXPECT_EQ(received(), (Texts{"3 states h:1;", "4 states h:2;"}));
 
-  const auto news = sockets->tend();
+  const auto news = sockets->refresh();
   ASSERT_EQ(news.size(), 1U);
   EXPECT_NE(news[0].find("tello1"), std::string::npos) << news[0];
   EXPECT_NE(news[0].find("state_port"), std::string::npos) << news[0];
-  EXPECT_TRUE(sockets->tend().empty());  // said once
+  EXPECT_TRUE(sockets->refresh().empty());  // said once
 }
 
 // Of sockets that share a port the kernel gives the datagrams to one, which may be any user's.
@@ -173,7 +173,7 @@ TEST_F(Sockets, ThePortOfTheStateTextsIsSharedWithNobodyWhateverInterfacesThereA
     auto created = TelloSockets::create(settings);
     ASSERT_TRUE(created) << created.error().message;
     sockets = std::make_unique<TelloSockets>(std::move(*created));
-    (void)sockets->tend();
+    (void)sockets->refresh();
     EXPECT_FALSE(takes_it("127.0.0.1"));
     EXPECT_FALSE(takes_it("0.0.0.0"));
   }
@@ -238,7 +238,7 @@ TEST_F(Sockets, WhatComesThroughAnInterfaceIsItsDronesOrOfOneWithoutAnInterface)
   tello2.say(settings.state_listen, "h:2;");  // comes through tello1's interface, and has none of its own
   EXPECT_EQ(received(), (Texts{"3 states h:1;", "4 states h:2;"}));
   command(3, tello1);
-  EXPECT_TRUE(sockets->tend().empty());
+  EXPECT_TRUE(sockets->refresh().empty());
 }
 
 }  // namespace

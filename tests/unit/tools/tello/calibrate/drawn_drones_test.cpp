@@ -57,7 +57,7 @@ double flown_nees(const Drone& drone, link::OdometrySettings settings) {
       link::TelloState state;
       if (!link::parse_state(datagram.bytes, state)) continue;
       const sim::Truth truth = simulator.truth(1);
-      odometry.take(now, state, !truth.in_flight);
+      odometry.on_state(now, state, !truth.in_flight);
       if (now < 8 * ns_per_s) continue;  // it takes off
       const Pose& pose = odometry.pose();
       for (std::size_t i = 0; i < 2; ++i)

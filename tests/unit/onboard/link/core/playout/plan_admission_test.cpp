@@ -1,4 +1,4 @@
-#include "onboard/link/core/playout/plan_admission.hpp"
+#include "onboard/link/core/playout/playout.hpp"
 
 #include <gtest/gtest.h>
 
@@ -89,7 +89,7 @@ TEST_F(PlanAdmissionTest, BadNumbersAreDroppedNotFlown) {
 TEST_F(PlanAdmissionTest, EveryPlanThatEndsUnflownIsNamedWithItsReasonOnce) {
   Plan plan = plan_of(1, t, 2, 1, t);
   admit(t, plan);
-  admission.late(plan);
+  admission.record_end(plan, DropReason::none);
   admit(t, plan);
   ASSERT_EQ(admission.ends().size(), 2U);
   EXPECT_EQ(admission.ends()[0].reason, DropReason::none);

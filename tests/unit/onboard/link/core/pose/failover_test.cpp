@@ -1,4 +1,4 @@
-#include "onboard/link/core/pose/failover.hpp"
+#include "onboard/link/core/pose/drone_position.hpp"
 
 #include <gtest/gtest.h>
 
@@ -61,10 +61,10 @@ TEST(Failover, OnTheGroundTheSourceCountsAtOnce) {
 
 TEST(Failover, ItIsMissingOnlyAfterItWasThere) {
   Failover failover(150 * ms, 0.2);
-  EXPECT_FALSE(failover.missing(10'000 * ms));
-  failover.heard(10'000 * ms);
-  EXPECT_FALSE(failover.missing(10'150 * ms));
-  EXPECT_TRUE(failover.missing(10'151 * ms));
+  EXPECT_FALSE(failover.is_missing(10'000 * ms));
+  failover.on_mocap(10'000 * ms);
+  EXPECT_FALSE(failover.is_missing(10'150 * ms));
+  EXPECT_TRUE(failover.is_missing(10'151 * ms));
 }
 
 LinkSettings joined() {

@@ -74,7 +74,7 @@ class Walker {
     state.height_m = static_cast<float>(std::round((position[2] - settings.start_m[2]) * 10) / 10);
     state.barometer_m = static_cast<float>(140 + position[2] + 0.15 * random.normal());
     if (blind) state.tof_m = 65.53F;
-    odometry.take(now, state, stands);
+    odometry.on_state(now, state, stands);
   }
 
   /// A fix there, with the true heading.
@@ -236,7 +236,7 @@ TEST(Odometry, FixesNowAndThenHoldTheErrorDown) {
 
 TEST(Odometry, FirstSeenInTheAirItIsAnywhere) {
   Odometry odometry({});
-  odometry.take(ns_per_s, sent(1, 1), false);
+  odometry.on_state(ns_per_s, sent(1, 1), false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
 }
 
@@ -298,10 +298,10 @@ TEST(Odometry, AFirstTextWithoutASightOfTheGroundIsMadeGoodByTheNext) {
   Odometry odometry({});
   TelloState state = sent(65.53, 0);
   state.motor_s = 3;
-  odometry.take(ns_per_s, state, false);
+  odometry.on_state(ns_per_s, state, false);
   EXPECT_GT(odometry.pose().variance[0], 1000);
   state.tof_m = 0.1F;
-  odometry.take(ns_per_s + text_ns, state, true);
+  odometry.on_state(ns_per_s + text_ns, state, true);
   EXPECT_LT(odometry.pose().variance[0], 0.01);
 }
 
@@ -359,17 +359,17 @@ TEST(Odometry, AHeadingFarOffIsRefusedForSecondsWhileItsPlaceCounts) {
 TEST(Odometry, AfterHalfAMinuteOr15MWithoutAFixItIsOverdue) {
   Walker drone(18);
   drone.stand(60);
-  EXPECT_FALSE(drone.odometry.overdue());
+  EXPECT_FALSE(drone.odometry.is_overdue());
   drone.fly(29, {0, 0, 0});
-  EXPECT_FALSE(drone.odometry.overdue());
+  EXPECT_FALSE(drone.odometry.is_overdue());
   drone.fly(2, {0, 0, 0});
-  EXPECT_TRUE(drone.odometry.overdue());
+  EXPECT_TRUE(drone.odometry.is_overdue());
   drone.odometry.fix(drone.fix_at(drone.position));
-  EXPECT_FALSE(drone.odometry.overdue());
+  EXPECT_FALSE(drone.odometry.is_overdue());
   drone.fly(14, {1, 0, 0});
-  EXPECT_FALSE(drone.odometry.overdue());
+  EXPECT_FALSE(drone.odometry.is_overdue());
   drone.fly(3, {1, 0, 0});
-  EXPECT_TRUE(drone.odometry.overdue());
+  EXPECT_TRUE(drone.odometry.is_overdue());
 }
 
 TEST(Odometry, AVelocityThatMayBeLateIsInTheVarianceWhileItsSpeedIsAnother) {
@@ -391,13 +391,13 @@ TEST(Odometry, AScaleACastAndALagThatAreKnownAreMadeGood) {
   settings.velocity_lag_s = 0.2;
   Odometry odometry(settings);
   TelloState state = sent(0.1, 0);
-  odometry.take(ns_per_s, state, true);
+  odometry.on_state(ns_per_s, state, true);
   state.tof_m = 1;
   // It gathers speed evenly, backwards: 1 m/s after 5 s.
   for (int i = 1; i <= 50; ++i) {
     const double late_mps = std::max(0.0, 0.2 * (i * text_s - 0.2));
     state.velocity_dmps[0] = -static_cast<float>(static_cast<int>(late_mps / 1.25 * 10));
-    odometry.take(ns_per_s + i * text_ns, state, false);
+    odometry.on_state(ns_per_s + i * text_ns, state, false);
   }
   EXPECT_NEAR(odometry.pose().position_m[0], -0.1 * 25, 0.06)
       << "0.5 m of them by scale, 0.3 by the cast, 0.2 by the lag";

@@ -33,7 +33,7 @@ class Watched {
       own.height_m = 1;
       own.heading_rad = heading;
       if (!repeats) own.barometer_m += 0.01F;
-      check.take(now, own, newest, flies);
+      check.on_state(now, own, newest, flies);
     }
   }
 

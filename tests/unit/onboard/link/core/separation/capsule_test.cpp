@@ -1,4 +1,4 @@
-#include "onboard/link/core/separation/capsule.hpp"
+#include "onboard/link/core/separation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -31,7 +31,7 @@ void brake(Motion motion, const Check& check) {
 constexpr Motion turning{.position_m = {1, 2, 1}, .velocity_mps = {0.8, -0.3, 0.2}, .sent_mps = {-0.2, 0.9, 0.4}};
 
 TEST(Capsule, EndsWhereADroneThatIsOrderedToStopComesToRest) {
-  const Capsule capsule = until_rest(course(turning, braking), braking, turning.sent_mps);
+  const Capsule capsule = until_rest(coasting(turning, braking), braking, turning.sent_mps);
   Vec3 rest{};
   brake(turning, [&](const Motion& at) { rest = at.position_m; });
   EXPECT_NEAR(capsule.to_m[0], rest[0], 0.002);
@@ -39,7 +39,7 @@ TEST(Capsule, EndsWhereADroneThatIsOrderedToStopComesToRest) {
 }
 
 TEST(Capsule, HasTheWholeWayToRestInIt) {
-  const Capsule capsule = until_rest(course(turning, braking), braking, turning.sent_mps);
+  const Capsule capsule = until_rest(coasting(turning, braking), braking, turning.sent_mps);
   brake(turning, [&](const Motion& at) {
     EXPECT_LE(distance_m(capsule, at.position_m[0], at.position_m[1]), 0.002);
     EXPECT_GE(at.position_m[2], capsule.low_m - 0.002);
@@ -51,7 +51,7 @@ TEST(Capsule, OfADroneThatIsOrderedToStopComesNoNearerToAnybody) {
   for (const auto& [x, y] : {std::pair{1.0, 4.0}, {2.5, 2.0}, {0.0, 2.0}, {1.3, 1.0}}) {
     double last = -1;
     brake(turning, [&](const Motion& at) {
-      const double gap = distance_m(until_rest(course(at, braking), braking, at.sent_mps), x, y);
+      const double gap = distance_m(until_rest(coasting(at, braking), braking, at.sent_mps), x, y);
       EXPECT_GE(gap, last - 0.002);
       last = std::max(last, gap);
     });
@@ -66,8 +66,8 @@ TEST(Capsule, OfAnOldPoseIsTheSameAsOfAFreshOne) {
   fresh.late_s = fresh.age_s = 0;
   fresh.velocity_mps[0] = 1 - 0.5 * kept;
   fresh.position_m[0] = 0.1 - 0.3 * 0.5 * (1 - kept);
-  const Capsule a = until_rest(course(old, braking), braking, old.sent_mps);
-  const Capsule b = until_rest(course(fresh, braking), braking, fresh.sent_mps);
+  const Capsule a = until_rest(coasting(old, braking), braking, old.sent_mps);
+  const Capsule b = until_rest(coasting(fresh, braking), braking, fresh.sent_mps);
   EXPECT_NEAR(a.from_m[0], b.from_m[0], 1e-9);
   EXPECT_NEAR(a.to_m[0], b.to_m[0], 1e-9);
 }

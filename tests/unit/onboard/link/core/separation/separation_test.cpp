@@ -1,4 +1,4 @@
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 
 #include <gtest/gtest.h>
 
@@ -20,7 +20,7 @@ TEST(Separation, DronesThatAreFarFromEachOtherFlyTheirSetpoints) {
   world.add({2, 0.7, 2.2}, {2, -3, 2.2}).speed = 0.5;  // over the first one's path
   while (!world.all_arrived()) {
     world.step();
-    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.verdict.kind, Verdict::Kind::unchanged);
+    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.clearance.kind, Clearance::Kind::unchanged);
   }
 }
 
@@ -32,8 +32,8 @@ TEST(Separation, HeadOnTheHigherNumberGetsOutOfTheWayAndTheLowerOneIsNotHeldUp) 
   const double begin = to_seconds(world.now);
   for (int i = 0; i < 6000 && !world.all_arrived(); ++i) {
     world.step();
-    parted = parted || second.verdict.kind == Verdict::Kind::part;
-    EXPECT_NE(first.verdict.kind, Verdict::Kind::part);
+    parted = parted || second.clearance.kind == Clearance::Kind::part;
+    EXPECT_NE(first.clearance.kind, Clearance::Kind::part);
   }
   EXPECT_TRUE(world.all_arrived());
   EXPECT_TRUE(parted);
@@ -51,8 +51,8 @@ TEST(Separation, AtACrossingTheHigherNumberWaitsAndGoesOn) {
   bool waited = false;
   for (int i = 0; i < 6000 && !world.all_arrived(); ++i) {
     world.step();
-    waited = waited || second.verdict.kind == Verdict::Kind::hold;
-    EXPECT_EQ(first.verdict.kind, Verdict::Kind::unchanged);
+    waited = waited || second.clearance.kind == Clearance::Kind::hold;
+    EXPECT_EQ(first.clearance.kind, Clearance::Kind::unchanged);
   }
   EXPECT_TRUE(world.all_arrived());
   EXPECT_TRUE(waited);
@@ -186,7 +186,7 @@ TEST(Separation, OneThatIsToLandAboveAPathWaitsUntilTheOtherHasPassed) {
     bool waited = false;
     for (int i = 0; i < 4000; ++i) {
       world.step();
-      waited = waited || world.drones[landing - 1U].verdict.landing_waits;
+      waited = waited || world.drones[landing - 1U].clearance.landing_waits;
     }
     EXPECT_TRUE(waited);
     EXPECT_LT(world.drones[landing - 1U].place[2], 0.2);
@@ -204,9 +204,9 @@ TEST(Separation, ALandingDoesNotWaitForWhoIsBesideItOrAbove) {
                                           .motion = {.position_m = {0, 0, 1}},
                                           .lands = true,
                                           .ceiling_m = 3}};
-    const Verdict verdict = separation.step(0.001, neighbours)[1];
-    EXPECT_EQ(verdict.other, verdict.landing_waits ? 1 : 0);
-    return verdict.landing_waits;
+    const Clearance clearance = separation.step(0.001, neighbours)[1];
+    EXPECT_EQ(clearance.other, clearance.landing_waits ? 1 : 0);
+    return clearance.landing_waits;
   };
   using Kind = Neighbour::Kind;
   EXPECT_TRUE(waits({0.3, 0, 0.2}, Kind::steered));
@@ -242,7 +242,7 @@ TEST(Separation, TwoMayHoverOneAboveTheOtherFartherApartThanTheWashReaches) {
   world.add(upper, upper);
   for (int i = 0; i < 1000; ++i) {
     world.step();
-    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.verdict.kind, Verdict::Kind::unchanged);
+    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.clearance.kind, Clearance::Kind::unchanged);
   }
 }
 
@@ -252,7 +252,7 @@ TEST(Separation, APassAboveOneThatHoversIsNotHeldUp) {
   world.add({-2, 0, 1.9}, {2, 0, 1.9}).speed = 0.4;
   for (int i = 0; i < 4000 && !world.all_arrived(); ++i) {
     world.step();
-    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.verdict.kind, Verdict::Kind::unchanged);
+    for (const PointDrone& drone : world.drones) ASSERT_EQ(drone.clearance.kind, Clearance::Kind::unchanged);
   }
   EXPECT_TRUE(world.all_arrived());
 }
@@ -281,9 +281,9 @@ TEST(Separation, ADroneThatIsNotSteeredIsSentNothing) {
   const std::array neighbours{
       Neighbour{.number = 1, .kind = Neighbour::Kind::held, .motion = {.position_m = {0, 0, 1}}, .ceiling_m = 3},
       Neighbour{.number = 2, .kind = Neighbour::Kind::sinking, .motion = {.position_m = {0.3, 0, 1}}, .ceiling_m = 3}};
-  for (const Verdict& verdict : separation.step(0.001, neighbours)) {
-    EXPECT_EQ(verdict.kind, Verdict::Kind::unchanged);
-    EXPECT_EQ(verdict.velocity_mps, (Vec3{}));
+  for (const Clearance& clearance : separation.step(0.001, neighbours)) {
+    EXPECT_EQ(clearance.kind, Clearance::Kind::unchanged);
+    EXPECT_EQ(clearance.velocity_mps, (Vec3{}));
   }
 }
 
@@ -291,9 +291,9 @@ bool refused(const Neighbour& other) {
   Separation separation(SeparationSettings{}, 4);
   const std::array neighbours{other,
                               Neighbour{.number = 2, .kind = Neighbour::Kind::standing, .motion = {}, .ceiling_m = 3}};
-  const Verdict verdict = separation.step(0.001, neighbours)[1];
-  EXPECT_EQ(verdict.other, verdict.takeoff_refused ? other.number : 0);
-  return verdict.takeoff_refused;
+  const Clearance clearance = separation.step(0.001, neighbours)[1];
+  EXPECT_EQ(clearance.other, clearance.takeoff_refused ? other.number : 0);
+  return clearance.takeoff_refused;
 }
 
 TEST(Separation, ATakeOffIsRefusedBesideAndBelowAnother) {

@@ -5,27 +5,27 @@
 #include "tests/unit/onboard/link/core/failsafe_fixture.hpp"
 #include "tests/unit/onboard/link/core/link_world.hpp"
 
-/// What link makes of Separation's verdicts: what is flown, what is said, and who may take off.
+/// What link makes of Separation's clearances: what is flown, what is said, and who may take off.
 namespace ledgerline::link {
 namespace {
 
 TEST_F(FailsafeTest, FS60AnotherDroneInItsWayIsAWarningUntilItIsApartForAWhile) {
   pass(ns_per_s);
-  facts.too_near = true;
+  inputs.too_near = true;
   pass(10 * ns_per_s);
   expect(FailsafeMode::none, FailsafeCause::too_near);  // what of its plan leads past is flown on: it does not land
-  facts.too_near = false;
+  inputs.too_near = false;
   pass(settings.clear_after_ns - 10 * ms);
-  facts.too_near = true;
+  inputs.too_near = true;
   pass(10 * ms);
-  facts.too_near = false;
+  inputs.too_near = false;
   pass(settings.clear_after_ns - 10 * ms);
   expect(FailsafeMode::none, FailsafeCause::too_near);
   pass(20 * ms);
   expect(FailsafeMode::none, FailsafeCause::none);
   EXPECT_EQ(causes, 2);
-  facts.phase = FlightPhase::landed;
-  facts.too_near = true;
+  inputs.phase = FlightPhase::landed;
+  inputs.too_near = true;
   pass(ms);
   expect(FailsafeMode::none, FailsafeCause::too_near);  // as what speaks against a take-off
 }

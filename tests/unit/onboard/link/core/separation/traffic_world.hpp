@@ -7,7 +7,7 @@
 
 #include "common/base/random.hpp"
 #include "onboard/link/core/playout/setpoint_path.hpp"
-#include "onboard/link/core/separation/separation.hpp"
+#include "onboard/link/core/separation.hpp"
 
 namespace ledgerline::link {
 
@@ -37,7 +37,7 @@ struct PointDrone {
   Seen pose;
   Vec3 moved{};  ///< since it came, by what was sent
   double late_s = 0;
-  Verdict verdict;
+  Clearance clearance;
   double waited_s = 0, arrived_s = 0;
   bool arrived() const { return std::hypot(place[0] - goal[0], place[1] - goal[1], place[2] - goal[2]) < 0.1; }
 };
@@ -76,13 +76,13 @@ class TrafficWorld {
     const double dt = to_seconds(tick_);
     std::vector<Neighbour> in;
     for (PointDrone& d : drones) in.push_back(seen(d, dt));
-    const auto verdicts = separation.step(dt, in);
+    const auto clearances = separation.step(dt, in);
     for (std::size_t i = 0; i < drones.size(); ++i) {
       PointDrone& d = drones[i];
-      d.verdict = verdicts[i];
-      if (d.lands && !d.verdict.landing_waits) d.kind = Neighbour::Kind::sinking;
+      d.clearance = clearances[i];
+      if (d.lands && !d.clearance.landing_waits) d.kind = Neighbour::Kind::sinking;
       const bool steered = d.kind == Neighbour::Kind::steered;
-      const Vec3 sent = steered ? clipped(d, verdicts[i].velocity_mps) : Vec3{};
+      const Vec3 sent = steered ? clipped(d, clearances[i].velocity_mps) : Vec3{};
       Velocity desired;
       for (std::size_t k = 0; k < 3; ++k) desired.mps[k] = static_cast<float>(sent[k]);
       send(d, d.limiter.step(now, desired, false));

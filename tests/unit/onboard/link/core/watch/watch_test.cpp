@@ -3,9 +3,7 @@
 #include <cmath>
 
 #include "common/base/random.hpp"
-#include "onboard/link/core/watch/drone_watches.hpp"
-#include "onboard/link/core/watch/flow_watch.hpp"
-#include "onboard/link/core/watch/motion_watch.hpp"
+#include "onboard/link/core/drone_watches.hpp"
 #include "tests/unit/onboard/link/core/times.hpp"
 
 namespace ledgerline::link {
@@ -24,11 +22,11 @@ TelloState lying(float roll_deg) {
 TEST(TiltWatch, ThreeTextsBeyondTheLimitAreATiltAndOneIsAKnock) {
   TiltWatch watch;
   TimeNs now = ns_per_s;
-  watch.take(now, lying(80));
-  EXPECT_FALSE(watch.tilted());
-  watch.take(now += between_texts_ns, lying(0));
-  for (int i = 0; i < 3; ++i) watch.take(now += between_texts_ns, lying(80));
-  EXPECT_TRUE(watch.tilted());
+  watch.update(now, lying(80));
+  EXPECT_FALSE(watch.is_tilted());
+  watch.update(now += between_texts_ns, lying(0));
+  for (int i = 0; i < 3; ++i) watch.update(now += between_texts_ns, lying(80));
+  EXPECT_TRUE(watch.is_tilted());
   EXPECT_NEAR(watch.tilt_rad(), 80 * 3.14159265 / 180, 1e-5);
 }
 
@@ -36,10 +34,10 @@ TEST(TiltWatch, OneThatLiesIsOverturnedAfterASecond) {
   for (const float roll : {80.0F, 90.0F, 180.0F, -120.0F}) {
     TiltWatch watch;
     TimeNs now = ns_per_s;
-    for (int i = 0; i < 10; ++i) watch.take(now += between_texts_ns, lying(roll));
-    EXPECT_FALSE(watch.overturned()) << roll;
-    watch.take(now += between_texts_ns, lying(roll));
-    EXPECT_TRUE(watch.overturned()) << roll;
+    for (int i = 0; i < 10; ++i) watch.update(now += between_texts_ns, lying(roll));
+    EXPECT_FALSE(watch.is_overturned()) << roll;
+    watch.update(now += between_texts_ns, lying(roll));
+    EXPECT_TRUE(watch.is_overturned()) << roll;
   }
 }
 
@@ -55,27 +53,27 @@ TEST(TiltWatch, AFlyingDroneIsNeverOverturnedHoweverItTilts) {
     const double thrust_mg = 2000 * random.uniform();
     state.acceleration_mg = {static_cast<float>(100 * random.normal()), static_cast<float>(100 * random.normal()),
                              static_cast<float>(-thrust_mg)};
-    watch.take(now += between_texts_ns, state);
-    ASSERT_FALSE(watch.overturned()) << i;
+    watch.update(now += between_texts_ns, state);
+    ASSERT_FALSE(watch.is_overturned()) << i;
   }
 }
 
 TEST(TiltWatch, WhatWasBeforeAGapOfTextsDoesNotCount) {
   TiltWatch watch;
   TimeNs now = ns_per_s;
-  for (int i = 0; i < 9; ++i) watch.take(now += between_texts_ns, lying(180));
-  watch.take(now += 2 * ns_per_s, lying(180));
-  EXPECT_FALSE(watch.tilted());
-  EXPECT_FALSE(watch.overturned());
+  for (int i = 0; i < 9; ++i) watch.update(now += between_texts_ns, lying(180));
+  watch.update(now += 2 * ns_per_s, lying(180));
+  EXPECT_FALSE(watch.is_tilted());
+  EXPECT_FALSE(watch.is_overturned());
 }
 
 class Moving {
  public:
   void fly(double seconds, std::array<float, 3> sent, std::array<double, 3> seen, std::array<double, 2> lean = {}) {
     for (int i = 0; i < static_cast<int>(seconds * 100); ++i) {
-      watch.tell(0.01, sent);
-      watch.lean(lean);
-      watch.see(now += 10 * ms, seen);
+      watch.on_sent(0.01, sent);
+      watch.set_lean(lean);
+      watch.on_pose(now += 10 * ms, seen);
       found = found || watch.differs();
     }
   }
@@ -126,7 +124,7 @@ TEST(BatteryWatch, WhatLandingNeedsGrowsWithTheRateAndTheHeight) {
   const auto fly = [&](double seconds, double per_s, double& charge) {
     for (int i = 0; i < static_cast<int>(seconds * 10); ++i) {
       charge -= per_s / 10;
-      watch.take(now += between_texts_ns, static_cast<float>(std::round(charge * 100) / 100));
+      watch.update(now += between_texts_ns, static_cast<float>(std::round(charge * 100) / 100));
     }
   };
   double charge = 1;
@@ -141,14 +139,14 @@ TEST(BatteryWatch, WhatLandingNeedsGrowsWithTheRateAndTheHeight) {
 TEST(BatteryWatch, AFallIsNoticedWithinSeconds) {
   BatteryWatch watch;
   TimeNs now = ns_per_s;
-  for (int i = 0; i < 30; ++i) watch.take(now += between_texts_ns, static_cast<float>(100 - i / 3) / 100);
+  for (int i = 0; i < 30; ++i) watch.update(now += between_texts_ns, static_cast<float>(100 - i / 3) / 100);
   EXPECT_GT(watch.rate_per_s(), 0.02);
 }
 
 TEST(BatteryWatch, AChangedBatteryStartsAgain) {
   BatteryWatch watch;
-  watch.take(ns_per_s, 0.2F);
-  watch.take(2 * ns_per_s, 1.0F);
+  watch.update(ns_per_s, 0.2F);
+  watch.update(2 * ns_per_s, 1.0F);
   EXPECT_EQ(watch.needed(3), 0);
 }
 
@@ -165,9 +163,9 @@ class Blown {
         lean[k] = (wanted - v_[k]) / 0.3 + 0.4 * v_[k];
         v_[k] += 0.01 * (lean[k] - 0.4 * (v_[k] - wind_mps_[k]));
       }
-      watch.tell(0.01, commanded);
-      watch.lean(lean);
-      watch.see(now += 10 * ms, {v_[0], v_[1], 0});
+      watch.on_sent(0.01, commanded);
+      watch.set_lean(lean);
+      watch.on_pose(now += 10 * ms, {v_[0], v_[1], 0});
       found = found || watch.differs();
     }
   }
@@ -235,16 +233,16 @@ class Flow {
       const double wanted = holds ? -1.5 * flow_ - 0.12 * wind_mps : commanded_mps;
       const double lean = (wanted - flow_) / 0.3 + 0.4 * flow_;
       true_mps += 0.001 * (lean - 0.4 * (true_mps - wind_mps));
-      motion_.tell(0.001, {static_cast<float>(commanded_mps), 0, 0});
-      motion_.lean({lean, 0});
+      motion_.on_sent(0.001, {static_cast<float>(commanded_mps), 0, 0});
+      motion_.set_lean({lean, 0});
       now += ms;
-      if (!dark && now % (10 * ms) == 0) motion_.see(now, {true_mps, 0, 0});
+      if (!dark && now % (10 * ms) == 0) motion_.on_pose(now, {true_mps, 0, 0});
       if (now % (100 * ms) != 0) continue;
       TelloState state;
       state.velocity_dmps[0] = static_cast<float>(std::round(reports * flow_ * 10));
       watch.update(now, state,
                    {.expected = motion_.expected(), .sent_mps = {commanded_mps, 0}, .lean_mps2 = {lean, 0}});
-      if (watch.blind() && !blind_ns) blind_ns = now;
+      if (watch.is_blind() && !blind_ns) blind_ns = now;
     }
   }
   bool dark = false;
@@ -262,11 +260,11 @@ TEST(FlowWatch, AVelocityThatFadesWhileItLeansIsSuspectedBeforeItIsHalf) {
   for (const double mps : {0.4, 0.5, 1.0}) {
     Flow drone;
     drone.fly(5, mps);
-    ASSERT_FALSE(drone.watch.blind());
+    ASSERT_FALSE(drone.watch.is_blind());
     drone.dark = true;
     const TimeNs dark_ns = drone.now;
     drone.fly(2, mps);
-    ASSERT_TRUE(drone.watch.blind()) << mps;
+    ASSERT_TRUE(drone.watch.is_blind()) << mps;
     EXPECT_LE(drone.blind_ns - dark_ns, 500 * ms) << mps;
   }
 }
@@ -276,10 +274,10 @@ TEST(FlowWatch, OneThatStartsInTheDarkIsSuspectedWithinFiveTexts) {
     Flow drone;
     drone.dark = true;
     drone.fly(3, 0);
-    EXPECT_FALSE(drone.watch.blind()) << "one that hovers looks the same either way";
+    EXPECT_FALSE(drone.watch.is_blind()) << "one that hovers looks the same either way";
     const TimeNs start_ns = drone.now;
     drone.fly(2, mps);
-    ASSERT_TRUE(drone.watch.blind()) << mps;
+    ASSERT_TRUE(drone.watch.is_blind()) << mps;
     EXPECT_LE(drone.blind_ns - start_ns, 500 * ms) << mps;
   }
 }
@@ -289,7 +287,7 @@ TEST(FlowWatch, OneThatSeesIsNotSuspectedHoweverItIsFlown) {
     Flow drone;
     drone.reports = reports;
     for (const double mps : {0.3, -0.3, 0.5, 0.0, 1.0, -1.0, 0.26, 1.0, 0.16, 0.0}) drone.fly(3, mps);
-    EXPECT_FALSE(drone.watch.blind()) << reports;
+    EXPECT_FALSE(drone.watch.is_blind()) << reports;
   }
 }
 
@@ -304,7 +302,7 @@ TEST(FlowWatch, ALongLeanOfOneThatReportsWhatItShouldIsNotSuspected) {
       watch.update(now += between_texts_ns, state,
                    {.expected = {.response_mps = {0.55, 0}}, .sent_mps = {0.7, 0}, .lean_mps2 = {1.6, 0}});
     }
-    EXPECT_EQ(watch.blind(), reported_dmps < 5) << reported_dmps;
+    EXPECT_EQ(watch.is_blind(), reported_dmps < 5) << reported_dmps;
   }
 }
 
@@ -314,7 +312,7 @@ TEST(FlowWatch, OneThatIsBlownFromTheStartIsNotSuspected) {
     drone.wind_mps = wind;
     drone.fly(5, 0);
     drone.fly(5, 0.5);
-    EXPECT_FALSE(drone.watch.blind()) << wind;
+    EXPECT_FALSE(drone.watch.is_blind()) << wind;
   }
 }
 
@@ -329,7 +327,7 @@ TEST(FlowWatch, OneThatHeldItsPositionAgainstTheWindIsNotSuspected) {
     EXPECT_NEAR(drone.true_mps, 0, 0.02);
     drone.holds = false;
     drone.fly(5, 0.5);
-    EXPECT_FALSE(drone.watch.blind()) << wind;
+    EXPECT_FALSE(drone.watch.is_blind()) << wind;
   }
 }
 
@@ -338,9 +336,9 @@ TEST(FlowWatch, AGustThatStopsItIsSuspectedUntilItIsSeenToMove) {
   drone.fly(5, 0.5);
   drone.wind_mps = -4;
   drone.fly(0.7, 0.5);
-  ASSERT_TRUE(drone.watch.blind());
+  ASSERT_TRUE(drone.watch.is_blind());
   drone.fly(0.5, 0);  // as the failsafe brakes
-  EXPECT_FALSE(drone.watch.blind());
+  EXPECT_FALSE(drone.watch.is_blind());
 }
 
 TEST(FlowWatch, InTheDarkABrakeDoesNotEndTheSuspicionAndLightDoes) {
@@ -348,13 +346,13 @@ TEST(FlowWatch, InTheDarkABrakeDoesNotEndTheSuspicionAndLightDoes) {
   drone.fly(5, 0.5);
   drone.dark = true;
   drone.fly(0.6, 0.5);
-  ASSERT_TRUE(drone.watch.blind());
+  ASSERT_TRUE(drone.watch.is_blind());
   drone.fly(5, 0);
-  EXPECT_TRUE(drone.watch.blind());
+  EXPECT_TRUE(drone.watch.is_blind());
   drone.dark = false;
   drone.true_mps = 0.3;
   drone.fly(0.1, 0);
-  EXPECT_FALSE(drone.watch.blind());
+  EXPECT_FALSE(drone.watch.is_blind());
 }
 
 // Whatever the lean says: a firmware may tell none.
@@ -364,7 +362,7 @@ TEST(FlowWatch, ZerosWhileItIsToMoveAreNoVelocity) {
   const auto fly = [&](int texts, double expected_mps) {
     for (int i = 0; i < texts; ++i)
       watch.update(now += between_texts_ns, {}, {.expected = {{expected_mps, 0}, {}}, .sent_mps = {expected_mps, 0}});
-    return watch.blind();
+    return watch.is_blind();
   };
   EXPECT_FALSE(fly(100, 0.05)) << "it hovers";
   EXPECT_FALSE(fly(9, 0.2));
@@ -376,7 +374,7 @@ TEST(HeatWatch, OnTheGroundItIsHotEarlierThanInTheAirAndTheWarningDoesNotFlap) {
   HeatWatch watch;
   const auto hot = [&](float degrees, bool flies) {
     watch.update({.temperature_c = degrees}, flies);
-    return watch.hot();
+    return watch.is_hot();
   };
   EXPECT_FALSE(hot(85, false));
   EXPECT_TRUE(hot(86, false));
@@ -402,14 +400,14 @@ TEST(ClientWatch, TextsThatComeBackWithCommandTwiceWithinAMinuteAreContested) {
   Clients two;
   two.texts(5);
   for (int i = 0; i < 2; ++i) {
-    EXPECT_FALSE(two.watch.contested(two.now)) << i;
+    EXPECT_FALSE(two.watch.is_contested(two.now)) << i;
     two.away(3 * ns_per_s);
     two.command();
     two.texts(5);
   }
-  EXPECT_TRUE(two.watch.contested(two.now));
+  EXPECT_TRUE(two.watch.is_contested(two.now));
   two.texts(60);
-  EXPECT_FALSE(two.watch.contested(two.now)) << "a minute of peace";
+  EXPECT_FALSE(two.watch.is_contested(two.now)) << "a minute of peace";
 }
 
 TEST(ClientWatch, ARadioThatComesBackByItselfAndOneNewBatteryAreNone) {
@@ -421,26 +419,26 @@ TEST(ClientWatch, ARadioThatComesBackByItselfAndOneNewBatteryAreNone) {
     radio.away(ns_per_s);
     radio.texts(5);
   }
-  EXPECT_FALSE(radio.watch.contested(radio.now));
+  EXPECT_FALSE(radio.watch.is_contested(radio.now));
   radio.away(20 * ns_per_s);
   radio.command();
   radio.texts(5);
-  EXPECT_FALSE(radio.watch.contested(radio.now));
-  EXPECT_FALSE(radio.watch.diverted(radio.now));
+  EXPECT_FALSE(radio.watch.is_contested(radio.now));
+  EXPECT_FALSE(radio.watch.is_diverted(radio.now));
 }
 
 TEST(ClientWatch, OneThatAnswersAndWhoseTextsStayAwayIsDiverted) {
   Clients other;
   other.texts(5);
   other.away(3 * ns_per_s);
-  EXPECT_FALSE(other.watch.diverted(other.now)) << "it may be off";
+  EXPECT_FALSE(other.watch.is_diverted(other.now)) << "it may be off";
   other.watch.on_answer(other.now);
-  EXPECT_FALSE(other.watch.diverted(other.now));
+  EXPECT_FALSE(other.watch.is_diverted(other.now));
   other.away(ns_per_s);
   other.watch.on_answer(other.now);
-  EXPECT_TRUE(other.watch.diverted(other.now));
+  EXPECT_TRUE(other.watch.is_diverted(other.now));
   other.texts(1);
-  EXPECT_FALSE(other.watch.diverted(other.now));
+  EXPECT_FALSE(other.watch.is_diverted(other.now));
 }
 
 }  // namespace

@@ -5,8 +5,7 @@
 
 #include "onboard/ipc/ipc.hpp"
 #include "onboard/link/core/settings.hpp"
-#include "onboard/link/shell/loop_clock.hpp"
-#include "onboard/link/shell/transport/transport.hpp"
+#include "onboard/link/shell/transport/link_ends.hpp"
 #include "onboard/shim/mapping.hpp"
 
 namespace ledgerline::link {
@@ -18,7 +17,7 @@ class ShimTransport final : public Transport {
   ShimTransport(drone_shim::Memory& memory, const std::vector<DroneSettings>& drones);
   std::span<const Received> receive() noexcept override;
   bool send(const ToSend& message) noexcept override;
-  std::vector<std::string> tend() override { return {}; }
+  std::vector<std::string> refresh() override { return {}; }
 
  private:
   static constexpr std::size_t max_received = 64;
@@ -28,8 +27,7 @@ class ShimTransport final : public Transport {
   std::array<Received, max_received> received_{};
 };
 
-/// The clock that the shim's other end moves. Its system calls are the futex, and after each 0.2 s without a turn a
-/// look at whether the other end lives.
+/// The clock that the shim's other end moves. It waits on a futex; after each 0.2 s it checks that the other end lives.
 class LockstepClock final : public LoopClock {
  public:
   explicit LockstepClock(const drone_shim::Mapping& mapping) noexcept
@@ -41,7 +39,7 @@ class LockstepClock final : public LoopClock {
   TimeNs now() const noexcept override { return now_ns_; }
   /// The other end's clock is no host's.
   TimeNs suspended_ns() const noexcept override { return 0; }
-  bool lost() const noexcept override { return lost_; }
+  bool is_lost() const noexcept override { return lost_; }
   std::uint64_t overruns() const noexcept override { return 0; }
   const Histogram& late() const noexcept override { return late_; }
 
@@ -59,9 +57,9 @@ class LockstepClock final : public LoopClock {
 class LockstepAgent final : public ipc::LinkEnd {
  public:
   explicit LockstepAgent(drone_shim::Memory& memory) noexcept : memory_(memory) {}
-  bool take_plan(Plan& out) noexcept override { return memory_.plans.pop(out); }
-  bool take_pose(Pose& out) noexcept override { return memory_.poses.pop(out); }
-  bool take_heartbeat(AgentHeartbeat& out) noexcept override { return memory_.heartbeats.pop(out); }
+  bool receive_plan(Plan& out) noexcept override { return memory_.plans.pop(out); }
+  bool receive_pose(Pose& out) noexcept override { return memory_.poses.pop(out); }
+  bool receive_heartbeat(AgentHeartbeat& out) noexcept override { return memory_.heartbeats.pop(out); }
   bool send_state(const StateSample& sample) noexcept override { return memory_.states.push(sample); }
   bool send_transition(const Transition& transition) noexcept override { return memory_.transitions.push(transition); }
   /// It looks after every turn.

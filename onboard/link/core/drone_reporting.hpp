@@ -1,17 +1,69 @@
 #pragma once
+#include <algorithm>
+#include <array>
 #include <cstdint>
 #include <string>
 #include <utility>
 
+#include "common/base/check.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/rt/histogram.hpp"
 #include "onboard/link/core/failsafe.hpp"
 #include "onboard/link/core/link_io.hpp"
 #include "onboard/link/core/playout/playout.hpp"
-#include "onboard/link/core/reporting/transition_log.hpp"
 #include "onboard/link/core/tello/session.hpp"
 
 namespace ledgerline::link {
+
+/// The transitions of one drone that are not on the ledger yet. Each heartbeat of agent says how far it has taken them
+/// and how far they are on the ledger: what it has not taken is sent again, what is on the ledger is forgotten. So no
+/// lost message, dead agent or absent ledger loses one. When `capacity` are kept the oldest goes, and counts as lost
+/// unless agent has it; a reader of the ledger sees the gap in the numbers. No allocation; one thread.
+class TransitionLog {
+ public:
+  static constexpr std::uint64_t capacity = 256;
+
+  struct Counters {
+    std::uint64_t made = 0, on_ledger = 0, lost = 0, kept = 0;
+  };
+
+  void add(Transition transition) noexcept {
+    if (newest_ + 1 - oldest_ == capacity) {
+      if (oldest_ > taken_) ++lost_;
+      ++oldest_;
+    }
+    transition.number = ++newest_;
+    LEDGERLINE_CHECK(newest_ - oldest_ < capacity, "the transitions that are kept have room", oldest_, newest_);
+    kept_[newest_ % capacity] = transition;
+  }
+
+  /// What a heartbeat of agent says of this drone; zeros when it knows another boot, or none.
+  void acknowledge(std::uint64_t taken, std::uint64_t on_ledger) noexcept {
+    on_ledger_ = std::max(on_ledger_, std::min(on_ledger, newest_));
+    oldest_ = std::max(oldest_, on_ledger_ + 1);
+    taken_ = std::clamp(taken, on_ledger_, newest_);
+    sent_ = taken_;
+  }
+
+  /// The next that agent should take; false: it was sent everything.
+  bool next(Transition& out) noexcept {
+    sent_ = std::max(sent_, oldest_ - 1);
+    if (sent_ == newest_) return false;
+    out = kept_[++sent_ % capacity];
+    out.oldest = oldest_;
+    out.lost = lost_;
+    return true;
+  }
+
+  Counters counters() const noexcept { return {newest_, on_ledger_, lost_, newest_ + 1 - oldest_}; }
+
+ private:
+  std::array<Transition, capacity> kept_{};  ///< number n is at n % capacity
+  std::uint64_t oldest_ = 1, newest_ = 0;    ///< kept: from the one to the other
+  std::uint64_t sent_ = 0;
+  std::uint64_t taken_ = 0, on_ledger_ = 0;  ///< by agent; on the ledger
+  std::uint64_t lost_ = 0;
+};
 
 /// Figures of one drone since the start.
 struct DroneReport {
@@ -33,11 +85,9 @@ class DroneReporting {
   DroneReporting(std::string name, DroneNumber number, std::uint64_t boot_id)
       : name_(std::move(name)), number_(number), boot_id_(boot_id) {}
 
-  /// How far agent has taken the transitions.
   void on_heartbeat(const AgentHeartbeat& heartbeat) noexcept;
   void record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept;
-  /// A plan of the drone's holder was admitted.
-  void record_arrival(TimeNs now, const Plan& plan) noexcept;
+  void record_arrival(TimeNs now, const Plan& plan) noexcept { arrived_ = {plan.sequence, now}; }
   /// A command took effect, `late_ns` behind the moment it was meant for, while this was sent.
   void record_applied(const LinkMoment& at, const Plan& plan, const Velocity& sent) noexcept {
     trace_applied(at, plan.sequence, plan.state_stamp_ns, 0, sent);
@@ -57,6 +107,7 @@ class DroneReporting {
   DroneReport report(const TelloSession& session, const PlanCounters& plans) const;
 
  private:
+  void trace(const LinkMoment& at, TraceRecord record) const noexcept;
   void trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
                      const Velocity& sent) noexcept;
 

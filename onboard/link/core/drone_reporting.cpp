@@ -1,4 +1,4 @@
-#include "onboard/link/core/reporting/drone_reporting.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
 
 #include <algorithm>
 
@@ -7,21 +7,22 @@ namespace ledgerline::link {
 void DroneReporting::on_heartbeat(const AgentHeartbeat& heartbeat) noexcept {
   const bool of_this_boot = heartbeat.boot_id == boot_id_;  // a restarted agent knows of no boot
   const std::size_t i = std::min(number_, max_drones);
-  transitions_.heard(of_this_boot ? heartbeat.transitions_taken[i] : 0,
-                     of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
+  transitions_.acknowledge(of_this_boot ? heartbeat.transitions_taken[i] : 0,
+                           of_this_boot ? heartbeat.transitions_on_ledger[i] : 0);
+}
+
+void DroneReporting::trace(const LinkMoment& at, TraceRecord record) const noexcept {
+  record.t_ns = at.now;
+  record.drone = number_;
+  at.out.trace.push(record);
 }
 
 void DroneReporting::record_received(const LinkMoment& at, const Plan& plan, TimeNs margin_ns) noexcept {
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::plan_received,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(margin_ns / ns_per_us),
-                     .id = plan.sequence,
-                     .stamp_ns = plan.state_stamp_ns,
-                     .v = {}});
+  trace(at, {.kind = TraceKind::plan_received,
+             .extra = static_cast<std::uint32_t>(margin_ns / ns_per_us),
+             .id = plan.sequence,
+             .stamp_ns = plan.state_stamp_ns});
 }
-
-void DroneReporting::record_arrival(TimeNs now, const Plan& plan) noexcept { arrived_ = {plan.sequence, now}; }
 
 void DroneReporting::record_setpoint(const LinkMoment& at, const Playout::CurrentSetpoint& setpoint, bool first,
                                      const Velocity& sent) noexcept {
@@ -33,24 +34,19 @@ void DroneReporting::record_setpoint(const LinkMoment& at, const Playout::Curren
 
 void DroneReporting::trace_applied(const LinkMoment& at, std::uint64_t sequence, TimeNs state_stamp_ns, TimeNs late_ns,
                                    const Velocity& sent) noexcept {
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::command_applied,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
-                     .id = sequence,
-                     .stamp_ns = state_stamp_ns,
-                     .v = {sent.mps[0], sent.mps[1], sent.mps[2], sent.yaw_radps}});
+  trace(at, {.kind = TraceKind::command_applied,
+             .extra = static_cast<std::uint32_t>(std::clamp<TimeNs>(late_ns / ns_per_us, 0, UINT32_MAX)),
+             .id = sequence,
+             .stamp_ns = state_stamp_ns,
+             .v = {sent.mps[0], sent.mps[1], sent.mps[2], sent.yaw_radps}});
 }
 
 void DroneReporting::record_ends(const LinkMoment& at, PlanAdmission& admission) noexcept {
   for (const PlanEnd& end : admission.ends()) {
-    at.out.trace.push({.t_ns = at.now,
-                       .kind = TraceKind::refused,
-                       .drone = number_,
-                       .extra = static_cast<std::uint32_t>(end.reason),
-                       .id = end.sequence,
-                       .stamp_ns = end.state_stamp_ns,
-                       .v = {}});
+    trace(at, {.kind = TraceKind::refused,
+               .extra = static_cast<std::uint32_t>(end.reason),
+               .id = end.sequence,
+               .stamp_ns = end.state_stamp_ns});
   }
   admission.clear_ends();
 }
@@ -58,13 +54,10 @@ void DroneReporting::record_ends(const LinkMoment& at, PlanAdmission& admission)
 void DroneReporting::record_mode(const LinkMoment& at, FlightPhase phase, const FailsafeState& failsafe) noexcept {
   if (phase == traced_.phase && failsafe.mode == traced_.mode && failsafe.cause == traced_.cause) return;
   traced_ = {phase, failsafe.mode, failsafe.cause};
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::mode,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(failsafe.mode),
-                     .id = static_cast<std::uint64_t>(phase),
-                     .stamp_ns = 0,
-                     .v = {static_cast<double>(failsafe.cause)}});
+  trace(at, {.kind = TraceKind::mode,
+             .extra = static_cast<std::uint32_t>(failsafe.mode),
+             .id = static_cast<std::uint64_t>(phase),
+             .v = {static_cast<double>(failsafe.cause)}});
 }
 
 void DroneReporting::record_transition(const LinkMoment& at, FlightPhase phase,
@@ -95,22 +88,17 @@ void DroneReporting::publish(const LinkMoment& at, StateSample sample) noexcept 
   sample.arrived_sequence = arrived_.sequence;
   sample.arrived_ns = arrived_.at_ns;
   at.out.states.push(sample);
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::state_sampled,
-                     .drone = number_,
-                     .extra = static_cast<std::uint32_t>(1000 * sample.battery),
-                     .id = sample.sequence,
-                     .stamp_ns = at.now,
-                     .v = {sample.position_m[0], sample.position_m[1], sample.position_m[2], sample.yaw_rad}});
+  trace(at, {.kind = TraceKind::state_sampled,
+             .extra = static_cast<std::uint32_t>(1000 * sample.battery),
+             .id = sample.sequence,
+             .stamp_ns = at.now,
+             .v = {sample.position_m[0], sample.position_m[1], sample.position_m[2], sample.yaw_rad}});
   const PoseVariance& variance = sample.pose_variance;
   if (variance == PoseVariance{}) return;  // motion capture reports none
-  at.out.trace.push({.t_ns = at.now,
-                     .kind = TraceKind::pose_reported,
-                     .drone = number_,
-                     .extra = 0,
-                     .id = sample.sequence,
-                     .stamp_ns = sample.pose_stamp_ns,
-                     .v = {double(variance[0]), double(variance[1]), double(variance[2]), double(variance[3])}});
+  trace(at, {.kind = TraceKind::pose_reported,
+             .id = sample.sequence,
+             .stamp_ns = sample.pose_stamp_ns,
+             .v = {double(variance[0]), double(variance[1]), double(variance[2]), double(variance[3])}});
 }
 
 DroneReport DroneReporting::report(const TelloSession& session, const PlanCounters& plans) const {
@@ -120,7 +108,7 @@ DroneReport DroneReporting::report(const TelloSession& session, const PlanCounte
           .plans = plans,
           .transitions = transitions_.counters(),
           .age_ms = age_.quantiles_ms(),
-          .heard = session.heard(),
+          .heard = session.has_responded(),
           .landed = session.has_flown() && on_ground(session.phase()),
           .phase = session.phase()};
 }

@@ -1,4 +1,4 @@
-#include "onboard/link/shell/shim/shim_end.hpp"
+#include "onboard/link/shell/transport/shim_end.hpp"
 
 namespace ledgerline::link {
 

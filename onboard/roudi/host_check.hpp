@@ -1,6 +1,6 @@
 #pragma once
 #include <sys/types.h>
-
+#include <cstdint>
 #include <optional>
 #include <string>
 
@@ -8,8 +8,7 @@
 
 namespace ledgerline::roudi {
 
-/// The process that holds a lock on the file with this device and inode, by the text of /proc/locks; none: no process
-/// that can be seen from here does.
+/// The process that holds a lock on this device and inode, by the text of /proc/locks; none: none that is seen.
 std::optional<pid_t> lock_holder(const std::string& locks, dev_t device, ino_t inode);
 
 /// Why RouDi cannot serve beside what answers at its socket, and the cure. `answers`: it took a connection, else this
@@ -18,5 +17,10 @@ Error in_the_way(bool answers, std::optional<pid_t> holder, const std::string& p
 
 /// An error where another RouDi has this machine, or has left files that this user cannot take over.
 Status check_no_other();
+
+/// Whether a /dev/shm of so many bytes, of which so many are free, has room for RouDi. An error says what to do.
+Status check_shared_memory(std::uint64_t size, std::uint64_t available);
+/// That of this machine.
+Status check_shared_memory();
 
 }  // namespace ledgerline::roudi

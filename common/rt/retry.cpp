@@ -1,4 +1,4 @@
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 #include <fmt/format.h>
 
@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "common/base/log.hpp"
-#include "common/rt/retry/back_off.hpp"
 
 namespace ledgerline {
 
@@ -18,8 +17,8 @@ TryWorld TryWorld::real() {
           .seed = std::random_device{}()};
 }
 
-Status keep_trying(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
-                   const std::function<Status()>& attempt, const TryWorld& world) {
+Status retry(const std::string& what, const TryLimits& limits, const std::function<bool()>& stop,
+             const std::function<Status()>& attempt, const TryWorld& world) {
   BackOff pause(limits.first_pause_ns, limits.max_pause_ns);
   Random random(world.seed);
   const TimeNs begin_ns = world.now();

@@ -1,4 +1,4 @@
-#include "onboard/link/core/reporting/transition_log.hpp"
+#include "onboard/link/core/drone_reporting.hpp"
 
 #include <gtest/gtest.h>
 
@@ -24,9 +24,9 @@ TEST(TransitionLog, EachIsSentOnceAndAgainWhenAgentSaysThatItHasNotTakenIt) {
   log.add({});
   EXPECT_EQ(sent(log), (Numbers{1, 2}));
   EXPECT_EQ(sent(log), Numbers{});
-  log.heard(1, 0);
+  log.acknowledge(1, 0);
   EXPECT_EQ(sent(log), Numbers{2});
-  log.heard(2, 0);
+  log.acknowledge(2, 0);
   EXPECT_EQ(sent(log), Numbers{});
   EXPECT_EQ(log.counters().kept, 2U) << "agent has them, the ledger has not";
 }
@@ -35,14 +35,14 @@ TEST(TransitionLog, WhatIsOnTheLedgerIsForgottenAndARestartedAgentGetsTheRest) {
   TransitionLog log;
   for (int i = 0; i < 5; ++i) log.add({});
   (void)sent(log);
-  log.heard(4, 3);
+  log.acknowledge(4, 3);
   EXPECT_EQ(sent(log), Numbers{5});
-  log.heard(0, 0);
+  log.acknowledge(0, 0);
   Transition next;
   ASSERT_TRUE(log.next(next));
   EXPECT_EQ(next.number, 4U);
   EXPECT_EQ(next.oldest, 4U) << "so that agent knows that nothing is missing before it";
-  log.heard(5, 5);
+  log.acknowledge(5, 5);
   EXPECT_EQ(log.counters().kept, 0U);
   EXPECT_EQ(log.counters().on_ledger, 5U);
 }
@@ -62,7 +62,7 @@ TEST(TransitionLog, AtTheBoundTheOldestIsDroppedCountedAndReported) {
 TEST(TransitionLog, WhatAgentHasTakenIsNotLostAtTheBound) {
   TransitionLog log;
   log.add({});
-  log.heard(1, 0);
+  log.acknowledge(1, 0);
   for (std::uint64_t i = 0; i < TransitionLog::capacity; ++i) log.add({});
   EXPECT_EQ(log.counters().lost, 0U);
 }
@@ -70,7 +70,7 @@ TEST(TransitionLog, WhatAgentHasTakenIsNotLostAtTheBound) {
 TEST(TransitionLog, WhatAgentCannotKnowIsNotTrusted) {
   TransitionLog log;
   log.add({});
-  log.heard(900, 900);
+  log.acknowledge(900, 900);
   EXPECT_EQ(log.counters().on_ledger, 1U);
   log.add({});
   EXPECT_EQ(sent(log), Numbers{2});

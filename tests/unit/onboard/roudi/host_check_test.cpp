@@ -1,4 +1,4 @@
-#include "onboard/roudi/other_roudi.hpp"
+#include "onboard/roudi/host_check.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -28,16 +28,16 @@ TEST(OtherRoudi, WhoWaitsForALockOrIsOfAnotherContainerIsNobody) {
 }
 
 TEST(OtherRoudi, OneThatLivesIsNamedWithTheCure) {
-  const std::string what = in_the_way(true, 123, "iox-roudi").what;
+  const std::string what = in_the_way(true, 123, "iox-roudi").message;
   EXPECT_THAT(what, HasSubstr("iox-roudi (process 123)"));
   EXPECT_THAT(what, HasSubstr("kill 123"));
   EXPECT_THAT(what, HasSubstr("a container with /tmp and /dev/shm of its own"));
-  EXPECT_EQ(in_the_way(false, 123, "iox-roudi").what, what) << "its user does not matter";
-  EXPECT_THAT(in_the_way(true, std::nullopt, "").what, HasSubstr("pgrep -af roudi"));
+  EXPECT_EQ(in_the_way(false, 123, "iox-roudi").message, what) << "its user does not matter";
+  EXPECT_THAT(in_the_way(true, std::nullopt, "").message, HasSubstr("pgrep -af roudi"));
 }
 
 TEST(OtherRoudi, WhatADeadOneOfAnotherUserLeftIsNoLivingOne) {
-  EXPECT_THAT(in_the_way(false, std::nullopt, "").what, HasSubstr("rm /tmp/roudi"));
+  EXPECT_THAT(in_the_way(false, std::nullopt, "").message, HasSubstr("rm /tmp/roudi"));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "common/rt/retry/keep_trying.hpp"
+#include "common/rt/retry.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -38,7 +38,7 @@ TEST(KeepTrying, TheFirstSuccessIsTheEnd) {
   Slept slept;
   int attempts = 0;
   const auto third = [&]() -> Status { return ++attempts < 3 ? Status(Error{"not yet"}) : done; };
-  EXPECT_TRUE(keep_trying("RouDi answers", {}, never, third, slept.world()));
+  EXPECT_TRUE(retry("RouDi answers", {}, never, third, slept.world()));
   EXPECT_EQ(attempts, 3);
   EXPECT_EQ(slept.pauses.size(), 2U);
   EXPECT_TRUE(slept.reported.empty()) << "over before anybody wonders";
@@ -46,7 +46,7 @@ TEST(KeepTrying, TheFirstSuccessIsTheEnd) {
 
 TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
   Slept slept;
-  const Status status = keep_trying("RouDi answers", {.within_ns = 2 * ns_per_s}, never, never_done, slept.world());
+  const Status status = retry("RouDi answers", {.within_ns = 2 * ns_per_s}, never, never_done, slept.world());
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().message, "gave up after 2 s waiting until RouDi answers: nobody answers");
   EXPECT_GT(slept.now_ns, 2 * ns_per_s);
@@ -56,7 +56,7 @@ TEST(KeepTrying, GivesUpWhenTheTimeIsOverWithTheLastError) {
 TEST(KeepTrying, PausesGrowToTheirMaximum) {
   Slept slept;
   const TryLimits limits{.within_ns = ns_per_s, .first_pause_ns = 10 * ns_per_ms, .max_pause_ns = 40 * ns_per_ms};
-  ASSERT_FALSE(keep_trying("it is there", limits, never, never_done, slept.world()));
+  ASSERT_FALSE(retry("it is there", limits, never, never_done, slept.world()));
   EXPECT_LE(slept.pauses.front(), 10 * ns_per_ms);
   EXPECT_GE(slept.pauses.back(), 20 * ns_per_ms) << "half of the maximum, by jitter";
   EXPECT_THAT(slept.pauses, Each(Le(40 * ns_per_ms)));
@@ -65,14 +65,14 @@ TEST(KeepTrying, PausesGrowToTheirMaximum) {
 TEST(KeepTrying, TheWaitIsReportedNowAndThen) {
   Slept slept;
   const TryLimits limits{.within_ns = 5 * ns_per_s};
-  ASSERT_FALSE(keep_trying("RouDi answers", limits, never, never_done, slept.world()));
+  ASSERT_FALSE(retry("RouDi answers", limits, never, never_done, slept.world()));
   const std::string words = "waiting until RouDi answers: nobody answers";
   EXPECT_THAT(slept.reported, ElementsAre(words, words)) << "after 0.5 s and after 3.5 s";
 }
 
 TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {
   Slept slept;
-  const Status status = keep_trying(
+  const Status status = retry(
       "RouDi answers", {}, [] { return true; }, never_done, slept.world());
   ASSERT_FALSE(status);
   EXPECT_EQ(status.error().message, "asked to end before RouDi answers");
@@ -82,7 +82,7 @@ TEST(KeepTrying, WhoIsAskedToEndDoesNotWait) {
 TEST(KeepTrying, TheRealWorldSleeps) {
   const TimeNs begin_ns = monotonic_ns();
   const TryLimits limits{.within_ns = 30 * ns_per_ms};
-  EXPECT_THAT(keep_trying("it is there", limits, never, never_done).error().message, HasSubstr("nobody answers"));
+  EXPECT_THAT(retry("it is there", limits, never, never_done).error().message, HasSubstr("nobody answers"));
   EXPECT_GE(monotonic_ns() - begin_ns, 30 * ns_per_ms);
 }
 

@@ -1,4 +1,4 @@
-#include "common/rt/retry/back_off.hpp"
+#include "common/rt/retry.hpp"
 
 #include <gtest/gtest.h>
 
