@@ -7,7 +7,6 @@
 #include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
-#include "common/msg/requests.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::access {

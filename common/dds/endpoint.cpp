@@ -1,11 +1,16 @@
 #include "common/dds/endpoint.hpp"
 
 #include <algorithm>
+#include <cstdlib>
+#include <string_view>
 #include <vector>
 
 #include "common/dds/dds.hpp"
+#include "common/dds/reach.hpp"
+#include "common/msg/cdr.hpp"
 
 namespace ledgerline::dds {
+
 namespace {
 
 struct ListenerDelete {
@@ -33,10 +38,11 @@ Status check(const Qos& qos, const std::string& topic) {
   return done;
 }
 
+bool is_name_char(char c) { return contract::is_alphanumeric(c) || c == '_'; }
+
 bool is_name(std::string_view text) {
-  const auto is_alphabetic = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
-  const auto allowed = [&](char c) { return is_alphabetic(c) || (c >= '0' && c <= '9') || c == '_'; };
-  return !text.empty() && is_alphabetic(text.front()) && std::all_of(text.begin(), text.end(), allowed);
+  const auto is_alphabetic = [](char c) { return contract::is_alphanumeric(c) && !(c >= '0' && c <= '9'); };
+  return !text.empty() && is_alphabetic(text.front()) && std::all_of(text.begin(), text.end(), is_name_char);
 }
 
 std::vector<std::string_view> split(std::string_view text, std::string_view by) {
@@ -96,12 +102,9 @@ Status Endpoint::write(std::span<const std::uint8_t> cdr, TimeNs source_time_ns)
 }
 
 Result<std::string> dds_topic(const std::string& ros_topic) {
-  const auto allowed = [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '/';
-  };
   const bool good = ros_topic.size() > 1 && ros_topic.front() == '/' && ros_topic.back() != '/' &&
                     ros_topic.find("//") == std::string::npos &&
-                    std::all_of(ros_topic.begin(), ros_topic.end(), allowed);
+                    std::all_of(ros_topic.begin(), ros_topic.end(), [](char c) { return is_name_char(c) || c == '/'; });
   if (!good)
     return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has a-z, A-Z, 0-9, _ and / only"};
   return "rt" + ros_topic;
@@ -131,6 +134,80 @@ Guid guid_of(dds_entity_t entity) {
   dds_guid_t guid{};
   (void)dds_get_guid(entity, &guid);
   return std::to_array(guid.v);
+}
+
+namespace {
+
+/// rmw_dds_common/msg/Gid: 16 bytes since Iron, 24 before. Where the config does not say which release is used here,
+/// ROS 2's setup files do.
+std::size_t gid_bytes_of(std::string_view release) {
+  const char* distro = std::getenv("ROS_DISTRO");
+  const std::string_view name = !release.empty() ? release : distro ? distro : "";
+  return is_before_iron(name) ? 24 : 16;
+}
+
+void put_gid(CdrWriter& out, const Guid& guid, std::size_t bytes) {
+  out.put(guid);
+  for (std::size_t i = guid.size(); i < bytes; ++i) out.put(std::uint8_t{0});
+}
+
+void put_gids(CdrWriter& out, const std::vector<Guid>& guids, std::size_t bytes) {
+  out.put(static_cast<std::uint32_t>(guids.size()));
+  for (const Guid& guid : guids) put_gid(out, guid, bytes);
+}
+
+}  // namespace
+
+Result<std::unique_ptr<NodeInfo>> NodeInfo::create(dds_entity_t participant, const std::string& name,
+                                                   const std::string& ros_release) {
+  // A node's full name follows the rules of a topic's.
+  const std::string full = name.starts_with('/') ? name : "/" + name;
+  if (!dds_topic(full)) return Error{"'" + name + "' is no name of a ROS 2 node: give it like agent or /fleet/agent"};
+  std::unique_ptr<NodeInfo> node(new NodeInfo);
+  const std::size_t slash = full.rfind('/');
+  node->space_ = slash == 0 ? "/" : full.substr(0, slash);
+  node->name_ = full.substr(slash + 1);
+  node->gid_bytes_ = gid_bytes_of(ros_release);
+  node->participant_ = guid_of(participant);
+  if (auto opened = node->info_.open_writer(participant, "ros_discovery_info",
+                                            "rmw_dds_common::msg::dds_::ParticipantEntitiesInfo_",
+                                            {.reliable = true, .transient_local = true, .depth = 1});
+      !opened)
+    return opened.error();
+  if (auto said = node->publish(); !said) return said.error();
+  return node;
+}
+
+Status NodeInfo::publish() {
+  CdrWriter out;
+  put_gid(out, participant_, gid_bytes_);
+  out.put(std::uint32_t{1});
+  out.put(std::string_view(space_));
+  out.put(std::string_view(name_));
+  put_gids(out, readers_, gid_bytes_);
+  put_gids(out, writers_, gid_bytes_);
+  const std::string cdr = out.release();
+  return info_.write({reinterpret_cast<const std::uint8_t*>(cdr.data()), cdr.size()});
+}
+
+Status NodeInfo::add_reader(dds_entity_t reader) {
+  const std::lock_guard lock(mutex_);
+  readers_.push_back(guid_of(reader));
+  return publish();
+}
+
+Status NodeInfo::add_writer(dds_entity_t writer) {
+  const std::lock_guard lock(mutex_);
+  writers_.push_back(guid_of(writer));
+  return publish();
+}
+
+void NodeInfo::remove(dds_entity_t endpoint) {
+  const std::lock_guard lock(mutex_);
+  const Guid guid = guid_of(endpoint);
+  std::erase(readers_, guid);
+  std::erase(writers_, guid);
+  (void)publish();  // one who does not hear it learns from DDS that the endpoint is gone
 }
 
 }  // namespace ledgerline::dds

@@ -10,18 +10,22 @@
 /// The words for what link says: in logs, status lines, summaries and on the ledger.
 namespace ledgerline {
 
+template <typename Enum, std::size_t count>
+constexpr const char* name_in(const std::array<const char*, count>& names, Enum value,
+                              const char* otherwise = "unknown") noexcept {
+  static_assert(count == enum_count<Enum>);
+  const auto at = static_cast<std::size_t>(value);
+  return at < count ? names[at] : otherwise;
+}
+
 constexpr const char* name(FlightPhase phase) noexcept {
   constexpr std::array names{"disconnected", "on_ground", "taking_off", "flying", "landing", "landed"};
-  static_assert(names.size() == enum_count<FlightPhase>);
-  const auto at = static_cast<std::size_t>(phase);
-  return at < names.size() ? names[at] : "unknown";
+  return name_in(names, phase);
 }
 
 constexpr const char* name(FailsafeMode mode) noexcept {
   constexpr std::array names{"none", "hold", "brake", "land", "cut"};
-  static_assert(names.size() == enum_count<FailsafeMode>);
-  const auto at = static_cast<std::size_t>(mode);
-  return at < names.size() ? names[at] : "unknown";
+  return name_in(names, mode);
 }
 
 constexpr const char* name(FailsafeCause cause) noexcept {
@@ -31,9 +35,7 @@ constexpr const char* name(FailsafeCause cause) noexcept {
                              "velocity_lost",  "position_uncertain", "motion_differs", "tilted",
                              "overturned",     "too_near",           "height_lost",    "other_client",
                              "sources_differ", "check_failed"};
-  static_assert(names.size() == enum_count<FailsafeCause>);
-  const auto at = static_cast<std::size_t>(cause);
-  return at < names.size() ? names[at] : "unknown";
+  return name_in(names, cause);
 }
 
 /// The same in a sentence: "its failsafe landed it: ...".
@@ -60,9 +62,7 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "another client commands it as well",
                              "the sources of its position contradict each other",
                              "a check of link or agent failed (a fault of the program itself)"};
-  static_assert(words.size() == enum_count<FailsafeCause>);
-  const auto at = static_cast<std::size_t>(cause);
-  return at < words.size() ? words[at] : "unknown cause";
+  return name_in(words, cause, "unknown cause");
 }
 
 /// The value that has this name.

@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/identities/renewal.hpp"
-#include "common/web/tls_files.hpp"
+#include "common/web/host_port.hpp"
 
 /// TLS from files, by OpenSSL, as crypto/tls_policy.hpp says.
 namespace ledgerline::web {

@@ -6,10 +6,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <fstream>
-#include <iterator>
 #include <variant>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
@@ -42,9 +41,9 @@ struct Options {
 };
 
 Result<std::string> subject_of(const std::string& path) {
-  std::ifstream file(path);
-  const std::string pem((std::istreambuf_iterator<char>(file)), {});
-  const auto certificate = crypto::parse_certificate(pem);
+  const auto pem = read_file(path);
+  if (!pem) return pem.error();
+  const auto certificate = crypto::parse_certificate(*pem);
   if (!certificate) return Error{path + ": " + certificate.error().message};
   return certificate->subject;
 }
@@ -79,29 +78,28 @@ Result<std::string> digest_of(const std::string& path) {
 
 /// `own_msp_id`: the caller's.
 Result<fabric::Call> make_call(const Options& options, const std::string& own_msp_id) {
+  const auto call_with = [&](const auto& message) {
+    return fabric::Call{options.function, {message.SerializeAsString()}};
+  };
   const auto with_drones = [&](auto message) {
     for (const auto& drone : options.drones) message.add_drones(drone);
     return message;
   };
+  const auto identity = identity_of(options);  // of those that are about one
+  if (!identity) return identity.error();
   if (options.function == contract::enroll) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     EnrollCall call = with_drones(EnrollCall());
     *call.mutable_identity() = *identity;
     if (options.role == "operator") call.set_role(OPERATOR);
     if (options.role == "supervisor") call.set_role(SUPERVISOR);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::revoke) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     RevokeCall call;
     *call.mutable_identity() = *identity;
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::grant) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     GrantCall call = with_drones(GrantCall());
     Grant& grant = *call.mutable_grant();
     *grant.mutable_to() = *identity;
@@ -109,7 +107,7 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     grant.set_max_priority(options.priority);
     grant.set_stop(options.stop);
     grant.set_cut(options.cut);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::anchor || options.function == contract::verify) {
     const auto digest = digest_of(options.file);
@@ -117,22 +115,18 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     AnchorCall call;
     call.set_digest(*digest);
     call.set_what(options.what);
-    const auto signer = identity_of(options);
-    if (!signer) return signer.error();
-    if (!signer->subject().empty()) {
-      *call.add_signers() = *signer;
+    if (!identity->subject().empty()) {
+      *call.add_signers() = *identity;
     } else {
-      call.set_organisation(signer->msp_id());
+      call.set_organisation(identity->msp_id());
     }
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::hand_over || options.function == contract::deny) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     AnswerCall call = with_drones(AnswerCall());
     *call.mutable_to() = *identity;
     if (!options.subject.empty()) call.mutable_to()->set_subject(options.subject);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::acquire || options.function == contract::release ||
       options.function == contract::request) {
@@ -144,11 +138,11 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
       call.mutable_delegate()->set_msp_id(own_msp_id);
       call.mutable_delegate()->set_subject(std::move(*subject));
     }
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   DronesCall call = with_drones(DronesCall());
   call.set_cut(options.cut);
-  return fabric::Call{options.function, {call.SerializeAsString()}};
+  return call_with(call);
 }
 
 /// A stop goes on until it is on the ledger, whatever comes between. The others go on over what another wrote first,

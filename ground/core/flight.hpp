@@ -30,7 +30,7 @@ namespace ledgerline::ground {
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
 /// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when three of four
 /// plans are there, by what the states say of when plans came, or, while they say nothing, by how long our own commands
-/// take (motion::RoundTripEstimate); its last one covers the delay's tail, so one that comes later takes over from its
+/// take (RoundTripEstimate); its last one covers the delay's tail, so one that comes later takes over from its
 /// predecessor then. Where link flies plans later than they say (its playout's margin) it says so, and predictions are
 /// for that moment.
 ///

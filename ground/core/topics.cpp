@@ -1,4 +1,4 @@
-#include "ground/core/topics.hpp"
+#include "ground/core/flight_types.hpp"
 
 #include "ground/core/manual.hpp"
 

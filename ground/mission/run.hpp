@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "ground/mission/check.hpp"
-#include "ground/mission/drone_now.hpp"
 #include "ground/mission/mission.hpp"
 
 namespace ledgerline::ground::mission {

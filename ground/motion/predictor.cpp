@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 constexpr TimeNs cell_ns = 10 * ns_per_ms;
@@ -211,4 +211,4 @@ Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
   return out;
 }
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

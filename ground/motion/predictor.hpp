@@ -9,7 +9,7 @@
 #include "common/msg/onboard.hpp"
 #include "ground/motion/response.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 
 /// Position, velocity and yaw of a drone at a moment of its clock; map frame.
 struct Motion {
@@ -113,4 +113,4 @@ class Predictor {
   double yaw_rad_ = 0;
 };
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

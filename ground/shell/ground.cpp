@@ -31,6 +31,11 @@ std::vector<std::string> names_of(const FlightView& view) {
   return names;
 }
 
+Level level_of(fabric::CertificateWatch::Weight weight) {
+  using Weight = fabric::CertificateWatch::Weight;
+  return weight == Weight::info ? Level::info : weight == Weight::warning ? Level::warning : Level::alarm;
+}
+
 FlightView view_of(const std::vector<std::unique_ptr<Channel>>& channels, const std::vector<std::size_t>& channel_of) {
   std::vector<const FlightCore*> cores;
   for (const auto& channel : channels) cores.push_back(&channel->core());
@@ -40,14 +45,16 @@ FlightView view_of(const std::vector<std::unique_ptr<Channel>>& channels, const 
 }  // namespace
 
 Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
-               const PilotSettings& pilot, dds::ParticipantPtr participant)
+               const PilotSettings& pilot, dds::ParticipantPtr participant,
+               std::unique_ptr<fabric::CertificateWatch> watch)
     : output_(std::move(output)),
       pilot_(pilot),
       channels_(open_channels(std::move(channels))),
       view_(view_of(channels_, channel_of)),
       names_(names_of(view_)),
       topics_(std::move(participant), names_),
-      lost_(channels_.size()) {}
+      lost_(channels_.size()),
+      watch_(std::move(watch)) {}
 
 Ground::~Ground() {
   inbox_.close();
@@ -74,11 +81,10 @@ std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel:
 Status Ground::start(const std::atomic<bool>& quit) {
   if (auto status = recorder_.open(output_.trace); !status) return status;
   if (auto status = topics_.open_writers(); !status) return status;
-  if (certificates_) {
-    certificates_->start([this](Level level, const std::string& words) {
-      if (station_) post_event(level, "", words);
-    });
-  }
+  watch_->start([this](fabric::CertificateWatch::Weight weight, const std::string& words) {
+    fabric::CertificateWatch::log(weight, words);
+    if (station_) post_event(level_of(weight), "", words);
+  });
   for (const auto& channel : channels_) channel->open_stream();
   if (auto status = wait_for_block_streams(quit); !status) return status;
   for (const auto& channel : channels_) {
@@ -211,7 +217,7 @@ Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightIn
     if (!now) return now.error();
     if (!*now) return done;
     inputs.block = block;
-    if (certificates_) certificates_->note(*block);
+    ends_.add(*block);
     if (operators_) operators_->look(index, *block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
     if (station_) station_->add_block(*block);
@@ -303,11 +309,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       break;
     }
     if (operators_) operators_->step(now_ns);
-    if (certificates_) {
-      certificates_->step(now_ns, [this](Level level, const std::string& words) {
-        if (station_) station_->add_event(level, "", words);
-      });
-    }
+    report_certificate_ends(now_ns);
     if (station_) station_->show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
@@ -358,9 +360,19 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
   return counters;
 }
 
+void Ground::report_certificate_ends(TimeNs now_ns) {
+  if (now_ns < next_ends_ns_) return;
+  next_ends_ns_ = now_ns + ns_per_s;
+  for (const crypto::Renewal::Word& word : ends_.due(realtime_ns() / ns_per_s)) {
+    spdlog::warn("{}", word.words);
+    const bool alarm = word.weight == crypto::Renewal::Weight::alarm;
+    if (station_) station_->add_event(alarm ? Level::alarm : Level::warning, "", word.words);
+  }
+}
+
 void Ground::write_status(TimeNs now_ns) {
   next_status_ns_ = now_ns + output_.status_period_ns;
-  print_status(status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
+  print_status(status_line(view_, watch_->days_left()));
 }
 
 Status Ground::write_summary() {

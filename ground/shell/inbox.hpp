@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/rt/mailbox.hpp"
-#include "ground/channel/channel.hpp"
+#include "ground/shell/channel.hpp"
 
 namespace ledgerline::ground {
 

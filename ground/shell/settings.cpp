@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/rt/histogram_json.hpp"
-#include "ground/core/topics.hpp"
-#include "ground/plugin/plugin.hpp"
-#include "ground/shell/course_file.hpp"
+#include "ground/core/flight_types.hpp"
+#include "ground/core/follower.hpp"
+#include "ground/shell/path_file.hpp"
 
 namespace ledgerline::ground {
 

@@ -20,9 +20,7 @@ constexpr std::array guarded_names{
     "*/failsafe",    "*/alarm",  // drones' (agent, ground)
     "/tf",           "/diagnostics"};
 
-bool is_name_char(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-}
+bool is_name_char(char c) { return contract::is_alphanumeric(c) || c == '_'; }
 
 bool is_pattern(const std::string& name) {
   return name.size() > 1 && name.front() == '/' && name.back() != '/' && name.find("//") == std::string::npos &&

@@ -1,7 +1,9 @@
 #include "common/bridge/core/uplink.hpp"
+#include "common/rt/histogram_json.hpp"
 #include "common/verification/calls.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -108,7 +110,9 @@ Uplink::Message Uplink::pop(std::size_t topic) {
   Slot& slot = slots_[topic];
   --waiting_;
   slot.queued_bytes -= slot.queue.front().cdr.size();
-  return slot.queue.pop_front();
+  Message message = std::move(slot.queue.front());
+  slot.queue.pop_front();
+  return message;
 }
 
 bool Uplink::ready(const Lane& lane, Kind kind, TimeNs now) const {
@@ -315,6 +319,27 @@ std::size_t Uplink::in_flight() const {
   std::size_t count = 0;
   for (const Lane& lane : lanes_) count += lane.in_flight.size();
   return count;
+}
+
+nlohmann::json report(const Uplink& uplink) {
+  nlohmann::json topics = nlohmann::json::array();
+  for (const Uplink::Topic& topic : uplink.topics()) {
+    const UplinkCounters& c = topic.counters;
+    topics.push_back({{"topic", topic.name},
+                      {"type", topic.type},
+                      {"id", topic.id},
+                      {"direction", "to_ledger"},
+                      {"taken", c.taken},
+                      {"messages", c.on_ledger},
+                      {"bytes", c.bytes},
+                      {"batches", c.batches},
+                      {"pending", c.pending},
+                      {"dds_lost", c.dds_lost},
+                      {"dds_refused", c.dds_refused},
+                      {"age_ms", c.age.quantiles_ms()},
+                      {"drops", reasons<Drop>(c.drops)}});
+  }
+  return topics;
 }
 
 }  // namespace ledgerline::bridge

@@ -71,7 +71,7 @@ Status DownlinkWriters::read_latched(const verification::Evaluate& evaluate) {
 void DownlinkWriters::publish(const std::vector<Downlink::Delivery>& deliveries) {
   for (const Downlink::Delivery& delivery : deliveries) {
     Output* output = output_for(delivery);
-    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.failed(delivery.topic);
+    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.on_failure(delivery.topic);
   }
 }
 

@@ -9,7 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "common/bridge/core/report.hpp"
+#include "common/bridge/core/downlink.hpp"
+#include "common/bridge/core/uplink.hpp"
 #include "common/dds/raw.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/stream/block_subscription.hpp"

@@ -21,7 +21,7 @@ PilotPath::PilotPath(std::vector<Waypoint> way, bool land_behind, const Waypoint
     : way_(with_heights(std::move(way), height_m)),
       land_behind_(land_behind),
       here_(here),
-      course_(motion::open_course(here_, way_)) {}
+      course_(motion::open_path(here_, way_)) {}
 
 void PilotPath::observe(const Follower& follower, const StateSample& state) {
   for (; next_ + 1 < way_.size(); ++next_) {

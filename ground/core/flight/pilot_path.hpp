@@ -24,7 +24,7 @@ class PilotPath {
   /// From `here` on through `way` (check_way() allows it; metres of the map); `height_m`: of waypoints that say none.
   PilotPath(std::vector<Waypoint> way, bool land_behind, const Waypoint& here, double height_m);
 
-  const motion::OpenCourse& course() const { return course_; }
+  const motion::OpenPath& course() const { return course_; }
   bool land_behind() const { return land_behind_; }
   /// As far as its follower shall fly.
   double end_m(const Follower& follower) const { return follower.length_to(course_.last); }
@@ -43,7 +43,7 @@ class PilotPath {
   std::vector<Waypoint> way_;
   bool land_behind_;
   Waypoint here_;
-  motion::OpenCourse course_;
+  motion::OpenPath course_;
   std::size_t next_ = 0;  ///< the first one of the way that was not reached yet
 };
 

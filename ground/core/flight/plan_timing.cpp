@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/msg/contract.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -24,6 +25,28 @@ constexpr TimeNs arrivals_needed_ns = 2 * ns_per_s;
 constexpr double mostly = 0.9;  // of the spacings: an outage is none
 
 }  // namespace
+
+void Window::add(TimeNs t_ns) { samples_[count_++ % kept] = t_ns; }
+
+std::optional<TimeNs> Window::quantile(double q) const {
+  if (count_ == 0) return std::nullopt;
+  auto samples = samples_;
+  return ledgerline::quantile(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(size()), q);
+}
+
+void RoundTripEstimate::add(TimeNs submission_to_block_ns) { ways_.add(std::max<TimeNs>(0, submission_to_block_ns)); }
+
+TimeNs RoundTripEstimate::quantile(double q) const {
+  const std::size_t n = ways_.size();
+  if (n == 0) return unknown_ns;
+  const auto& ways = ways_.samples();
+  std::vector<TimeNs> sums;
+  sums.reserve(n * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k) sums.push_back(ways[i] + ways[k]);
+  }
+  return ledgerline::quantile(sums.begin(), sums.end(), q);
+}
 
 void PlanTiming::submitted(std::size_t drone, std::uint64_t sequence, TimeNs made_ns) {
   auto& plans = drones_[drone].plans;

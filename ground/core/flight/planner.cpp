@@ -56,7 +56,7 @@ Status Planner::begin_pilot_path(const std::vector<Waypoint>& way, bool land_beh
   const StateSample& state = seen_.state;
   const Waypoint here{{state.position_m[0], state.position_m[1]}, state.position_m[2]};
   PilotPath path(way, land_behind, here, config_.controller.height_m);
-  const motion::OpenCourse& course = path.course();
+  const motion::OpenPath& course = path.course();
   if (Status made = make_follower(course.waypoints, course.origin_m, state.yaw_rad, 1); !made) return made;
   follower_->observe(state);
   follower_->start(from_ns, path.end_m(*follower_));

@@ -7,7 +7,7 @@
 
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/requests.hpp"
+#include "common/msg/grants.hpp"
 
 namespace ledgerline::ground {
 namespace {

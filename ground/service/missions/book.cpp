@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ground/json/strict.hpp"
-#include "ground/mission/drone_now.hpp"
+#include "ground/mission/check.hpp"
 
 namespace ledgerline::ground::service {
 namespace {

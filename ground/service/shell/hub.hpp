@@ -1,16 +1,25 @@
 #pragma once
 #include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/http/string_body.hpp>
 #include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <random>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "ground/service/connections/places.hpp"
+#include "common/web/wire.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/guard.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 
 namespace ledgerline::ground::service {
@@ -160,5 +169,73 @@ class Hub {
   bool ended_ = false;
   std::atomic<std::size_t> streams_{0};
 };
+
+/// Brings what other threads answer to the server's thread. A connection that waits for an answer belongs to that
+/// thread alone: another one neither uses nor ends it, whenever it answers. An answer behind the server's end is
+/// dropped.
+class Answers {
+ public:
+  explicit Answers(boost::asio::io_context& io) : door_(std::make_shared<AnswerGate>(io)) {}
+  ~Answers() { close(); }
+  Answers(const Answers&) = delete;
+  Answers& operator=(const Answers&) = delete;
+
+  /// What `then` gets is what the returned function is called with, once; `then` runs and ends on the server's thread.
+  /// The returned function: any thread, and whenever it likes. Server's thread.
+  template <typename Answer>
+  std::function<void(Answer)> expect(std::function<void(Answer)> then) {
+    const auto waits = std::make_shared<std::function<void(Answer)>>(std::move(then));
+    waiting_.insert(waits);
+    return [this, door = door_, waits = std::weak_ptr(waits)](Answer answer) {
+      door->post([this, waits, answer = std::move(answer)]() mutable {
+        const auto found = waits.lock();
+        if (found && waiting_.erase(found) > 0) (*found)(std::move(answer));
+      });
+    };
+  }
+
+  /// Nobody waits any longer. When the server's thread has ended, and before its io_context does.
+  void close() {
+    door_->close();
+    waiting_.clear();
+  }
+
+ private:
+  class AnswerGate {
+   public:
+    explicit AnswerGate(boost::asio::io_context& io) : io_(&io) {}
+    template <typename Work>
+    void post(Work work) {
+      const std::lock_guard lock(mutex_);
+      if (io_) boost::asio::post(*io_, std::move(work));
+    }
+    void close() {
+      const std::lock_guard lock(mutex_);
+      io_ = nullptr;
+    }
+
+   private:
+    std::mutex mutex_;
+    boost::asio::io_context* io_;
+  };
+
+  const std::shared_ptr<AnswerGate> door_;
+  std::set<std::shared_ptr<void>> waiting_;
+};
+
+/// Serves one connection until it ends: with TLS its handshake, requests one by one, or, behind an upgrade, the stream.
+/// Hub, answers and guard outlive it.
+void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard);
+
+/// What a connection holds while its stream lasts.
+struct StreamPlaces {
+  Connections::Place counted;
+  Connections::KeptPlace kept;
+};
+
+/// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives
+/// it.
+void serve_stream(web::Wire wire, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session,
+                  const boost::beast::http::request<boost::beast::http::string_body>& request);
 
 }  // namespace ledgerline::ground::service

@@ -11,7 +11,6 @@
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/blocks.hpp"
 #include "ground/service/core/guard.hpp"
-#include "ground/service/core/settings.hpp"
 
 namespace ledgerline::ground::service {
 

@@ -1,4 +1,4 @@
-#include "ground/service/shell/sessions.hpp"
+#include "ground/service/shell/hub.hpp"
 
 #include <fmt/format.h>
 

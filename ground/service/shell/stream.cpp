@@ -1,4 +1,4 @@
-#include "ground/service/shell/sessions.hpp"
+#include "ground/service/shell/hub.hpp"
 
 #include <algorithm>
 #include <boost/beast/core.hpp>
@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/rt/clock.hpp"
-#include "ground/service/connections/stream_messages.hpp"
+#include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
 
 namespace ledgerline::ground::service {

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "ground/mission/drone_now.hpp"
+#include "ground/mission/check.hpp"
 
 namespace ledgerline::hil {
 namespace {

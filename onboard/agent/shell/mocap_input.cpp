@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 
 namespace ledgerline::agent {
 namespace {

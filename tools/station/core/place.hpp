@@ -3,7 +3,7 @@
 
 #include "common/base/result.hpp"
 #include "common/web/host_port.hpp"
-#include "ground/service/core/settings.hpp"
+#include "ground/service/core/guard.hpp"
 
 namespace ledgerline::station {
 

@@ -3,7 +3,7 @@
 #include <string>
 
 #include "common/base/result.hpp"
-#include "common/web/tls_files.hpp"
+#include "common/web/host_port.hpp"
 #include "tools/station/core/place.hpp"
 #include "tools/station/core/requests.hpp"
 

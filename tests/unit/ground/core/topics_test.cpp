@@ -1,4 +1,4 @@
-#include "ground/core/topics.hpp"
+#include "ground/core/flight_types.hpp"
 
 #include <gtest/gtest.h>
 
@@ -103,7 +103,7 @@ TEST(Topics, WhatIsNoSuchMessageIsAnErrorAndGoesNowhere) {
 std::string twist_cdr(double forward_mps) {
   CdrWriter out;
   for (const double value : {forward_mps, 0.0, 0.0, 0.0, 0.0, 0.25}) out.put(value);
-  return out.take();
+  return out.release();
 }
 
 TEST(Topics, OfVelocitiesTheNewestCountsAndTheOthersAreCounted) {

@@ -7,7 +7,7 @@
 
 #include "tests/unit/ground/motion/reported_drone.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 const Response known{1.0, 0.25, 0.08};
@@ -261,4 +261,4 @@ TEST(Predictor, TimesYearsApartCostNoMoreThanOthers) {
 }
 
 }  // namespace
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "ground/service/connections/places.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/page_files.hpp"
 #include "tests/fuzz/directory.hpp"
 

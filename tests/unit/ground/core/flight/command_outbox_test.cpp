@@ -47,7 +47,7 @@ TEST_F(CommandOutboxTest, TheNewestOfEachDroneGoesInOneCallAndWhatItReplacesIsWi
   put(0, 4);
   EXPECT_EQ(submit(1).plans_size(), 0) << "one is in flight";
   outbox.take_outcome(5, fabric::Outcome::failed(Kind::committed, ""), 1, out);
-  EXPECT_LT(timing.of(0).delay_ns, motion::RoundTripEstimate::unknown_ns) << "plans are timed by what the call took";
+  EXPECT_LT(timing.of(0).delay_ns, RoundTripEstimate::unknown_ns) << "plans are timed by what the call took";
   EXPECT_EQ(submit(5).plans(0).sequence(), 2u);
 }
 

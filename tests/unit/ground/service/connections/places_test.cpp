@@ -1,4 +1,4 @@
-#include "ground/service/connections/places.hpp"
+#include "ground/service/core/places.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "ground/service/operators/leaving.hpp"
+#include "ground/service/operators/sign_ins.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
