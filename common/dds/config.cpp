@@ -37,7 +37,7 @@ std::optional<Security> security(Config& config) {
 /// An address of IPv4 or a host's name, either with a port; not its resolving.
 bool is_host(const std::string& text) {
   const auto allowed = [](char c) { return contract::is_alphanumeric(c) || c == '.' || c == '-' || c == ':'; };
-  return !text.empty() && text.size() <= 255 && std::all_of(text.begin(), text.end(), allowed);
+  return !text.empty() && text.size() <= 255 && std::ranges::all_of(text, allowed);
 }
 
 void reach(Config& config, ParticipantOptions& options) {
@@ -59,8 +59,7 @@ void reach(Config& config, ParticipantOptions& options) {
        "local_only, on which addresses neighbours are"},
       "");
   const auto& releases = ros_releases();
-  if (!options.ros_release.empty() &&
-      std::find(releases.begin(), releases.end(), options.ros_release) == releases.end())
+  if (!options.ros_release.empty() && std::ranges::find(releases, options.ros_release) == releases.end())
     config.wrong("dds.ros_release", fmt::format("must be one of {}", fmt::join(releases, ", ")));
   options.cyclonedds =
       config.text({"dds.cyclonedds",
@@ -77,7 +76,7 @@ void reach(Config& config, ParticipantOptions& options) {
   if (!options.interfaces.empty() && options.local_only)
     config.wrong("dds.interfaces", "must not stand beside dds.local_only: they say how far DDS reaches");
   for (std::size_t i = 0; i < options.interfaces.size(); ++i) {
-    if (std::count(options.interfaces.begin(), options.interfaces.end(), options.interfaces[i]) > 1) {
+    if (std::ranges::count(options.interfaces, options.interfaces[i]) > 1) {
       config.wrong("dds.interfaces", fmt::format("names '{}' twice", options.interfaces[i]));
       break;
     }

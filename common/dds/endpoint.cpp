@@ -42,7 +42,7 @@ bool is_name_char(char c) { return contract::is_alphanumeric(c) || c == '_'; }
 
 bool is_name(std::string_view text) {
   const auto is_alphabetic = [](char c) { return contract::is_alphanumeric(c) && !(c >= '0' && c <= '9'); };
-  return !text.empty() && is_alphabetic(text.front()) && std::all_of(text.begin(), text.end(), is_name_char);
+  return !text.empty() && is_alphabetic(text.front()) && std::ranges::all_of(text, is_name_char);
 }
 
 std::vector<std::string_view> split(std::string_view text, std::string_view by) {
@@ -104,7 +104,7 @@ Status Endpoint::write(std::span<const std::uint8_t> cdr, TimeNs source_time_ns)
 Result<std::string> dds_topic(const std::string& ros_topic) {
   const bool good = ros_topic.size() > 1 && ros_topic.front() == '/' && ros_topic.back() != '/' &&
                     ros_topic.find("//") == std::string::npos &&
-                    std::all_of(ros_topic.begin(), ros_topic.end(), [](char c) { return is_name_char(c) || c == '/'; });
+                    std::ranges::all_of(ros_topic, [](char c) { return is_name_char(c) || c == '/'; });
   if (!good)
     return Error{"'" + ros_topic + "' is no ROS 2 topic: it begins with / and has a-z, A-Z, 0-9, _ and / only"};
   return "rt" + ros_topic;
@@ -112,7 +112,7 @@ Result<std::string> dds_topic(const std::string& ros_topic) {
 
 Result<std::string> dds_type(const std::string& ros_type) {
   const auto parts = split(ros_type, "/");
-  if (parts.size() != 3 || !std::all_of(parts.begin(), parts.end(), is_name))
+  if (parts.size() != 3 || !std::ranges::all_of(parts, is_name))
     return Error{"'" + ros_type + "' is no ROS 2 type: give it like geometry_msgs/msg/Twist"};
   return std::string(parts[0]) + "::" + std::string(parts[1]) + "::dds_::" + std::string(parts[2]) + "_";
 }

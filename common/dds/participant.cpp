@@ -31,8 +31,7 @@ Result<std::uint32_t> domain_from_environment() {
   const char* text = std::getenv("ROS_DOMAIN_ID");
   if (!text || !*text) return std::uint32_t{0};
   const std::string digits = text;
-  const bool plain =
-      digits.size() <= 3 && std::all_of(digits.begin(), digits.end(), [](char c) { return c >= '0' && c <= '9'; });
+  const bool plain = digits.size() <= 3 && std::ranges::all_of(digits, [](char c) { return c >= '0' && c <= '9'; });
   if (!plain || std::stoul(digits) > 232)
     return Error{"ROS_DOMAIN_ID is '" + digits + "': give a number from 0 to 232"};
   return static_cast<std::uint32_t>(std::stoul(digits));

@@ -49,7 +49,7 @@ constexpr const char* this_host = "127.0.0.1";
 constexpr const char* loopback_name = "lo";
 
 Result<Interface> usable(const std::string& name, const std::vector<Interface>& host) {
-  const auto found = std::find_if(host.begin(), host.end(), [&](const Interface& i) { return i.name == name; });
+  const auto found = std::ranges::find_if(host, [&](const Interface& i) { return i.name == name; });
   if (found == host.end()) {
     std::vector<std::string> names;
     for (const Interface& i : host) names.push_back(i.name);
@@ -155,8 +155,7 @@ Result<std::vector<Interface>> host_interfaces() {
   if (::getifaddrs(&all) != 0) return Error{std::string("cannot list the network interfaces: ") + std::strerror(errno)};
   std::vector<Interface> found;
   for (const ifaddrs* entry = all; entry; entry = entry->ifa_next) {
-    auto known =
-        std::find_if(found.begin(), found.end(), [&](const Interface& i) { return i.name == entry->ifa_name; });
+    auto known = std::ranges::find_if(found, [&](const Interface& i) { return i.name == entry->ifa_name; });
     if (known == found.end()) {
       found.push_back({.name = entry->ifa_name,
                        .up = (entry->ifa_flags & IFF_UP) != 0,

@@ -75,13 +75,13 @@ inline bool names_identity(const Control& control, const Identity& who) {
 
 /// Whether nobody of that role may fly, stop or hold a drone any more: revoked, or made an auditor. (Who was never
 /// enrolled may be granted something beforehand.)
-inline bool takes_back(Role role) { return role == REVOKED || role == AUDITOR; }
+inline bool withdraws_rights(Role role) { return role == REVOKED || role == AUDITOR; }
 
 /// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
 inline void apply_role(Control& control, const Identity& who, Role role) {
   const auto itself = [](const Identity& one) -> const Identity& { return one; };
   remove_entry(*control.mutable_revoked(), who, itself);
-  if (!takes_back(role) || !names_identity(control, who)) return;
+  if (!withdraws_rights(role) || !names_identity(control, who)) return;
   put_entry(*control.mutable_revoked(), who, itself);
 }
 

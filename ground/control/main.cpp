@@ -213,8 +213,8 @@ Status show_records(fabric::Client& client, const Options& options) {
 }
 
 bool changes_records(const fabric::Block& block) {
-  return std::any_of(block.transactions.begin(), block.transactions.end(),
-                     [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
+  return std::ranges::any_of(
+      block.transactions, [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
 }
 
 /// Once, and again behind each block that changes a record, until asked to end.

@@ -199,7 +199,7 @@ struct FlightTransactions {
 Task task_of(const FlightConfig& config, std::size_t drone);
 
 /// The newest velocity counts; one that nobody has looked at yet is replaced.
-void take_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command);
+void set_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command);
 
 /// Index of the drone of this name; nothing: it does not fly here.
 std::optional<std::size_t> index_of(const std::vector<FlightDrone>& drones, std::string_view name);
@@ -223,7 +223,7 @@ struct PilotTopic {
   bool reliable = true;  ///< best effort hears both kinds of writers; for what is soon said again
   bool cuts = false;     ///< motors off, in the air, too
   /// Adds the message to what the pilot commands. `came_ns`: the ground's clock.
-  void (*take)(std::string_view cdr, TimeNs came_ns, PilotCommand& command);
+  void (*apply)(std::string_view cdr, TimeNs came_ns, PilotCommand& command);
 };
 extern const std::array<PilotTopic, 5> pilot_topics;
 std::string topic_of(const PilotTopic& topic, const std::string& drone);

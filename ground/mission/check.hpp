@@ -30,7 +30,7 @@ struct DroneNow {
 
 inline DroneNow drone_now(const FlightView& core, std::size_t drone) {
   const FlightStatus& status = core.status(drone);
-  const IntakeState& seen = core.seen(drone);
+  const IntakeState& seen = core.intake(drone);
   const StateSample& state = seen.state;
   DroneNow now{core.drones()[drone].name,
                status.phase,

@@ -83,7 +83,7 @@ std::vector<Waypoint> MissionDrone::way() const {
 }
 
 bool is_name(std::string_view text) {
-  return !text.empty() && text.size() <= max_name && std::all_of(text.begin(), text.end(), is_name_character);
+  return !text.empty() && text.size() <= max_name && std::ranges::all_of(text, is_name_character);
 }
 
 Status check_bounds(const Mission& mission) {
@@ -104,14 +104,13 @@ Status check_bounds(const Mission& mission) {
 }
 
 void sort_by_name(Mission& mission) {
-  std::sort(mission.drones.begin(), mission.drones.end(),
-            [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
+  std::ranges::sort(mission.drones, [](const MissionDrone& a, const MissionDrone& b) { return a.drone < b.drone; });
 }
 
 std::string canonical(const Mission& mission) {
   std::vector<const MissionDrone*> drones;
   for (const MissionDrone& drone : mission.drones) drones.push_back(&drone);
-  std::sort(drones.begin(), drones.end(), [](const auto* a, const auto* b) { return a->drone < b->drone; });
+  std::ranges::sort(drones, [](const auto* a, const auto* b) { return a->drone < b->drone; });
   std::string text = fmt::format(R"({{"name":"{}","drones":[)", mission.name);
   for (const MissionDrone* drone : drones) put(text, *drone);
   text.back() = ']';

@@ -68,7 +68,7 @@ class Predictor {
     TimeNs sent_until_ns() const { return sent_ns_; }
     const Eigen::Vector3d& sent_mps() const { return sent_; }
     /// The drone is sent this velocity, as fast as link lets it change, until then.
-    void tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns);
+    void send(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns);
 
    private:
     friend class Predictor;

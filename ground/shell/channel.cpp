@@ -49,7 +49,7 @@ Status Channel::set_controls(const std::vector<Control>& controls) {
   return done;
 }
 
-Result<bool> Channel::take(const fabric::Block& block) {
+Result<bool> Channel::on_block(const fabric::Block& block) {
   const auto next = control_start_.on_block(block);
   if (!next) return Error{label_ + next.error().message};
   if (*next == verification::ControlStart::Next::read) {
@@ -62,7 +62,7 @@ Result<bool> Channel::take(const fabric::Block& block) {
   return *next == verification::ControlStart::Next::take;
 }
 
-Result<std::vector<fabric::Block>> Channel::take(const ControlsRead& read) {
+Result<std::vector<fabric::Block>> Channel::on_controls(const ControlsRead& read) {
   if (!read.controls) return Error{label_ + read.controls.error().message};
   std::vector<fabric::Block> held = control_start_.on_read();
   if (auto status = set_controls(*read.controls); !status) return status.error();

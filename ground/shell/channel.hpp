@@ -52,10 +52,10 @@ class Channel {
   Status connection() const { return blocks_.connection(); }
   /// Reads the drones' control records; behind the stream's start.
   Status read_controls();
-  /// Whether the core is to have the block; else it waits here, or comes again with take().
-  Result<bool> take(const fabric::Block& block);
+  /// Whether the core is to have the block; else it waits here, or comes again with on_controls().
+  Result<bool> on_block(const fabric::Block& block);
   /// The blocks that waited for the records: they come next.
-  Result<std::vector<fabric::Block>> take(const ControlsRead& read);
+  Result<std::vector<fabric::Block>> on_controls(const ControlsRead& read);
   /// The outcome is put.
   void submit(Submission submission);
   /// Ends everything that puts; what is in flight is put as unavailable. Call it before what `put` needs is gone.

@@ -99,7 +99,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
     if (auto status = missions_->restore(); !status) return status;
   }
   return topics_.read_pilots(pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.take(cdr, monotonic_ns(), command); });
+    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.apply(cdr, monotonic_ns(), command); });
   });
 }
 
@@ -184,11 +184,12 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
     if (Status opened = open_operators(settings, ledgers); !opened) return opened;
   }
   service::Server::Behind behind{
-      .take = [this](const PilotCommand& one) { return take(one); },
+      .take = [this](const PilotCommand& one) { return command(one); },
       .keys = operators_ ? &operators_->keys() : nullptr,
-      .ask_missions = [this](
-                          service::MissionAsk asked,
-                          std::function<void(service::ApiAnswer)> answer) { ask(std::move(asked), std::move(answer)); },
+      .request_mission =
+          [this](service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer) {
+            request_mission(std::move(asked), std::move(answer));
+          },
       .tell = [this](Level level, std::string words) { post_event(level, "", std::move(words)); }};
   return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::post_event, this));
 }
@@ -199,29 +200,29 @@ void Ground::post_event(Level level, const std::string& drone, std::string words
 
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave
 // before.
-Status Ground::take(const PilotCommand& one) {
+Status Ground::command(const PilotCommand& one) {
   if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
   inbox_.post_command(one);
   return done;
 }
 
-void Ground::ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+void Ground::request_mission(service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer) {
   if (!flying_) return answer(service::refusal(503, "the ledger is not reached yet"));
-  missions_->ask(std::move(asked), std::move(answer));
+  missions_->request(std::move(asked), std::move(answer));
 }
 
 Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
   Channel& channel = *channels_[index];
   if (const auto* block = std::get_if<fabric::Block>(&news)) {
-    const auto now = channel.take(*block);
+    const auto now = channel.on_block(*block);
     if (!now) return now.error();
     if (!*now) return done;
     inputs.block = block;
     ends_.add(*block);
-    if (operators_) operators_->look(index, *block);
+    if (operators_) operators_->on_block(index, *block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
     if (station_) station_->add_block(*block);
-    if (missions_) missions_->look(*block);
+    if (missions_) missions_->on_block(*block);
   } else if (const auto* ended = std::get_if<Channel::Ended>(&news)) {
     inputs.outcome = &ended->outcome;
     inputs.outcome_id = ended->id;
@@ -236,7 +237,7 @@ Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightIn
                    ended->outcome.code, ended->outcome.message);
     }
   } else if (const auto* read = std::get_if<Channel::ControlsRead>(&news)) {
-    auto held = channel.take(*read);
+    auto held = channel.on_controls(*read);
     if (!held) return held.error();
     // The blocks that waited come next, before any that came behind them.
     std::vector<Inbox::Event> next;
@@ -290,7 +291,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     if (event) {
       if (auto status = dispatch(*event, inputs); !status) return status.error();
     }
-    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.take_commands());
+    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.pop_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].commands = commands[i];
       inputs[i].more = inbox_.has_more_for(i);
@@ -329,7 +330,7 @@ void Ground::step(std::vector<FlightInputs> inputs) {
     for (std::string& note : out.notes) notes.push_back(std::move(note));
   }
   for (const std::string& note : notes) spdlog::warn("{}", note);
-  if (station_) station_->look(notes);
+  if (station_) station_->update(notes);
 }
 
 void Ground::act(std::size_t index, FlightOutputs& out) {

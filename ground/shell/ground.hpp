@@ -48,9 +48,9 @@ class Ground {
  private:
   std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   /// What the page commands. Any thread. The error: it would only be flown later.
-  Status take(const PilotCommand& one);
+  Status command(const PilotCommand& one);
   /// What the page asks of missions. Any thread.
-  void ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer);
+  void request_mission(service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer);
   /// As an event; `drone`: its name, empty: of none. Any thread.
   void post_event(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);

@@ -63,8 +63,7 @@ Status OperatorService::submit(std::size_t who, const OperatorCall& call) {
 
 bool OperatorService::stop(const crypto::IdentityName& who, std::size_t channel, const fabric::Call& call,
                            std::function<void(fabric::Outcome)> ended) {
-  const auto known =
-      std::find_if(operators_.begin(), operators_.end(), [&](const auto& one) { return one.identity == who; });
+  const auto known = std::ranges::find_if(operators_, [&](const auto& one) { return one.identity == who; });
   if (known == operators_.end()) return false;
   const Clients clients = clients_of(static_cast<std::size_t>(known - operators_.begin()));
   if (clients.of_channel.empty()) return false;
@@ -72,7 +71,7 @@ bool OperatorService::stop(const crypto::IdentityName& who, std::size_t channel,
   return true;
 }
 
-void OperatorService::leave(std::size_t who) {
+void OperatorService::on_session_over(std::size_t who) {
   {
     const std::lock_guard lock(clients_mutex_);
     clients_[who].left = true;
@@ -154,8 +153,8 @@ void RoleWatch::close() {
   read_.close();
 }
 
-void RoleWatch::look(const fabric::Block& block) {
-  if (service::changes_roles(block)) wanted_.want();
+void RoleWatch::on_block(const fabric::Block& block) {
+  if (service::changes_roles(block)) wanted_.request();
 }
 
 const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
@@ -165,10 +164,10 @@ const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
       dismissed_ = service::dismissed(parts_.operators, *roles);
     } else {
       spdlog::warn("whether the operators' roles still hold cannot be read yet: {}", roles.error().message);
-      wanted_.want();
+      wanted_.request();
     }
   }
-  if (is_reading_ || !wanted_.take(now)) return dismissed_;
+  if (is_reading_ || !wanted_.start(now)) return dismissed_;
   is_reading_ = worker_.post([this] {
     const auto evaluate = [this](const fabric::Call& call) -> Result<std::string> {
       if (closed_) return Error{"the ground ends"};
@@ -179,7 +178,7 @@ const std::vector<std::size_t>& RoleWatch::step(TimeNs now) {
     read_.put(verification::read_roles(evaluate, organisations));
     parts_.wake();
   });
-  if (!is_reading_) wanted_.want();
+  if (!is_reading_) wanted_.request();
   return dismissed_;
 }
 
@@ -218,7 +217,7 @@ void OperatorSessions::dismiss(TimeNs now_ns) {
   if (dismissed != dismissed_) {
     parts_.dismiss(dismissed);
     for (const std::size_t who : dismissed) {
-      if (std::find(dismissed_.begin(), dismissed_.end(), who) != dismissed_.end()) continue;
+      if (std::ranges::find(dismissed_, who) != dismissed_.end()) continue;
       const std::string& name = operators[who].name;
       parts_.warn(fmt::format("{} is no operator any more: signed out, and what {} holds lands", name, name));
     }

@@ -44,7 +44,7 @@ class OperatorService final : public service::OperatorKeys {
   const std::vector<service::Operator>& operators() const override { return operators_; }
   void unlock(std::size_t who, std::shared_ptr<const crypto::WipingString> pass_phrase,
               std::function<void(Status)> answer) override;
-  void leave(std::size_t who) override;
+  void on_session_over(std::size_t who) override;
   Status submit(std::size_t who, const service::OperatorCall& call) override;
   /// A stop, at once; `ended` comes exactly once. False: his key is locked, and nothing comes.
   bool stop(const crypto::IdentityName& who, std::size_t channel, const fabric::Call& call,
@@ -94,10 +94,10 @@ class RoleWatch {
     std::function<void()> wake;       ///< the flight's thread shall step()
   };
 
-  explicit RoleWatch(Parts parts) : parts_(std::move(parts)) { wanted_.want(); }
+  explicit RoleWatch(Parts parts) : parts_(std::move(parts)) { wanted_.request(); }
   ~RoleWatch() { close(); }
 
-  void look(const fabric::Block& block);
+  void on_block(const fabric::Block& block);
   /// Indexes of those who are dismissed, as is known by now.
   const std::vector<std::size_t>& step(TimeNs now);
   /// Nothing is read from here on; waits for one question to the ledger at most.
@@ -139,7 +139,7 @@ class OperatorSessions {
   void change(std::size_t who, bool in, TimeNs now_ns);
   bool has_left(std::size_t who) const { return leaving_.has(who); }
   /// A block of that channel, which may change roles.
-  void look(std::size_t channel, const fabric::Block& block) { roles_[channel]->look(block); }
+  void on_block(std::size_t channel, const fabric::Block& block) { roles_[channel]->on_block(block); }
   void step(TimeNs now_ns);
   /// Nothing is signed or read from here on.
   void close();

@@ -17,7 +17,7 @@ Status Station::open(const service::ServiceSettings& settings, const service::Gr
                      service::Server::Behind behind, service::FaultService::Tell tell_fault) {
   if (!settings.faults.empty()) {
     faults_ = std::make_unique<service::FaultService>(settings.faults, std::move(tell_fault));
-    behind.ask_faults = std::bind_front(&service::FaultService::ask, faults_.get());
+    behind.request_fault = std::bind_front(&service::FaultService::request, faults_.get());
   }
   auto server = service::Server::start(settings, names_, greeting, std::move(behind));
   if (!server) return server.error();
@@ -32,7 +32,7 @@ void Station::close() {
 }
 
 void Station::add_event(Level level, const std::string& drone, std::string words) {
-  unshown_.push_back(board_.tell(monotonic_ns(), level, drone, std::move(words)));
+  unshown_.push_back(board_.make_event(monotonic_ns(), level, drone, std::move(words)));
 }
 
 void Station::add_block(const fabric::Block& block) {
@@ -42,8 +42,8 @@ void Station::add_block(const fabric::Block& block) {
     server_->publish_blocks(std::exchange(unshown_blocks_, {}));
 }
 
-void Station::look(const std::vector<std::string>& notes) {
-  for (service::Event& event : board_.look(monotonic_ns(), view_, notes)) unshown_.push_back(std::move(event));
+void Station::update(const std::vector<std::string>& notes) {
+  for (service::Event& event : board_.update(monotonic_ns(), view_, notes)) unshown_.push_back(std::move(event));
   for (service::Event& event : board_.refusals(monotonic_ns(), refusals_)) unshown_.push_back(std::move(event));
 }
 

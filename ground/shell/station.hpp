@@ -31,13 +31,13 @@ class Station {
 
   void add_event(Level level, const std::string& drone, std::string words);
   /// How a call of the contract's `function` ended.
-  void add_outcome(std::string_view function, const fabric::Outcome& outcome) { refusals_.take(function, outcome); }
+  void add_outcome(std::string_view function, const fabric::Outcome& outcome) { refusals_.add(function, outcome); }
   void add_block(const fabric::Block& block);
   void publish_missions(std::string list) { server_->publish_missions(std::move(list)); }
   /// These operators may sign nothing any more.
   void dismiss(const std::vector<std::size_t>& who) { server_->dismiss(who); }
   /// Behind the cores' step, whose notes these are.
-  void look(const std::vector<std::string>& notes);
+  void update(const std::vector<std::string>& notes);
   /// What is new, where it is due.
   void show(TimeNs now_ns);
   /// The last of it.

@@ -162,8 +162,8 @@ void Downlink::carry(TimeNs real_now, const fabric::Transaction& tx, const SetVi
 }
 
 bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream) {
-  auto writer = std::find_if(slot.writers.begin(), slot.writers.end(),
-                             [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
+  auto writer = std::ranges::find_if(
+      slot.writers, [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
   const bool first = writer == slot.writers.end();
   if (first) {
     if (slot.writers.size() == max_writers) {
@@ -222,7 +222,7 @@ std::vector<std::string> Downlink::latched() const {
       const auto slash = id.rfind('/', star);
       id = (slash == std::string::npos ? rule.from : id.substr(0, slash)) + "/*";
     }
-    if (first_segment(id) == rule.from && std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(id);
+    if (first_segment(id) == rule.from && std::ranges::find(ids, id) == ids.end()) ids.push_back(id);
   }
   return ids;
 }

@@ -159,7 +159,7 @@ class Uplink {
   bool fits_frame(const Message& message);
   void repeat_others(std::string& call, std::uint64_t number);
   void append(std::string& call, const Message& message) const;
-  void take_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);
+  void on_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);
   void send_again(Lane& lane);
   void drop(Message message, Drop why);
   void recycle(Message message);

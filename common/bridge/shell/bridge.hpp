@@ -79,7 +79,7 @@ class Bridge {
          fabric::KeptCheckpoint kept);
   Status open_named_topics();
   void on_seen(const dds::DiscoveredTopic& seen);
-  void take_seen();
+  void update_topics();
   void choose_type(const std::string& topic);
   void note_losses();
   void note_losses(Input& input);

@@ -61,14 +61,14 @@ void PlanTiming::observe(std::size_t drone, const StateSample& s) {
   };
   if (s.arrived_sequence != d.arrived_sequence) {
     d.arrived_sequence = s.arrived_sequence;
-    if (const auto made_ns = made(s.arrived_sequence)) take_arrival(d, s.arrived_ns, s.arrived_ns - *made_ns);
+    if (const auto made_ns = made(s.arrived_sequence)) add_arrival(d, s.arrived_ns, s.arrived_ns - *made_ns);
   } else if (const auto next_ns = made(s.arrived_sequence + 1);
              next_ns && s.stamp_ns - *next_ns > of(drone).delay_ns + overdue_ns) {
     forget_arrivals(d);
   }
 }
 
-void PlanTiming::take_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns) {
+void PlanTiming::add_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns) {
   drone.arrivals.add(std::max<TimeNs>(0, took_ns));
   if (drone.first_arrival_ns == 0) {
     drone.first_arrival_ns = arrived_ns;

@@ -51,7 +51,7 @@ class PlanTiming {
  public:
   struct Timing {
     TimeNs delay_ns = RoundTripEstimate::unknown_ns;  ///< from a plan's making to its first setpoint
-    TimeNs farthest_ns = 0;                                   ///< no setpoint of it may be for later than that
+    TimeNs farthest_ns = 0;                           ///< no setpoint of it may be for later than that
     std::size_t steps = PathController::steps;
   };
 
@@ -82,8 +82,8 @@ class PlanTiming {
     TimeNs made_ns = 0;
   };
   struct Drone {
-    Window arrivals;                           ///< from a plan's making until it was there; the drone's clock
-    Window spacings;                           ///< between two plans that came
+    Window arrivals;                                   ///< from a plan's making until it was there; the drone's clock
+    Window spacings;                                   ///< between two plans that came
     TimeNs first_arrival_ns = 0, last_arrival_ns = 0;  ///< of those; 0: none
     std::optional<Timing> timing;                      ///< by arrivals
     /// Of the newest plans submitted, as far back as one may be on its way.
@@ -95,7 +95,7 @@ class PlanTiming {
     TimeNs soonest_ns = 0, in_time_ns = 0, tail_ns = 0, spacing_ns = 0;
   };
   static Timing timing_for(const Ways& ways);
-  static void take_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns);
+  static void add_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns);
   static void forget_arrivals(Drone& drone);
 
   std::vector<Drone> drones_;

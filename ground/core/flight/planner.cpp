@@ -82,7 +82,7 @@ void Planner::observe(bool same_boot) {
   if (pilot_path_ && status_.phase == DronePhase::path) pilot_path_->observe(*follower_, seen_.state);
 }
 
-bool Planner::wants_plan() const {
+bool Planner::needs_plan() const {
   const DronePhase phase = status_.phase;
   const StateSample& state = seen_.state;
   if (!(is_in_air(phase) || phase == DronePhase::landing) || !lease_.may_command) return false;
@@ -97,7 +97,7 @@ bool Planner::wants_plan() const {
 }
 
 std::optional<PlannedCommand> Planner::make(TimeNs now, const PlanTiming::Timing& timing) {
-  if (!wants_plan()) return std::nullopt;
+  if (!needs_plan()) return std::nullopt;
   PlannedCommand command;
   command.made_ns = now;
   command.made_on_drone_ns = seen_.state.stamp_ns + (now - seen_.received_ns);

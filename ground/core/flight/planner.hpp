@@ -58,7 +58,7 @@ class Planner {
                        int laps);
   /// Flown in the drone's own frame, by velocities.
   bool by_hand() const { return config_.manual && status_.phase != DronePhase::path; }
-  bool wants_plan() const;
+  bool needs_plan() const;
   std::vector<Setpoint> setpoints(TimeNs now, const PlannedCommand& command, const PlanTiming::Timing& timing);
   void report();
   void count_laps(TimeNs at_ns);

@@ -56,13 +56,13 @@ Result<json> object_from(std::string_view body, std::initializer_list<std::strin
 }
 
 std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
-  const auto at = std::find(names.begin(), names.end(), name);
+  const auto at = std::ranges::find(names, name);
   if (at == names.end()) return std::nullopt;
   return static_cast<std::size_t>(at - names.begin());
 }
 
 bool has(std::span<const std::size_t> drones, std::size_t drone) {
-  return std::find(drones.begin(), drones.end(), drone) != drones.end();
+  return std::ranges::find(drones, drone) != drones.end();
 }
 
 constexpr const char* taken = R"({"accepted":true})";
@@ -108,7 +108,7 @@ Result<crypto::IdentityName> identity_from(const json& body) {
 /// Of a verb in a table of verbs.
 template <typename Verbs>
 auto kind_in(const Verbs& verbs, std::string_view verb) {
-  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
+  const auto row = std::ranges::find_if(verbs, [&](const auto& one) { return one.first == verb; });
   return row == verbs.end() ? std::nullopt : std::optional(row->second);
 }
 
@@ -173,8 +173,8 @@ ApiAnswer answer_session(const ApiRequest& request, const ApiContext& known) {
   auto pass_phrase = std::make_shared<const crypto::WipingString>(std::move(phrase->get_ref<std::string&>()));
   if (pass_phrase->size() > max_pass_phrase)
     return refusal(400, fmt::format("a passphrase has {} bytes at most", max_pass_phrase));
-  const auto who = std::find_if(known.operators.begin(), known.operators.end(),
-                                [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
+  const auto who = std::ranges::find_if(
+      known.operators, [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
   if (who == known.operators.end()) return refusal(404, "no operator of that name signs in here");
   return {.status = 200,
           .body = {},
@@ -190,8 +190,8 @@ ApiAnswer answer_operators(const ApiRequest& request, const ApiContext& known) {
 
 constexpr std::string_view missions_path = "missions";
 
-std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
-  using Kind = MissionAsk::Kind;
+std::optional<MissionRequest::Kind> mission_verb(std::string_view verb) {
+  using Kind = MissionRequest::Kind;
   constexpr std::array<std::pair<std::string_view, Kind>, 6> verbs{{{"approve", Kind::approve},
                                                                     {"withdraw", Kind::withdraw},
                                                                     {"start", Kind::start},
@@ -201,11 +201,11 @@ std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
   return kind_in(verbs, verb);
 }
 
-ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const ApiContext& known) {
+ApiAnswer mission_answer(const ApiRequest& request, MissionRequest asked, const ApiContext& known) {
   asked.who = request.who;
   if (request.who) asked.by = known.operators[*request.who].identity;
-  const bool looks = asked.kind == MissionAsk::Kind::list || asked.kind == MissionAsk::Kind::show;
-  if (!looks && asked.kind != MissionAsk::Kind::land && !known.operators.empty() && !request.who)
+  const bool looks = asked.kind == MissionRequest::Kind::list || asked.kind == MissionRequest::Kind::show;
+  if (!looks && asked.kind != MissionRequest::Kind::land && !known.operators.empty() && !request.who)
     return refusal(403, "sign in first: who clicks is who signs; to have all land needs no operator");
   return {.status = 202, .body = {}, .mission = std::move(asked)};
 }
@@ -213,10 +213,10 @@ ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const ApiCont
 /// `path`: behind "missions".
 ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std::string_view query,
                           const ApiContext& known) {
-  using Kind = MissionAsk::Kind;
-  MissionAsk asked;
+  using Kind = MissionRequest::Kind;
+  MissionRequest asked;
   if (path.empty()) {
-    if (request.method == "GET") return ask_mission(request, std::move(asked), known);
+    if (request.method == "GET") return mission_answer(request, std::move(asked), known);
     if (request.method != "POST") return refusal(405, "GET it, or POST a mission");
     asked.kind = Kind::add;
     asked.csv = request.content_type.substr(0, 8) == "text/csv";
@@ -225,7 +225,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
       return refusal(400, "missions takes name=NAME with text/csv; JSON has its name within");
     if (!query.empty()) asked.name = query.substr(key.size());
     asked.text = request.body;
-    return ask_mission(request, std::move(asked), known);
+    return mission_answer(request, std::move(asked), known);
   }
   const std::string_view rest = path.substr(1);
   const auto slash = rest.find('/');
@@ -233,14 +233,14 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
   if (slash == std::string_view::npos) {
     if (request.method != "GET" && request.method != "DELETE") return refusal(405, "GET it, or DELETE it");
     asked.kind = request.method == "GET" ? Kind::show : Kind::remove;
-    return ask_mission(request, std::move(asked), known);
+    return mission_answer(request, std::move(asked), known);
   }
   const auto verb = mission_verb(rest.substr(slash + 1));
   if (!verb) return refusal(404, "a mission knows approve, withdraw, start, pause, resume, land");
   if (request.method != "POST") return refusal(405, "POST it");
   if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().message);
   asked.kind = *verb;
-  return ask_mission(request, std::move(asked), known);
+  return mission_answer(request, std::move(asked), known);
 }
 
 ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const ApiContext& known) {
@@ -309,8 +309,7 @@ ApiAnswer answer_events(std::string_view query, const ApiContext& known) {
     if (digits.empty() || read.ec != std::errc() || read.ptr != digits.data() + digits.size())
       return refusal(400, "events takes since=NUMBER");
   }
-  const auto first =
-      std::find_if(known.events.begin(), known.events.end(), [&](const Event& event) { return event.number > since; });
+  const auto first = std::ranges::find_if(known.events, [&](const Event& event) { return event.number > since; });
   const auto at = static_cast<std::size_t>(first - known.events.begin());
   return {200, dump({{"events", events_json(known.events, at)}})};
 }
@@ -325,9 +324,9 @@ ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
   if (const Status keys = only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().message);
   const json name = body->value("name", json()), on = body->value("on", json());
   if (!name.is_string() || !on.is_boolean()) return refusal(400, "needs name, and on: true or false");
-  FaultAsk asked{.name = name.get<std::string>(), .on = on.get<bool>()};
+  FaultRequest asked{.name = name.get<std::string>(), .on = on.get<bool>()};
   const auto& all = known.faults->switches;
-  if (std::none_of(all.begin(), all.end(), [&](const FaultSwitch& one) { return one.name == asked.name; }))
+  if (std::ranges::none_of(all, [&](const FaultSwitch& one) { return one.name == asked.name; }))
     return refusal(404, "there is no fault \"" + printable(asked.name, max_shown) + "\"");
   // To end one is never wrong, and nobody has to look for a pass phrase.
   if (asked.on && !known.operators.empty() && !request.who)
@@ -362,14 +361,14 @@ ApiAnswer answer_any(const ApiRequest& request, const ApiContext& known) {
 }
 
 bool lands_and_nothing_else(const ApiAnswer& made) {
-  if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
-  return !made.commands.empty() && std::all_of(made.commands.begin(), made.commands.end(), only_lands);
+  if (made.mission) return made.mission->kind == MissionRequest::Kind::land;
+  return !made.commands.empty() && std::ranges::all_of(made.commands, only_lands);
 }
 
 /// Of a drone that is to be cut in the air where nobody has confirmed it.
 std::optional<std::size_t> unconfirmed_cut(const ApiAnswer& made, std::span<const std::size_t> aloft) {
-  const auto cut = std::find_if(made.commands.begin(), made.commands.end(),
-                                [&](const PilotCommand& command) { return command.cut && has(aloft, command.drone); });
+  const auto cut = std::ranges::find_if(
+      made.commands, [&](const PilotCommand& command) { return command.cut && has(aloft, command.drone); });
   return made.confirmed || cut == made.commands.end() ? std::nullopt : std::optional(cut->drone);
 }
 
@@ -404,7 +403,7 @@ void merge(const PilotCommand& command, PilotCommand& waiting) {
   waiting.pause = waiting.pause || command.pause;
   waiting.late += command.late;
   if (command.order) waiting.order = command.order;
-  if (command.velocity) take_velocity(*command.velocity, command.came_ns, waiting);
+  if (command.velocity) set_velocity(*command.velocity, command.came_ns, waiting);
 }
 
 std::string session_text(const std::string& token, const Operator& who) {
@@ -441,7 +440,7 @@ Result<json> message_from(std::string_view message) {
 Result<std::array<double, 3>> triple(const json& value, const char* what) {
   std::array<double, 3> numbers{};
   const bool three = value.is_array() && value.size() == numbers.size() &&
-                     std::all_of(value.begin(), value.end(), [](const json& n) { return n.is_number(); });
+                     std::ranges::all_of(value, [](const json& n) { return n.is_number(); });
   if (!three) return Error{std::string(what) + " must be three numbers"};
   for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
   return numbers;
@@ -450,7 +449,7 @@ Result<std::array<double, 3>> triple(const json& value, const char* what) {
 std::optional<std::size_t> drone_in(const json& said, const std::vector<std::string>& names) {
   const json name = said.value("drone", json());
   if (!name.is_string()) return std::nullopt;
-  const auto at = std::find(names.begin(), names.end(), name.get_ref<const std::string&>());
+  const auto at = std::ranges::find(names, name.get_ref<const std::string&>());
   return at == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(at - names.begin()));
 }
 

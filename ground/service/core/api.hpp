@@ -50,7 +50,7 @@ struct SignIn {
   std::shared_ptr<const crypto::WipingString> pass_phrase{};  ///< gone with the last who has it
 };
 /// What a client asks of the station's missions.
-struct MissionAsk {
+struct MissionRequest {
   enum class Kind { list, show, add, approve, withdraw, start, pause, resume, land, remove };
   Kind kind = Kind::list;
   std::string id;                            ///< of all but list and add
@@ -69,8 +69,8 @@ struct ApiAnswer {
   std::optional<OperatorCall> call{};  ///< to be signed by who asked
   std::optional<SignIn> sign_in{};
   bool sign_out = false;
-  std::optional<MissionAsk> mission{};
-  std::optional<FaultAsk> fault{};
+  std::optional<MissionRequest> mission{};
+  std::optional<FaultRequest> fault{};
 };
 std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);

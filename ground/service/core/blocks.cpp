@@ -53,8 +53,8 @@ std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t
 void CertificateEnds::add(const fabric::Block& block) {
   for (const fabric::Transaction& tx : block.transactions) {
     if (tx.code != 0 || tx.function != contract::set) continue;
-    const bool known = std::any_of(writers_.begin(), writers_.end(),
-                                   [&](const auto& one) { return one.second.serialized == tx.creator; });
+    const bool known =
+        std::ranges::any_of(writers_, [&](const auto& one) { return one.second.serialized == tx.creator; });
     if (known) continue;
     const auto read = crypto::read_serialized(tx.creator);
     if (!read) continue;  // peers take none such

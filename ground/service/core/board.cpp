@@ -39,7 +39,7 @@ json requests_of(const Lease& lease) {
 
 json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const FlightStatus& status = core.status(i);
-  const IntakeState& seen = core.seen(i);
+  const IntakeState& seen = core.intake(i);
   const Lease& lease = core.lease(i);
   const StateSample& state = seen.state;
   const bool placed = seen.has_state && state.pose_stamp_ns != 0;
@@ -129,18 +129,18 @@ std::string Board::state_message(TimeNs now, const FlightView& core, const std::
                      to_ms(core.delay_ns()), drones);
 }
 
-Event Board::tell(TimeNs now, Level level, const std::string& drone, std::string text) {
+Event Board::make_event(TimeNs now, Level level, const std::string& drone, std::string text) {
   return {next_number_++, now, level, drone, std::move(text)};
 }
 
 void Board::add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events) {
-  events.push_back(tell(now, level, drone, std::move(text)));
+  events.push_back(make_event(now, level, drone, std::move(text)));
 }
 
-void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
+void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
   const std::string& name = core.drones()[i].name;
   const FlightStatus& status = core.status(i);
-  const StateSample& state = core.seen(i).state;
+  const StateSample& state = core.intake(i).state;
   const Lease& lease = core.lease(i);
   Before& before = before_[i];
   if (std::exchange(before.phase, status.phase) != status.phase) {
@@ -175,10 +175,10 @@ void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<
   }
 }
 
-std::vector<Event> Board::look(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
+std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
   std::vector<Event> events;
   before_.resize(core.drones().size());
-  for (std::size_t i = 0; i < before_.size(); ++i) look(now, core, i, events);
+  for (std::size_t i = 0; i < before_.size(); ++i) update(now, core, i, events);
   for (const std::string& note : notes) add(now, Level::warning, "", note, events);
   return events;
 }
@@ -216,11 +216,10 @@ std::string text_of(std::string_view function, const fabric::Outcome& outcome) {
 
 }  // namespace
 
-void Refusals::take(std::string_view function, const fabric::Outcome& outcome) {
+void Refusals::add(std::string_view function, const fabric::Outcome& outcome) {
   if (outcome.kind == fabric::Outcome::Kind::committed) return;
-  const auto named = std::find_if(names_.begin(), names_.end(), [&](const std::string& name) {
-    return outcome.refusal && fabric::names(*outcome.refusal, name);
-  });
+  const auto named = std::ranges::find_if(
+      names_, [&](const std::string& name) { return outcome.refusal && fabric::names(*outcome.refusal, name); });
   Slot& slot = slots_[{named == names_.end() ? std::string() : *named, outcome.kind}];
   slot.text = text_of(function, outcome);
   ++slot.count;

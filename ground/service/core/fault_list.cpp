@@ -20,7 +20,7 @@ constexpr strict::Bounds list_bounds{1'048'576, 3, 16 * max_fault_switches + 2};
 
 bool is_fault_name(const std::string& text) {
   const auto allowed = [](char c) { return contract::is_alphanumeric(c) || c == '-' || c == '_'; };
-  return !text.empty() && text.size() <= max_fault_name && std::all_of(text.begin(), text.end(), allowed);
+  return !text.empty() && text.size() <= max_fault_name && std::ranges::all_of(text, allowed);
 }
 
 json switches_json(const FaultList& list) {
@@ -76,9 +76,9 @@ std::string faults_message(const FaultList& list) {
   return strict::dump({{"op", "faults"}, {"faults", switches_json(list)}, {"why", list.why}});
 }
 
-std::string command_of(const FaultAsk& ask) { return (ask.on ? "on " : "off ") + ask.name; }
+std::string command_of(const FaultRequest& ask) { return (ask.on ? "on " : "off ") + ask.name; }
 
-std::string words_of(const FaultAsk& ask, const FaultSwitch& what) {
+std::string words_of(const FaultRequest& ask, const FaultSwitch& what) {
   return fmt::format("{}: switched {}{}{}", what.label, ask.on ? "on" : "off", ask.by.empty() ? "" : " by ", ask.by);
 }
 

@@ -27,7 +27,7 @@ struct FaultList {
 };
 
 /// What a client wants switched.
-struct FaultAsk {
+struct FaultRequest {
   std::string name;
   bool on = false;
   std::string by{};  ///< the operator's name; empty: nobody signs in
@@ -43,8 +43,8 @@ std::string faults_text(const FaultList& list);
 /// The stream's: {"op":"faults","faults":[...],"why":""}
 std::string faults_message(const FaultList& list);
 /// The launcher's command: "on NAME".
-std::string command_of(const FaultAsk& ask);
+std::string command_of(const FaultRequest& ask);
 /// For the events: "Drone silent: switched on by alice".
-std::string words_of(const FaultAsk& ask, const FaultSwitch& what);
+std::string words_of(const FaultRequest& ask, const FaultSwitch& what);
 
 }  // namespace ledgerline::ground::service

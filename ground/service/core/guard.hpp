@@ -59,7 +59,7 @@ class Guard {
 class Budget {
  public:
   explicit Budget(double per_s) : per_s_(per_s), left_(per_s) {}
-  bool take(TimeNs now);
+  bool spend(TimeNs now);
 
  private:
   double per_s_, left_;

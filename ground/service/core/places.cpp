@@ -12,7 +12,7 @@ std::size_t Places::shared_of(const Owner& owner, std::size_t count) {
   return owner.who ? count - std::min(count, reserved) : count;
 }
 
-bool Places::take(const Owner& owner, Use use) {
+bool Places::acquire(const Owner& owner, Use use) {
   const Owner key = key_of(owner);
   const auto found = counts_.find(key);
   const std::size_t count = found == counts_.end() ? 0 : found->second;
@@ -44,7 +44,7 @@ std::string address_of(std::string_view text) {
 }
 
 std::size_t displaced_by_next(std::span<const UnauthenticatedClient> all, std::uint64_t random) {
-  const bool all_ended = std::all_of(all.begin(), all.end(), [](const auto& one) { return one.has_ended_handshake; });
+  const bool all_ended = std::ranges::all_of(all, [](const auto& one) { return one.has_ended_handshake; });
   const auto may_go = [&](const UnauthenticatedClient& one) { return all_ended || !one.has_ended_handshake; };
   std::map<std::string_view, std::size_t> counts;
   std::size_t most = 0;

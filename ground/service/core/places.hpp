@@ -30,7 +30,7 @@ class Places {
 
   enum class Use { stream, request };
   /// False: there is none left for him. Connections that are kept for requests leave half of his places to streams.
-  bool take(const Owner& owner, Use use);
+  bool acquire(const Owner& owner, Use use);
   void release(const Owner& owner);
 
  private:

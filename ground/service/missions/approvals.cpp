@@ -44,9 +44,8 @@ std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBo
         return anchored.digest() == std::string(digest.begin(), digest.end());
       };
       const auto digests = terms.now(book.digest(id), unix_s);
-      const bool concerns = std::any_of(digests.begin(), digests.end(), [&](const ApprovalTerms::Digests& one) {
-        return is_it(one.approval) || is_it(one.withdrawal);
-      });
+      const bool concerns = std::ranges::any_of(
+          digests, [&](const ApprovalTerms::Digests& one) { return is_it(one.approval) || is_it(one.withdrawal); });
       if (concerns) ids.push_back(id);
     }
   }
@@ -54,7 +53,7 @@ std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBo
 }
 
 bool changes_roles(const fabric::Block& block) {
-  return std::any_of(block.transactions.begin(), block.transactions.end(), [](const fabric::Transaction& tx) {
+  return std::ranges::any_of(block.transactions, [](const fabric::Transaction& tx) {
     return tx.code == 0 && !tx.config && (tx.event_name == contract::enroll || tx.event_name == contract::revoke);
   });
 }
@@ -65,7 +64,7 @@ mission::Finding not_checked() {
   return finding;
 }
 
-std::vector<std::string> Unread::take(TimeNs now) {
+std::vector<std::string> Unread::pop_due(TimeNs now) {
   std::vector<std::string> due;
   for (auto one = when_.begin(); one != when_.end();) {
     if (now < one->second) {
@@ -90,7 +89,7 @@ crypto::Digest digest_of(const char* what, const crypto::Digest& mission, const 
 }
 
 bool has(const std::vector<crypto::IdentityName>& all, const crypto::IdentityName& one) {
-  return std::find(all.begin(), all.end(), one) != all.end();
+  return std::ranges::find(all, one) != all.end();
 }
 
 }  // namespace

@@ -17,18 +17,18 @@ std::vector<std::size_t> dismissed(const std::vector<Operator>& operators, const
   return found;
 }
 
-std::optional<TimeNs> Attempts::look_after(TimeNs now, const std::string& address) {
+std::optional<TimeNs> Attempts::next_attempt(TimeNs now, const std::string& address) {
   const auto found = addresses_.find(address);
   const int failures = found == addresses_.end() ? 0 : found->second.failures;
   if (failures < free_of_address && failures_ < free_of_all) return now;
-  const auto waiting = std::count_if(addresses_.begin(), addresses_.end(),
-                                     [&](const auto& one) { return now < one.second.waits_until_ns; });
+  const auto waiting =
+      std::ranges::count_if(addresses_, [&](const auto& one) { return now < one.second.waits_until_ns; });
   if (static_cast<std::size_t>(waiting) >= max_waiting) return std::nullopt;
   if (found != addresses_.end() && now < found->second.waits_until_ns) return std::nullopt;
   // An address of which nothing is known any more has none free, either: failures_ has counted those.
   if (found == addresses_.end() && addresses_.size() >= max_addresses) {
-    const auto idle = std::find_if(addresses_.begin(), addresses_.end(),
-                                   [&](const auto& one) { return now >= one.second.waits_until_ns; });
+    const auto idle =
+        std::ranges::find_if(addresses_, [&](const auto& one) { return now >= one.second.waits_until_ns; });
     addresses_.erase(idle);
   }
   return addresses_[address].waits_until_ns = now + pause_ns;
@@ -78,15 +78,12 @@ std::vector<std::size_t> SignIns::dismiss(std::vector<std::size_t> who) {
   return ended;
 }
 
-bool SignIns::is_dismissed(std::size_t who) const {
-  return std::find(dismissed_.begin(), dismissed_.end(), who) != dismissed_.end();
-}
+bool SignIns::is_dismissed(std::size_t who) const { return std::ranges::find(dismissed_, who) != dismissed_.end(); }
 
 bool SignIns::is_over(TimeNs now, std::string_view token) const {
   const crypto::Digest digest = crypto::sha256(token);
-  return std::find(ended_.begin(), ended_.end(), digest) != ended_.end() ||
-         std::any_of(slots_.begin(), slots_.end(),
-                     [&](const Slot& slot) { return slot.token == digest && is_idle(now, slot); });
+  return std::ranges::find(ended_, digest) != ended_.end() ||
+         std::ranges::any_of(slots_, [&](const Slot& slot) { return slot.token == digest && is_idle(now, slot); });
 }
 
 void SignIns::forget(Slot& slot) {
@@ -109,14 +106,14 @@ std::vector<std::size_t> SignIns::expire(TimeNs now) {
 
 bool is_aloft(const FlightView& flights, std::size_t drone) {
   const DronePhase phase = flights.status(drone).phase;
-  const IntakeState& seen = flights.seen(drone);
+  const IntakeState& seen = flights.intake(drone);
   return is_in_air(phase) || phase == DronePhase::landing || (seen.has_state && in_flight(seen.state.phase));
 }
 
 std::vector<std::size_t> aloft_of(const FlightView& flights) {
   std::vector<std::size_t> aloft;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
-    if (is_aloft(flights, drone) || !flights.seen(drone).has_state) aloft.push_back(drone);
+    if (is_aloft(flights, drone) || !flights.intake(drone).has_state) aloft.push_back(drone);
   }
   return aloft;
 }
@@ -152,7 +149,7 @@ void Leaving::remove(std::size_t who) {
 }
 
 bool Leaving::has(std::size_t who) const {
-  return std::any_of(all_.begin(), all_.end(), [&](const Gone& one) { return one.who == who; });
+  return std::ranges::any_of(all_, [&](const Gone& one) { return one.who == who; });
 }
 
 std::vector<std::size_t> Leaving::all() const {
@@ -162,7 +159,7 @@ std::vector<std::size_t> Leaving::all() const {
 }
 
 Leaving::Step Leaving::step(TimeNs now_ns, std::size_t who, const Held& held) {
-  const auto gone = std::find_if(all_.begin(), all_.end(), [&](const Gone& one) { return one.who == who; });
+  const auto gone = std::ranges::find_if(all_, [&](const Gone& one) { return one.who == who; });
   Step step;
   if (gone == all_.end() || now_ns < gone->from_ns) return step;
   step.last = now_ns >= gone->until_ns;

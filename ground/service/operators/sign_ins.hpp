@@ -33,7 +33,7 @@ class Attempts {
   static constexpr std::size_t max_waiting = 4, max_addresses = 64;
 
   /// When one from there is looked at, now or later; nothing: too many wait.
-  std::optional<TimeNs> look_after(TimeNs now, const std::string& address);
+  std::optional<TimeNs> next_attempt(TimeNs now, const std::string& address);
   void failed(const std::string& address);
 
  private:
@@ -64,8 +64,8 @@ class SignIns {
   SignIns(std::size_t operators, TimeNs idle_ns) : idle_ns_(idle_ns), slots_(operators) {}
 
   /// When a pass phrase from that address is looked at; nothing: it is not, there are too many before it.
-  std::optional<TimeNs> look_after(TimeNs now, std::size_t who, const std::string& address) {
-    return slots_[who].attempts.look_after(now, address);
+  std::optional<TimeNs> next_attempt(TimeNs now, std::size_t who, const std::string& address) {
+    return slots_[who].attempts.next_attempt(now, address);
   }
   /// One that is looked at counts as wrong until right().
   void failed(std::size_t who, const std::string& address) { slots_[who].attempts.failed(address); }

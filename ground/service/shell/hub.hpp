@@ -29,43 +29,17 @@ namespace ledgerline::ground::service {
 class Connections {
  public:
   /// Counts a connection while it lives.
-  class Place {
-   public:
-    explicit Place(Connections& connections) : connections_(&connections) { ++connections_->count_; }
-    ~Place() {
-      if (connections_) --connections_->count_;
-    }
-    Place(Place&& other) noexcept : connections_(std::exchange(other.connections_, nullptr)) {}
-    Place(const Place&) = delete;
-    Place& operator=(const Place&) = delete;
-    Place& operator=(Place&&) = delete;
-
-   private:
-    Connections* connections_;
-  };
+  using Place = std::shared_ptr<void>;
+  Place count_one() {
+    ++count_;
+    return {this, [](Connections* connections) { --connections->count_; }};
+  }
   /// Any thread.
   std::size_t count() const { return count_; }
 
-  /// A place that its owner keeps for as long as this lives (Places).
-  class KeptPlace {
-   public:
-    KeptPlace(Connections& connections, Places::Owner owner) : connections_(&connections), owner_(std::move(owner)) {}
-    ~KeptPlace() {
-      if (connections_) connections_->places_.release(owner_);
-    }
-    KeptPlace(KeptPlace&& other) noexcept
-        : connections_(std::exchange(other.connections_, nullptr)), owner_(std::move(other.owner_)) {}
-    KeptPlace(const KeptPlace&) = delete;
-    KeptPlace& operator=(const KeptPlace&) = delete;
-    KeptPlace& operator=(KeptPlace&&) = delete;
-    const Places::Owner& owner() const { return owner_; }
-
-   private:
-    Connections* connections_;
-    Places::Owner owner_;
-  };
-  /// Nothing: there is no place left for him.
-  std::optional<KeptPlace> keep(const Places::Owner& owner, Places::Use use);
+  /// A place that its owner keeps for as long as this lives (Places); null: there is none left for him.
+  using ReservedPlace = std::shared_ptr<const Places::Owner>;
+  ReservedPlace reserve(const Places::Owner& owner, Places::Use use);
 
   /// A connection that keeps no place: it has not shown the token, or there was none left.
   class Unauthenticated {
@@ -73,7 +47,7 @@ class Connections {
     virtual ~Unauthenticated() = default;
     virtual bool is_unauthenticated() const = 0;
     virtual UnauthenticatedClient now() const = 0;
-    virtual void leave() = 0;
+    virtual void close() = 0;
   };
   void join(const std::shared_ptr<Unauthenticated>& client) { unauthenticated_.push_back(client); }
   /// For one more unauthenticated client: closes one where there are max_unauthenticated.
@@ -121,7 +95,7 @@ class Hub {
             .paths = paths_,
             .events = events_,
             .operators = operators_,
-            .faults = behind_.ask_faults ? &faults_ : nullptr,
+            .faults = behind_.request_fault ? &faults_ : nullptr,
             .aloft = newest_.aloft,
             .stopped_by_ground = newest_.stopped_by_ground};
   }
@@ -135,14 +109,14 @@ class Hub {
   };
   const Messages& messages() const { return messages_; }
   std::string greeting() const;
-  Status take(const PilotCommand& command) const { return behind_.take(command); }
+  Status post_command(const PilotCommand& command) const { return behind_.take(command); }
 
   Connections& connections() { return connections_; }
   SignIns& sign_ins() { return sign_ins_; }
   const std::vector<Operator>& operators() const { return operators_; }
   OperatorKeys& keys() { return *behind_.keys; }
-  const auto& ask_missions() const { return behind_.ask_missions; }
-  const auto& ask_faults() const { return behind_.ask_faults; }
+  const auto& request_mission() const { return behind_.request_mission; }
+  const auto& request_fault() const { return behind_.request_fault; }
   /// Ends the sessions that were idle for too long.
   void expire(TimeNs now);
 
@@ -150,7 +124,7 @@ class Hub {
   std::size_t streams() const { return streams_; }
 
  private:
-  void tell();
+  void notify();
 
   const std::vector<std::string> names_;
   const Greeting greeting_;
@@ -230,7 +204,7 @@ void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard);
 /// What a connection holds while its stream lasts.
 struct StreamPlaces {
   Connections::Place counted;
-  Connections::KeptPlace kept;
+  Connections::ReservedPlace kept;
 };
 
 /// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives

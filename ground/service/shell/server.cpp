@@ -74,7 +74,7 @@ class BeastServer final : public Server {
   }
   void dismiss(std::vector<std::size_t> who) override {
     asio::post(io_, [this, who = std::move(who)]() mutable {
-      for (const std::size_t ended : hub_.sign_ins().dismiss(std::move(who))) hub_.keys().leave(ended);
+      for (const std::size_t ended : hub_.sign_ins().dismiss(std::move(who))) hub_.keys().on_session_over(ended);
     });
   }
   void end() override {
@@ -114,23 +114,23 @@ class BeastServer final : public Server {
 
   void renew_tls() {
     if (!tls_) return;
-    if (const auto news = tls_->look()) {
+    if (const auto news = tls_->renew()) {
       near_end_said_ = near_end_said_ && !*news;
       if (*news)
-        say(Level::info, "ground's page has a new TLS certificate");
+        report(Level::info, "ground's page has a new TLS certificate");
       else
-        say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
+        report(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
     }
     // A user who cannot open the page cannot press its stop.
     if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
     near_end_said_ = true;
-    say(Level::warning,
-        tls_->days_left() < 0
-            ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
-            : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
+    report(Level::warning,
+           tls_->days_left() < 0
+               ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
+               : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
   }
 
-  void say(Level level, const std::string& words) {
+  void report(Level level, const std::string& words) {
     spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}", words);
     if (tell_) tell_(level, words);
   }
