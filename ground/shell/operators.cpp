@@ -190,11 +190,11 @@ OperatorSessions::OperatorSessions(Parts parts) : parts_(std::move(parts)) {
 }
 
 void OperatorSessions::await_all(TimeNs now_ns) {
-  for (std::size_t who = 0; who < parts_.service->operators().size(); ++who) leaving_.add(who, now_ns + parts_.idle_ns);
+  for (std::size_t who = 0; who < parts_.service->operators().size(); ++who) ended_.add(who, now_ns + parts_.idle_ns);
 }
 
 void OperatorSessions::change(std::size_t who, bool in, TimeNs now_ns) {
-  in ? leaving_.remove(who) : leaving_.add(who, now_ns);
+  in ? ended_.remove(who) : ended_.add(who, now_ns);
 }
 
 void OperatorSessions::step(TimeNs now_ns) {
@@ -228,15 +228,15 @@ void OperatorSessions::dismiss(TimeNs now_ns) {
 }
 
 void OperatorSessions::end_sessions(TimeNs now_ns) {
-  for (const std::size_t who : leaving_.all()) {
+  for (const std::size_t who : ended_.all()) {
     const crypto::IdentityName& identity = parts_.service->operators()[who].identity;
-    const service::Held held = service::held_by(parts_.view, identity);
-    const service::Leaving::Step step = leaving_.step(now_ns, who, held);
+    const service::HeldDrones held = service::drones_held_by(parts_.view, identity);
+    const service::EndedSessions::Step step = ended_.step(now_ns, who, held);
     for (const std::size_t drone : step.land) parts_.post_command({.drone = drone, .by = identity, .land = true});
     if (!step.give_back) continue;
     const bool is_posted = parts_.service->end_session(who, held.drones);  // false: too much waits to be signed
     if (!is_posted && step.last) parts_.service->forget(who);
-    if (is_posted || step.last) leaving_.remove(who);
+    if (is_posted || step.last) ended_.remove(who);
   }
 }
 

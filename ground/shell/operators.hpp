@@ -137,7 +137,7 @@ class OperatorSessions {
   /// For operators of whom an earlier ground held drones, and who may come back for them.
   void await_all(TimeNs now_ns);
   void change(std::size_t who, bool in, TimeNs now_ns);
-  bool has_left(std::size_t who) const { return leaving_.has(who); }
+  bool has_left(std::size_t who) const { return ended_.has(who); }
   /// A block of that channel, which may change roles.
   void on_block(std::size_t channel, const fabric::Block& block) { roles_[channel]->on_block(block); }
   void step(TimeNs now_ns);
@@ -149,7 +149,7 @@ class OperatorSessions {
   void end_sessions(TimeNs now_ns);
 
   const Parts parts_;
-  service::Leaving leaving_;
+  service::EndedSessions ended_;
   std::vector<std::size_t> dismissed_;             ///< as said last
   std::vector<std::unique_ptr<RoleWatch>> roles_;  ///< of each channel
 };

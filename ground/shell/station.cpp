@@ -50,13 +50,13 @@ void Station::update(const std::vector<std::string>& notes) {
 void Station::show(TimeNs now_ns) {
   if (now_ns < next_show_ns_) return;
   next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
-  service::Telling telling{.drones = service::Board::drones(now_ns, view_)};
-  telling.paths = board_.changed_paths(view_);
-  telling.state = service::Board::state_message(now_ns, view_, telling.drones);
-  telling.aloft = service::aloft_of(view_);
-  telling.stopped_by_ground = service::stopped_by_ground(view_);
-  telling.events = std::exchange(unshown_, {});
-  server_->publish(std::move(telling));
+  service::BoardState board{.drones = service::Board::drones(now_ns, view_)};
+  board.paths = board_.changed_paths(view_);
+  board.state = service::Board::state_message(now_ns, view_, board.drones);
+  board.aloft = service::aloft_of(view_);
+  board.stopped_by_ground = service::stopped_by_ground(view_);
+  board.events = std::exchange(unshown_, {});
+  server_->publish(std::move(board));
 }
 
 void Station::end() {

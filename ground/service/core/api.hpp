@@ -1,4 +1,5 @@
 #pragma once
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <memory>
@@ -8,10 +9,10 @@
 #include <string_view>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "common/crypto/identities/wiping_string.hpp"
 #include "ground/core/flight_types.hpp"
 #include "ground/mission/mission.hpp"
-#include "ground/service/core/fault_list.hpp"
 #include "ground/service/operators/calls.hpp"
 #include "ground/service/operators/sign_ins.hpp"
 
@@ -19,8 +20,45 @@
 /// function is pure; any thread.
 
 /// What clients say on the stream, and what they are answered. Pure; any thread.
-
 namespace ledgerline::ground::service {
+
+inline constexpr std::size_t max_fault_switches = 64;  ///< of sixteen drones there are 34
+
+/// A fault of a simulated flight that people switch (docs/station.md).
+struct FaultSwitch {
+  std::string name;   ///< of a-z, 0-9, - and _: "silent-tello1"
+  std::string drone;  ///< empty: of all
+  std::string label;
+  std::string words;  ///< what it does
+  bool on = false;
+};
+
+/// All that there are, or why they are not known.
+struct FaultList {
+  std::vector<FaultSwitch> switches{};
+  std::string why{};  ///< empty: they are known
+};
+
+/// What a client wants switched.
+struct FaultRequest {
+  std::string name;
+  bool on = false;
+  std::string by{};  ///< the operator's name; empty: nobody signs in
+};
+
+/// What the launcher answers to list, on and off:
+/// {"faults":[{"name":...,"drone":...,"label":...,"words":...,"on":false}]}. Read strictly: the error says what is
+/// wrong with it.
+Result<std::vector<FaultSwitch>> faults_from(std::string_view text);
+
+/// {"faults":[...]}
+std::string faults_text(const FaultList& list);
+/// The stream's: {"op":"faults","faults":[...],"why":""}
+std::string faults_message(const FaultList& list);
+/// The launcher's command: "on NAME".
+std::string command_of(const FaultRequest& ask);
+/// For the events: "Drone silent: switched on by alice".
+std::string words_of(const FaultRequest& ask, const FaultSwitch& what);
 
 inline constexpr std::size_t max_body_bytes = 65'536;
 inline constexpr std::size_t max_mission_body_bytes = mission::max_mission_bytes;
@@ -76,7 +114,7 @@ std::string text_of(const crypto::IdentityName& who);  ///< "Org2MSP CN=..."
 ApiAnswer refusal(unsigned status, const std::string& words);
 
 /// What Board reports of a moment: texts of JSON.
-struct Telling {
+struct BoardState {
   std::string drones{};                ///< [DRONE...]
   std::string state{};                 ///< the stream's message around it
   std::optional<std::string> paths{};  ///< {"tello1":[[x,y,z]...]}; nothing: as before
@@ -88,11 +126,11 @@ struct Telling {
 /// What there is to know, as Board last reported it.
 struct ApiContext {
   const std::vector<std::string>& names;   ///< of the drones, as FlightConfig has them
-  std::string_view drones, paths;          ///< as in Telling
+  std::string_view drones, paths;          ///< as in BoardState
   const std::deque<Event>& events;         ///< oldest first
   const std::vector<Operator>& operators;  ///< who may sign in; none: ground's own identity signs all
   const FaultList* faults = nullptr;       ///< null: none are switched here
-  std::span<const std::size_t> aloft{}, stopped_by_ground{};  ///< as in Telling
+  std::span<const std::size_t> aloft{}, stopped_by_ground{};  ///< as in BoardState
 };
 /// A request below /api/v1/ that has passed the guard.
 ApiAnswer answer(const ApiRequest& request, const ApiContext& known);

@@ -129,8 +129,8 @@ std::vector<std::size_t> stopped_by_ground(const FlightView& flights) {
   return stopped;
 }
 
-Held held_by(const FlightView& flights, const crypto::IdentityName& who) {
-  Held held;
+HeldDrones drones_held_by(const FlightView& flights, const crypto::IdentityName& who) {
+  HeldDrones held;
   for (std::size_t drone = 0; drone < flights.drones().size(); ++drone) {
     if (flights.lease(drone).holder != who || flights.lease(drone).commander != flights.config().self) continue;
     held.drones.push_back(drone);
@@ -139,26 +139,26 @@ Held held_by(const FlightView& flights, const crypto::IdentityName& who) {
   return held;
 }
 
-void Leaving::add(std::size_t who, TimeNs from_ns) {
+void EndedSessions::add(std::size_t who, TimeNs from_ns) {
   remove(who);
   all_.push_back({who, from_ns, from_ns + limit_ns, from_ns});
 }
 
-void Leaving::remove(std::size_t who) {
+void EndedSessions::remove(std::size_t who) {
   std::erase_if(all_, [&](const Gone& one) { return one.who == who; });
 }
 
-bool Leaving::has(std::size_t who) const {
+bool EndedSessions::has(std::size_t who) const {
   return std::ranges::any_of(all_, [&](const Gone& one) { return one.who == who; });
 }
 
-std::vector<std::size_t> Leaving::all() const {
+std::vector<std::size_t> EndedSessions::all() const {
   std::vector<std::size_t> who;
   for (const Gone& one : all_) who.push_back(one.who);
   return who;
 }
 
-Leaving::Step Leaving::step(TimeNs now_ns, std::size_t who, const Held& held) {
+EndedSessions::Step EndedSessions::step(TimeNs now_ns, std::size_t who, const HeldDrones& held) {
   const auto gone = std::ranges::find_if(all_, [&](const Gone& one) { return one.who == who; });
   Step step;
   if (gone == all_.end() || now_ns < gone->from_ns) return step;

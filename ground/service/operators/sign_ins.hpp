@@ -110,16 +110,16 @@ std::vector<std::size_t> aloft_of(const FlightView& flights);
 std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
 
 /// What somebody holds that we command for him.
-struct Held {
+struct HeldDrones {
   std::vector<std::size_t> drones{};
   std::vector<std::size_t> aloft{};  ///< of these
 };
-Held held_by(const FlightView& flights, const crypto::IdentityName& who);
+HeldDrones drones_held_by(const FlightView& flights, const crypto::IdentityName& who);
 
 /// Operators whose session is over. Each drone that one holds is asked to land, repeatedly, and once it is down it is
 /// given back; after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
 /// Deterministic, no I/O; one thread.
-class Leaving {
+class EndedSessions {
  public:
   static constexpr TimeNs limit_ns = 60 * ns_per_s, again_ns = ns_per_s;
 
@@ -137,7 +137,7 @@ class Leaving {
     bool last = false;       ///< whatever comes of that
   };
   /// Of one that is here, who holds that.
-  Step step(TimeNs now_ns, std::size_t who, const Held& held);
+  Step step(TimeNs now_ns, std::size_t who, const HeldDrones& held);
 
  private:
   struct Gone {

@@ -44,15 +44,15 @@ void Hub::expire(TimeNs now) {
   for (const std::size_t who : sign_ins_.expire(now)) behind_.keys->on_session_over(who);
 }
 
-void Hub::publish(Telling telling) {
-  messages_.state = std::make_shared<const std::string>(std::move(telling.state));
-  if (telling.paths) {
-    paths_ = std::move(*telling.paths);
+void Hub::publish(BoardState board) {
+  messages_.state = std::make_shared<const std::string>(std::move(board.state));
+  if (board.paths) {
+    paths_ = std::move(*board.paths);
     messages_.paths = std::make_shared<const std::string>(paths_message(paths_));
   }
-  for (Event& event : telling.events) events_.push_back(std::move(event));
-  telling.events.clear();
-  newest_ = std::move(telling);
+  for (Event& event : board.events) events_.push_back(std::move(event));
+  board.events.clear();
+  newest_ = std::move(board);
   while (events_.size() > Server::max_events) events_.pop_front();
   notify();
 }

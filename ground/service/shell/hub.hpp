@@ -77,7 +77,7 @@ class Hub {
     virtual void news() = 0;
   };
 
-  void publish(Telling telling);
+  void publish(BoardState board);
   void publish_missions(std::string_view list);
   void publish_faults(FaultList list);
   /// Nothing more is published.
@@ -133,7 +133,7 @@ class Hub {
   const std::vector<Operator> operators_;
   SignIns sign_ins_;
   Connections connections_;
-  Telling newest_{.drones = "[]"};  ///< but for its paths and events, which are below
+  BoardState newest_{.drones = "[]"};  ///< but for its paths and events, which are below
   std::string paths_ = "{}";
   Messages messages_;
   FaultList faults_{.switches = {}, .why = "the faults' switches were not reached yet"};

@@ -60,8 +60,8 @@ class BeastServer final : public Server {
     return done;
   }
 
-  void publish(Telling telling) override {
-    asio::post(io_, [this, telling = std::move(telling)]() mutable { hub_.publish(std::move(telling)); });
+  void publish(BoardState board) override {
+    asio::post(io_, [this, board = std::move(board)]() mutable { hub_.publish(std::move(board)); });
   }
   void publish_blocks(std::vector<BlockSummary> blocks) override {
     asio::post(io_, [this, blocks = std::move(blocks)] { hub_.publish_blocks(blocks); });

@@ -65,7 +65,7 @@ class Server {
   virtual ~Server() = default;
 
   /// Any thread; does not wait for clients.
-  virtual void publish(Telling telling) = 0;
+  virtual void publish(BoardState board) = 0;
   /// [MISSION...], when one has changed. Any thread.
   virtual void publish_missions(std::string list) = 0;
   /// When they have changed. Any thread.

@@ -13,7 +13,6 @@
 #include "ground/mission/run.hpp"
 #include "ground/motion/waypoints.hpp"
 #include "ground/service/core/api.hpp"
-#include "ground/service/core/fault_list.hpp"
 
 namespace {
 std::uint64_t steps = 0;

@@ -1,4 +1,4 @@
-#include "ground/core/flight/pilot_path.hpp"
+#include "ground/core/flight/planner.hpp"
 
 #include <gtest/gtest.h>
 

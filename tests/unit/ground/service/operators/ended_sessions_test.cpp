@@ -13,10 +13,10 @@ namespace {
 using testing::ElementsAre;
 using testing::IsEmpty;
 
-const Held flown{{0, 2}, {2}}, landed{{0, 2}, {}};
+const HeldDrones flown{{0, 2}, {2}}, landed{{0, 2}, {}};
 
 TEST(LeavingOperators, WhatIsInTheAirIsAskedToLandEachSecondAndThenAllIsGivenBack) {
-  Leaving leaving;
+  EndedSessions leaving;
   leaving.add(1, 0);
   EXPECT_TRUE(leaving.has(1));
   EXPECT_FALSE(leaving.has(0));
@@ -34,15 +34,15 @@ TEST(LeavingOperators, WhatIsInTheAirIsAskedToLandEachSecondAndThenAllIsGivenBac
 }
 
 TEST(LeavingOperators, BehindTheLimitItIsGivenBackInTheAirToo) {
-  Leaving leaving;
+  EndedSessions leaving;
   leaving.add(0, 0);
-  EXPECT_FALSE(leaving.step(Leaving::limit_ns - 1, 0, flown).give_back);
-  const auto last = leaving.step(Leaving::limit_ns, 0, flown);
+  EXPECT_FALSE(leaving.step(EndedSessions::limit_ns - 1, 0, flown).give_back);
+  const auto last = leaving.step(EndedSessions::limit_ns, 0, flown);
   EXPECT_TRUE(last.give_back && last.last);
 }
 
 TEST(LeavingOperators, BehindARestartOneMayComeBackForWhatHeHolds) {
-  Leaving leaving;
+  EndedSessions leaving;
   leaving.add(0, 900 * ns_per_s);
   const auto early = leaving.step(899 * ns_per_s, 0, flown);
   EXPECT_FALSE(early.give_back);
@@ -54,11 +54,11 @@ TEST(LeavingOperators, BehindARestartOneMayComeBackForWhatHeHolds) {
 }
 
 TEST(LeavingOperators, WhoSignsOutAgainLeavesFromThatMomentOn) {
-  Leaving leaving;
+  EndedSessions leaving;
   leaving.add(0, 0);
   leaving.add(0, 50 * ns_per_s);
   EXPECT_THAT(leaving.all(), ElementsAre(0));
-  EXPECT_FALSE(leaving.step(Leaving::limit_ns, 0, flown).last);
+  EXPECT_FALSE(leaving.step(EndedSessions::limit_ns, 0, flown).last);
 }
 
 TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
@@ -69,12 +69,13 @@ TEST(LeavingOperators, HoldWhatTheLedgerSaysThatWeCommandForThem) {
   ASSERT_TRUE(world.core.set_control(delegated_record("tello1", alice.subject, 2).SerializeAsString()));
   ASSERT_TRUE(world.core.set_control(control_record("tello2", alice, 2).SerializeAsString()));
   world.run(1);
-  EXPECT_THAT(held_by(world.core, alice).drones, ElementsAre(0)) << "tello2 is hers, and commanded from elsewhere";
-  EXPECT_THAT(held_by(world.core, alice).aloft, IsEmpty());
-  EXPECT_THAT(held_by(world.core, outsider_name).drones, IsEmpty());
+  EXPECT_THAT(drones_held_by(world.core, alice).drones, ElementsAre(0))
+      << "tello2 is hers, and commanded from elsewhere";
+  EXPECT_THAT(drones_held_by(world.core, alice).aloft, IsEmpty());
+  EXPECT_THAT(drones_held_by(world.core, outsider_name).drones, IsEmpty());
   world.drones[0].phase = FlightPhase::flying;
   world.run(1);
-  EXPECT_THAT(held_by(world.core, alice).aloft, ElementsAre(0));
+  EXPECT_THAT(drones_held_by(world.core, alice).aloft, ElementsAre(0));
   EXPECT_THAT(aloft_of(world.core), ElementsAre(0));
 }
 
