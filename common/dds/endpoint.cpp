@@ -14,7 +14,6 @@
 #include "common/msg/cdr.hpp"
 
 namespace ledgerline::dds {
-
 namespace {
 
 struct ListenerDelete {

@@ -13,7 +13,6 @@
 #include "common/msg/names.hpp"
 
 namespace ledgerline {
-
 namespace {
 
 // Each message's fields are written down once, for both directions.

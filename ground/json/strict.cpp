@@ -9,7 +9,6 @@
 #include "common/base/printable.hpp"
 
 namespace ledgerline::ground::json {
-
 namespace {
 
 using Json = nlohmann::json;

@@ -5,7 +5,6 @@
 #include <limits>
 
 namespace ledgerline::ground::mission {
-
 namespace {
 
 constexpr double for_ever = std::numeric_limits<double>::infinity();

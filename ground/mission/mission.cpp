@@ -16,7 +16,6 @@
 #include "ground/motion/waypoints.hpp"
 
 namespace ledgerline::ground::mission {
-
 namespace {
 
 constexpr bool is_name_character(char c) { return contract::is_alphanumeric(c) || c == '_' || c == '-'; }

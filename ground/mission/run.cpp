@@ -11,7 +11,6 @@
 #include "ground/mission/mission.hpp"
 
 namespace ledgerline::ground::mission {
-
 namespace {
 
 constexpr std::size_t max_approvals = 1'000;  // of all that were ever given for one mission

@@ -10,7 +10,6 @@
 #include "common/base/printable.hpp"
 
 namespace ledgerline::ground::motion {
-
 namespace {
 
 constexpr std::size_t min_points = 3;

@@ -8,7 +8,6 @@
 #include "common/verification/client.hpp"
 
 namespace ledgerline::ground {
-
 namespace {
 
 namespace fs = std::filesystem;

@@ -8,7 +8,6 @@
 #include "ground/core/flight/phases.hpp"
 
 namespace ledgerline::ground {
-
 namespace {
 
 constexpr TimeNs beside_ns = 5 * ns_per_ms;  // without a ledger: until link has the plan

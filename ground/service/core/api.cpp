@@ -14,7 +14,6 @@
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
-
 namespace {
 
 namespace strict = ground::json;

@@ -7,7 +7,6 @@
 #include "common/msg/contract.hpp"
 
 namespace ledgerline::ground::service {
-
 namespace {
 
 using nlohmann::json;

@@ -13,7 +13,6 @@
 #include "ground/json/strict.hpp"
 
 namespace ledgerline::ground::service {
-
 namespace {
 
 using nlohmann::json;

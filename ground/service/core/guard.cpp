@@ -4,7 +4,6 @@
 #include <algorithm>
 
 namespace ledgerline::ground::service {
-
 namespace {
 
 /// In a time that does not depend on where they differ.

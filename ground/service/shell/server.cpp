@@ -18,7 +18,6 @@
 #include "ground/service/shell/hub.hpp"
 
 namespace ledgerline::ground::service {
-
 namespace {
 
 namespace asio = boost::asio;
