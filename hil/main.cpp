@@ -8,7 +8,7 @@
 #include "common/program/socket/command_socket.hpp"
 #include "common/rt/clock.hpp"
 #include "common/rt/histogram.hpp"
-#include "ground/shell/course_file.hpp"
+#include "ground/shell/path_file.hpp"
 #include "hil/netem/recording/day.hpp"
 #include "hil/proxy/proxy.hpp"
 #include "hil/shim/shim_verb.hpp"
@@ -116,7 +116,7 @@ void add_flight_options(Verb flight, hil::SimulatedFlightConfig& config, Words& 
 }
 
 Status read_words(const Words& words, hil::SimulatedFlightConfig& config) {
-  auto course = ground::course_from(words.shape);
+  auto course = ground::path_choice_from(words.shape);
   if (!course) return course.error();
   config.shape = course->shape;
   config.waypoints = std::move(course->waypoints);

@@ -7,7 +7,6 @@
 #include "common/base/check.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
-#include "common/msg/requests.hpp"
 #include "common/msg/stops.hpp"
 
 namespace ledgerline::access {
@@ -54,7 +53,7 @@ std::optional<Refusal> check_delegate(const Identity& delegate, const IdentityNa
                                                        ": a delegate is of its holder's organisation");
   }
   const auto role = roles.of(who);
-  if (!role || !takes_back(*role)) return std::nullopt;
+  if (!role || !withdraws_rights(*role)) return std::nullopt;
   return refuse(
       Rule::delegate_role,
       "delegate " + (*role == REVOKED ? revoked_text(who) : to_text(who) + " is an auditor, who commands nothing"));
@@ -65,7 +64,7 @@ bool gives(const Grant& grant) { return grant.fly() || grant.stop() || grant.cut
 std::optional<Refusal> check_grantee(const Grant& grant, const Roles& roles) {
   const IdentityName who = to_name(grant.to());
   const auto role = roles.of(who);
-  if (!gives(grant) || !role || !takes_back(*role)) return std::nullopt;  // withdrawn it may be at any time
+  if (!gives(grant) || !role || !withdraws_rights(*role)) return std::nullopt;  // withdrawn it may be at any time
   return refuse(Rule::grantee_role, no_operator_text(who, *role));
 }
 
@@ -221,7 +220,7 @@ class Change {
     const ledgerline::Request* request = request_of(control, to);
     if (request != nullptr && request->has_delegate()) {  // it may have lost its role since
       const auto role = inputs_.roles.of(to_name(request->delegate()));
-      if (role && takes_back(*role)) {
+      if (role && withdraws_rights(*role)) {
         return refuse(Rule::requested, to_text(to) + " has requested it for " + to_text(request->delegate()) +
                                            ", whose organisation lets it command no more; it may request it again");
       }

@@ -6,6 +6,8 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/config/config.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/dds/raw.hpp"
 
 /// ROS 2 over Cyclone DDS: names, types and QoS are those of a ROS 2 node, so a ROS 2 machine sees them. Topics are
@@ -14,7 +16,7 @@ namespace ledgerline::dds {
 
 class NodeInfo;
 
-/// Files of DDS Security, which common/dds/settings/security.hpp makes from an organisation's authority.
+/// Files of DDS Security, which make_security_documents() makes from an organisation's authority.
 struct Security {
   std::string identity_ca;               ///< PEM; signed the documents, too
   std::string certificate, private_key;  ///< PEM; a key that others may read is refused
@@ -61,6 +63,33 @@ class Participant {
   int handle_;
   std::unique_ptr<NodeInfo> node_;
 };
+
+/// Reads [dds] of a program's config: domain; local_only, interfaces and peers, or cyclonedds (may be missing);
+/// ros_release; and the files of DDS Security: identity_ca, certificate, private_key, governance, permissions (all of
+/// them or none). What is wrong comes with config.finish().
+ParticipantOptions participant_options(Config& config, const std::string& node);
+/// The same of a TOML file that has nothing but [dds]; no name: as if [dds] were empty.
+Result<ParticipantOptions> participant_options_of(const std::string& file, const std::string& node);
+
+/// What DDS Security wants from an organisation's authority, so that outsiders on the LAN can neither read nor send.
+struct SecurityDocuments {
+  std::string identity_ca;  ///< PEM: the authority, as it signs documents
+  std::string governance;   ///< S/MIME: every topic of domains 0 to 230 is encrypted, joining needs a certificate
+  std::string permissions;  ///< S/MIME: who may write what; all members may read every topic
+};
+
+/// Certificates in PEM that the authority has issued (P-256). Who is in two lists may write what either may.
+struct SecurityMembers {
+  std::vector<std::string> programs{};  ///< ground, agents, bridges: every topic but pilots' and poses
+  std::vector<std::string> pilots{};    ///< pilots' topics, and what a ROS 2 node of any kind has
+  std::vector<std::string> trackers{};  ///< motion capture: poses, and the same
+  /// Of the topics with poses ("/vrpn_mocap/tello1/pose", as [mocap] topic of agent.toml says); * stands for anything.
+  std::string poses = "/vrpn_mocap/*";
+};
+
+/// Permissions end with the authority's certificate; a new member needs new permissions, the others keep theirs.
+Result<SecurityDocuments> make_security_documents(const crypto::KeyAndCertificate& authority,
+                                                  const SecurityMembers& members);
 
 /// "/a/b" -> "rt/a/b". A name that is empty, relative or has characters that ROS 2 does not allow is an error.
 Result<std::string> dds_topic(const std::string& ros_topic);

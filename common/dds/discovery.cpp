@@ -66,10 +66,7 @@ struct Discovery::State {
     if (readers > 0) dds_delete(readers);
   }
 
-  static void writers_changed(dds_entity_t reader, void* self) { static_cast<State*>(self)->take(reader, true); }
-  static void readers_changed(dds_entity_t reader, void* self) { static_cast<State*>(self)->take(reader, false); }
-
-  void take(dds_entity_t reader, bool writes) {
+  void read(dds_entity_t reader, bool writes) {
     const std::lock_guard lock(mutex);
     std::set<std::string> touched;
     std::array<void*, 64> samples{};
@@ -143,13 +140,8 @@ struct Discovery::State {
   }
 };
 
-Discovery::Discovery(std::unique_ptr<State> state) : state_(std::move(state)) {}
-Discovery::Discovery(Discovery&&) noexcept = default;
-Discovery& Discovery::operator=(Discovery&&) noexcept = default;
-Discovery::~Discovery() = default;
-
 Result<Discovery> Discovery::create(ParticipantPtr participant, Callback callback, std::size_t max_endpoints) {
-  auto state = std::make_unique<State>();
+  auto state = std::make_shared<State>();
   state->participant = std::move(participant);
   state->own = guid_of(state->participant->handle());
   state->callback = std::move(callback);
@@ -161,14 +153,16 @@ Result<Discovery> Discovery::create(ParticipantPtr participant, Callback callbac
     dds_delete_listener(listener);
     return reader;
   };
-  state->writers = open(DDS_BUILTIN_TOPIC_DCPSPUBLICATION, &State::writers_changed);
-  state->readers = open(DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION, &State::readers_changed);
+  state->writers = open(DDS_BUILTIN_TOPIC_DCPSPUBLICATION,
+                        [](dds_entity_t reader, void* self) { static_cast<State*>(self)->read(reader, true); });
+  state->readers = open(DDS_BUILTIN_TOPIC_DCPSSUBSCRIPTION,
+                        [](dds_entity_t reader, void* self) { static_cast<State*>(self)->read(reader, false); });
   for (const dds_entity_t reader : {state->writers, state->readers}) {
     if (reader < 0) return Error{std::string("DDS does not report its topics: ") + dds_strretcode(reader)};
   }
   // What was there before the listeners were.
-  state->take(state->writers, true);
-  state->take(state->readers, false);
+  state->read(state->writers, true);
+  state->read(state->readers, false);
   return Discovery(std::move(state));
 }
 

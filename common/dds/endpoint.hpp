@@ -1,12 +1,39 @@
 #pragma once
+#include <dds/dds.h>
+#include <dds/ddsi/ddsi_serdata.h>
+#include <dds/ddsi/ddsi_sertype.h>
 #include <array>
+#include <atomic>
+#include <cstdint>
 #include <memory>
+#include <mutex>
+#include <span>
 #include <string>
+#include <vector>
 
-#include "common/dds/sertype.hpp"
+#include "common/dds/raw.hpp"
 
 /// What readers and writers are made of. Inside common/dds alone.
+
+/// What Cyclone DDS asks of a type, answered for opaque CDR: keyless, bytes in and bytes out. Inside common/dds and its
+/// tests alone.
+
 namespace ledgerline::dds {
+
+/// Counted where it happens, on threads of DDS.
+struct RefusedCounters {
+  std::atomic<std::uint64_t> malformed{0}, too_long{0};
+  Refused read() const { return {malformed.load(), too_long.load()}; }
+};
+
+/// Cyclone's view of a type: its name. One for each reader and writer, so that each counts for itself. Made with one
+/// reference, which dds_create_topic_sertype takes over.
+ddsi_sertype* make_raw_type(const std::string& dds_type, std::shared_ptr<RefusedCounters> refused);
+
+/// A message as it goes onto the wire; null, and counted, where it is refused. For dds_writecdr, which takes it over.
+ddsi_serdata* make_raw_message(const ddsi_sertype* type, std::span<const std::uint8_t> cdr);
+/// The bytes of a message that came in, none where it was refused; valid as long as it is.
+std::span<const std::uint8_t> bytes_of(const ddsi_serdata* message);
 
 struct QosDelete {
   void operator()(dds_qos_t* qos) const { dds_delete_qos(qos); }
@@ -49,5 +76,30 @@ std::string ros_type(const std::string& dds_type);
 /// A GUID as it stands on the wire.
 using Guid = std::array<std::uint8_t, 16>;
 Guid guid_of(dds_entity_t entity);
+
+/// Says on ros_discovery_info which readers and writers are of our node, so that ROS 2's tools list it
+/// (rmw_dds_common/msg/ParticipantEntitiesInfo: the newest value holds, late joiners get it). Thread-safe.
+class NodeInfo {
+ public:
+  /// `name`: "agent" or, in a namespace, "/fleet/agent". `ros_release`: "humble", "jazzy" ...; empty: ROS_DISTRO's.
+  static Result<std::unique_ptr<NodeInfo>> create(dds_entity_t participant, const std::string& name,
+                                                  const std::string& ros_release);
+
+  Status add_reader(dds_entity_t reader);
+  Status add_writer(dds_entity_t writer);
+  /// Before it is ended.
+  void remove(dds_entity_t endpoint);
+
+ private:
+  NodeInfo() = default;
+  Status publish();
+
+  std::string space_, name_;
+  std::size_t gid_bytes_ = 0;
+  Guid participant_{};
+  std::mutex mutex_;
+  std::vector<Guid> readers_, writers_;
+  Endpoint info_;
+};
 
 }  // namespace ledgerline::dds

@@ -2,37 +2,48 @@
 
 #include "common/dds/dds.hpp"
 #include "common/dds/endpoint.hpp"
-#include "common/dds/node.hpp"
 
 namespace ledgerline::dds {
+namespace {
 
-struct RawWriter::State {
-  ParticipantPtr participant;
-  Endpoint endpoint;
-
-  ~State() {
-    if (NodeInfo* node = participant->node()) node->remove(endpoint.handle());
-  }
+struct Names {
+  std::string topic, type;
 };
-
-RawWriter::RawWriter(std::unique_ptr<State> state) : state_(std::move(state)) {}
-RawWriter::RawWriter(RawWriter&&) noexcept = default;
-RawWriter& RawWriter::operator=(RawWriter&&) noexcept = default;
-RawWriter::~RawWriter() = default;
-
-Result<RawWriter> RawWriter::create(ParticipantPtr participant, const std::string& ros_topic,
-                                    const std::string& ros_type, const Qos& qos) {
+Result<Names> dds_names(const std::string& ros_topic, const std::string& ros_type) {
   const auto topic = dds_topic(ros_topic);
   if (!topic) return topic.error();
   const auto type = dds_type(ros_type);
   if (!type) return type.error();
-  auto state = std::make_unique<State>();
-  state->participant = std::move(participant);
-  if (auto opened = state->endpoint.open_writer(state->participant->handle(), *topic, *type, qos); !opened)
-    return opened.error();
-  if (NodeInfo* node = state->participant->node()) {
-    if (auto said = node->add_writer(state->endpoint.handle()); !said) return said.error();
+  return Names{*topic, *type};
+}
+
+/// A reader or writer that is one of our node's as long as it lives.
+struct NodeEndpoint {
+  ParticipantPtr participant;
+  Endpoint endpoint;
+
+  Status announce(Status (NodeInfo::*add)(dds_entity_t)) {
+    NodeInfo* const node = participant->node();
+    return node ? (node->*add)(endpoint.handle()) : Status(done);
   }
+  ~NodeEndpoint() {
+    if (NodeInfo* node = participant->node()) node->remove(endpoint.handle());
+  }
+};
+
+}  // namespace
+
+struct RawWriter::State : NodeEndpoint {};
+
+Result<RawWriter> RawWriter::create(ParticipantPtr participant, const std::string& ros_topic,
+                                    const std::string& ros_type, const Qos& qos) {
+  const auto names = dds_names(ros_topic, ros_type);
+  if (!names) return names.error();
+  auto state = std::make_shared<State>();
+  state->participant = std::move(participant);
+  Status opened = state->endpoint.open_writer(state->participant->handle(), names->topic, names->type, qos);
+  if (opened) opened = state->announce(&NodeInfo::add_writer);
+  if (!opened) return opened.error();
   return RawWriter(std::move(state));
 }
 
@@ -53,17 +64,12 @@ int RawWriter::readers() const {
 Refused RawWriter::refused() const { return state_->endpoint.refused(); }
 
 struct RawReader::State {
-  ParticipantPtr participant;
   Callback callback;
   /// GUIDs of the writers heard last, by DDS's local handles, which are not used again. For the callback's thread
   /// alone.
   std::array<std::pair<dds_instance_handle_t, Guid>, 16> writers{};
   std::size_t next_writer = 0;
-  Endpoint endpoint;  ///< ends first: then no callback runs
-
-  ~State() {
-    if (NodeInfo* node = participant->node()) node->remove(endpoint.handle());
-  }
+  NodeEndpoint own;  ///< ends first: then no callback runs
 
   const Guid& writer(dds_entity_t reader, dds_instance_handle_t handle) {
     for (const auto& [known, guid] : writers) {
@@ -95,41 +101,32 @@ struct RawReader::State {
   }
 };
 
-RawReader::RawReader(std::unique_ptr<State> state) : state_(std::move(state)) {}
-RawReader::RawReader(RawReader&&) noexcept = default;
-RawReader& RawReader::operator=(RawReader&&) noexcept = default;
-RawReader::~RawReader() = default;
-
 Result<RawReader> RawReader::create(ParticipantPtr participant, const std::string& ros_topic,
                                     const std::string& ros_type, const Qos& qos, Callback callback) {
-  const auto topic = dds_topic(ros_topic);
-  if (!topic) return topic.error();
-  const auto type = dds_type(ros_type);
-  if (!type) return type.error();
-  auto state = std::make_unique<State>();
-  state->participant = std::move(participant);
+  const auto names = dds_names(ros_topic, ros_type);
+  if (!names) return names.error();
+  auto state = std::make_shared<State>();
   state->callback = std::move(callback);
-  if (auto opened = state->endpoint.open_reader(state->participant->handle(), *topic, *type, qos,
-                                                &State::data_available, state.get());
-      !opened)
-    return opened.error();
-  if (NodeInfo* node = state->participant->node()) {
-    if (auto said = node->add_reader(state->endpoint.handle()); !said) return said.error();
-  }
+  NodeEndpoint& own = state->own;
+  own.participant = std::move(participant);
+  Status opened = own.endpoint.open_reader(own.participant->handle(), names->topic, names->type, qos,
+                                           &State::data_available, state.get());
+  if (opened) opened = own.announce(&NodeInfo::add_reader);
+  if (!opened) return opened.error();
   return RawReader(std::move(state));
 }
 
 int RawReader::writers() const {
   dds_subscription_matched_status_t status{};
-  if (dds_get_subscription_matched_status(state_->endpoint.handle(), &status) < 0) return 0;
+  if (dds_get_subscription_matched_status(state_->own.endpoint.handle(), &status) < 0) return 0;
   return static_cast<int>(status.current_count);
 }
 
-Refused RawReader::refused() const { return state_->endpoint.refused(); }
+Refused RawReader::refused() const { return state_->own.endpoint.refused(); }
 
 std::uint64_t RawReader::lost() const {
   dds_sample_lost_status_t status{};
-  if (dds_get_sample_lost_status(state_->endpoint.handle(), &status) < 0) return 0;
+  if (dds_get_sample_lost_status(state_->own.endpoint.handle(), &status) < 0) return 0;
   return status.total_count;
 }
 

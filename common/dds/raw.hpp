@@ -39,15 +39,12 @@ struct Refused {
   std::uint64_t total() const { return malformed + too_long; }
 };
 
-/// One topic of one type, written. Movable; publish() may be called from any thread.
+/// One topic of one type, written. Copies are the same writer; publish() may be called from any thread.
 class RawWriter {
  public:
   /// A name or type that ROS 2 does not allow is an error.
   static Result<RawWriter> create(ParticipantPtr participant, const std::string& ros_topic, const std::string& ros_type,
                                   const Qos& qos);
-  RawWriter(RawWriter&&) noexcept;
-  RawWriter& operator=(RawWriter&&) noexcept;
-  ~RawWriter();
 
   /// Copies `cdr`. A reliable reader that lags holds it up by 100 ms at most, then it is an error; otherwise the oldest
   /// message is overwritten. `source_time_ns`: the writing time that readers get, real time; 0: now.
@@ -59,8 +56,8 @@ class RawWriter {
 
  private:
   struct State;
-  explicit RawWriter(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  explicit RawWriter(std::shared_ptr<State> state) : state_(std::move(state)) {}
+  std::shared_ptr<State> state_;
 };
 
 struct RawInfo {
@@ -75,16 +72,13 @@ inline std::string_view text_of(std::span<const std::uint8_t> cdr) {
 
 /// Calls `callback` for each message, on a thread of DDS, one call at a time: hand over and return, and make or end no
 /// reader or writer there. The bytes are valid during the call. Messages of writers with another type do not come (they
-/// are not matched), nor those that this participant wrote itself. Keeps the newest `qos.depth` not yet taken. After
-/// the destructor no call is running and none will come.
+/// are not matched), nor those that this participant wrote itself. Keeps the newest `qos.depth` not yet taken.
+/// Copies are the same reader: after the last one's end no call is running and none will come.
 class RawReader {
  public:
   using Callback = std::function<void(std::span<const std::uint8_t> cdr, const RawInfo& info)>;
   static Result<RawReader> create(ParticipantPtr participant, const std::string& ros_topic, const std::string& ros_type,
                                   const Qos& qos, Callback callback);
-  RawReader(RawReader&&) noexcept;
-  RawReader& operator=(RawReader&&) noexcept;
-  ~RawReader();
 
   /// Writers that are matched now.
   int writers() const;
@@ -94,8 +88,8 @@ class RawReader {
 
  private:
   struct State;
-  explicit RawReader(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  explicit RawReader(std::shared_ptr<State> state) : state_(std::move(state)) {}
+  std::shared_ptr<State> state_;
 };
 
 /// What others have on one topic with one type: a topic whose type changes is seen to vanish with one and appear with
@@ -119,16 +113,13 @@ class Discovery {
  public:
   using Callback = std::function<void(const DiscoveredTopic& seen)>;
   static Result<Discovery> create(ParticipantPtr participant, Callback callback, std::size_t max_endpoints = 10'000);
-  Discovery(Discovery&&) noexcept;
-  Discovery& operator=(Discovery&&) noexcept;
-  ~Discovery();
 
   std::uint64_t left_out() const;
 
  private:
   struct State;
-  explicit Discovery(std::unique_ptr<State> state);
-  std::unique_ptr<State> state_;
+  explicit Discovery(std::shared_ptr<State> state) : state_(std::move(state)) {}
+  std::shared_ptr<State> state_;
 };
 
 }  // namespace ledgerline::dds

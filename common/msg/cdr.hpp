@@ -36,7 +36,13 @@ class CdrWriter {
     for (const T& v : values) put(v);
   }
 
-  std::string take() { return std::move(bytes_); }
+  /// These, one after the other.
+  template <typename... T>
+  void operator()(const T&... values) {
+    (put(values), ...);
+  }
+
+  std::string release() { return std::move(bytes_); }
 
  private:
   void align(std::size_t n) {
@@ -90,9 +96,25 @@ class CdrReader {
     return values;
   }
 
+  /// These, one after the other.
+  template <typename... T>
+  void operator()(T&... values) {
+    (read(values), ...);
+  }
+
   bool ok() const { return ok_; }
 
  private:
+  template <typename T>
+  void read(T& value) {
+    value = get<T>();
+  }
+  void read(std::string& text) { text = get_string(); }
+  template <typename T, std::size_t N>
+  void read(std::array<T, N>& values) {
+    values = get_array<T, N>();
+  }
+
   std::span<const char> bytes_;
   std::size_t at_ = 4;
   bool swap_ = false;

@@ -13,10 +13,10 @@ namespace ledgerline::contract {
 
 /// Beyond a limit a call is refused at endorsement with the limit named.
 inline constexpr std::size_t max_id_chars = 128;
-constexpr bool is_id_char(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_' || c == '.' ||
-         c == '/' || c == '-';
+constexpr bool is_alphanumeric(char c) {
+  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9');
 }
+constexpr bool is_id_char(char c) { return is_alphanumeric(c) || c == '_' || c == '.' || c == '/' || c == '-'; }
 inline constexpr std::size_t max_asset_bytes = 1'000'000;
 inline constexpr std::size_t max_call_bytes = 1'000'000;
 inline constexpr std::size_t max_call_assets = 1'000;

@@ -9,6 +9,10 @@
 
 /// What a drone's organisation lets others do with it, as the contract decides and as agent and ground check its
 /// events. Thread-safe as the messages are.
+
+/// Those who ask a drone's holder for the lease, as contract, agent and ground keep them. Each identity asks once; a
+/// newer request replaces its older one. Thread-safe as the messages are.
+
 namespace ledgerline {
 
 /// Whether a role is one of those that fly, stop and answer.
@@ -71,13 +75,13 @@ inline bool names_identity(const Control& control, const Identity& who) {
 
 /// Whether nobody of that role may fly, stop or hold a drone any more: revoked, or made an auditor. (Who was never
 /// enrolled may be granted something beforehand.)
-inline bool takes_back(Role role) { return role == REVOKED || role == AUDITOR; }
+inline bool withdraws_rights(Role role) { return role == REVOKED || role == AUDITOR; }
 
 /// Lays in what an identity's organisation has made of its role. Of one whom the record does not speak of: nothing.
 inline void apply_role(Control& control, const Identity& who, Role role) {
   const auto itself = [](const Identity& one) -> const Identity& { return one; };
   remove_entry(*control.mutable_revoked(), who, itself);
-  if (!takes_back(role) || !names_identity(control, who)) return;
+  if (!withdraws_rights(role) || !names_identity(control, who)) return;
   put_entry(*control.mutable_revoked(), who, itself);
 }
 
@@ -150,6 +154,43 @@ inline void set_grant(Control& control, const Grant& grant, std::uint64_t new_ep
   const Rights rights = rights_of(control.grants(), control.owner().msp_id(), control.holder());
   if (!rights.fly) return end_lease(control, new_epoch);
   control.set_priority(std::min(control.priority(), rights.max_priority));
+}
+
+inline const Identity& whose_request(const Request& request) { return request.who(); }
+
+/// nullptr: it asks for nothing.
+inline const Request* request_of(const Control& control, const Identity& who) {
+  const auto& all = control.requests();
+  const auto found =
+      std::find_if(all.begin(), all.end(), [&](const Request& one) { return same_identity(one.who(), who); });
+  return found == all.end() ? nullptr : &*found;
+}
+
+/// False: there was none.
+inline bool remove_request(Control& control, const Identity& who) {
+  return remove_entry(*control.mutable_requests(), who, whose_request);
+}
+
+/// `delegate`: of the lease that is asked for; null: none.
+inline void add_request(Control& control, const Identity& who, const Identity* delegate, std::uint32_t priority) {
+  Request one;
+  *one.mutable_who() = who;
+  if (delegate != nullptr) *one.mutable_delegate() = *delegate;
+  one.set_priority(priority);
+  put_entry(*control.mutable_requests(), one, whose_request);
+}
+
+/// Gives the lease to one who has requested it, with the delegate and at the priority requested, as far as that is
+/// granted to him. False: he has not requested it, or he may not fly it any more, or his delegate is revoked.
+inline bool hand_over_lease(Control& control, const Identity& to, std::uint64_t new_epoch) {
+  const Request* request = request_of(control, to);
+  const Rights rights = rights_of(control, to);
+  if (!request || !rights.fly) return false;
+  const Identity* delegate = delegate_in(*request);
+  if (delegate != nullptr && is_revoked(control, *delegate)) return false;
+  begin_lease(control, to, delegate, new_epoch, std::min(request->priority(), rights.max_priority));
+  remove_request(control, to);
+  return true;
 }
 
 }  // namespace ledgerline

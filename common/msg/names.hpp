@@ -51,9 +51,7 @@ constexpr const char* words_for(FailsafeCause cause) noexcept {
                              "another client commands it as well",
                              "the sources of its position contradict each other",
                              "a check of link or agent failed (a fault of the program itself)"};
-  static_assert(words.size() == enum_count<FailsafeCause>);
-  const auto at = static_cast<std::size_t>(cause);
-  return at < words.size() ? words[at] : "unknown cause";
+  return name_in(words, cause, "unknown cause");
 }
 
 /// The value that has this name.

@@ -21,10 +21,8 @@ inline bool is_json(std::string_view bytes) { return !bytes.empty() && bytes.fro
 /// Whether an argument is no message but a plain string: an id, a drone, "prefix/*", a bookmark with ":", or an option
 /// with "=". No message of ours is only of such characters in protobuf.
 inline bool is_plain(std::string_view arg) {
-  return std::all_of(arg.begin(), arg.end(), [](char c) {
-    return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
-           std::string_view("_./-*:=").find(c) != std::string_view::npos;
-  });
+  return std::all_of(arg.begin(), arg.end(),
+                     [](char c) { return contract::is_id_char(c) || c == '*' || c == ':' || c == '='; });
 }
 
 /// The same JSON with the names that its fields have today: what stands in quotes before a colon is a name.

@@ -4,6 +4,9 @@
 #include <charconv>
 #include <cmath>
 #include <limits>
+#include <string>
+#include <type_traits>
+#include <utility>
 
 #include "common/base/enum_count.hpp"
 #include "common/msg/cdr.hpp"
@@ -12,44 +15,96 @@
 namespace ledgerline {
 namespace {
 
+// Each message's fields are written down once, for both directions.
+template <typename Cdr, typename T>
+using Of = std::conditional_t<std::is_same_v<Cdr, CdrWriter>, const T, T>;
+
 // builtin_interfaces/msg/Time.
-void put_time(CdrWriter& out, TimeNs real_ns) {
-  out.put(static_cast<std::int32_t>(real_ns / ns_per_s));
-  out.put(static_cast<std::uint32_t>(real_ns % ns_per_s));
+void time(CdrWriter& out, TimeNs real_ns) {
+  out(static_cast<std::int32_t>(real_ns / ns_per_s), static_cast<std::uint32_t>(real_ns % ns_per_s));
+}
+void time(CdrReader& in, TimeNs& real_ns) {
+  real_ns = static_cast<TimeNs>(in.get<std::int32_t>()) * ns_per_s;
+  real_ns += in.get<std::uint32_t>();
 }
 
-TimeNs get_time(CdrReader& in) {
-  const TimeNs seconds_ns = static_cast<TimeNs>(in.get<std::int32_t>()) * ns_per_s;
-  return seconds_ns + in.get<std::uint32_t>();
-}
-
-void put_header(CdrWriter& out, const Header& header) {
-  put_time(out, header.stamp_ns);
-  out.put(std::string_view(header.frame_id));
-}
-
-Header get_header(CdrReader& in) {
-  Header header;
-  header.stamp_ns = get_time(in);
-  header.frame_id = in.get_string();
-  return header;
+template <typename Cdr>
+void fields(Cdr& cdr, Of<Cdr, Header>& header) {
+  time(cdr, header.stamp_ns);
+  cdr(header.frame_id);
 }
 
 // Rows and columns of x, y, z, roll, pitch, yaw.
 using Covariance = std::array<double, 36>;
 constexpr std::array<std::size_t, 4> reported_variances{0, 7, 14, 35};
 
-Covariance covariance_of(const PoseVariance& variance) {
+void diagonal(CdrWriter& out, const PoseVariance& variance) {
   Covariance covariance{};
   for (std::size_t i = 0; i < reported_variances.size(); ++i)
     covariance[reported_variances[i]] = static_cast<double>(variance[i]);
-  return covariance;
+  out(covariance);
+}
+void diagonal(CdrReader& in, PoseVariance& variance) {
+  const auto covariance = in.get_array<double, 36>();
+  for (std::size_t i = 0; i < reported_variances.size(); ++i)
+    variance[i] = static_cast<float>(covariance[reported_variances[i]]);
+}
+
+template <typename Cdr>
+void fields(Cdr& cdr, Of<Cdr, Odometry>& odometry) {
+  fields(cdr, odometry.header);
+  cdr(odometry.child_frame_id, odometry.position_m, odometry.orientation);
+  diagonal(cdr, odometry.pose_variance);
+  Covariance unknown{};
+  cdr(odometry.linear_mps, odometry.angular_radps, unknown);
+}
+
+template <typename Cdr>
+void fields(Cdr& cdr, Of<Cdr, PoseStamped>& pose) {
+  fields(cdr, pose.header);
+  cdr(pose.position_m, pose.orientation);
+}
+
+template <typename Cdr>
+void fields(Cdr& cdr, Of<Cdr, Twist>& twist) {
+  cdr(twist.linear_mps, twist.angular_radps);
+}
+
+// As far as we read it.
+template <typename Cdr>
+void fields(Cdr& cdr, Of<Cdr, BatteryState>& battery) {
+  fields(cdr, battery.header);
+  std::array<float, 5> unknown;  // temperature, current, charge, capacity, design_capacity
+  unknown.fill(std::numeric_limits<float>::quiet_NaN());
+  cdr(battery.voltage_v, unknown, battery.percentage);
+}
+
+// A LinkStatus behind its time, but for the four bytes at its end.
+template <typename Cdr>
+void link_fields(Cdr& cdr, Of<Cdr, StateSample>& s) {
+  cdr(s.stamp_ns, s.boot_id, s.sequence, s.applied_sequence, s.arrived_sequence, s.arrived_ns, s.playout_margin_ns,
+      s.sent_velocity_mps, s.sent_yaw_rate_radps, s.attitude_rad, s.acceleration_mps2, s.tof_m, s.height_m);
+}
+
+template <typename Message>
+std::string written(const Message& message) {
+  CdrWriter out;
+  fields(out, message);
+  return out.release();
 }
 
 template <typename T>
 Result<T> checked(const CdrReader& in, T value, std::string_view type) {
   if (!in.ok()) return Error{"malformed CDR of " + std::string(type)};
   return value;
+}
+
+template <typename Message>
+Result<Message> read(std::string_view cdr, std::string_view type) {
+  CdrReader in(cdr);
+  Message message;
+  fields(in, message);
+  return checked(in, std::move(message), type);
 }
 
 }  // namespace
@@ -70,116 +125,43 @@ double yaw_from_quaternion(const std::array<double, 4>& q) {
   return std::atan2(2 * (q[3] * q[2] + q[0] * q[1]), 1 - 2 * (q[1] * q[1] + q[2] * q[2]));
 }
 
-std::string to_cdr(const Odometry& odometry) {
-  CdrWriter out;
-  put_header(out, odometry.header);
-  out.put(std::string_view(odometry.child_frame_id));
-  out.put(odometry.position_m);
-  out.put(odometry.orientation);
-  out.put(covariance_of(odometry.pose_variance));
-  out.put(odometry.linear_mps);
-  out.put(odometry.angular_radps);
-  out.put(Covariance{});
-  return out.take();
-}
+std::string to_cdr(const Odometry& odometry) { return written(odometry); }
+Result<Odometry> odometry_from_cdr(std::string_view cdr) { return read<Odometry>(cdr, odometry_type); }
 
-Result<Odometry> odometry_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  Odometry odometry;
-  odometry.header = get_header(in);
-  odometry.child_frame_id = in.get_string();
-  odometry.position_m = in.get_array<double, 3>();
-  odometry.orientation = in.get_array<double, 4>();
-  const auto covariance = in.get_array<double, 36>();
-  for (std::size_t i = 0; i < reported_variances.size(); ++i)
-    odometry.pose_variance[i] = static_cast<float>(covariance[reported_variances[i]]);
-  odometry.linear_mps = in.get_array<double, 3>();
-  odometry.angular_radps = in.get_array<double, 3>();
-  (void)in.get_array<double, 36>();
-  return checked(in, odometry, odometry_type);
-}
+std::string to_cdr(const PoseStamped& pose) { return written(pose); }
+Result<PoseStamped> pose_from_cdr(std::string_view cdr) { return read<PoseStamped>(cdr, pose_type); }
 
-std::string to_cdr(const PoseStamped& pose) {
-  CdrWriter out;
-  put_header(out, pose.header);
-  out.put(pose.position_m);
-  out.put(pose.orientation);
-  return out.take();
-}
-
-Result<PoseStamped> pose_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  PoseStamped pose;
-  pose.header = get_header(in);
-  pose.position_m = in.get_array<double, 3>();
-  pose.orientation = in.get_array<double, 4>();
-  return checked(in, pose, pose_type);
-}
+Result<Twist> twist_from_cdr(std::string_view cdr) { return read<Twist>(cdr, twist_type); }
 
 std::string to_cdr(const std::vector<TransformStamped>& transforms) {
   CdrWriter out;
   out.put(static_cast<std::uint32_t>(transforms.size()));
   for (const TransformStamped& t : transforms) {
-    put_header(out, t.header);
-    out.put(std::string_view(t.child_frame_id));
-    out.put(t.translation_m);
-    out.put(t.rotation);
+    fields(out, t.header);
+    out(t.child_frame_id, t.translation_m, t.rotation);
   }
-  return out.take();
-}
-
-Result<Twist> twist_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  Twist twist;
-  twist.linear_mps = in.get_array<double, 3>();
-  twist.angular_radps = in.get_array<double, 3>();
-  return checked(in, twist, twist_type);
+  return out.release();
 }
 
 std::string to_cdr(const Imu& imu) {
   constexpr std::array<double, 9> unknown{}, not_measured{-1};
+  constexpr std::array<double, 3> angular_velocity{};
   CdrWriter out;
-  put_header(out, imu.header);
-  out.put(imu.orientation);
-  out.put(unknown);
-  out.put(std::array<double, 3>{});  // angular_velocity
-  out.put(not_measured);
-  out.put(imu.acceleration_mps2);
-  out.put(unknown);
-  return out.take();
+  fields(out, imu.header);
+  out(imu.orientation, unknown, angular_velocity, not_measured, imu.acceleration_mps2, unknown);
+  return out.release();
 }
 
 std::string to_cdr(const BatteryState& battery) {
-  constexpr float unknown = std::numeric_limits<float>::quiet_NaN();
+  constexpr std::uint8_t discharging = 2, unknown_health = 0, lipo = 3, present = 1;
+  constexpr std::uint32_t no_cells = 0;  // measured: neither voltages nor temperatures
+  constexpr std::string_view no_location, no_serial_number;
   CdrWriter out;
-  put_header(out, battery.header);
-  out.put(battery.voltage_v);
-  out.put(unknown);  // temperature
-  out.put(unknown);  // current
-  out.put(unknown);  // charge
-  out.put(unknown);  // capacity
-  out.put(unknown);  // design_capacity
-  out.put(battery.percentage);
-  out.put(std::uint8_t{2});     // power_supply_status: DISCHARGING
-  out.put(std::uint8_t{0});     // power_supply_health: UNKNOWN
-  out.put(std::uint8_t{3});     // power_supply_technology: LIPO
-  out.put(std::uint8_t{1});     // present
-  out.put(std::uint32_t{0});    // cell_voltage: none measured
-  out.put(std::uint32_t{0});    // cell_temperature
-  out.put(std::string_view{});  // location
-  out.put(std::string_view{});  // serial_number
-  return out.take();
+  fields(out, battery);
+  out(discharging, unknown_health, lipo, present, no_cells, no_cells, no_location, no_serial_number);
+  return out.release();
 }
-
-Result<BatteryState> battery_from_cdr(std::string_view cdr) {
-  CdrReader in(cdr);
-  BatteryState battery;
-  battery.header = get_header(in);
-  battery.voltage_v = in.get<float>();
-  for (int i = 0; i < 5; ++i) (void)in.get<float>();
-  battery.percentage = in.get<float>();
-  return checked(in, battery, battery_type);
-}
+Result<BatteryState> battery_from_cdr(std::string_view cdr) { return read<BatteryState>(cdr, battery_type); }
 
 namespace {
 
@@ -219,20 +201,8 @@ bool read_enums(CdrReader& in, StateSample& s) {
 
 bool read_link_status(CdrReader& in, DroneState& state) {
   StateSample& s = state.sample;
-  state.real_ns = get_time(in);
-  s.stamp_ns = in.get<TimeNs>();
-  s.boot_id = in.get<std::uint64_t>();
-  s.sequence = in.get<std::uint64_t>();
-  s.applied_sequence = in.get<std::uint64_t>();
-  s.arrived_sequence = in.get<std::uint64_t>();
-  s.arrived_ns = in.get<TimeNs>();
-  s.playout_margin_ns = in.get<TimeNs>();
-  s.sent_velocity_mps = in.get_array<float, 3>();
-  s.sent_yaw_rate_radps = in.get<float>();
-  s.attitude_rad = in.get_array<float, 3>();
-  s.acceleration_mps2 = in.get_array<float, 3>();
-  s.tof_m = in.get<float>();
-  s.height_m = in.get<float>();
+  time(in, state.real_ns);
+  link_fields(in, s);
   s.sdk_state_fresh = in.get<std::uint8_t>() != 0;
   s.battery = -1;
   return read_enums(in, s);
@@ -244,21 +214,13 @@ constexpr std::size_t link_status_bytes_before = 224;
 bool read_link_status_before(CdrReader& in, DroneState& state) {
   StateSample& s = state.sample;
   const bool known = read_enums(in, s);
-  for (std::uint64_t* value : {&s.boot_id, &s.sequence}) *value = in.get<std::uint64_t>();
-  for (TimeNs* value : {&s.stamp_ns, &s.pose_stamp_ns}) *value = in.get<TimeNs>();
-  for (auto* vector : {&s.position_m, &s.velocity_mps}) *vector = in.get_array<double, 3>();
-  s.yaw_rad = in.get<double>();
-  for (float* value : {&s.battery, &s.tof_m, &s.height_m}) *value = in.get<float>();
+  in(s.boot_id, s.sequence, s.stamp_ns, s.pose_stamp_ns, s.position_m, s.velocity_mps, s.yaw_rad, s.battery, s.tof_m,
+     s.height_m);
   s.sdk_state_fresh = in.get<std::uint8_t>() != 0;
-  s.applied_sequence = in.get<std::uint64_t>();
-  (void)in.get_array<TimeNs, 2>();  // of the plan that was applied: its state's stamp, and how late
-  s.arrived_sequence = in.get<std::uint64_t>();
-  s.arrived_ns = in.get<TimeNs>();
-  s.sent_velocity_mps = in.get_array<float, 3>();
-  s.sent_yaw_rate_radps = in.get<float>();
-  (void)in.get_array<std::uint32_t, 3>();  // plans that came late, were dropped, were applied
-  for (auto* vector : {&s.attitude_rad, &s.acceleration_mps2}) *vector = in.get_array<float, 3>();
-  s.pose_variance = in.get_array<float, 4>();
+  std::array<TimeNs, 2> of_applied_plan;           // its state's stamp, and how late
+  std::array<std::uint32_t, 3> counters_of_plans;  // that came late, were dropped, were applied
+  in(s.applied_sequence, of_applied_plan, s.arrived_sequence, s.arrived_ns, s.sent_velocity_mps, s.sent_yaw_rate_radps,
+     counters_of_plans, s.attitude_rad, s.acceleration_mps2, s.pose_variance);
   return known;
 }
 
@@ -276,23 +238,11 @@ Odometry odometry_of(const StateSample& s, const std::string& drone, TimeNs real
 
 std::string link_status_to_cdr(const StateSample& s, TimeNs real_offset_ns) {
   CdrWriter out;
-  put_time(out, s.stamp_ns + real_offset_ns);
-  out.put(s.stamp_ns);
-  out.put(s.boot_id);
-  out.put(s.sequence);
-  out.put(s.applied_sequence);
-  out.put(s.arrived_sequence);
-  out.put(s.arrived_ns);
-  out.put(s.playout_margin_ns);
-  out.put(s.sent_velocity_mps);
-  out.put(s.sent_yaw_rate_radps);
-  out.put(s.attitude_rad);
-  out.put(s.acceleration_mps2);
-  out.put(s.tof_m);
-  out.put(s.height_m);
+  time(out, s.stamp_ns + real_offset_ns);
+  link_fields(out, s);
   out.put(std::array{static_cast<std::uint8_t>(s.sdk_state_fresh), static_cast<std::uint8_t>(s.phase),
                      static_cast<std::uint8_t>(s.mode), static_cast<std::uint8_t>(s.cause)});
-  return out.take();
+  return out.release();
 }
 
 Result<DroneState> state_from_cdr(std::string_view link_status, std::string_view odometry) {
@@ -358,20 +308,16 @@ using Values = std::vector<std::pair<std::string_view, std::string>>;
 
 void put_status(CdrWriter& out, std::uint8_t level, const std::string& name, const std::string& message,
                 const std::string& hardware, const Values& values) {
-  out.put(level);
-  for (const std::string* text : {&name, &message, &hardware}) out.put(std::string_view(*text));
-  out.put(static_cast<std::uint32_t>(values.size()));
-  for (const auto& [key, value] : values) {
-    out.put(key);
-    out.put(std::string_view(value));
-  }
+  out(level, name, message, hardware, static_cast<std::uint32_t>(values.size()));
+  for (const auto& [key, value] : values) out(key, value);
 }
 
 /// A DiagnosticArray: of each status first level and name, then each of its values; `read`: whether the value can be.
 template <typename Item, typename Begin, typename Read>
 Result<std::vector<Item>> statuses_from_cdr(std::string_view cdr, const char* what, Begin begin, Read read) {
   CdrReader in(cdr);
-  (void)get_header(in);
+  Header header;
+  fields(in, header);
   std::vector<Item> items;
   bool known = true;
   const auto count = in.get<std::uint32_t>();
@@ -397,7 +343,7 @@ Result<std::vector<Item>> statuses_from_cdr(std::string_view cdr, const char* wh
 std::string transitions_to_cdr(const Header& header, const std::string& drone,
                                const std::vector<Transition>& transitions) {
   CdrWriter out;
-  put_header(out, header);
+  fields(out, header);
   out.put(static_cast<std::uint32_t>(transitions.size()));
   for (const Transition& t : transitions) {
     put_status(out, level(t), drone + "/failsafe",
@@ -410,7 +356,7 @@ std::string transitions_to_cdr(const Header& header, const std::string& drone,
                 {"mode", name(t.mode)},
                 {"cause", name(t.cause)}});
   }
-  return out.take();
+  return out.release();
 }
 
 Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
@@ -420,7 +366,7 @@ Result<std::vector<Transition>> transitions_from_cdr(std::string_view cdr) {
 
 std::string alarms_to_cdr(const Header& header, const std::string& drone, const std::vector<Alarm>& alarms) {
   CdrWriter out;
-  put_header(out, header);
+  fields(out, header);
   out.put(static_cast<std::uint32_t>(alarms.size()));
   for (const Alarm& alarm : alarms) {
     put_status(
@@ -428,7 +374,7 @@ std::string alarms_to_cdr(const Header& header, const std::string& drone, const 
         (alarm.stands ? "the ledger is not trusted: " : "over: ") + alarm.words, drone,
         {{"count", std::to_string(alarm.count)}, {"words", alarm.words}, {"block", std::to_string(alarm.block)}});
   }
-  return out.take();
+  return out.release();
 }
 
 Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr) {
@@ -444,6 +390,61 @@ Result<std::vector<Alarm>> alarms_from_cdr(std::string_view cdr) {
         if (key == "words") alarm.words = value;
         return true;
       });
+}
+
+namespace {
+
+constexpr std::uint32_t max_poses = 1'024;
+constexpr std::size_t max_name = 255;
+
+Result<std::optional<PoseStamped>> named_pose(std::string_view cdr, std::string_view drone) {
+  const Error malformed{std::string("malformed CDR of ") + name(PoseMessage::named_pose_array)};
+  CdrReader in(cdr);
+  PoseStamped pose;
+  fields(in, pose.header);
+  const auto count = in.get<std::uint32_t>();
+  if (!in.ok() || count > max_poses) return malformed;
+  bool found = false;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::string of = in.get_string();
+    const auto position_m = in.get_array<double, 3>();
+    const auto orientation = in.get_array<double, 4>();
+    if (!in.ok() || of.size() > max_name) return malformed;
+    if (of != drone || found) continue;
+    pose.position_m = position_m;
+    pose.orientation = orientation;
+    found = true;
+  }
+  return found ? std::optional(pose) : std::nullopt;
+}
+
+}  // namespace
+
+Result<std::optional<PoseStamped>> pose_from_message(PoseMessage message, std::string_view cdr,
+                                                     std::string_view drone) {
+  switch (message) {
+    case PoseMessage::pose_stamped: {
+      auto pose = pose_from_cdr(cdr);
+      if (!pose) return pose.error();
+      return std::optional(std::move(pose).value());
+    }
+    case PoseMessage::odometry: {
+      auto odometry = odometry_from_cdr(cdr);
+      if (!odometry) return odometry.error();
+      return std::optional(PoseStamped{odometry->header, odometry->position_m, odometry->orientation});
+    }
+    case PoseMessage::named_pose_array:
+      return named_pose(cdr, drone);
+  }
+  return Error{"no message of poses"};
+}
+
+std::string pose_topic_of(const std::string& pattern, const std::string& drone) {
+  constexpr std::string_view place = "{drone}";
+  std::string topic = pattern;
+  const auto at = topic.find(place);
+  if (at != std::string::npos) topic.replace(at, place.size(), drone);
+  return topic;
 }
 
 }  // namespace ledgerline

@@ -3,7 +3,7 @@
 #include <ctime>
 #include <nlohmann/json.hpp>
 
-namespace ledgerline::report {
+namespace ledgerline::page {
 
 using nlohmann::json;
 
@@ -27,4 +27,4 @@ std::string local_date() {
   return text;
 }
 
-}  // namespace ledgerline::report
+}  // namespace ledgerline::page

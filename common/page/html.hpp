@@ -3,7 +3,7 @@
 #include <string>
 
 /// What the pages share: they open without a network, so everything is inside them.
-namespace ledgerline::report {
+namespace ledgerline::page {
 
 /// As text of a script element, in which no string can look like the element's end.
 std::string for_script(const nlohmann::json& data);
@@ -12,4 +12,4 @@ std::string filled(const std::string& page, const std::string& mark, const std::
 /// "2026-11-22 01:30"
 std::string local_date();
 
-}  // namespace ledgerline::report
+}  // namespace ledgerline::page

@@ -4,7 +4,7 @@
 namespace ledgerline {
 
 /// Help of the tables that several programs' configs have, each read by one reader (common/fabric/config.hpp,
-/// common/dds/settings/config.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
+/// common/dds/dds.hpp, common/bridge/core/rules.hpp): lines for a program's notes.
 inline const std::string ledger_table_help =
     "  [ledger] endpoint, tls_ca, msp_id, msp_dir (or certificate, private_key), blocks, timeouts (fixed|auto);\n"
     "  [[orderer]], [[peer]] endpoint, tls_ca, and as [ledger] server_name, tls_certificate, tls_key; [[msp]] id, ca\n";

@@ -137,7 +137,7 @@ Result<RenewedTls> RenewedTls::open(TlsFiles files) {
   return RenewedTls(std::move(files), std::move(context), std::move(renewal));
 }
 
-std::optional<Status> RenewedTls::look() {
+std::optional<Status> RenewedTls::renew() {
   TlsContext next;
   const auto found =
       renewal_.check_files(names_of(files_), realtime_ns() / ns_per_s, [&] { return load_server(files_, next); });

@@ -6,7 +6,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/identities/renewal.hpp"
-#include "common/web/tls_files.hpp"
+#include "common/web/host_port.hpp"
 
 /// TLS from files, by OpenSSL, as crypto/tls_policy.hpp says.
 namespace ledgerline::web {
@@ -35,7 +35,7 @@ class RenewedTls {
   boost::asio::ssl::context& context() { return *context_; }
   /// Looks whether the files have changed (crypto::Renewal). nullopt: no news; done: taken; an error: why not, said
   /// once, and the old ones stay.
-  std::optional<Status> look();
+  std::optional<Status> renew();
   /// Whole days that its certificate is valid for; below 0: it has run out.
   std::int64_t days_left() const;
 

@@ -6,10 +6,9 @@
 
 #include <algorithm>
 #include <atomic>
-#include <fstream>
-#include <iterator>
 #include <variant>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
 #include "common/crypto/crypto.hpp"
 #include "common/fabric/client/client.hpp"
@@ -43,9 +42,9 @@ struct Options {
 };
 
 Result<std::string> subject_of(const std::string& path) {
-  std::ifstream file(path);
-  const std::string pem((std::istreambuf_iterator<char>(file)), {});
-  const auto certificate = crypto::parse_certificate(pem);
+  const auto pem = read_file(path);
+  if (!pem) return pem.error();
+  const auto certificate = crypto::parse_certificate(*pem);
   if (!certificate) return Error{path + ": " + certificate.error().message};
   return certificate->subject;
 }
@@ -80,29 +79,28 @@ Result<std::string> digest_of(const std::string& path) {
 
 /// `own_msp_id`: the caller's.
 Result<fabric::Call> make_call(const Options& options, const std::string& own_msp_id) {
+  const auto call_with = [&](const auto& message) {
+    return fabric::Call{options.function, {message.SerializeAsString()}};
+  };
   const auto with_drones = [&](auto message) {
     for (const auto& drone : options.drones) message.add_drones(drone);
     return message;
   };
+  const auto identity = identity_of(options);  // of those that are about one
+  if (!identity) return identity.error();
   if (options.function == contract::enroll) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     EnrollCall call = with_drones(EnrollCall());
     *call.mutable_identity() = *identity;
     if (options.role == "operator") call.set_role(OPERATOR);
     if (options.role == "supervisor") call.set_role(SUPERVISOR);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::revoke) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     RevokeCall call;
     *call.mutable_identity() = *identity;
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::grant) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     GrantCall call = with_drones(GrantCall());
     Grant& grant = *call.mutable_grant();
     *grant.mutable_to() = *identity;
@@ -110,7 +108,7 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     grant.set_max_priority(options.priority);
     grant.set_stop(options.stop);
     grant.set_cut(options.cut);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::anchor || options.function == contract::verify) {
     const auto digest = digest_of(options.file);
@@ -118,22 +116,18 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
     AnchorCall call;
     call.set_digest(*digest);
     call.set_what(options.what);
-    const auto signer = identity_of(options);
-    if (!signer) return signer.error();
-    if (!signer->subject().empty()) {
-      *call.add_signers() = *signer;
+    if (!identity->subject().empty()) {
+      *call.add_signers() = *identity;
     } else {
-      call.set_organisation(signer->msp_id());
+      call.set_organisation(identity->msp_id());
     }
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::hand_over || options.function == contract::deny) {
-    const auto identity = identity_of(options);
-    if (!identity) return identity.error();
     AnswerCall call = with_drones(AnswerCall());
     *call.mutable_to() = *identity;
     if (!options.subject.empty()) call.mutable_to()->set_subject(options.subject);
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   if (options.function == contract::acquire || options.function == contract::release ||
       options.function == contract::request) {
@@ -145,11 +139,11 @@ Result<fabric::Call> make_call(const Options& options, const std::string& own_ms
       call.mutable_delegate()->set_msp_id(own_msp_id);
       call.mutable_delegate()->set_subject(std::move(*subject));
     }
-    return fabric::Call{options.function, {call.SerializeAsString()}};
+    return call_with(call);
   }
   DronesCall call = with_drones(DronesCall());
   call.set_cut(options.cut);
-  return fabric::Call{options.function, {call.SerializeAsString()}};
+  return call_with(call);
 }
 
 /// A stop goes on until it is on the ledger, whatever comes between. The others go on over what another wrote first,
@@ -220,8 +214,8 @@ Status show_records(fabric::Client& client, const Options& options) {
 }
 
 bool changes_records(const fabric::Block& block) {
-  return std::any_of(block.transactions.begin(), block.transactions.end(),
-                     [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
+  return std::ranges::any_of(
+      block.transactions, [](const auto& tx) { return tx.code == 0 && verification::is_control_event(tx.event_name); });
 }
 
 /// Once, and again behind each block that changes a record, until asked to end.

@@ -57,13 +57,13 @@ Result<Ramp> ramp_from(const std::string& text) {
   return ramp;
 }
 
-void PredictionError::predicted(TimeNs at_ns, const Eigen::Vector2d& position_m) {
+void PredictionError::expect(TimeNs at_ns, const Eigen::Vector2d& position_m) {
   if (!expected_.empty() && at_ns <= expected_.back().at_ns) return;
   expected_.push_back({at_ns, position_m, last_.position_m.head<2>()});
   if (expected_.size() > expected_kept) expected_.pop_front();
 }
 
-void PredictionError::seen(const Motion& state) {
+void PredictionError::observe(const Motion& state) {
   while (!expected_.empty() && expected_.front().at_ns <= state.stamp_ns) {
     const Expected expected = expected_.front();
     expected_.pop_front();
@@ -112,22 +112,22 @@ void PathController::observe(const StateSample& state) {
   raw_.position_m = Eigen::Vector3d::Map(state.position_m.data());
   raw_.velocity_mps = Eigen::Vector3d::Map(state.velocity_mps.data());
   raw_.yaw_rad = state.yaw_rad;
-  model_->error.seen(model_->predictor.newest());
+  model_->error.observe(model_->predictor.newest());
 }
 
-double PathController::asked_mps(double s_m) const {
+double PathController::requested_mps(double s_m) const {
   if (config_.ramp.start_mps <= 0) return config_.speed_mps;
   return config_.ramp.start_mps + config_.ramp.step_mps * std::floor(std::max(0.0, s_m) / lap_m() + 1e-9);
 }
 
 double PathController::expected_s(int laps) const {
-  const double slowest = std::min(asked_mps(0), slowed_to_mps_.value_or(limit_mps_));
+  const double slowest = std::min(requested_mps(0), slowed_to_mps_.value_or(limit_mps_));
   return laps * track_.lap_s(slowest);
 }
 
 double PathController::speed_at(double s_m) const {
   const double max_mps =
-      std::min({asked_mps(s_m), limit_mps_, config_.full_scale_mps * model_->predictor.response().gain});
+      std::min({requested_mps(s_m), limit_mps_, config_.full_scale_mps * model_->predictor.response().gain});
   return std::min({track_.speed_at(s_m), max_mps, motion::from_rest_to_rest_mps(s_m, end_m_)});
 }
 
@@ -179,7 +179,7 @@ Setpoint PathController::steer(const Motion& from, double s_m) const {
                            position_gain_ * (place.position_m.head<2>() - from.position_m.head<2>()) +
                            config_.velocity_gain * (reference - from.velocity_mps.head<2>());
   wanted = (wanted - model_->predictor.drift_mps().head<2>()) / model.gain;
-  const double max_mps = std::min(config_.full_scale_mps, 1.5 * asked_mps(s_m) / model.gain + 0.3);
+  const double max_mps = std::min(config_.full_scale_mps, 1.5 * requested_mps(s_m) / model.gain + 0.3);
   if (wanted.norm() > max_mps) wanted *= max_mps / wanted.norm();
   Setpoint setpoint = level(from, place.position_m.z(), climb);
   setpoint.velocity_mps[0] = static_cast<float>(wanted.x());
@@ -191,7 +191,7 @@ void PathController::limit(double age_s) {
   position_gain_ = std::min(config_.position_gain, gain_by_age / std::max(0.05, age_s));
   const double limit = config_.allowed_error_m / (peaks * model_->error.share() * std::max(0.05, age_s));
   limit_mps_ = std::max(config_.min_limit_mps, limit);
-  if (started_ && !at_end() && limit_mps_ < asked_mps(progress_m_))
+  if (started_ && !at_end() && limit_mps_ < requested_mps(progress_m_))
     slowed_to_mps_ = std::min(limit_mps_, slowed_to_mps_.value_or(limit_mps_));
 }
 
@@ -199,7 +199,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
   if (!config_.predict) return plan_plain(first_ns);
   motion::Predictor::Rollout rollout = model_->predictor.until(first_ns);
   limit(to_seconds(rollout.effect().stamp_ns - model_->predictor.newest().stamp_ns));
-  if (!waits_) model_->error.predicted(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
+  if (!waits_) model_->error.expect(rollout.effect().stamp_ns, rollout.effect().position_m.head<2>());
 
   reference_ns_ = started_ ? std::max(reference_ns_, first_ns - max_ns) : first_ns;
   while (reference_ns_ < first_ns) {
@@ -221,7 +221,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
     setpoint.at_ns = first_ns + static_cast<TimeNs>(i) * step_ns;
     plan.push_back(setpoint);
     const Eigen::Vector3d sent(setpoint.velocity_mps[0], setpoint.velocity_mps[1], setpoint.velocity_mps[2]);
-    rollout.tell(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns);
+    rollout.send(sent, static_cast<double>(setpoint.yaw_rate_radps), rollout.sent_until_ns() + step_ns);
     s_m = next_m;
   }
   model_->predictor.sent(id, plan);
@@ -230,7 +230,7 @@ std::vector<Setpoint> PathController::plan(std::uint64_t id, TimeNs first_ns, st
 
 // What the waypoint allows of the speed asked for; no more, either, than height can follow.
 double PathController::plain_mps(double s_m) const {
-  const double asked = std::min(asked_mps(s_m), path_.speed_mps(s_m).value_or(asked_mps(s_m)));
+  const double asked = std::min(requested_mps(s_m), path_.speed_mps(s_m).value_or(requested_mps(s_m)));
   const double climb = std::abs(path_.climb(s_m, config_.height_m));
   return climb > 0 ? std::min(asked, track_limits(config_).vertical_mps / climb) : asked;
 }

@@ -51,9 +51,9 @@ motion::TrackLimits track_limits(const ControllerConfig& config);
 class PredictionError {
  public:
   static constexpr double unknown = 0.2, least = 0.02;  ///< of the way
-  void predicted(TimeNs at_ns, const Eigen::Vector2d& position_m);
+  void expect(TimeNs at_ns, const Eigen::Vector2d& position_m);
   /// The newest state: where the drone was, and how fast.
-  void seen(const Motion& state);
+  void observe(const Motion& state);
   double share() const;
 
  private:
@@ -129,7 +129,7 @@ class PathController final : public Follower {
   double expected_s(int laps) const override;
 
   /// The speed asked for at this place, by the ramp.
-  double asked_mps(double s_m) const;
+  double requested_mps(double s_m) const;
   /// The latency-aware limit; infinite without prediction.
   double limit_mps() const { return limit_mps_; }
   /// The least limit that slowed the reference down; nothing: it never did.

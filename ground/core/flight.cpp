@@ -34,7 +34,7 @@ Task task_of(const FlightConfig& config, std::size_t drone) {
   return {config.shape, config.side_m, config.waypoints, config.controller.speed_mps, config.laps};
 }
 
-void take_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command) {
+void set_velocity(const Twist& velocity, TimeNs came_ns, PilotCommand& command) {
   if (command.velocity) ++command.replaced;
   command.velocity = velocity;
   command.came_ns = came_ns;
@@ -83,22 +83,22 @@ FlightOutputs FlightCore::step(TimeNs now_ns, const FlightInputs& inputs) {
     for (auto& drone : drones_) drone->phases.begin(now_ns);
   }
   FlightOutputs out;
-  if (inputs.outcome) take_outcome(now_ns, inputs, out);
-  if (inputs.block) take_block(now_ns, inputs, out);
+  if (inputs.outcome) on_outcome(now_ns, inputs, out);
+  if (inputs.block) on_block(now_ns, inputs, out);
   for (const StateSample& state : inputs.states) {
     const auto of = [&](const FlightDrone& drone) { return drone.number == state.drone; };
-    const auto drone = std::find_if(config_.drones.begin(), config_.drones.end(), of);
+    const auto drone = std::ranges::find_if(config_.drones, of);
     if (drone != config_.drones.end())
-      take_state(now_ns, static_cast<std::size_t>(drone - config_.drones.begin()), state, out);
+      on_state(now_ns, static_cast<std::size_t>(drone - config_.drones.begin()), state, out);
   }
   const bool time_is_up = config_.manual && config_.seconds > 0 && now_ns - started_ns_ > from_seconds(config_.seconds);
   ending_ = ending_ || (config_.manual && (time_is_up || !inputs.land.empty()));
   // Of all commands in one step the safest counts, no matter who gives it.
   for (const PilotCommand& command : inputs.commands) {
-    if (brings_down(command)) take_command(now_ns, command, out);
+    if (brings_down(command)) on_command(now_ns, command, out);
   }
   for (const PilotCommand& command : inputs.commands) {
-    if (!brings_down(command)) take_command(now_ns, command, out);
+    if (!brings_down(command)) on_command(now_ns, command, out);
   }
   for (std::size_t i = 0; i < drones_.size(); ++i) step_drone(now_ns, i, inputs, out);
   stops_.submit(now_ns, leases_, next_id_, out.submissions);
@@ -129,25 +129,25 @@ void FlightCore::step_drone(TimeNs now_ns, std::size_t index, const FlightInputs
   }
 }
 
-void FlightCore::take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
+void FlightCore::on_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
   std::size_t looked_at = out.news.size();
   for (const fabric::Transaction& tx : inputs.block->transactions) {
     if (!tx.problem.empty()) ++transactions_.transactions_unverified;
     if (tx.code != 0 || tx.config) continue;
     if (tx.channel != config_.where.channel || tx.contract != config_.where.contract) continue;
     if (tx.event_name == contract::set) {
-      for (const StateIntake::New& one : intake_.take(tx, inputs.realtime_s, out.news))
-        take_state(now_ns, one.drone, one.state, out);
-      for (; looked_at < out.news.size(); ++looked_at) take_alarm(out.news[looked_at], out);
+      for (const StateIntake::New& one : intake_.read(tx, inputs.realtime_s, out.news))
+        on_state(now_ns, one.drone, one.state, out);
+      for (; looked_at < out.news.size(); ++looked_at) on_alarm(out.news[looked_at], out);
     } else if (tx.event_name == contract::command) {
-      if (outbox_) outbox_->take_block(now_ns, tx);
+      if (outbox_) outbox_->on_block(now_ns, tx);
     } else if (verification::is_control_event(tx.event_name)) {
-      for (const LeaseBook::Change& change : leases_.take(tx, inputs.realtime_s)) lease_changed(now_ns, change);
+      for (const LeaseBook::Change& change : leases_.on_event(tx, inputs.realtime_s)) lease_changed(now_ns, change);
     }
   }
 }
 
-void FlightCore::take_alarm(const DroneUpdate& news, FlightOutputs& out) {
+void FlightCore::on_alarm(const DroneUpdate& news, FlightOutputs& out) {
   if (news.alarm.empty()) return;
   const auto alarms = alarms_from_cdr(news.alarm);
   if (!alarms) {
@@ -157,7 +157,7 @@ void FlightCore::take_alarm(const DroneUpdate& news, FlightOutputs& out) {
   FlightStatus& status = drones_[news.drone]->status;
   const std::string& name = config_.drones[news.drone].name;
   ++status.alarms;
-  const auto standing = std::find_if(alarms->begin(), alarms->end(), [](const Alarm& alarm) { return alarm.stands; });
+  const auto standing = std::ranges::find_if(*alarms, [](const Alarm& alarm) { return alarm.stands; });
   status.ledger_untrusted = standing != alarms->end();
   out.notes.push_back(status.ledger_untrusted
                           ? fmt::format("{}: its agent does not trust the ledger: {} ({} times): {}", name,
@@ -166,7 +166,7 @@ void FlightCore::take_alarm(const DroneUpdate& news, FlightOutputs& out) {
                           : fmt::format("{}: its agent trusts the ledger again", name));
 }
 
-void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out) {
+void FlightCore::on_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out) {
   if (!intake_.is_new(index, sample)) return;
   Drone& drone = *drones_[index];
   const bool same_boot = intake_.same_boot(index, sample);
@@ -176,7 +176,7 @@ void FlightCore::take_state(TimeNs now_ns, std::size_t index, const StateSample&
   if (!same_boot && sample.applied_sequence > 0) {
     const std::uint64_t behind = sample.applied_sequence + sequence_gap;
     drone.next_sequence = std::max(drone.next_sequence, behind);
-    if (outbox_) outbox_->go_on_behind(index, behind);
+    if (outbox_) outbox_->continue_behind(index, behind);
   }
   timing_.observe(index, intake_.of(index).state);
   drone.planner.observe(same_boot);
@@ -199,26 +199,26 @@ void FlightCore::lease_changed(TimeNs now_ns, const LeaseBook::Change& change) {
   phases.lease_changed(now_ns);
   // A path belongs to the pilot who gave it: the drone's new holder gives another.
   if (change.new_epoch && config_.manual && drones_[change.drone]->status.phase == DronePhase::path)
-    (void)phases.take_pause(now_ns);
+    (void)phases.pause_path(now_ns);
 }
 
-void FlightCore::take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
-  if (const auto stop = stops_.take_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
+void FlightCore::on_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out) {
+  if (const auto stop = stops_.on_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
     if (!stop->problem.empty()) refuse(now_ns, stop->drone, stop->problem, out);
-  } else if (const auto answer = requests_.take_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
+  } else if (const auto answer = requests_.on_outcome(now_ns, *inputs.outcome, inputs.outcome_id)) {
     if (!answer->problem.empty())
       out.notes.push_back(fmt::format("{}: {}", config_.drones[answer->drone].name, answer->problem));
   } else if (outbox_) {
-    outbox_->take_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
+    outbox_->on_outcome(now_ns, *inputs.outcome, inputs.outcome_id, out);
   }
 }
 
-void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out) {
+void FlightCore::on_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out) {
   if (command.drone >= drones_.size()) return;
   Drone& drone = *drones_[command.drone];
   drone.commanded = true;
   const bool stop = command.stop || command.cut;
-  if (stop) stops_.want(now_ns, command.drone, command.cut, command.by);
+  if (stop) stops_.request(now_ns, command.drone, command.cut, command.by);
   if (stop || command.land) {
     const Status landed = drone.phases.land_by_pilot(now_ns, stop             ? "stopped by its pilot"
                                                              : config_.manual ? ""
@@ -238,11 +238,11 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
   }
   if (command.order && !stop && !command.land) {
     const TimeNs delay_ns = timing_.of(command.drone).delay_ns;
-    if (const Status taken = drone.phases.take_order(now_ns, *command.order, delay_ns); !taken)
+    if (const Status taken = drone.phases.apply_order(now_ns, *command.order, delay_ns); !taken)
       refuse(now_ns, command.drone, taken.error().message, out);
   }
   if (command.pause && !stop && !command.land) {
-    if (const Status taken = drone.phases.take_pause(now_ns); !taken)
+    if (const Status taken = drone.phases.pause_path(now_ns); !taken)
       refuse(now_ns, command.drone, taken.error().message, out);
   }
   PilotCounters& counters = drone.status.pilot;
@@ -251,15 +251,16 @@ void FlightCore::take_command(TimeNs now_ns, const PilotCommand& command, Flight
   counters.malformed += command.malformed;
   counters.late += command.late;
   if (command.late > 0 && !command.velocity)
-    say(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
+    add_note(now_ns, command.drone, "a velocity was held back on its way: not flown", out);
   if (!command.velocity) return;
   if (drone.status.phase == DronePhase::path && config_.manual && !command.order &&
-      is_deliberate(*command.velocity, config_.controller) && drone.phases.take_pause(now_ns))
-    say(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
+      is_deliberate(*command.velocity, config_.controller) && drone.phases.pause_path(now_ns))
+    add_note(now_ns, command.drone, "paused: its pilot flies it by hand; resume flies the rest of its path", out);
   if (drone.status.phase != DronePhase::manual) {
     ++counters.not_flying;
   } else {
-    ++(drone.planner.manual().take(command.came_ns, *command.velocity) ? counters.velocities : counters.bad_values);
+    ++(drone.planner.manual().set_velocity(command.came_ns, *command.velocity) ? counters.velocities
+                                                                               : counters.bad_values);
   }
 }
 
@@ -274,10 +275,10 @@ Status FlightCore::check_holder(const PilotCommand& command) const {
 // Counted always, said once a second: a pilot's messages may come as fast as they like.
 void FlightCore::refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
   ++drones_[index]->status.pilot.refused;
-  say(now_ns, index, why, out);
+  add_note(now_ns, index, why, out);
 }
 
-void FlightCore::say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
+void FlightCore::add_note(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out) {
   Drone& drone = *drones_[index];
   if (now_ns < drone.next_note_ns) return;
   drone.next_note_ns = now_ns + note_again_ns;
@@ -297,16 +298,15 @@ bool FlightCore::done() const {
   // A stop is the ledger's business beyond this flight.
   if (stops_.pending()) return false;
   if (config_.manual) {
-    return ending_ && std::none_of(drones_.begin(), drones_.end(), [](const auto& d) {
+    return ending_ && std::ranges::none_of(drones_, [](const auto& d) {
              return d->phases.in_air() || d->status.phase == DronePhase::landing;
            });
   }
-  return std::all_of(drones_.begin(), drones_.end(),
-                     [](const auto& d) { return d->status.phase >= DronePhase::landed; });
+  return std::ranges::all_of(drones_, [](const auto& d) { return d->status.phase >= DronePhase::landed; });
 }
 
 bool FlightCore::ok() const {
-  return std::all_of(drones_.begin(), drones_.end(), [&](const auto& d) {
+  return std::ranges::all_of(drones_, [&](const auto& d) {
     if (config_.manual) return d->status.phase != DronePhase::failed && d->status.why.empty();
     return d->status.finished && d->status.phase == DronePhase::landed && d->status.why.empty();
   });
@@ -319,14 +319,6 @@ std::string FlightCore::why() const {
     if (!why.empty()) all += fmt::format("{}{}: {}", all.empty() ? "" : "; ", config_.drones[i].name, why);
   }
   return all;
-}
-
-const FlightStatus& FlightCore::status(std::size_t drone) const { return drones_.at(drone)->status; }
-
-const Follower* FlightCore::follower(std::size_t drone) const { return drones_.at(drone)->planner.follower(); }
-
-const PathController* FlightCore::controller(std::size_t drone) const {
-  return drones_.at(drone)->planner.controller();
 }
 
 }  // namespace ledgerline::ground

@@ -30,7 +30,7 @@ namespace ledgerline::ground {
 /// The path of each drone begins where it stands before take-off. Times in plans are the drone host's clock alone: the
 /// ground's clock and the drone's are never compared. A plan's first setpoint is for the moment when three of four
 /// plans are there, by what the states say of when plans came, or, while they say nothing, by how long our own commands
-/// take (motion::RoundTripEstimate); its last one covers the delay's tail, so one that comes later takes over from its
+/// take (RoundTripEstimate); its last one covers the delay's tail, so one that comes later takes over from its
 /// predecessor then. Where link flies plans later than they say (its playout's margin) it says so, and predictions are
 /// for that moment.
 ///
@@ -55,8 +55,8 @@ class FlightCore {
   bool ok() const;    ///< every drone finished its path and landed; manual: nothing went wrong
   std::string why() const;  ///< of all drones; empty while nothing went wrong
   const std::vector<FlightDrone>& drones() const { return config_.drones; }
-  const FlightStatus& status(std::size_t drone) const;
-  const IntakeState& seen(std::size_t drone) const { return intake_.of(drone); }
+  const FlightStatus& status(std::size_t drone) const { return drones_.at(drone)->status; }
+  const IntakeState& intake(std::size_t drone) const { return intake_.of(drone); }
   const Lease& lease(std::size_t drone) const { return leases_.of(drone); }
   const FlightConfig& config() const { return config_; }
   double height_m() const { return config_.controller.height_m; }
@@ -64,9 +64,9 @@ class FlightCore {
   /// The round trip that plans are made for; the maximum over all drones.
   TimeNs delay_ns() const { return timing_.max_delay_ns(); }
   /// Who steers along a path that is flown or was; null before.
-  const Follower* follower(std::size_t drone) const;
+  const Follower* follower(std::size_t drone) const { return drones_.at(drone)->planner.follower(); }
   /// The same where it is our own; null where a plug-in steers.
-  const PathController* controller(std::size_t drone) const;
+  const PathController* controller(std::size_t drone) const { return drones_.at(drone)->planner.controller(); }
 
  private:
   struct Drone {
@@ -82,18 +82,18 @@ class FlightCore {
     std::uint64_t next_sequence = 1;  ///< without a ledger
   };
 
-  void take_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
-  void take_alarm(const DroneUpdate& news, FlightOutputs& out);
-  void take_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
+  void on_block(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
+  void on_alarm(const DroneUpdate& news, FlightOutputs& out);
+  void on_state(TimeNs now_ns, std::size_t index, const StateSample& sample, FlightOutputs& out);
   void lease_changed(TimeNs now_ns, const LeaseBook::Change& change);
-  void take_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
-  void take_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
+  void on_outcome(TimeNs now_ns, const FlightInputs& inputs, FlightOutputs& out);
+  void on_command(TimeNs now_ns, const PilotCommand& command, FlightOutputs& out);
   void step_drone(TimeNs now_ns, std::size_t index, const FlightInputs& inputs, FlightOutputs& out);
   void hand_over(TimeNs now_ns, std::size_t index, PlannedCommand command, FlightOutputs& out);
   /// The error says who holds the lease, where it is not who commands. Landings and stops are anybody's.
   Status check_holder(const PilotCommand& command) const;
   void refuse(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
-  void say(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
+  void add_note(TimeNs now_ns, std::size_t index, const std::string& why, FlightOutputs& out);
 
   const FlightConfig config_;
   FlightTransactions transactions_;

@@ -39,7 +39,7 @@ class FlightView {
   const std::string& channel_of(std::size_t drone) const { return core_of(drone).config().where.channel; }
 
   const FlightStatus& status(std::size_t drone) const { return core_of(drone).status(places_[drone].drone); }
-  const IntakeState& seen(std::size_t drone) const { return core_of(drone).seen(places_[drone].drone); }
+  const IntakeState& intake(std::size_t drone) const { return core_of(drone).intake(places_[drone].drone); }
   const Lease& lease(std::size_t drone) const { return core_of(drone).lease(places_[drone].drone); }
   const PathController* controller(std::size_t drone) const { return core_of(drone).controller(places_[drone].drone); }
   /// What is the same for all flights: all but drones, `where` and `trusted`.
@@ -64,7 +64,7 @@ class FlightView {
  private:
   const FlightCore& core_of(std::size_t drone) const { return *cores_[places_[drone].channel]; }
   bool all(bool (FlightCore::*is)() const) const {
-    return std::all_of(cores_.begin(), cores_.end(), [&](const FlightCore* core) { return (core->*is)(); });
+    return std::ranges::all_of(cores_, [&](const FlightCore* core) { return (core->*is)(); });
   }
 
   std::vector<const FlightCore*> cores_;

@@ -7,8 +7,7 @@ namespace ledgerline::ground {
 
 bool plausible(const Twist& command) {
   const auto within = [](const std::array<double, 3>& values) {
-    return std::all_of(values.begin(), values.end(),
-                       [](double v) { return std::abs(v) <= absurd_speed; });  // NaN fails
+    return std::ranges::all_of(values, [](double v) { return std::abs(v) <= absurd_speed; });  // NaN fails
   };
   return within(command.linear_mps) && within(command.angular_radps);
 }
@@ -24,7 +23,7 @@ bool is_deliberate(const Twist& command, const ControllerConfig& limits) {
 ManualController::ManualController(const ControllerConfig& config, TimeNs timeout_ns)
     : config_(config), timeout_ns_(std::min(timeout_ns, max_timeout_ns)) {}
 
-bool ManualController::take(TimeNs came_ns, const Twist& command) {
+bool ManualController::set_velocity(TimeNs came_ns, const Twist& command) {
   if (!plausible(command)) return false;
   velocity_mps_ = command.linear_mps;
   const double speed = std::hypot(velocity_mps_[0], velocity_mps_[1]);

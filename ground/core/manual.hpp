@@ -18,7 +18,7 @@ bool is_deliberate(const Twist& command, const ControllerConfig& limits);
 /// needed. A command holds for `timeout_ns` and not a moment longer: every plan ends in zero, so that a pilot who falls
 /// silent leaves a drone that hovers.
 ///
-///     no command --take()--> flies it --timeout_ns after it came, or release()--> no command: zero
+///     no command --set_velocity()--> flies it --timeout_ns after it came, or release()--> no command: zero
 ///
 /// Two clocks come in and are never compared: of the ground, when commands come; of the drone, when setpoints are
 /// flown. Deterministic; one thread.
@@ -33,7 +33,7 @@ class ManualController {
 
   /// A command that came at `came_ns`, the ground's clock. False, and nothing changes, when it is not plausible. Roll
   /// and pitch rates are left out.
-  bool take(TimeNs came_ns, const Twist& command);
+  bool set_velocity(TimeNs came_ns, const Twist& command);
   void release() { until_ns_ = 0; }
 
   /// Setpoints from `first_ns` (the drone's clock) on, which stands for `now_ns` (the ground's).

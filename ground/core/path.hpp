@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "ground/motion/course.hpp"
+#include "ground/motion/waypoints.hpp"
 
 namespace ledgerline::ground {
 

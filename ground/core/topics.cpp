@@ -1,4 +1,4 @@
-#include "ground/core/topics.hpp"
+#include "ground/core/flight_types.hpp"
 
 #include "ground/core/manual.hpp"
 
@@ -67,7 +67,7 @@ void velocity(std::string_view cdr, TimeNs came_ns, PilotCommand& command) {
     ++command.bad_values;
     return;
   }
-  take_velocity(*twist, came_ns, command);
+  set_velocity(*twist, came_ns, command);
 }
 
 template <bool PilotCommand::*word>

@@ -9,7 +9,6 @@
 #include "common/base/printable.hpp"
 
 namespace ledgerline::ground::json {
-
 namespace {
 
 using Json = nlohmann::json;
@@ -97,7 +96,7 @@ Result<Json> object_from(std::string_view text, std::string_view what, const Bou
 
 Status only(const Json& object, std::initializer_list<std::string_view> allowed) {
   for (const auto& [key, value] : object.items()) {
-    if (std::find(allowed.begin(), allowed.end(), key) == allowed.end())
+    if (std::ranges::find(allowed, key) == allowed.end())
       return Error{"unknown key \"" + printable(key, max_shown) + "\""};
   }
   return done;

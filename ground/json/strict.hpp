@@ -5,7 +5,7 @@
 #include <string>
 #include <string_view>
 
-#include "ground/motion/course.hpp"
+#include "ground/motion/waypoints.hpp"
 
 /// JSON of clients, read strictly: what is not expected is refused, and the error says where. And how it is written.
 /// Pure; any thread.

@@ -156,7 +156,7 @@ void Check::check_battery(const MissionDrone& drone, const DroneNow& now, const 
 }
 
 void Check::check_drone(const MissionDrone& drone) {
-  const auto now = std::find_if(now_.begin(), now_.end(), [&](const DroneNow& n) { return n.name == drone.drone; });
+  const auto now = std::ranges::find_if(now_, [&](const DroneNow& n) { return n.name == drone.drone; });
   if (now == now_.end()) return add(drone.drone, {}, "does not fly here");
   if (!check_presence(drone, *now)) return;
   const Eigen::Vector3d start = start_of(*now);
@@ -242,7 +242,7 @@ std::vector<Finding> Check::of(const Mission& mission) {
   for (const MissionDrone& drone : mission.drones) check_drone(drone);
   for (const DroneNow& now : now_) {
     const auto is_it = [&](const MissionDrone& drone) { return drone.drone == now.name; };
-    if (std::none_of(mission.drones.begin(), mission.drones.end(), is_it)) add_other(now);
+    if (std::ranges::none_of(mission.drones, is_it)) add_other(now);
   }
   check_pairs();
   if (left_out_ > 0) findings_.push_back({"", {}, fmt::format("and {} more findings", left_out_), left_out_forbids_});
@@ -256,7 +256,7 @@ std::vector<Finding> check(const Mission& mission, const CheckConfig& config, st
 }
 
 bool forbids(std::span<const Finding> findings) {
-  return std::any_of(findings.begin(), findings.end(), [](const Finding& finding) { return finding.forbids; });
+  return std::ranges::any_of(findings, [](const Finding& finding) { return finding.forbids; });
 }
 
 }  // namespace ledgerline::ground::mission

@@ -8,7 +8,7 @@
 
 #include "common/base/result.hpp"
 #include "common/crypto/crypto.hpp"
-#include "ground/motion/course.hpp"
+#include "ground/motion/waypoints.hpp"
 
 /// Missions: several drones, a path each, flown together (docs/missions.md). All of this is without I/O.
 namespace ledgerline::ground::mission {

@@ -1,12 +1,14 @@
 #include "ground/mission/run.hpp"
 
 #include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
+#include <nlohmann/json.hpp>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
+#include "ground/json/strict.hpp"
+#include "ground/mission/mission.hpp"
 
 namespace ledgerline::ground::mission {
 namespace {
@@ -75,8 +77,7 @@ Result<MissionRun> MissionRun::restore(std::string_view text, const RunConfig& c
 }
 
 bool MissionRun::landing_due() const {
-  return phase_ == RunPhase::aborted &&
-         std::any_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.landing_due; });
+  return phase_ == RunPhase::aborted && std::ranges::any_of(parts_, [](const Part& part) { return part.landing_due; });
 }
 
 Mission MissionRun::rest() const {
@@ -124,10 +125,10 @@ Status MissionRun::start(std::span<const Finding> findings) {
     return Error{fmt::format("mission {} is started already: {}", mission_.name, name_of(phase_))};
   if (const Status missing = missing_approvals(); !missing) return missing;
   const auto forbids_it = [](const Finding& finding) { return finding.forbids; };
-  const auto found = std::find_if(findings.begin(), findings.end(), forbids_it);
+  const auto found = std::ranges::find_if(findings, forbids_it);
   if (found != findings.end()) return Error{fmt::format("mission {}: {}", mission_.name, found->words)};
   phase_ = RunPhase::taking_off;
-  tell(
+  add_event(
       Level::info, "",
       fmt::format("mission {} begins with {} drones, approved by {}", mission_.name, parts_.size(), approvers_.size()));
   return ledgerline::done;
@@ -149,7 +150,7 @@ Status MissionRun::resume() {
       return Error{fmt::format("mission {}: {} does not hover yet", mission_.name, name(i))};
   }
   paused_ = false;
-  tell(Level::info, "", fmt::format("mission {} goes on", mission_.name));
+  add_event(Level::info, "", fmt::format("mission {} goes on", mission_.name));
   return ledgerline::done;
 }
 
@@ -163,7 +164,7 @@ void MissionRun::hold(const std::string& why) {
   if (paused_) return;
   awaits_check_ = false;
   paused_ = true;
-  tell(Level::warning, "", fmt::format("mission {}: all hover: {}", mission_.name, why));
+  add_event(Level::warning, "", fmt::format("mission {}: all hover: {}", mission_.name, why));
 }
 
 void MissionRun::abort(const std::string& why) {
@@ -171,43 +172,43 @@ void MissionRun::abort(const std::string& why) {
   why_ = printable(why, max_why);
   paused_ = awaits_check_ = false;
   land_all();
-  tell(Level::alarm, "", fmt::format("mission {}: all land: {}", mission_.name, why_));
+  add_event(Level::alarm, "", fmt::format("mission {}: all land: {}", mission_.name, why_));
 }
 
-void MissionRun::lose(std::size_t drone, const std::string& why) {
+void MissionRun::mark_lost(std::size_t drone, const std::string& why) {
   parts_[drone].leg = Leg::lost;
   parts_[drone].found = true;
-  tell(Level::alarm, name(drone), fmt::format("mission {} lost it: {}", mission_.name, printable(why, max_why)));
+  add_event(Level::alarm, name(drone), fmt::format("mission {} lost it: {}", mission_.name, printable(why, max_why)));
   if (!active()) return;
   const auto lost = [](const Part& part) { return part.leg == Leg::lost; };
-  if (std::all_of(parts_.begin(), parts_.end(), lost)) return abort("no drone is left");
+  if (std::ranges::all_of(parts_, lost)) return abort("no drone is left");
   if (config_.on_loss == OnLoss::land) return abort(fmt::format("{}: {}", name(drone), why));
   if (config_.on_loss == OnLoss::hover) hold(fmt::format("{} was lost", name(drone)));
 }
 
-void MissionRun::look(TimeNs now, std::size_t drone, const DroneNow& seen) {
+void MissionRun::observe(TimeNs now, std::size_t drone, const DroneNow& seen) {
   switch (parts_[drone].leg) {
     case Leg::standing:
     case Leg::rising:
-      return look_rising(now, drone, seen);
+      return observe_rising(now, drone, seen);
     case Leg::ready:
     case Leg::halted:
       if (hovers(seen) && seen.paths == parts_[drone].paths) return;
-      return lose(drone, seen.phase == DronePhase::path || hovers(seen) ? "somebody else flies it"
-                                                                        : with_why("it hovers no longer", seen));
+      return mark_lost(drone, seen.phase == DronePhase::path || hovers(seen) ? "somebody else flies it"
+                                                                             : with_why("it hovers no longer", seen));
     case Leg::ordered:
     case Leg::flying:
-      return look_flying(now, drone, seen);
+      return observe_flying(now, drone, seen);
     case Leg::ended:
     case Leg::landing:
-      return look_behind(drone, seen);
+      return observe_end(drone, seen);
     case Leg::landed:
     case Leg::lost:
       return;
   }
 }
 
-void MissionRun::look_rising(TimeNs now, std::size_t drone, const DroneNow& seen) {
+void MissionRun::observe_rising(TimeNs now, std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
   if (hovers(seen)) {
     part.leg = Leg::ready;
@@ -215,49 +216,50 @@ void MissionRun::look_rising(TimeNs now, std::size_t drone, const DroneNow& seen
   } else if (part.leg == Leg::standing) {
     return;
   } else if (seen.phase == DronePhase::landing || seen.phase == DronePhase::path) {
-    lose(drone, with_why("its take-off ended in " + name_of(seen.phase), seen));
+    mark_lost(drone, with_why("its take-off ended in " + name_of(seen.phase), seen));
   } else if (now - part.asked_ns > (is_down(seen) ? config_.order_ns : config_.takeoff_ns)) {
-    lose(drone, with_why("it did not take off", seen));
+    mark_lost(drone, with_why("it did not take off", seen));
   }
 }
 
-void MissionRun::look_flying(TimeNs now, std::size_t drone, const DroneNow& seen) {
+void MissionRun::observe_flying(TimeNs now, std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
-  if (is_down(seen) && seen.phase != DronePhase::landed) return lose(drone, with_why("it is flown no longer", seen));
+  if (is_down(seen) && seen.phase != DronePhase::landed)
+    return mark_lost(drone, with_why("it is flown no longer", seen));
   if (seen.paths == part.paths) {
-    if (!hovers(seen)) return lose(drone, with_why("it is in " + name_of(seen.phase), seen));
-    if (now - part.asked_ns > config_.order_ns) lose(drone, with_why("it did not begin its path", seen));
+    if (!hovers(seen)) return mark_lost(drone, with_why("it is in " + name_of(seen.phase), seen));
+    if (now - part.asked_ns > config_.order_ns) mark_lost(drone, with_why("it did not begin its path", seen));
     return;
   }
-  if (seen.paths > part.paths + 1) return lose(drone, "somebody else flies it");
+  if (seen.paths > part.paths + 1) return mark_lost(drone, "somebody else flies it");
   part.leg = Leg::flying;
   const std::size_t count = mission_.drones[drone].waypoints.size();
   part.reached = std::min(count, part.begun_at + seen.reached);
   const bool at_end = part.reached == count;
   if (seen.phase == DronePhase::path) return;
   if (seen.phase == DronePhase::landing || seen.phase == DronePhase::landed) {
-    if (!at_end || !mission_.drones[drone].land_behind) return lose(drone, with_why("it lands", seen));
+    if (!at_end || !mission_.drones[drone].land_behind) return mark_lost(drone, with_why("it lands", seen));
     part.leg = Leg::landing;
-    return look_behind(drone, seen);
+    return observe_end(drone, seen);
   }
-  if (!hovers(seen)) return lose(drone, with_why("it is in " + name_of(seen.phase), seen));
+  if (!hovers(seen)) return mark_lost(drone, with_why("it is in " + name_of(seen.phase), seen));
   if (at_end) {
     part.leg = Leg::ended;
-    return tell(Level::info, name(drone), fmt::format("mission {}: it hovers at its end", mission_.name));
+    return add_event(Level::info, name(drone), fmt::format("mission {}: it hovers at its end", mission_.name));
   }
-  if (!paused_ && !seen.paused) return lose(drone, with_why("it gave up its path", seen));
+  if (!paused_ && !seen.paused) return mark_lost(drone, with_why("it gave up its path", seen));
   part.leg = Leg::halted;
   part.paths = seen.paths;
   hold(fmt::format("{} was paused", name(drone)));
 }
 
-void MissionRun::look_behind(std::size_t drone, const DroneNow& seen) {
+void MissionRun::observe_end(std::size_t drone, const DroneNow& seen) {
   Part& part = parts_[drone];
   if (seen.phase == DronePhase::landed) {
     part.leg = Leg::landed;
-    tell(Level::info, name(drone), fmt::format("mission {}: it has landed", mission_.name));
+    add_event(Level::info, name(drone), fmt::format("mission {}: it has landed", mission_.name));
   } else if (seen.phase == DronePhase::waiting || seen.phase == DronePhase::failed) {
-    lose(drone, with_why("it is flown no longer", seen));
+    mark_lost(drone, with_why("it is flown no longer", seen));
   }
 }
 
@@ -273,16 +275,17 @@ void MissionRun::find(TimeNs now, std::size_t drone, const DroneNow& seen) {
   } else if (seen.seen && seen.on_ground) {
     DroneNow landed = seen;
     landed.phase = DronePhase::landed;
-    part.leg == Leg::landing ? look_behind(drone, landed) : lose(drone, with_why("it was found on the ground", seen));
+    part.leg == Leg::landing ? observe_end(drone, landed)
+                             : mark_lost(drone, with_why("it was found on the ground", seen));
     part.found = true;
   } else if (is_late) {
-    lose(drone, with_why("it was not found in the air", seen));
+    mark_lost(drone, with_why("it was not found in the air", seen));
   }
 }
 
 // All drones are found or lost, and who has approved it is known, if it matters.
 bool MissionRun::is_recovered(TimeNs now) const {
-  return std::all_of(parts_.begin(), parts_.end(), [](const Part& part) { return part.found; }) &&
+  return std::ranges::all_of(parts_, [](const Part& part) { return part.found; }) &&
          (approvals_read_ || config_.after_restart != AfterRestart::go_on ||
           now - recovering_since_ns_ > config_.find_ns);
 }
@@ -298,10 +301,10 @@ void MissionRun::recover() {
   awaits_check_ = !paused_;
 }
 
-void MissionRun::go_on(const Status& checked) {
+void MissionRun::resume_after_check(const Status& checked) {
   if (!std::exchange(awaits_check_, false)) return;
   if (!checked) return hold(checked.error().message);
-  tell(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
+  add_event(Level::warning, "", fmt::format("mission {} goes on after a restart", mission_.name));
 }
 
 void MissionRun::order(TimeNs now, std::size_t drone, const DroneNow& seen, std::size_t index) {
@@ -347,7 +350,7 @@ void MissionRun::conduct(TimeNs now, std::span<const DroneNow> drones, std::span
   }
   if (phase_ != RunPhase::taking_off) return;
   phase_ = RunPhase::to_start;
-  tell(Level::info, "", fmt::format("mission {}: all hover, their paths begin", mission_.name));
+  add_event(Level::info, "", fmt::format("mission {}: all hover, their paths begin", mission_.name));
 }
 
 void MissionRun::advance() {
@@ -359,12 +362,12 @@ void MissionRun::advance() {
   };
   if (phase_ == RunPhase::to_start && all([&](std::size_t i) { return parts_[i].reached > 0 || is_over(i); })) {
     phase_ = RunPhase::flying;
-    tell(Level::info, "", fmt::format("mission {}: all are at their first waypoint", mission_.name));
+    add_event(Level::info, "", fmt::format("mission {}: all are at their first waypoint", mission_.name));
   }
   if (phase_ == RunPhase::flying && all([&](std::size_t i) { return is_over(i); })) {
     phase_ = RunPhase::done;
     paused_ = false;
-    tell(Level::info, "", fmt::format("mission {} is done", mission_.name));
+    add_event(Level::info, "", fmt::format("mission {} is done", mission_.name));
   }
 }
 
@@ -385,10 +388,9 @@ void MissionRun::land(std::size_t drone, const DroneNow& seen, std::size_t index
 RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
   std::vector<std::size_t> indices;  // of each drone among `drones`; their count: it is not there
   for (std::size_t i = 0; i < parts_.size(); ++i) {
-    const auto found =
-        std::find_if(drones.begin(), drones.end(), [&](const DroneNow& seen) { return seen.name == name(i); });
+    const auto found = std::ranges::find_if(drones, [&](const DroneNow& seen) { return seen.name == name(i); });
     indices.push_back(static_cast<std::size_t>(found - drones.begin()));
-    if (found == drones.end() && active() && !is_over(i)) lose(i, "it does not fly here");
+    if (found == drones.end() && active() && !is_over(i)) mark_lost(i, "it does not fly here");
   }
   if (recovering_ && config_.after_restart == AfterRestart::land) abort("the ground station was started again");
   recovering_ = recovering_ && active();
@@ -400,7 +402,7 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
     if (is_recovered(now)) recover();
   } else if (active()) {
     for (std::size_t i = 0; i < parts_.size() && active(); ++i) {
-      if (indices[i] < drones.size()) look(now, i, drones[indices[i]]);
+      if (indices[i] < drones.size()) observe(now, i, drones[indices[i]]);
     }
   }
   if (!recovering_ && !awaits_check_ && active()) conduct(now, drones, indices);
@@ -415,6 +417,109 @@ RunOutputs MissionRun::step(TimeNs now, std::span<const DroneNow> drones) {
   out.changed = state != last_saved_state_;
   last_saved_state_ = std::move(state);
   return out;
+}
+
+namespace {
+
+using nlohmann::json;
+namespace strict = ground::json;
+
+constexpr int version = 1;
+// A mission, one deeper, and five values of each drone.
+constexpr strict::Bounds saved_bounds{max_saved_bytes, 6, (5 * motion::max_waypoints + 20) * max_drones + 20};
+
+template <typename Names>
+std::optional<std::size_t> index_in(const Names& names, const json& name) {
+  if (!name.is_string()) return std::nullopt;
+  const auto found = std::ranges::find(names, name.get_ref<const std::string&>());
+  if (found == names.end()) return std::nullopt;
+  return static_cast<std::size_t>(found - names.begin());
+}
+
+Result<RunPhase> phase_from(const json& name) {
+  for (std::size_t i = 0; i < enum_count<RunPhase>; ++i) {
+    if (name == name_of(static_cast<RunPhase>(i))) return static_cast<RunPhase>(i);
+  }
+  return Error{"phase must be one of a mission's"};
+}
+
+constexpr std::array<std::string_view, 10> leg_names{"standing", "rising", "ready",   "ordered", "flying",
+                                                     "halted",   "ended",  "landing", "landed",  "lost"};
+static_assert(leg_names.size() == enum_count<DroneProgress::Leg>);
+
+Result<DroneProgress> drone_from(const json& given, const MissionDrone& drone) {
+  using Leg = DroneProgress::Leg;
+  if (!given.is_object()) return Error{"must be an object"};
+  if (const Status keys = strict::only(given, {"drone", "leg", "reached", "to_land"}); !keys) return keys.error();
+  if (given.value("drone", json()) != drone.drone) return Error{fmt::format("must be {}", drone.drone)};
+  const auto leg = index_in(leg_names, given.value("leg", json()));
+  if (!leg) return Error{"leg must be one of a mission's"};
+  const json reached = given.value("reached", json());
+  const std::size_t count = drone.waypoints.size();
+  if (!reached.is_number_unsigned() || reached.get<std::uint64_t>() > count)
+    return Error{fmt::format("reached must be 0 to {}", count)};
+  const json to_land = given.value("to_land", json());
+  if (!to_land.is_boolean()) return Error{"to_land must be true or false"};
+  const DroneProgress read{static_cast<Leg>(*leg), reached.get<std::size_t>(), to_land.get<bool>()};
+  const bool at_end = read.leg == Leg::ended || read.leg == Leg::landing || read.leg == Leg::landed;
+  if (read.leg != Leg::lost && at_end != (read.reached == count))
+    return Error{fmt::format("leg {} does not go with {} of {} waypoints", leg_names[*leg], read.reached, count)};
+  if (read.leg == Leg::landing && !drone.land_behind)
+    return Error{"leg landing does not go with a path that ends in hovering"};
+  return read;
+}
+
+}  // namespace
+
+std::string text_of(const RunProgress& progress, const Mission& mission) {
+  json drones = json::array();
+  for (std::size_t i = 0; i < progress.drones.size(); ++i)
+    drones.push_back({{"drone", mission.drones[i].drone},
+                      {"leg", leg_names[static_cast<std::size_t>(progress.drones[i].leg)]},
+                      {"reached", progress.drones[i].reached},
+                      {"to_land", progress.drones[i].landing_due}});
+  const json state{{"version", version},
+                   {"phase", name_of(progress.phase)},
+                   {"paused", progress.paused},
+                   {"why", progress.why},
+                   {"drones", std::move(drones)}};
+  return state.dump();
+}
+
+std::string text_of(const RunProgress& progress, const Mission& mission, const std::string& canonical) {
+  std::string text = text_of(progress, mission);
+  text.back() = ',';
+  return text + R"("mission":)" + canonical + "}";
+}
+
+Result<SavedRun> saved_run_from(std::string_view text) {
+  const auto wrong = [](const std::string& what) { return Error{"the kept mission: " + what}; };
+  if (text.size() > max_saved_bytes) return wrong(fmt::format("has {} bytes; {} may be", text.size(), max_saved_bytes));
+  const auto parsed = strict::object_from(text, "the kept mission", saved_bounds);
+  if (!parsed) return parsed.error();
+  if (const Status keys = strict::only(*parsed, {"version", "mission", "phase", "paused", "why", "drones"}); !keys)
+    return wrong(keys.error().message);
+  if (parsed->value("version", json()) != version) return wrong(fmt::format("version must be {}", version));
+  auto mission = mission_from_json(parsed->value("mission", json()));
+  if (!mission) return wrong(mission.error().message);
+  SavedRun saved{std::move(*mission), {}};
+  sort_by_name(saved.mission);
+  const auto phase = phase_from(parsed->value("phase", json()));
+  if (!phase) return wrong(phase.error().message);
+  const json paused = parsed->value("paused", json()), why = parsed->value("why", json());
+  if (!paused.is_boolean() || !why.is_string()) return wrong("paused must be true or false, why a text");
+  const json drones = parsed->value("drones", json());
+  if (!drones.is_array() || drones.size() != saved.mission.drones.size())
+    return wrong(fmt::format("drones must be a list of {}", saved.mission.drones.size()));
+  for (std::size_t i = 0; i < drones.size(); ++i) {
+    const auto drone = drone_from(drones[i], saved.mission.drones[i]);
+    if (!drone) return wrong(fmt::format("drone number {}: {}", i + 1, drone.error().message));
+    saved.progress.drones.push_back(*drone);
+  }
+  saved.progress.phase = *phase;
+  saved.progress.paused = paused.get<bool>();
+  saved.progress.why = printable(why.get<std::string>());
+  return saved;
 }
 
 }  // namespace ledgerline::ground::mission

@@ -6,7 +6,6 @@
 #include <vector>
 
 #include "ground/mission/check.hpp"
-#include "ground/mission/drone_now.hpp"
 #include "ground/mission/mission.hpp"
 
 namespace ledgerline::ground::mission {
@@ -123,10 +122,11 @@ class MissionRun {
   Status pause();
   Status resume();
   Status end(const std::string& why);  ///< all land
-  /// After a restart its drones hover until somebody has checked rest() and says by go_on() what came of it.
+  /// After a restart its drones hover until somebody has checked rest() and says by resume_after_check() what came of
+  /// it.
   bool awaits_check() const { return awaits_check_; }
   /// An error: they go on hovering until somebody resumes.
-  void go_on(const Status& checked);
+  void resume_after_check(const Status& checked);
 
   /// `drones`: all of the flight, in FlightConfig's order, behind FlightCore's step.
   RunOutputs step(TimeNs now, std::span<const DroneNow> drones);
@@ -145,14 +145,16 @@ class MissionRun {
   MissionRun(Mission mission, const RunConfig& config);
   RunProgress progress() const;
   Status missing_approvals() const;
-  void tell(Level level, const std::string& drone, const std::string& text) { events_.push_back({level, drone, text}); }
-  void lose(std::size_t drone, const std::string& why);
+  void add_event(Level level, const std::string& drone, const std::string& text) {
+    events_.push_back({level, drone, text});
+  }
+  void mark_lost(std::size_t drone, const std::string& why);
   void hold(const std::string& why);
   void abort(const std::string& why);
-  void look(TimeNs now, std::size_t drone, const DroneNow& seen);
-  void look_rising(TimeNs now, std::size_t drone, const DroneNow& seen);
-  void look_flying(TimeNs now, std::size_t drone, const DroneNow& seen);
-  void look_behind(std::size_t drone, const DroneNow& seen);
+  void observe(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void observe_rising(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void observe_flying(TimeNs now, std::size_t drone, const DroneNow& seen);
+  void observe_end(std::size_t drone, const DroneNow& seen);
   void find(TimeNs now, std::size_t drone, const DroneNow& seen);
   bool is_recovered(TimeNs now) const;
   void recover();

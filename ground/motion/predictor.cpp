@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 constexpr TimeNs cell_ns = 10 * ns_per_ms;
@@ -164,7 +164,7 @@ void Predictor::Rollout::move(const Eigen::Vector3d& sent, double dt_s) {
   motion_.stamp_ns += from_seconds(dt_s);
 }
 
-void Predictor::Rollout::tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns) {
+void Predictor::Rollout::send(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns) {
   while (sent_ns_ < until_ns) {
     const TimeNs dt_ns = std::min(cell_ns, until_ns - sent_ns_);
     const double dt_s = to_seconds(dt_ns);
@@ -203,12 +203,12 @@ Predictor::Rollout Predictor::until(TimeNs meant_ns) const {
     const TimeNs to_ns = std::min(out.sent_ns_ + cell_ns, until_ns);
     const std::optional<Setpoint> setpoint = planned(out.sent_ns_ - late_ns_);
     if (setpoint) {
-      out.tell(vector(setpoint->velocity_mps), static_cast<double>(setpoint->yaw_rate_radps), to_ns);
+      out.send(vector(setpoint->velocity_mps), static_cast<double>(setpoint->yaw_rate_radps), to_ns);
     } else {
-      out.tell(out.sent_, 0, to_ns);
+      out.send(out.sent_, 0, to_ns);
     }
   }
   return out;
 }
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

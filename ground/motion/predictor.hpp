@@ -9,7 +9,7 @@
 #include "common/msg/onboard.hpp"
 #include "ground/motion/response.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 
 /// Position, velocity and yaw of a drone at a moment of its clock; map frame.
 struct Motion {
@@ -68,7 +68,7 @@ class Predictor {
     TimeNs sent_until_ns() const { return sent_ns_; }
     const Eigen::Vector3d& sent_mps() const { return sent_; }
     /// The drone is sent this velocity, as fast as link lets it change, until then.
-    void tell(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns);
+    void send(const Eigen::Vector3d& velocity_mps, double yaw_rate_radps, TimeNs until_ns);
 
    private:
     friend class Predictor;
@@ -113,4 +113,4 @@ class Predictor {
   double yaw_rad_ = 0;
 };
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 constexpr TimeNs window_ns = 600 * ns_per_ms;  // from t1 to t2: as long as what is predicted, so that it fits that best
@@ -120,4 +120,4 @@ void ResponseEstimator::choose() {
   response_.dead_s += shift * candidate_step_s;
 }
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -6,7 +6,7 @@
 
 #include "common/rt/clock.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 
 /// How a drone's velocity v answers the velocity u that it is sent, with the wind's push w [m/s]:
 ///
@@ -70,4 +70,4 @@ class ResponseEstimator {
   std::size_t fitted_ = 0;
 };
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 constexpr double grain_m = 0.01;
@@ -190,4 +190,4 @@ double Track::lap_s(double speed_mps) const {
   return lap;
 }
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -2,9 +2,9 @@
 #include <Eigen/Core>
 #include <vector>
 
-#include "ground/motion/course.hpp"
+#include "ground/motion/waypoints.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 
 struct TrackLimits {
   double acceleration_mps2 =
@@ -63,4 +63,4 @@ class Track {
   std::vector<PathPoint> knots_;
 };
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

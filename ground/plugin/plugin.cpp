@@ -1,4 +1,4 @@
-#include "ground/plugin/plugin.hpp"
+#include "ground/core/follower.hpp"
 
 #include <dlfcn.h>
 #include <fmt/format.h>

@@ -31,6 +31,11 @@ std::vector<std::string> names_of(const FlightView& view) {
   return names;
 }
 
+Level level_of(fabric::CertificateWatch::Weight weight) {
+  using Weight = fabric::CertificateWatch::Weight;
+  return weight == Weight::info ? Level::info : weight == Weight::warning ? Level::warning : Level::alarm;
+}
+
 FlightView view_of(const std::vector<std::unique_ptr<Channel>>& channels, const std::vector<std::size_t>& channel_of) {
   std::vector<const FlightCore*> cores;
   for (const auto& channel : channels) cores.push_back(&channel->core());
@@ -40,14 +45,16 @@ FlightView view_of(const std::vector<std::unique_ptr<Channel>>& channels, const 
 }  // namespace
 
 Ground::Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
-               const PilotSettings& pilot, dds::ParticipantPtr participant)
+               const PilotSettings& pilot, dds::ParticipantPtr participant,
+               std::unique_ptr<fabric::CertificateWatch> watch)
     : output_(std::move(output)),
       pilot_(pilot),
       channels_(open_channels(std::move(channels))),
       view_(view_of(channels_, channel_of)),
       names_(names_of(view_)),
       topics_(std::move(participant), names_),
-      lost_(channels_.size()) {}
+      lost_(channels_.size()),
+      watch_(std::move(watch)) {}
 
 Ground::~Ground() {
   inbox_.close();
@@ -74,11 +81,10 @@ std::vector<std::unique_ptr<Channel>> Ground::open_channels(std::vector<Channel:
 Status Ground::start(const std::atomic<bool>& quit) {
   if (auto status = recorder_.open(output_.trace); !status) return status;
   if (auto status = topics_.open_writers(); !status) return status;
-  if (certificates_) {
-    certificates_->start([this](Level level, const std::string& words) {
-      if (station_) post_event(level, "", words);
-    });
-  }
+  watch_->start([this](fabric::CertificateWatch::Weight weight, const std::string& words) {
+    fabric::CertificateWatch::log(weight, words);
+    if (station_) post_event(level_of(weight), "", words);
+  });
   for (const auto& channel : channels_) channel->open_stream();
   if (auto status = wait_for_block_streams(quit); !status) return status;
   for (const auto& channel : channels_) {
@@ -93,7 +99,7 @@ Status Ground::start(const std::atomic<bool>& quit) {
     if (auto status = missions_->restore(); !status) return status;
   }
   return topics_.read_pilots(pilot_, [this](std::size_t drone, const PilotTopic& topic, std::string_view cdr) {
-    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.take(cdr, monotonic_ns(), command); });
+    inbox_.post_command(drone, std::nullopt, [&](PilotCommand& command) { topic.apply(cdr, monotonic_ns(), command); });
   });
 }
 
@@ -178,11 +184,12 @@ Status Ground::serve(const service::ServiceSettings& settings, service::MissionS
     if (Status opened = open_operators(settings, ledgers); !opened) return opened;
   }
   service::Server::Behind behind{
-      .take = [this](const PilotCommand& one) { return take(one); },
+      .take = [this](const PilotCommand& one) { return command(one); },
       .keys = operators_ ? &operators_->keys() : nullptr,
-      .ask_missions = [this](
-                          service::MissionAsk asked,
-                          std::function<void(service::ApiAnswer)> answer) { ask(std::move(asked), std::move(answer)); },
+      .request_mission =
+          [this](service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer) {
+            request_mission(std::move(asked), std::move(answer));
+          },
       .tell = [this](Level level, std::string words) { post_event(level, "", std::move(words)); }};
   return station_->open(settings, greeting, std::move(behind), std::bind_front(&Ground::post_event, this));
 }
@@ -193,29 +200,29 @@ void Ground::post_event(Level level, const std::string& drone, std::string words
 
 // A stop may wait until the ledger is reached, and so may a landing; nobody wants another word then that he gave
 // before.
-Status Ground::take(const PilotCommand& one) {
+Status Ground::command(const PilotCommand& one) {
   if (!flying_ && !brings_down(one)) return Error{"the ledger is not reached yet: nothing can fly"};
   inbox_.post_command(one);
   return done;
 }
 
-void Ground::ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer) {
+void Ground::request_mission(service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer) {
   if (!flying_) return answer(service::refusal(503, "the ledger is not reached yet"));
-  missions_->ask(std::move(asked), std::move(answer));
+  missions_->request(std::move(asked), std::move(answer));
 }
 
 Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightInputs& inputs) {
   Channel& channel = *channels_[index];
   if (const auto* block = std::get_if<fabric::Block>(&news)) {
-    const auto now = channel.take(*block);
+    const auto now = channel.on_block(*block);
     if (!now) return now.error();
     if (!*now) return done;
     inputs.block = block;
-    if (certificates_) certificates_->note(*block);
-    if (operators_) operators_->look(index, *block);
+    ends_.add(*block);
+    if (operators_) operators_->on_block(index, *block);
     if (index > 0) return done;  // missions are approved on the channel of [ledger], whose blocks the page shows
     if (station_) station_->add_block(*block);
-    if (missions_) missions_->look(*block);
+    if (missions_) missions_->on_block(*block);
   } else if (const auto* ended = std::get_if<Channel::Ended>(&news)) {
     inputs.outcome = &ended->outcome;
     inputs.outcome_id = ended->id;
@@ -230,7 +237,7 @@ Status Ground::dispatch(std::size_t index, const Channel::Update& news, FlightIn
                    ended->outcome.code, ended->outcome.message);
     }
   } else if (const auto* read = std::get_if<Channel::ControlsRead>(&news)) {
-    auto held = channel.take(*read);
+    auto held = channel.on_controls(*read);
     if (!held) return held.error();
     // The blocks that waited come next, before any that came behind them.
     std::vector<Inbox::Event> next;
@@ -284,7 +291,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
     if (event) {
       if (auto status = dispatch(*event, inputs); !status) return status.error();
     }
-    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.take_commands());
+    const std::vector<std::vector<PilotCommand>> commands = split(inbox_.pop_commands());
     for (std::size_t i = 0; i < inputs.size(); ++i) {
       inputs[i].commands = commands[i];
       inputs[i].more = inbox_.has_more_for(i);
@@ -303,11 +310,7 @@ Result<bool> Ground::run(const std::atomic<bool>& quit) {
       break;
     }
     if (operators_) operators_->step(now_ns);
-    if (certificates_) {
-      certificates_->step(now_ns, [this](Level level, const std::string& words) {
-        if (station_) station_->add_event(level, "", words);
-      });
-    }
+    report_certificate_ends(now_ns);
     if (station_) station_->show(now_ns);
     if (output_.status_period_ns > 0 && now_ns >= next_status_ns_) write_status(now_ns);
   }
@@ -327,7 +330,7 @@ void Ground::step(std::vector<FlightInputs> inputs) {
     for (std::string& note : out.notes) notes.push_back(std::move(note));
   }
   for (const std::string& note : notes) spdlog::warn("{}", note);
-  if (station_) station_->look(notes);
+  if (station_) station_->update(notes);
 }
 
 void Ground::act(std::size_t index, FlightOutputs& out) {
@@ -358,9 +361,19 @@ ShellCounters Ground::losses_of(std::size_t channel) const {
   return counters;
 }
 
+void Ground::report_certificate_ends(TimeNs now_ns) {
+  if (now_ns < next_ends_ns_) return;
+  next_ends_ns_ = now_ns + ns_per_s;
+  for (const crypto::Renewal::Notice& word : ends_.due(realtime_ns() / ns_per_s)) {
+    spdlog::warn("{}", word.words);
+    const bool alarm = word.weight == crypto::Renewal::Weight::alarm;
+    if (station_) station_->add_event(alarm ? Level::alarm : Level::warning, "", word.words);
+  }
+}
+
 void Ground::write_status(TimeNs now_ns) {
   next_status_ns_ = now_ns + output_.status_period_ns;
-  print_status(status_line(view_, certificates_ ? std::optional(certificates_->days_left()) : std::nullopt));
+  print_status(status_line(view_, watch_->days_left()));
 }
 
 Status Ground::write_summary() {

@@ -8,16 +8,16 @@
 #include "common/dds/dds.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
+#include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/recorder.hpp"
-#include "ground/channel/channel.hpp"
 #include "ground/core/flight_view.hpp"
-#include "ground/shell/certificates.hpp"
+#include "ground/shell/channel.hpp"
 #include "ground/shell/inbox.hpp"
-#include "ground/shell/interfaces/ros_topics.hpp"
-#include "ground/shell/interfaces/station.hpp"
 #include "ground/shell/mission_service.hpp"
-#include "ground/shell/operators/sessions.hpp"
+#include "ground/shell/operators.hpp"
+#include "ground/shell/ros_topics.hpp"
 #include "ground/shell/settings.hpp"
+#include "ground/shell/station.hpp"
 
 namespace ledgerline::ground {
 
@@ -26,9 +26,10 @@ namespace ledgerline::ground {
 /// the drones' topics, and writes trace and status lines.
 class Ground {
  public:
-  /// `channels`: at least one, that of [ledger] first. `channel_of`: for each drone, in the config's order.
+  /// `channels`: at least one, that of [ledger] first. `channel_of`: for each drone, in the config's order. `watch`:
+  /// has renewed certificates taken while it runs.
   Ground(std::vector<Channel::Parts> channels, const std::vector<std::size_t>& channel_of, OutputSettings output,
-         const PilotSettings& pilot, dds::ParticipantPtr participant);
+         const PilotSettings& pilot, dds::ParticipantPtr participant, std::unique_ptr<fabric::CertificateWatch> watch);
   ~Ground();
 
   /// Opens trace and topics, subscribes to blocks, reads the drones' control records. Ends early, with an error, when
@@ -41,20 +42,15 @@ class Ground {
   /// the operators'.
   Status serve(const service::ServiceSettings& settings, service::MissionSettings missions,
                const std::vector<fabric::ClientConfig>& ledgers);
-  /// Has renewed certificates taken while it runs, and reports their ends on the station, with those of agents. Before
-  /// serve().
-  void watch_certificates(std::unique_ptr<fabric::CertificateWatch> watch) {
-    certificates_ = std::make_unique<Certificates>(std::move(watch));
-  }
   /// Where the page is; empty: nowhere.
   std::string page_url() const { return station_ ? station_->url() : std::string(); }
 
  private:
   std::vector<std::unique_ptr<Channel>> open_channels(std::vector<Channel::Parts> parts);
   /// What the page commands. Any thread. The error: it would only be flown later.
-  Status take(const PilotCommand& one);
+  Status command(const PilotCommand& one);
   /// What the page asks of missions. Any thread.
-  void ask(service::MissionAsk asked, std::function<void(service::ApiAnswer)> answer);
+  void request_mission(service::MissionRequest asked, std::function<void(service::ApiAnswer)> answer);
   /// As an event; `drone`: its name, empty: of none. Any thread.
   void post_event(service::Level level, const std::string& drone, std::string words);
   void open_missions(service::MissionSettings settings);
@@ -70,6 +66,8 @@ class Ground {
   void step(std::vector<FlightInputs> inputs);
   void act(std::size_t channel, FlightOutputs& out);
   ShellCounters losses_of(std::size_t channel) const;
+  /// Of agents' certificates, once a second: ends are reported by the day.
+  void report_certificate_ends(TimeNs now_ns);
   void write_status(TimeNs now_ns);
   Status write_summary();
 
@@ -82,6 +80,8 @@ class Ground {
   Recorder recorder_;
   RosTopics topics_;
   TimeNs next_status_ns_ = 0, next_unheard_log_ns_ = 0;
+  service::CertificateEnds ends_;
+  TimeNs next_ends_ns_ = 0;
   std::atomic<bool> flying_{false};  ///< run() is
   std::vector<bool> lost_;           ///< of each channel: what it says cannot be taken any more
 
@@ -89,7 +89,7 @@ class Ground {
   std::unique_ptr<OperatorSessions> operators_;  ///< null: nobody signs in
   std::unique_ptr<MissionService> missions_;     ///< null: there is no page
   std::unique_ptr<Station> station_;             ///< null: there is no page
-  std::unique_ptr<Certificates> certificates_;
+  std::unique_ptr<fabric::CertificateWatch> watch_;
 };
 
 }  // namespace ledgerline::ground

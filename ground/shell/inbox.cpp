@@ -12,8 +12,8 @@ void Inbox::post_command(std::size_t drone, const std::optional<crypto::Identity
                          const std::function<void(PilotCommand&)>& change) {
   {
     const std::lock_guard lock(commands_mutex_);
-    auto waiting = std::find_if(commands_.begin(), commands_.end(),
-                                [&](const PilotCommand& w) { return w.drone == drone && w.by == by; });
+    auto waiting =
+        std::ranges::find_if(commands_, [&](const PilotCommand& w) { return w.drone == drone && w.by == by; });
     if (waiting == commands_.end()) waiting = commands_.insert(waiting, {.drone = drone, .by = by});
     change(*waiting);
   }
@@ -41,13 +41,13 @@ void Inbox::put_first(std::vector<Event> events) {
 
 bool Inbox::has_more_for(std::size_t channel) {
   if (events_.empty()) events_ = mailbox_.pop_all();
-  return std::any_of(events_.begin(), events_.end(), [&](const Event& event) {
+  return std::ranges::any_of(events_, [&](const Event& event) {
     const auto* of = std::get_if<OfChannel>(&event);
     return !of || of->channel == channel;
   });
 }
 
-std::vector<PilotCommand> Inbox::take_commands() {
+std::vector<PilotCommand> Inbox::pop_commands() {
   const std::lock_guard lock(commands_mutex_);
   return std::exchange(commands_, {});
 }

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "common/rt/mailbox.hpp"
-#include "ground/channel/channel.hpp"
+#include "ground/shell/channel.hpp"
 
 namespace ledgerline::ground {
 
@@ -50,7 +50,7 @@ class Inbox {
   /// There is another event already, and it may be of that channel.
   bool has_more_for(std::size_t channel);
   /// What was commanded since the last time: at most one for each drone and operator.
-  std::vector<PilotCommand> take_commands();
+  std::vector<PilotCommand> pop_commands();
 
  private:
   Mailbox<Event> mailbox_;    ///< blocks in turn; of outcomes there are as many as calls in flight

@@ -3,7 +3,7 @@
 #include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
@@ -86,8 +86,7 @@ int fly(Config& config) {
   }
   auto participant = dds::Participant::create(dds);
   if (!participant) return fail(participant.error());
-  ground::Ground ground(std::move(parts), channels.of_drone, output, pilot, *participant);
-  ground.watch_certificates(std::move(*certificates));
+  ground::Ground ground(std::move(parts), channels.of_drone, output, pilot, *participant, std::move(*certificates));
   if (!service.listen.empty()) {
     if (auto status = ground.serve(service, std::move(missions), *ledgers); !status)
       return fail(status.error(), exit_usage);

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using service::ApiAnswer;
-using service::MissionAsk;
+using service::MissionRequest;
 using service::refusal;
 
 constexpr int max_tasks = 4;
@@ -104,8 +104,8 @@ Status MissionService::restore() {
   return done;
 }
 
-void MissionService::ask(MissionAsk asked, Answer answer) {
-  if (asked.kind == MissionAsk::Kind::add) {
+void MissionService::request(MissionRequest asked, Answer answer) {
+  if (asked.kind == MissionRequest::Kind::add) {
     if (!worker_.post([this, asked = std::move(asked), answer] { add(asked, answer); })) answer(busy());
     return;
   }
@@ -113,20 +113,20 @@ void MissionService::ask(MissionAsk asked, Answer answer) {
 }
 
 // On the worker.
-void MissionService::add(const MissionAsk& asked, const Answer& answer) {
+void MissionService::add(const MissionRequest& asked, const Answer& answer) {
   auto mission = asked.csv ? mission::mission_from_csv(asked.text, asked.name) : mission::mission_from_json(asked.text);
   if (!mission) return answer(refusal(400, mission.error().message));
   auto run = mission::MissionRun::make(std::move(*mission), parts_.settings.run);
   if (!run) return answer(refusal(400, run.error().message));
   const auto made = std::make_shared<mission::MissionRun>(std::move(*run));
-  later([this, made, by = asked.by, answer] { take(std::move(*made), by, answer); });
+  later([this, made, by = asked.by, answer] { add_run(std::move(*made), by, answer); });
 }
 
-void MissionService::take(mission::MissionRun run, const std::optional<crypto::IdentityName>& by,
-                          const Answer& answer) {
+void MissionService::add_run(mission::MissionRun run, const std::optional<crypto::IdentityName>& by,
+                             const Answer& answer) {
   const auto id = book_.add(std::move(run), by);
   if (!id) return answer(refusal(409, id.error().message));
-  keep(*id);
+  save(*id);
   read_signers(*id);
   check(book_.mission(*id), [this, id = *id, answer](Checked checked) {
     book_.set_findings(id, std::move(checked.findings));
@@ -152,7 +152,8 @@ void MissionService::read_signers(const std::string& id, std::function<void(cons
   if (organisations.empty()) organisations = {parts_.core.config().self.msp_id};  // as the book counts them
   const auto digests = terms_.now(book_.digest(id), realtime_ns() / ns_per_s);
   const bool taken = worker_.post([this, id, digests, then, organisations = std::move(organisations)] {
-    auto signers = approvers_of([this](const fabric::Call& call) { return ask_ledger(call); }, digests, organisations);
+    auto signers =
+        approvers_of([this](const fabric::Call& call) { return query_ledger(call); }, digests, organisations);
     later([this, id, then, signers = std::move(signers)] {
       if (signers) {
         book_.set_signers(id, *signers);
@@ -168,18 +169,18 @@ void MissionService::read_signers(const std::string& id, std::function<void(cons
   if (then) then(Error{"too many missions wait to be looked at"});
 }
 
-Result<std::string> MissionService::ask_ledger(const fabric::Call& call) {
+Result<std::string> MissionService::query_ledger(const fabric::Call& call) {
   if (closed_) return Error{"the ground ends"};
   return parts_.client.evaluate(call);
 }
 
-void MissionService::look(const fabric::Block& block) {
+void MissionService::on_block(const fabric::Block& block) {
   for (const std::string& id : service::anchored_in(block, book_, terms_, realtime_ns() / ns_per_s)) read_signers(id);
-  if (service::changes_roles(block)) all_again_.want();
+  if (service::changes_roles(block)) all_again_.request();
 }
 
-void MissionService::answer_on_flight(const MissionAsk& asked, const Answer& answer) {
-  using Kind = MissionAsk::Kind;
+void MissionService::answer_on_flight(const MissionRequest& asked, const Answer& answer) {
+  using Kind = MissionRequest::Kind;
   if (asked.kind == Kind::list) return answer({200, fmt::format(R"({{"missions":{}}})", book_.list())});
   if (!book_.has(asked.id)) return answer(refusal(404, "there is no such mission"));
   switch (asked.kind) {
@@ -207,7 +208,7 @@ void MissionService::answer_on_flight(const MissionAsk& asked, const Answer& ans
   }
 }
 
-void MissionService::fly(const mission::Mission& part, Begin begin, const MissionAsk& asked, const Answer& answer) {
+void MissionService::fly(const mission::Mission& part, Begin begin, const MissionRequest& asked, const Answer& answer) {
   // Two persons are two now, not when they clicked: what counts is what the ledger says at the start.
   read_signers(asked.id, [this, part, begin, asked, answer](const Status& read) {
     if (!read) return answer(refusal(503, "who approves it cannot be read now: " + read.error().message));
@@ -220,9 +221,9 @@ void MissionService::fly(const mission::Mission& part, Begin begin, const Missio
 }
 
 // An approval, or what withdraws it.
-void MissionService::anchor(const MissionAsk& asked, const Answer& answer) {
+void MissionService::anchor(const MissionRequest& asked, const Answer& answer) {
   using Kind = service::OperatorCall::Kind;
-  const bool approves = asked.kind == MissionAsk::Kind::approve;
+  const bool approves = asked.kind == MissionRequest::Kind::approve;
   const std::int64_t now_s = realtime_ns() / ns_per_s;
   service::OperatorCall call{.kind = approves ? Kind::approve : Kind::withdraw};
   const service::ApprovalTerms::Digests digests = terms_.now(book_.digest(asked.id), now_s).front();
@@ -252,29 +253,29 @@ void MissionService::step(TimeNs now) {
     task();
   }
   if (!waiting_.empty()) parts_.wake();
-  for (const std::string& id : unread_.take(now)) {
+  for (const std::string& id : unread_.pop_due(now)) {
     if (book_.has(id)) read_signers(id);
   }
   const std::int64_t period = terms_.period(realtime_ns() / ns_per_s);
-  if (std::exchange(period_, period) != period) all_again_.want();
-  if (all_again_.take(now)) {
+  if (std::exchange(period_, period) != period) all_again_.request();
+  if (all_again_.start(now)) {
     for (const std::string& id : book_.ids()) read_signers(id);
   }
   if (book_.busy()) {
     service::MissionBook::Outputs out = book_.step(now, parts_.core);
     for (const PilotCommand& command : out.commands) parts_.post_command(command);
     for (const mission::RunEvent& event : out.events) parts_.tell(event.level, event.drone, event.text);
-    for (const std::string& id : out.kept) keep(id);
+    for (const std::string& id : out.kept) save(id);
     for (const std::string& id : out.ended) write_record(id);
     for (const std::string& id : out.awaiting_check)
-      check(book_.rest(id), [this, id](const Checked& checked) { book_.go_on(id, checked, parts_.core); });
+      check(book_.rest(id), [this, id](const Checked& checked) { book_.resume_after_check(id, checked, parts_.core); });
   }
   if (book_.changed()) parts_.publish(book_.list());
 }
 
-void MissionService::keep(const std::string& id) {
+void MissionService::save(const std::string& id) {
   if (parts_.settings.folder.empty()) return;
-  const bool taken = disk_.post([file = file_of(id), text = book_.keep(id)] {
+  const bool taken = disk_.post([file = file_of(id), text = book_.saved(id)] {
     if (const Status kept = replace_file(file, text, 0600); !kept)
       spdlog::error("a mission is not kept: {}", kept.error().message);
   });

@@ -43,9 +43,9 @@ class MissionService {
   ~MissionService() { close(); }
 
   /// Any thread; `answer` comes exactly once, on a thread of the service's or of the flight's.
-  void ask(service::MissionAsk asked, Answer answer);
+  void request(service::MissionRequest asked, Answer answer);
   /// A block of the ledger, which may approve.
-  void look(const fabric::Block& block);
+  void on_block(const fabric::Block& block);
   /// Somebody is no operator any more.
   void disown(const crypto::IdentityName& owner) { book_.disown(owner); }
   /// Behind FlightCore's step.
@@ -58,20 +58,20 @@ class MissionService {
   using Task = std::function<void()>;
   using Checked = service::MissionBook::Checked;
   void later(Task task);  ///< on the flight's thread
-  void add(const service::MissionAsk& asked, const Answer& answer);
-  void take(mission::MissionRun run, const std::optional<crypto::IdentityName>& by, const Answer& answer);
-  Result<std::string> ask_ledger(const fabric::Call& call);  ///< on the worker
+  void add(const service::MissionRequest& asked, const Answer& answer);
+  void add_run(mission::MissionRun run, const std::optional<crypto::IdentityName>& by, const Answer& answer);
+  Result<std::string> query_ledger(const fabric::Call& call);  ///< on the worker
   void check(const mission::Mission& mission, std::function<void(Checked)> then);
   using Begin = Status (service::MissionBook::*)(const std::string&, const std::optional<crypto::IdentityName>&,
                                                  const Checked&, const FlightView&);
   /// Reads who approves it now, checks that part of the mission, and begins it.
-  void fly(const mission::Mission& part, Begin begin, const service::MissionAsk& asked, const Answer& answer);
+  void fly(const mission::Mission& part, Begin begin, const service::MissionRequest& asked, const Answer& answer);
   void read_signers(const std::string& id) { read_signers(id, nullptr); }
   /// `then` (may be null): on the flight's thread, behind what was read; why it could not be.
   void read_signers(const std::string& id, std::function<void(const Status& read)> then);
-  void answer_on_flight(const service::MissionAsk& asked, const Answer& answer);
-  void anchor(const service::MissionAsk& asked, const Answer& answer);
-  void keep(const std::string& id);
+  void answer_on_flight(const service::MissionRequest& asked, const Answer& answer);
+  void anchor(const service::MissionRequest& asked, const Answer& answer);
+  void save(const std::string& id);
   void forget(const std::string& id);
   void write_record(const std::string& id);
   std::string file_of(const std::string& id) const { return parts_.settings.folder + "/" + id + ".json"; }

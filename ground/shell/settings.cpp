@@ -6,9 +6,9 @@
 #include <nlohmann/json.hpp>
 
 #include "common/rt/histogram.hpp"
-#include "ground/core/topics.hpp"
-#include "ground/plugin/plugin.hpp"
-#include "ground/shell/course_file.hpp"
+#include "ground/core/flight_types.hpp"
+#include "ground/core/follower.hpp"
+#include "ground/shell/path_file.hpp"
 
 namespace ledgerline::ground {
 
@@ -16,20 +16,23 @@ using nlohmann::json;
 
 namespace {
 
+/// Those of the file that this key names.
+std::vector<Waypoint> read_waypoints_of(Config& config, const Key& key) {
+  auto waypoints = read_waypoints(config.text(key));
+  if (waypoints) return std::move(*waypoints);
+  config.wrong(key.name, "must be a file of waypoints: " + waypoints.error().message);
+  return {};
+}
+
 void read_path(Config& config, FlightConfig& flight) {
   const std::string shape = config.choice(
       {"flight.shape", "the path; manual: a pilot's ROS 2 messages instead; waypoints: a path of your own"},
       {"square", "triangle", "x", "eight", "manual", "waypoints"}, "square");
   flight.manual = shape == "manual";
   if (shape == "waypoints" || config.describes()) {
-    auto waypoints = read_waypoints(
-        config.text({"flight.waypoints", "CSV file of x,y[,z[,speed]], for shape = \"waypoints\" and for no other",
-                     "must be there with that shape"}));
-    if (waypoints) {
-      flight.waypoints = std::move(waypoints).value();
-    } else {
-      config.wrong("flight.waypoints", "must be a file of waypoints: " + waypoints.error().message);
-    }
+    flight.waypoints = read_waypoints_of(
+        config, {"flight.waypoints", "CSV file of x,y[,z[,speed]], for shape = \"waypoints\" and for no other",
+                 "must be there with that shape"});
   } else if (!flight.manual) {
     flight.shape = *shape_from_name(shape);
   }
@@ -102,13 +105,8 @@ void read_task(Config& config, const std::string& key, FlightConfig& flight, Fli
     config.wrong(key + "shape", "must not be there with [flight] shape = \"manual\", which has no path");
   Task task{flight.shape, flight.side_m, {}, flight.controller.speed_mps, flight.laps};
   if (shape == "waypoints" || config.describes()) {
-    auto waypoints = read_waypoints(
-        config.text({key + "waypoints", "as flight.waypoints", "must be there with shape = \"waypoints\""}));
-    if (waypoints) {
-      task.waypoints = std::move(waypoints).value();
-    } else {
-      config.wrong(key + "waypoints", "must be a file of waypoints: " + waypoints.error().message);
-    }
+    task.waypoints = read_waypoints_of(
+        config, {key + "waypoints", "as flight.waypoints", "must be there with shape = \"waypoints\""});
   } else {
     task.shape = *shape_from_name(shape);
   }

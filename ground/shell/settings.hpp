@@ -5,9 +5,9 @@
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
 #include "common/rt/histogram.hpp"
+#include "ground/core/flight_types.hpp"
 #include "ground/core/flight_view.hpp"
-#include "ground/core/topics.hpp"
-#include "ground/service/core/settings.hpp"
+#include "ground/service/core/guard.hpp"
 #include "ground/service/missions/book.hpp"
 
 namespace ledgerline::ground {

@@ -179,8 +179,8 @@ std::string html_text(const std::vector<RunResult>& results) {
     run["drones"] = drones;
     runs.push_back(run);
   }
-  std::string page = report::filled(fault_template, "@DATE@", report::local_date());
-  return report::filled(page, "@DATA@", report::for_script(runs));
+  std::string page = page::filled(fault_template, "@DATE@", page::local_date());
+  return page::filled(page, "@DATA@", page::for_script(runs));
 }
 
 }  // namespace ledgerline::hil

@@ -11,7 +11,7 @@
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "common/msg/names.hpp"
-#include "ground/shell/course_file.hpp"
+#include "ground/shell/path_file.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
 #include "sim/core/pads.hpp"
@@ -49,7 +49,7 @@ void read_course(Config& config, const std::string& prefix, const std::string& f
     return;
   }
   if (!rows.empty()) {
-    auto points = motion::waypoints_from_csv(fmt::format("{}", fmt::join(rows, "\n")), "row");
+    auto points = ground::motion::waypoints_from_csv(fmt::format("{}", fmt::join(rows, "\n")), "row");
     if (points) {
       task.waypoints = std::move(*points);
     } else {
@@ -63,7 +63,7 @@ void read_course(Config& config, const std::string& prefix, const std::string& f
     task.waypoints.clear();
     return;
   }
-  auto course = ground::course_from(shape.front() == '/' || folder.empty() ? shape : folder + "/" + shape);
+  auto course = ground::path_choice_from(shape.front() == '/' || folder.empty() ? shape : folder + "/" + shape);
   if (course) {
     task.waypoints = std::move(course->waypoints);
   } else {

@@ -92,7 +92,7 @@ class Observer {
     for (const double lap_s : status.lap_s) {
       const TimeNs to_ns = from_ns + from_seconds(lap_s);
       SimulatedFlightResult::Drone::Lap lap;
-      lap.asked_mps = controller->asked_mps((static_cast<double>(laps.size()) + 0.5) * controller->lap_m());
+      lap.asked_mps = controller->requested_mps((static_cast<double>(laps.size()) + 0.5) * controller->lap_m());
       lap.flown_mps = controller->lap_m() / lap_s;
       lap.seconds = lap_s;
       std::tie(lap.rms_m, lap.max_m, lap.peak_mps) = flown(i, from_ns, to_ns);

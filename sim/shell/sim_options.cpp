@@ -2,7 +2,7 @@
 
 #include <numbers>
 
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/msg/onboard.hpp"
 #include "sim/core/pads.hpp"
 

@@ -38,7 +38,7 @@ int publish(std::uint32_t domain) {
   if (!writer) return 1;
   CdrWriter cdr;
   cdr.put(std::array<double, 6>{1, 2, 3, 4, 5, 6});
-  const std::string message = cdr.take();
+  const std::string message = cdr.release();
   for (auto next = std::chrono::steady_clock::now();; next += period) {
     (void)writer->publish(message);
     std::this_thread::sleep_until(next);

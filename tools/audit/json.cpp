@@ -146,8 +146,8 @@ json to_json(const ChainAudit& audit, const AuditRequest& asked) {
 }
 
 std::string to_page(json document) {
-  document["date"] = report::local_date();
-  return report::filled(report::audit_template, "@DATA@", report::for_script(document));
+  document["date"] = page::local_date();
+  return page::filled(report::audit_template, "@DATA@", page::for_script(document));
 }
 
 }  // namespace ledgerline::audit

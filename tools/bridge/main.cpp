@@ -2,7 +2,7 @@
 
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/fabric/config.hpp"
 #include "common/fabric/tls/certificate_watch.hpp"
 #include "common/program/program.hpp"

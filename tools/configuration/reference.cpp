@@ -8,7 +8,7 @@
 #include "chaincode/endorser/shell/settings.hpp"
 #include "chaincode/network/options.hpp"
 #include "common/bridge/core/rules.hpp"
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/fabric/channels.hpp"
 #include "common/fabric/config.hpp"
 #include "ground/shell/settings.hpp"

@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "common/base/file.hpp"
-#include "common/dds/settings/security.hpp"
+#include "common/dds/dds.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 

@@ -8,7 +8,7 @@
 
 #include "common/msg/names.hpp"
 #include "common/msg/onboard.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "onboard/link/shell/link_config.hpp"
 
 namespace ledgerline::deployment {

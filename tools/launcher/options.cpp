@@ -7,11 +7,11 @@
 #include <set>
 #include <sstream>
 
-#include "common/dds/settings/ros_release.hpp"
+#include "common/dds/reach.hpp"
 #include "common/msg/onboard.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
-#include "ground/shell/course_file.hpp"
+#include "ground/shell/path_file.hpp"
 #include "onboard/link/core/settings.hpp"
 #include "sim/core/pads.hpp"
 #include "tools/deployment/deployment.hpp"
@@ -260,7 +260,7 @@ Status apply_task_word(const std::string& word, DroneTask& task) {
   const auto equals = word.find('=');
   const std::string key = word.substr(0, equals), value = equals == std::string::npos ? "" : word.substr(equals + 1);
   if (key == "shape") {
-    auto course = ground::course_from(value);
+    auto course = ground::path_choice_from(value);
     if (!course) return course.error();
     task.course.shape = course->shape;
     task.course.waypoints = std::move(course->waypoints);
@@ -305,7 +305,7 @@ Status apply_tasks(const Words& words, Options& o) {
 /// Reads what the path is, its file too.
 Status apply_path(const Words& words, Options& o) {
   if (o.manual) return done;
-  auto course = ground::course_from(words.shape);
+  auto course = ground::path_choice_from(words.shape);
   if (!course) return Error{"--shape: " + course.error().message};
   o.shape = course->shape;
   o.waypoints = std::move(course->waypoints);

@@ -7,7 +7,6 @@
 #include <thread>
 
 #include "common/base/log.hpp"
-#include "common/msg/pose_messages.hpp"
 #include "common/msg/ros.hpp"
 #include "common/program/program.hpp"
 #include "common/rt/retry.hpp"

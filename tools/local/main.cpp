@@ -1,4 +1,4 @@
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/program/program.hpp"
 #include "common/program/stop_signals.hpp"
 #include "tools/local/local.hpp"

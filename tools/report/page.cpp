@@ -54,7 +54,7 @@ json page_data(const Results& results) {
   data["published_beside"] = to_json(published_for(ground::name_of(results.asked.shape), results.asked.drones));
   data["differences"] = differences(results);
   data["no_truth"] = results.asked.own ? no_truth : "";
-  data["date"] = local_date();
+  data["date"] = page::local_date();
   if (!data.contains("why")) data["why"] = "";
   return data;
 }
@@ -65,7 +65,8 @@ Result<std::string> to_page(const Results& results, const std::string& chart_js)
   std::ifstream file(chart_js);
   const std::string script((std::istreambuf_iterator<char>(file)), {});
   if (script.empty()) return Error{fmt::format("{} cannot be read: apt-get install libjs-chart.js", chart_js)};
-  return filled(filled(page_template, "@DATA@", for_script(page_data(results))), "@CHART_JS@", script);
+  const std::string page = page::filled(page_template, "@DATA@", page::for_script(page_data(results)));
+  return page::filled(page, "@CHART_JS@", script);
 }
 
 }  // namespace ledgerline::report

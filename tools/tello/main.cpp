@@ -8,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/base/ipv4.hpp"
 #include "common/base/log.hpp"
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/program/command_line.hpp"
 #include "common/program/program.hpp"
 #include "tools/checks/core/drone.hpp"

@@ -184,8 +184,8 @@ json to_json(const Metrics& f, const std::vector<Verdict>& verdicts) {
 }
 
 std::string to_page(json document) {
-  document["date"] = report::local_date();
-  return report::filled(report::timing_template, "@DATA@", report::for_script(document));
+  document["date"] = page::local_date();
+  return page::filled(report::timing_template, "@DATA@", page::for_script(document));
 }
 
 std::size_t write_perfetto(std::ostream& out, std::span<const SampleTrace> traces,

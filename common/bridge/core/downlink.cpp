@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <functional>
+#include <nlohmann/json.hpp>
 
 #include "common/msg/contract.hpp"
 #include "common/msg/proto_json.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/verification/calls.hpp"
 
 namespace ledgerline::bridge {
@@ -26,11 +28,6 @@ bool had(const Origin& newest, const Origin& other) {
 
 /// CDR as ROS 2 sends it: PLAIN_CDR in either byte order, behind its four bytes.
 bool is_cdr(std::string_view bytes) { return bytes.size() >= 4 && bytes[0] == 0 && (bytes[1] == 0 || bytes[1] == 1); }
-
-/// A type of ROS 2, and that of its [[topic]] where it says one.
-bool fits(const Downlink::Topic& topic, std::string_view type) {
-  return is_ros_type(type) && (topic.rule->type.empty() || topic.rule->type == type);
-}
 
 }  // namespace
 
@@ -62,7 +59,7 @@ void Downlink::on_block(TimeNs real_now, const fabric::Block& block, std::vector
       ++malformed_frames_;
       continue;
     }
-    take(real_now, tx, set_, out);
+    carry(real_now, tx, set_, out);
   }
 }
 
@@ -99,10 +96,15 @@ std::size_t Downlink::topic_of(std::string_view id, const Match& match, bool str
   return index;
 }
 
-// DDS has one type of a topic in a process: the id that brought it first may change it, another one may not.
-bool Downlink::has_type(std::size_t topic, std::string_view type) const {
+std::optional<Refusal> Downlink::unpublishable(std::size_t topic, const AssetView& asset) const {
+  if (topic == further_) return Refusal::too_many;
+  const std::string& wanted = topics_[topic].rule->type;
+  // DDS has one type of a topic in a process: the id that brought it first may change it, another one may not.
   const auto first = by_ros_name_.find(topics_[topic].name);
-  return first == by_ros_name_.end() || first->second == topic || topics_[first->second].type == type;
+  const bool has_type =
+      first == by_ros_name_.end() || first->second == topic || topics_[first->second].type == asset.type;
+  if (!is_ros_type(asset.type) || (!wanted.empty() && wanted != asset.type) || !has_type) return Refusal::wrong_type;
+  return is_cdr(asset.cdr) ? std::nullopt : std::optional(Refusal::malformed);
 }
 
 void Downlink::identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer) {
@@ -119,7 +121,7 @@ bool Downlink::may_write(const Signer& signer, std::string_view id) {
   return !is_msp_id(owner) || owner == signer.name.msp_id;
 }
 
-void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out) {
+void Downlink::carry(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out) {
   Signer signer;
   for (const AssetView& asset : set.assets) {
     const auto known = by_id_.find(asset.id);
@@ -151,12 +153,8 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
       refuse(topic, Refusal::unverified);
     } else if (!may_write(signer, asset.id)) {
       refuse(topic, Refusal::wrong_writer);
-    } else if (index == further_) {
-      refuse(topic, Refusal::too_many);
-    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
-      refuse(topic, Refusal::wrong_type);
-    } else if (!is_cdr(asset.cdr)) {
-      refuse(topic, Refusal::malformed);
+    } else if (const auto why = unpublishable(index, asset)) {
+      refuse(topic, *why);
     } else if (in_order(slot, topic, asset, signer.hash, set.stream)) {
       deliver(real_now, index, asset, out);
     }
@@ -164,8 +162,8 @@ void Downlink::take(TimeNs real_now, const fabric::Transaction& tx, const SetVie
 }
 
 bool Downlink::in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream) {
-  auto writer = std::find_if(slot.writers.begin(), slot.writers.end(),
-                             [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
+  auto writer = std::ranges::find_if(
+      slot.writers, [&](const Writer& w) { return w.origin == asset.origin.writer && w.signer == signer; });
   const bool first = writer == slot.writers.end();
   if (first) {
     if (slot.writers.size() == max_writers) {
@@ -209,7 +207,7 @@ void Downlink::deliver(TimeNs real_now, std::size_t topic, const AssetView& asse
                  .source_ns = source_ns});
 }
 
-void Downlink::failed(std::size_t topic) {
+void Downlink::on_failure(std::size_t topic) {
   --topics_[topic].counters.published;
   refuse(topics_[topic], Refusal::dds);
 }
@@ -224,7 +222,7 @@ std::vector<std::string> Downlink::latched() const {
       const auto slash = id.rfind('/', star);
       id = (slash == std::string::npos ? rule.from : id.substr(0, slash)) + "/*";
     }
-    if (first_segment(id) == rule.from && std::find(ids.begin(), ids.end(), id) == ids.end()) ids.push_back(id);
+    if (first_segment(id) == rule.from && std::ranges::find(ids, id) == ids.end()) ids.push_back(id);
   }
   return ids;
 }
@@ -243,17 +241,32 @@ void Downlink::on_values(TimeNs real_now, const Assets& values, std::vector<Deli
     ++topic.counters.taken;
     if (topic.withheld) {
       refuse(topic, Refusal::unnamed);
-    } else if (index == further_) {
-      refuse(topic, Refusal::too_many);
-    } else if (!fits(topic, asset.type) || !has_type(index, asset.type)) {
-      refuse(topic, Refusal::wrong_type);
-    } else if (!is_cdr(asset.cdr)) {
-      refuse(topic, Refusal::malformed);
+    } else if (const auto why = unpublishable(index, asset)) {
+      refuse(topic, *why);
     } else {
       slots_[index].got = asset.origin;
       deliver(real_now, index, asset, out);
     }
   }
+}
+
+nlohmann::json report(const Downlink& downlink) {
+  nlohmann::json topics = nlohmann::json::array();
+  for (const Downlink::Topic& topic : downlink.topics()) {
+    const DownlinkCounters& c = topic.counters;
+    topics.push_back({{"topic", topic.name},
+                      {"type", topic.type},
+                      {"id", topic.id},
+                      {"direction", "from_ledger"},
+                      {"taken", c.taken},
+                      {"messages", c.published},
+                      {"bytes", c.bytes},
+                      {"batches", c.batches},
+                      {"missing", c.missing},
+                      {"age_ms", c.age.quantiles_ms()},
+                      {"drops", reasons<Refusal>(c.refusals)}});
+  }
+  return topics;
 }
 
 }  // namespace ledgerline::bridge

@@ -4,6 +4,7 @@
 #include <deque>
 #include <functional>
 #include <memory>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -96,7 +97,7 @@ class Downlink {
   /// What `get` said.
   void on_values(TimeNs real_now, const Assets& values, std::vector<Delivery>& out);
   /// DDS did not take a delivery.
-  void failed(std::size_t topic);
+  void on_failure(std::size_t topic);
 
   const std::deque<Topic>& topics() const { return topics_; }
   std::uint64_t malformed_frames() const { return malformed_frames_; }
@@ -126,7 +127,7 @@ class Downlink {
     crypto::IdentityName name;
   };
 
-  void take(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out);
+  void carry(TimeNs real_now, const fabric::Transaction& tx, const SetView& set, std::vector<Delivery>& out);
   struct Match {
     const Rule* rule = nullptr;
     bool withheld = false;
@@ -134,7 +135,8 @@ class Downlink {
   Match match(std::string_view id);
   /// `strange`: its sender may not write it.
   std::size_t topic_of(std::string_view id, const Match& match, bool strange);
-  bool has_type(std::size_t topic, std::string_view type) const;
+  /// Why DDS does not get it, whoever wrote it; nothing: it does.
+  std::optional<Refusal> unpublishable(std::size_t topic, const AssetView& asset) const;
   void identify(TimeNs real_now, const fabric::Transaction& tx, Signer& signer);
   static bool may_write(const Signer& signer, std::string_view id);
   bool in_order(Slot& slot, Topic& topic, const AssetView& asset, std::uint64_t signer, bool stream);
@@ -156,5 +158,8 @@ class Downlink {
   SetView set_;
   std::vector<std::unique_ptr<SetCall>> held_;  ///< what came as JSON, while its deliveries are out
 };
+
+/// As that of an Uplink.
+nlohmann::json report(const Downlink& downlink);
 
 }  // namespace ledgerline::bridge

@@ -51,70 +51,51 @@ bool read_view(CodedInputStream& in, std::string_view all, std::string_view& vie
   return in.Skip(static_cast<int>(size));
 }
 
-CodedInputStream stream_of(std::string_view bytes) {
-  return CodedInputStream(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
+/// Each field of a message, one after the other: `read(tag, in)` is false of one that is damaged.
+template <typename Read>
+bool read_fields(std::string_view bytes, const Read& read) {
+  CodedInputStream in(reinterpret_cast<const std::uint8_t*>(bytes.data()), static_cast<int>(bytes.size()));
+  while (const std::uint32_t tag = in.ReadTag()) {
+    if (!read(tag, in)) return false;
+  }
+  return in.ConsumedEntireMessage();
 }
 
 bool read_origin(std::string_view bytes, Origin& origin) {
-  CodedInputStream in = stream_of(bytes);
-  while (const std::uint32_t tag = in.ReadTag()) {
-    bool good = true;
+  return read_fields(bytes, [&](std::uint32_t tag, CodedInputStream& in) {
+    if (tag == fixed_tag(ledgerline::Origin::kWriterFieldNumber)) return in.ReadLittleEndian64(&origin.writer);
+    if (tag == fixed_tag(ledgerline::Origin::kLifeFieldNumber)) return in.ReadLittleEndian64(&origin.life);
+    if (tag == varint_tag(ledgerline::Origin::kSequenceFieldNumber)) return in.ReadVarint64(&origin.sequence);
+    if (tag != fixed_tag(ledgerline::Origin::kStampNsFieldNumber)) return WireFormatLite::SkipField(&in, tag);
     std::uint64_t value = 0;
-    if (tag == fixed_tag(ledgerline::Origin::kWriterFieldNumber)) {
-      good = in.ReadLittleEndian64(&origin.writer);
-    } else if (tag == fixed_tag(ledgerline::Origin::kLifeFieldNumber)) {
-      good = in.ReadLittleEndian64(&origin.life);
-    } else if (tag == varint_tag(ledgerline::Origin::kSequenceFieldNumber)) {
-      good = in.ReadVarint64(&origin.sequence);
-    } else if (tag == fixed_tag(ledgerline::Origin::kStampNsFieldNumber)) {
-      good = in.ReadLittleEndian64(&value);
-      origin.stamp_ns = std::bit_cast<TimeNs>(value);
-    } else {
-      good = WireFormatLite::SkipField(&in, tag);
-    }
-    if (!good) return false;
-  }
-  return in.ConsumedEntireMessage();
+    const bool good = in.ReadLittleEndian64(&value);
+    origin.stamp_ns = std::bit_cast<TimeNs>(value);
+    return good;
+  });
 }
 
 bool read_asset(std::string_view bytes, AssetView& asset) {
-  CodedInputStream in = stream_of(bytes);
-  while (const std::uint32_t tag = in.ReadTag()) {
-    bool good = true;
+  return read_fields(bytes, [&](std::uint32_t tag, CodedInputStream& in) {
     std::string_view origin;
-    if (tag == bytes_tag(Asset::kIdFieldNumber)) {
-      good = read_view(in, bytes, asset.id);
-    } else if (tag == bytes_tag(Asset::kMsgTypeFieldNumber)) {
-      good = read_view(in, bytes, asset.type);
-    } else if (tag == bytes_tag(Asset::kMsgDataFieldNumber)) {
-      good = read_view(in, bytes, asset.cdr);
-    } else if (tag == bytes_tag(Asset::kOriginFieldNumber)) {
-      good = read_view(in, bytes, origin) && read_origin(origin, asset.origin);
-    } else {
-      good = WireFormatLite::SkipField(&in, tag);
-    }
-    if (!good) return false;
-  }
-  return in.ConsumedEntireMessage();
+    if (tag == bytes_tag(Asset::kIdFieldNumber)) return read_view(in, bytes, asset.id);
+    if (tag == bytes_tag(Asset::kMsgTypeFieldNumber)) return read_view(in, bytes, asset.type);
+    if (tag == bytes_tag(Asset::kMsgDataFieldNumber)) return read_view(in, bytes, asset.cdr);
+    if (tag != bytes_tag(Asset::kOriginFieldNumber)) return WireFormatLite::SkipField(&in, tag);
+    return read_view(in, bytes, origin) && read_origin(origin, asset.origin);
+  });
 }
 
 bool read_call(std::string_view bytes, SetView& out) {
-  CodedInputStream in = stream_of(bytes);
-  while (const std::uint32_t tag = in.ReadTag()) {
-    bool good = true;
+  return read_fields(bytes, [&](std::uint32_t tag, CodedInputStream& in) {
     std::string_view asset;
+    if (tag == bytes_tag(SetCall::kAssetsFieldNumber))
+      return read_view(in, bytes, asset) && read_asset(asset, out.assets.emplace_back());
+    if (tag != varint_tag(SetCall::kStreamFieldNumber)) return WireFormatLite::SkipField(&in, tag);
     std::uint64_t flag = 0;
-    if (tag == bytes_tag(SetCall::kAssetsFieldNumber)) {
-      good = read_view(in, bytes, asset) && read_asset(asset, out.assets.emplace_back());
-    } else if (tag == varint_tag(SetCall::kStreamFieldNumber)) {
-      good = in.ReadVarint64(&flag);
-      out.stream = flag != 0;
-    } else {
-      good = WireFormatLite::SkipField(&in, tag);
-    }
-    if (!good) return false;
-  }
-  return in.ConsumedEntireMessage();
+    const bool good = in.ReadVarint64(&flag);
+    out.stream = flag != 0;
+    return good;
+  });
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #pragma once
 #include <cstdint>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -37,5 +38,15 @@ struct SetView {
 /// Reads a SetCall in protobuf; fields that a newer version has are passed over. What is cut off or damaged is an
 /// error, and `out` is empty.
 Status read_set(std::string_view call, SetView& out);
+
+/// Counts by reason, those that are not 0, for reports. `name(Why)` names one.
+template <typename Why, std::size_t count>
+nlohmann::json reasons(const std::array<std::uint64_t, count>& counts) {
+  nlohmann::json out = nlohmann::json::object();
+  for (std::size_t i = 0; i < count; ++i) {
+    if (counts[i] > 0) out[std::string(name(static_cast<Why>(i)))] = counts[i];
+  }
+  return out;
+}
 
 }  // namespace ledgerline::bridge

@@ -20,18 +20,15 @@ constexpr std::array guarded_names{
     "*/failsafe",    "*/alarm",  // drones' (agent, ground)
     "/tf",           "/diagnostics"};
 
-bool is_name_char(char c) {
-  return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '_';
-}
+bool is_name_char(char c) { return contract::is_alphanumeric(c) || c == '_'; }
 
 bool is_pattern(const std::string& name) {
   return name.size() > 1 && name.front() == '/' && name.back() != '/' && name.find("//") == std::string::npos &&
-         std::all_of(name.begin(), name.end(), [](char c) { return is_name_char(c) || c == '/' || c == '*'; });
+         std::ranges::all_of(name, [](char c) { return is_name_char(c) || c == '/' || c == '*'; });
 }
 
 bool is_segment(const std::string& name) {
-  return !name.empty() &&
-         std::all_of(name.begin(), name.end(), [](char c) { return is_name_char(c) || c == '-' || c == '.'; });
+  return !name.empty() && std::ranges::all_of(name, [](char c) { return is_name_char(c) || c == '-' || c == '.'; });
 }
 
 Rule read_rule(Config& config, const std::string& at) {
@@ -126,7 +123,7 @@ const Rule* unless_left_out(const std::vector<Rule>& rules, std::vector<Rule>::c
 }  // namespace
 
 bool BridgeConfig::carries_something() const {
-  return std::any_of(rules.begin(), rules.end(), [](const Rule& rule) { return !rule.left_out; });
+  return std::ranges::any_of(rules, [](const Rule& rule) { return !rule.left_out; });
 }
 
 BridgeConfig read_bridge(Config& config, const Host* host) {
@@ -173,15 +170,14 @@ BridgeConfig read_bridge(Config& config, const Host* host) {
     const std::string at = fmt::format("topic.{}.", i);
     out.rules.push_back(read_rule(config, at));
     const Rule& rule = out.rules.back();
-    if (host && std::find(host->topics.begin(), host->topics.end(), rule.name) != host->topics.end())
+    if (host && std::ranges::find(host->topics, rule.name) != host->topics.end())
       config.wrong(at + "name",
                    fmt::format("is \"{}\", which this program brings to or from the ledger itself", rule.name));
     if (host && host->has_frame && rule.stream) {
       config.wrong(at + "stream", "must not be true here: the one frame of this identity has the states of its drones");
     }
-    const bool below_enrolled = std::any_of(out.enrolled.begin(), out.enrolled.end(), [&](const std::string& name) {
-      return rule.name.starts_with("/" + name + "/");
-    });
+    const bool below_enrolled = std::ranges::any_of(
+        out.enrolled, [&](const std::string& name) { return rule.name.starts_with("/" + name + "/"); });
     if (rule.stream && rule.to_ledger && !below_enrolled) {
       config.wrong(at + "stream",
                    "needs a topic below a name that is enrolled to this host and stands in [[enrolled]]");
@@ -199,21 +195,20 @@ std::string checkpoint_of(const BridgeConfig& config, const std::string& channel
 bool is_wildcard(const Rule& rule) { return rule.name.find('*') != std::string::npos; }
 
 const Rule* rule_up(const std::vector<Rule>& rules, std::string_view ros_topic) {
-  return unless_left_out(rules, std::find_if(rules.begin(), rules.end(), [&](const Rule& rule) {
+  return unless_left_out(rules, std::ranges::find_if(rules, [&](const Rule& rule) {
                            return rule.to_ledger && matches(rule.name, ros_topic);
                          }));
 }
 
 const Rule* rule_down(const std::vector<Rule>& rules, std::string_view ros_topic, std::string_view id, bool by_name) {
-  return unless_left_out(rules, std::find_if(rules.begin(), rules.end(), [&](const Rule& rule) {
+  return unless_left_out(rules, std::ranges::find_if(rules, [&](const Rule& rule) {
                            return rule.from_ledger && (rule.from == anybody || rule.from == first_segment(id)) &&
                                   !(by_name && is_wildcard(rule)) && matches(rule.name, ros_topic);
                          }));
 }
 
 bool is_guarded(std::string_view ros_topic) {
-  return std::any_of(guarded_names.begin(), guarded_names.end(),
-                     [&](const char* name) { return matches(name, ros_topic); });
+  return std::ranges::any_of(guarded_names, [&](const char* name) { return matches(name, ros_topic); });
 }
 
 bool matches(std::string_view pattern, std::string_view text) {
@@ -237,7 +232,7 @@ bool matches(std::string_view pattern, std::string_view text) {
 }
 
 bool is_ledger_id(std::string_view id) {
-  return id.size() <= contract::max_id_chars && std::all_of(id.begin(), id.end(), contract::is_id_char);
+  return id.size() <= contract::max_id_chars && std::ranges::all_of(id, contract::is_id_char);
 }
 
 std::string_view first_segment(std::string_view id) { return id.substr(0, id.find('/')); }
@@ -246,7 +241,7 @@ bool is_msp_id(std::string_view segment) { return segment.ends_with("MSP"); }
 
 std::string ledger_id(std::string_view ros_topic, std::string_view msp_id, const std::vector<std::string>& enrolled) {
   const std::string_view relative = ros_topic.substr(1);
-  const auto known = std::find(enrolled.begin(), enrolled.end(), first_segment(relative));
+  const auto known = std::ranges::find(enrolled, first_segment(relative));
   if (known != enrolled.end() && relative.size() > known->size()) return std::string(relative);
   return fmt::format("{}{}", msp_id, ros_topic);
 }
@@ -262,7 +257,7 @@ bool is_ros_type(std::string_view type) {
   const std::size_t first = type.find('/'), last = type.rfind('/');
   if (first == std::string_view::npos || first == 0 || last + 1 == type.size()) return false;
   if (type.substr(first, last - first + 1) != "/msg/") return false;
-  return std::all_of(type.begin(), type.end(), [](char c) { return is_name_char(c) || c == '/'; });
+  return std::ranges::all_of(type, [](char c) { return is_name_char(c) || c == '/'; });
 }
 
 std::uint64_t writer_of(const crypto::IdentityName& who, const std::string& bridge) {

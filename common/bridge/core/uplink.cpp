@@ -1,7 +1,9 @@
 #include "common/bridge/core/uplink.hpp"
+#include "common/rt/histogram.hpp"
 #include "common/verification/calls.hpp"
 
 #include <fmt/format.h>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <utility>
@@ -22,8 +24,7 @@ Result<std::size_t> Uplink::open(const std::string& ros_topic, const std::string
   if (!is_ros_type(type)) return Error{fmt::format("{}: \"{}\" is no ROS 2 type", ros_topic, type)};
   if (!rule->type.empty() && rule->type != type)
     return Error{fmt::format("{}: its type is {}, its [[topic]] says {}", ros_topic, type, rule->type)};
-  const auto known =
-      std::find_if(topics_.begin(), topics_.end(), [&](const Topic& topic) { return topic.name == ros_topic; });
+  const auto known = std::ranges::find_if(topics_, [&](const Topic& topic) { return topic.name == ros_topic; });
   const auto index = static_cast<std::size_t>(known - topics_.begin());
   if (known == topics_.end()) {
     if (topics_.size() == max_topics)
@@ -108,7 +109,9 @@ Uplink::Message Uplink::pop(std::size_t topic) {
   Slot& slot = slots_[topic];
   --waiting_;
   slot.queued_bytes -= slot.queue.front().cdr.size();
-  return slot.queue.pop_front();
+  Message message = std::move(slot.queue.front());
+  slot.queue.pop_front();
+  return message;
 }
 
 bool Uplink::ready(const Lane& lane, Kind kind, TimeNs now) const {
@@ -256,7 +259,7 @@ void Uplink::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& o
         recycle(std::move(message));
       }
     } else if (outcome.kind == fabric::Outcome::Kind::refused) {
-      take_refused(now, lane, messages, outcome);
+      on_refused(now, lane, messages, outcome);
     } else {
       lane.pause.failed(now, random_);
       std::move(messages.begin(), messages.end(), std::back_inserter(lane.failed));
@@ -269,7 +272,7 @@ void Uplink::finished(TimeNs now, std::uint64_t number, const fabric::Outcome& o
 }
 
 // Of a refusal for one id the others go again.
-void Uplink::take_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome) {
+void Uplink::on_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome) {
   bool some = false;
   for (Message& message : messages) {
     if (!outcome.refusal || !names(*outcome.refusal, topics_[message.topic].id)) continue;
@@ -291,8 +294,7 @@ void Uplink::take_refused(TimeNs now, Lane& lane, Messages& messages, const fabr
 
 void Uplink::send_again(Lane& lane) {
   // Calls end in any order.
-  std::sort(lane.failed.begin(), lane.failed.end(),
-            [](const Message& a, const Message& b) { return a.sequence < b.sequence; });
+  std::ranges::sort(lane.failed, [](const Message& a, const Message& b) { return a.sequence < b.sequence; });
   for (auto message = lane.failed.rbegin(); message != lane.failed.rend(); ++message) {
     Slot& slot = slots_[message->topic];
     --slot.in_flight;
@@ -315,6 +317,27 @@ std::size_t Uplink::in_flight() const {
   std::size_t count = 0;
   for (const Lane& lane : lanes_) count += lane.in_flight.size();
   return count;
+}
+
+nlohmann::json report(const Uplink& uplink) {
+  nlohmann::json topics = nlohmann::json::array();
+  for (const Uplink::Topic& topic : uplink.topics()) {
+    const UplinkCounters& c = topic.counters;
+    topics.push_back({{"topic", topic.name},
+                      {"type", topic.type},
+                      {"id", topic.id},
+                      {"direction", "to_ledger"},
+                      {"taken", c.taken},
+                      {"messages", c.on_ledger},
+                      {"bytes", c.bytes},
+                      {"batches", c.batches},
+                      {"pending", c.pending},
+                      {"dds_lost", c.dds_lost},
+                      {"dds_refused", c.dds_refused},
+                      {"age_ms", c.age.quantiles_ms()},
+                      {"drops", reasons<Drop>(c.drops)}});
+  }
+  return topics;
 }
 
 }  // namespace ledgerline::bridge

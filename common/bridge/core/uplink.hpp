@@ -1,7 +1,9 @@
 #pragma once
 #include <array>
+#include <boost/circular_buffer.hpp>
 #include <cstdint>
 #include <deque>
+#include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <string>
@@ -9,7 +11,6 @@
 
 #include "common/base/enum_count.hpp"
 #include "common/bridge/core/frame.hpp"
-#include "common/bridge/core/ring.hpp"
 #include "common/bridge/core/rules.hpp"
 #include "common/fabric/client/in_flight.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -128,7 +129,7 @@ class Uplink {
   /// What next() needs of a topic, beside what is shown.
   struct Slot {
     explicit Slot(std::size_t capacity) : queue(capacity) {}
-    Ring<Message> queue;
+    boost::circular_buffer<Message> queue;
     std::size_t queued_bytes = 0;
     Kind kind = own;
     bool big = false;
@@ -158,7 +159,7 @@ class Uplink {
   bool fits_frame(const Message& message);
   void repeat_others(std::string& call, std::uint64_t number);
   void append(std::string& call, const Message& message) const;
-  void take_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);
+  void on_refused(TimeNs now, Lane& lane, Messages& messages, const fabric::Outcome& outcome);
   void send_again(Lane& lane);
   void drop(Message message, Drop why);
   void recycle(Message message);
@@ -176,5 +177,9 @@ class Uplink {
   std::size_t waiting_ = 0;
   TimeNs bulk_again_ns_ = INT64_MIN;  ///< where big messages must yield, none before
 };
+
+/// Each topic with what it cost and lost: topic, type, id, direction, messages, bytes, batches, pending, missing,
+/// age_ms, drops by reason (those that there are).
+nlohmann::json report(const Uplink& uplink);
 
 }  // namespace ledgerline::bridge

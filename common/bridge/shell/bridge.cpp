@@ -72,7 +72,7 @@ Status DownlinkWriters::read_latched(const verification::Evaluate& evaluate) {
 void DownlinkWriters::publish(const std::vector<Downlink::Delivery>& deliveries) {
   for (const Downlink::Delivery& delivery : deliveries) {
     Output* output = output_for(delivery);
-    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.failed(delivery.topic);
+    if (!output || !output->writer->publish(delivery.cdr, delivery.source_ns)) downlink_.on_failure(delivery.topic);
   }
 }
 
@@ -182,8 +182,8 @@ Status Bridge::open_named_topics() {
 // On a thread of DDS.
 void Bridge::on_seen(const dds::DiscoveredTopic& seen) {
   const std::lock_guard lock(up_mutex_);
-  const auto same = std::find_if(seen_.begin(), seen_.end(),
-                                 [&](const auto& s) { return s.topic == seen.topic && s.type == seen.type; });
+  const auto same =
+      std::ranges::find_if(seen_, [&](const auto& s) { return s.topic == seen.topic && s.type == seen.type; });
   if (same != seen_.end()) {
     *same = seen;
   } else if (seen_.size() < max_seen) {
@@ -194,7 +194,7 @@ void Bridge::on_seen(const dds::DiscoveredTopic& seen) {
   up_wake_.notify_all();
 }
 
-void Bridge::take_seen() {
+void Bridge::update_topics() {
   std::vector<dds::DiscoveredTopic> seen;
   {
     const std::lock_guard lock(up_mutex_);
@@ -280,7 +280,7 @@ void Bridge::carry(const std::stop_token& stop) {
       const std::lock_guard lock(up_mutex_);
       call = uplink_.next(monotonic_ns());
     }
-    take_seen();
+    update_topics();
     note_losses();
   }
   for (auto& [topic, input] : inputs_) note_losses(input);

@@ -9,7 +9,8 @@
 #include <thread>
 #include <vector>
 
-#include "common/bridge/core/report.hpp"
+#include "common/bridge/core/downlink.hpp"
+#include "common/bridge/core/uplink.hpp"
 #include "common/dds/raw.hpp"
 #include "common/fabric/blocks/block_subscription.hpp"
 #include "common/fabric/client/client.hpp"
@@ -78,7 +79,7 @@ class Bridge {
          fabric::StoredCheckpoint kept);
   Status open_named_topics();
   void on_seen(const dds::DiscoveredTopic& seen);
-  void take_seen();
+  void update_topics();
   void choose_type(const std::string& topic);
   void note_losses();
   void note_losses(Input& input);

@@ -66,8 +66,7 @@ Result<std::unique_ptr<Bridges>> Bridges::create(const BridgeConfig& config,
   for (const std::string& channel : channels) {
     BridgeConfig of_channel = config;
     for (Rule& rule : of_channel.rules) rule.left_out = rule.left_out || channel_of(rule, ledger) != channel;
-    const auto named =
-        std::find_if(ledgers.begin(), ledgers.end(), [&](const auto& one) { return one.where.channel == channel; });
+    const auto named = std::ranges::find_if(ledgers, [&](const auto& one) { return one.where.channel == channel; });
     fabric::ClientConfig on_channel = named == ledgers.end() ? ledger : *named;
     if (channel != ledger.where.channel) {
       on_channel.where.channel = channel;

@@ -33,7 +33,7 @@ CommandOutbox::CommandOutbox(std::vector<Slot> slots, PlanTiming& timing, Flight
 
 std::size_t CommandOutbox::drone_of(const PlannedCommand& command) const {
   const auto of = [&](const Waiting& drone) { return drone.slot.drone.name == command.plan.drone(); };
-  return static_cast<std::size_t>(std::find_if(drones_.begin(), drones_.end(), of) - drones_.begin());
+  return static_cast<std::size_t>(std::ranges::find_if(drones_, of) - drones_.begin());
 }
 
 void CommandOutbox::put(std::size_t drone, PlannedCommand command) {
@@ -55,7 +55,7 @@ void CommandOutbox::begin_lease(std::size_t drone, const std::string& organisati
   waiting.command.reset();
 }
 
-void CommandOutbox::go_on_behind(std::size_t drone, std::uint64_t sequence) {
+void CommandOutbox::continue_behind(std::size_t drone, std::uint64_t sequence) {
   drones_[drone].next_sequence = std::max(drones_[drone].next_sequence, sequence);
 }
 
@@ -100,7 +100,7 @@ void CommandOutbox::submit_to(const std::string& organisation, TimeNs now, std::
   in_flight.add(id, now, std::move(commands));
 }
 
-void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
+void CommandOutbox::on_block(TimeNs now, const fabric::Transaction& tx) {
   CommandCall call;
   const verification::Match match = verification::match_command({tx.function, tx.args}, tx.event_payload, call);
   if (match != verification::Match::same || call.plans().empty()) return;
@@ -115,7 +115,7 @@ void CommandOutbox::take_block(TimeNs now, const fabric::Transaction& tx) {
   if (submitted_ns) timing_.measure(now - *submitted_ns);
 }
 
-void CommandOutbox::take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
+void CommandOutbox::on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out) {
   std::optional<fabric::InFlight<Commands>::Entry> ended;
   for (auto& [organisation, in_flight] : in_flight_) {
     if ((ended = in_flight.end(id, outcome))) break;
@@ -155,7 +155,7 @@ void CommandOutbox::resend(Commands& refused, const fabric::Outcome& outcome) {
   const auto names = [&](const PlannedCommand& command) {
     return outcome.refusal && fabric::names(*outcome.refusal, command.plan.drone());
   };
-  const bool one_drone = std::any_of(refused.begin(), refused.end(), names);
+  const bool one_drone = std::ranges::any_of(refused, names);
   for (PlannedCommand& command : refused) {
     Waiting& waiting = drones_[drone_of(command)];
     if (!one_drone || names(command)) {

@@ -33,13 +33,13 @@ class CommandOutbox {
 
   void put(std::size_t drone, PlannedCommand command);
   void submit(TimeNs now, std::uint64_t& next_id, FlightOutputs& out);
-  void take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
+  void on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id, FlightOutputs& out);
   /// A `command` of a block: where it is one of ours, nothing waits for its outcome any more.
-  void take_block(TimeNs now, const fabric::Transaction& tx);
+  void on_block(TimeNs now, const fabric::Transaction& tx);
   /// What waits was planned under the previous lease; numbers restart.
   void begin_lease(std::size_t drone, const std::string& organisation, std::uint64_t epoch);
   /// A ground that restarted under the same lease continues after what was flown and what may be in flight.
-  void go_on_behind(std::size_t drone, std::uint64_t sequence);
+  void continue_behind(std::size_t drone, std::uint64_t sequence);
 
  private:
   using Commands = std::vector<PlannedCommand>;

@@ -271,7 +271,7 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
       land(now, checked.error().message);
       return std::nullopt;
     }
-    if (!checked && status_.phase == DronePhase::path) return give_up_path(now, checked.error().message);
+    if (!checked && status_.phase == DronePhase::path) return abandon_path(now, checked.error().message);
   }
   switch (status_.phase) {
     case DronePhase::waiting: {
@@ -290,7 +290,7 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
     case DronePhase::path:
       if (in_phase_ns > path_limit_ns()) {
         const std::string late = fmt::format("did not finish its path within {:.0f} s", to_seconds(path_limit_ns()));
-        if (config_.manual) return give_up_path(now, late);
+        if (config_.manual) return abandon_path(now, late);
         land(now, late);
       }
       return std::nullopt;
@@ -310,12 +310,12 @@ std::optional<std::string> Phases::check_time(TimeNs now) {
   return std::nullopt;
 }
 
-std::string Phases::give_up_path(TimeNs now, const std::string& why) {
+std::string Phases::abandon_path(TimeNs now, const std::string& why) {
   enter(now, DronePhase::manual);
   return fmt::format("{}: it hovers", why);
 }
 
-Status Phases::take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns) {
+Status Phases::apply_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns) {
   Status taken = check_flying(now);
   // What makes link brake outlasts a plan; a pose that is lost is said below, in its own words.
   if (taken && seen_.state.mode == FailsafeMode::brake && check_pose(now))
@@ -343,7 +343,7 @@ Status Phases::take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns) 
   return done;
 }
 
-Status Phases::take_pause(TimeNs now) {
+Status Phases::pause_path(TimeNs now) {
   Status flying = check_flying(now);
   if (flying && status_.phase != DronePhase::path)
     flying = Error{status_.paused ? "it is paused already" : "it flies no path"};

@@ -41,8 +41,8 @@ class Phases {
   /// `ending`: the whole flight is.
   Status take_off(TimeNs now, bool ending);
   /// `delay_ns`: until a plan made now is flown.
-  Status take_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
-  Status take_pause(TimeNs now);
+  Status apply_order(TimeNs now, const PilotOrder& order, TimeNs delay_ns);
+  Status pause_path(TimeNs now);
   /// The error says why link did not obey a pilot's take-off, which is over with that.
   Status check_takeoff(TimeNs now);
 
@@ -54,7 +54,7 @@ class Phases {
   Status check_pose(TimeNs now) const;
   Status fly(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
   Status fly_checked(TimeNs now, const std::vector<Waypoint>& way, bool land_behind, TimeNs delay_ns);
-  std::string give_up_path(TimeNs now, const std::string& why);
+  std::string abandon_path(TimeNs now, const std::string& why);
   void advance_waiting(TimeNs now);
   void advance_takeoff(TimeNs now, TimeNs delay_ns);
   void advance_flown(TimeNs now);

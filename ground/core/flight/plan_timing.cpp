@@ -5,6 +5,7 @@
 #include <algorithm>
 
 #include "common/msg/contract.hpp"
+#include "common/rt/histogram.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -25,6 +26,28 @@ constexpr double mostly = 0.9;  // of the spacings: an outage is none
 
 }  // namespace
 
+void Window::add(TimeNs t_ns) { samples_[count_++ % kept] = t_ns; }
+
+std::optional<TimeNs> Window::quantile(double q) const {
+  if (count_ == 0) return std::nullopt;
+  auto samples = samples_;
+  return ledgerline::quantile(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(size()), q);
+}
+
+void RoundTripEstimate::add(TimeNs submission_to_block_ns) { ways_.add(std::max<TimeNs>(0, submission_to_block_ns)); }
+
+TimeNs RoundTripEstimate::quantile(double q) const {
+  const std::size_t n = ways_.size();
+  if (n == 0) return unknown_ns;
+  const auto& ways = ways_.samples();
+  std::vector<TimeNs> sums;
+  sums.reserve(n * n);
+  for (std::size_t i = 0; i < n; ++i) {
+    for (std::size_t k = 0; k < n; ++k) sums.push_back(ways[i] + ways[k]);
+  }
+  return ledgerline::quantile(sums.begin(), sums.end(), q);
+}
+
 void PlanTiming::submitted(std::size_t drone, std::uint64_t sequence, TimeNs made_ns) {
   auto& plans = drones_[drone].plans;
   plans[sequence % plans.size()] = {sequence, made_ns};
@@ -38,14 +61,14 @@ void PlanTiming::observe(std::size_t drone, const StateSample& s) {
   };
   if (s.arrived_sequence != d.arrived_sequence) {
     d.arrived_sequence = s.arrived_sequence;
-    if (const auto made_ns = made(s.arrived_sequence)) take_arrival(d, s.arrived_ns, s.arrived_ns - *made_ns);
+    if (const auto made_ns = made(s.arrived_sequence)) add_arrival(d, s.arrived_ns, s.arrived_ns - *made_ns);
   } else if (const auto next_ns = made(s.arrived_sequence + 1);
              next_ns && s.stamp_ns - *next_ns > of(drone).delay_ns + overdue_ns) {
     forget_arrivals(d);
   }
 }
 
-void PlanTiming::take_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns) {
+void PlanTiming::add_arrival(Drone& drone, TimeNs arrived_ns, TimeNs took_ns) {
   drone.arrivals.add(std::max<TimeNs>(0, took_ns));
   if (drone.first_arrival_ns == 0) {
     drone.first_arrival_ns = arrived_ns;

@@ -40,7 +40,7 @@ void StateIntake::accept(std::size_t drone, const StateSample& state, std::optio
   if (alive_ns) seen.received_ns = *alive_ns;
 }
 
-std::vector<StateIntake::New> StateIntake::take(const fabric::Transaction& tx, std::int64_t realtime_s,
+std::vector<StateIntake::New> StateIntake::read(const fabric::Transaction& tx, std::int64_t realtime_s,
                                                 std::vector<DroneUpdate>& news) {
   SetCall call;  // as it was signed; whatever else the event says is the peer's alone
   const verification::Match match = verification::match_set({tx.function, tx.args}, tx.event_payload, call);

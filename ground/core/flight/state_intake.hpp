@@ -26,7 +26,7 @@ class StateIntake {
   StateIntake(const FlightConfig& config, const LeaseBook& leases, FlightTransactions& counters);
 
   /// The states of a `set` in their order, not accepted yet; `news`: what to publish.
-  std::vector<New> take(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneUpdate>& news);
+  std::vector<New> read(const fabric::Transaction& tx, std::int64_t realtime_s, std::vector<DroneUpdate>& news);
   bool is_new(std::size_t drone, const StateSample& state) const;
   bool same_boot(std::size_t drone, const StateSample& state) const;
   /// From now on the drone's newest. `alive_ns`: it is a sign of life.

@@ -29,10 +29,10 @@ void LeaseBook::update(Lease& lease) const {
 Result<std::optional<LeaseBook::Change>> LeaseBook::set(const Control& record) {
   const auto drone = index_of(config_.drones, record.drone());
   if (!drone) return Error{fmt::format("a record of {} came, which does not fly here", record.drone())};
-  return take_record(*drone, record);
+  return apply_record(*drone, record);
 }
 
-std::optional<LeaseBook::Change> LeaseBook::take_record(std::size_t drone, const Control& control) {
+std::optional<LeaseBook::Change> LeaseBook::apply_record(std::size_t drone, const Control& control) {
   Lease& lease = leases_[drone];
   if (control.epoch() < lease.epoch) return std::nullopt;
   const Change change{drone, control.epoch() != lease.epoch};
@@ -59,7 +59,7 @@ std::optional<access::Caller> LeaseBook::creator_of(const fabric::Transaction& t
   return access::Caller{(*member)->name, (*member)->admin};
 }
 
-std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, std::int64_t realtime_s) {
+std::vector<LeaseBook::Change> LeaseBook::on_event(const fabric::Transaction& tx, std::int64_t realtime_s) {
   const auto event = verification::read_control_event({tx.function, tx.args}, tx.event_name, tx.event_payload);
   if (!event) {
     ++counters_.altered;
@@ -69,7 +69,7 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
     return std::any_of(all.begin(), all.end(), [&](const auto& one) { return index_of(config_.drones, one.drone()); });
   };
   const auto role = verification::role_change(*event);
-  const bool role_of_ours = role && std::any_of(leases_.begin(), leases_.end(), [&](const Lease& lease) {
+  const bool role_of_ours = role && std::ranges::any_of(leases_, [&](const Lease& lease) {
                               return lease.record && names_identity(*lease.record, role->identity);
                             });
   if (!ours(event->controls.controls()) && !ours(event->stops.stops()) && !role_of_ours) return {};
@@ -89,7 +89,7 @@ std::vector<LeaseBook::Change> LeaseBook::take(const fabric::Transaction& tx, st
     const auto& record = leases_[*drone].record;
     if (creator && !(record && verification::control_follows(*event, *record, control, *creator))) {
       ++counters_.altered;
-    } else if (const auto change = take_record(*drone, control)) {
+    } else if (const auto change = apply_record(*drone, control)) {
       changes.push_back(*change);
     }
   }

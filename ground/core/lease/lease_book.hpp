@@ -39,12 +39,12 @@ class LeaseBook {
   /// A record as it was read; nothing where an older one than ours. An error: of a drone that does not fly here.
   Result<std::optional<Change>> set(const Control& record);
   /// A control event of a block. One that is refused is counted.
-  std::vector<Change> take(const fabric::Transaction& tx, std::int64_t realtime_s);
+  std::vector<Change> on_event(const fabric::Transaction& tx, std::int64_t realtime_s);
   const Lease& of(std::size_t drone) const { return leases_[drone]; }
 
  private:
   std::optional<access::Caller> creator_of(const fabric::Transaction& tx, std::int64_t realtime_s) const;
-  std::optional<Change> take_record(std::size_t drone, const Control& control);
+  std::optional<Change> apply_record(std::size_t drone, const Control& control);
   void update(Lease& lease) const;
 
   const FlightConfig& config_;

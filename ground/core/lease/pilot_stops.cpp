@@ -20,9 +20,8 @@ constexpr TimeNs stop_within_ns = 30 * ns_per_s;
 PilotStops::PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self)
     : drones_(drones), self_(self) {}
 
-void PilotStops::want(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
-  auto found =
-      std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.drone == drone && s.by == by; });
+void PilotStops::request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by) {
+  auto found = std::ranges::find_if(slots_, [&](const Slot& s) { return s.drone == drone && s.by == by; });
   if (found == slots_.end()) {
     // Pilots that stop at one time do not come back together.
     const crypto::IdentityName& who = by ? *by : self_;
@@ -52,9 +51,8 @@ void PilotStops::submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next
   }
 }
 
-std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabric::Outcome& outcome,
-                                                          std::uint64_t id) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.id == id; });
+std::optional<PilotStops::Ended> PilotStops::on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id) {
+  const auto slot = std::ranges::find_if(slots_, [&](const Slot& s) { return s.id == id; });
   if (slot == slots_.end()) return std::nullopt;
   slot->id = 0;
   using Next = fabric::Repeat::Next;
@@ -76,12 +74,11 @@ std::optional<PilotStops::Ended> PilotStops::take_outcome(TimeNs now, const fabr
 }
 
 bool PilotStops::pending() const {
-  return std::any_of(slots_.begin(), slots_.end(), [](const Slot& slot) { return slot.stop.has_value(); });
+  return std::ranges::any_of(slots_, [](const Slot& slot) { return slot.stop.has_value(); });
 }
 
 bool PilotStops::pending(std::size_t drone) const {
-  return std::any_of(slots_.begin(), slots_.end(),
-                     [&](const Slot& slot) { return slot.drone == drone && slot.stop.has_value(); });
+  return std::ranges::any_of(slots_, [&](const Slot& slot) { return slot.drone == drone && slot.stop.has_value(); });
 }
 
 }  // namespace ledgerline::ground

@@ -19,7 +19,7 @@ class PilotStops {
   PilotStops(const std::vector<FlightDrone>& drones, const crypto::IdentityName& self);
 
   /// `by`: the operator whose stop it is; none: ours.
-  void want(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
+  void request(TimeNs now, std::size_t drone, bool cut, const std::optional<crypto::IdentityName>& by = std::nullopt);
   void submit(TimeNs now, const LeaseBook& leases, std::uint64_t& next_id, std::vector<Submission>& submissions);
 
   struct Ended {
@@ -27,7 +27,7 @@ class PilotStops {
     std::string problem;  ///< why the ledger will not have it; empty: it has, or the stop goes out again
   };
   /// Nothing: the outcome is none of ours.
-  std::optional<Ended> take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
+  std::optional<Ended> on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
   /// One is not on the ledger yet.
   bool pending() const;
   /// Of this drone.

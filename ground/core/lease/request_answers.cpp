@@ -7,7 +7,7 @@
 
 #include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
-#include "common/msg/requests.hpp"
+#include "common/msg/grants.hpp"
 
 namespace ledgerline::ground {
 namespace {
@@ -55,7 +55,7 @@ void RequestAnswers::follow(TimeNs now, std::size_t drone, const Control* record
   if (record == nullptr) return;
   for (const Request& request : record->requests()) {
     const auto is_it = [&](const OpenRequest& known) { return same(known.request, request); };
-    if (std::any_of(slot.known.begin(), slot.known.end(), is_it)) continue;
+    if (std::ranges::any_of(slot.known, is_it)) continue;
     slot.known.push_back({request, now});
     std::string what = "hand_over or deny answers it";
     if (config_.request_rule != RequestRule::none) {
@@ -85,9 +85,9 @@ void RequestAnswers::choose(TimeNs now, std::size_t drone) {
   slot.next_ns = now;
 }
 
-std::optional<RequestAnswers::Ended> RequestAnswers::take_outcome(TimeNs now, const fabric::Outcome& outcome,
-                                                                  std::uint64_t id) {
-  const auto slot = std::find_if(slots_.begin(), slots_.end(), [&](const Slot& s) { return s.id == id && id != 0; });
+std::optional<RequestAnswers::Ended> RequestAnswers::on_outcome(TimeNs now, const fabric::Outcome& outcome,
+                                                                std::uint64_t id) {
+  const auto slot = std::ranges::find_if(slots_, [&](const Slot& s) { return s.id == id && id != 0; });
   if (slot == slots_.end()) return std::nullopt;
   slot->id = 0;
   const auto next = slot->repeat->ended(now, outcome);

@@ -26,7 +26,7 @@ class RequestAnswers {
     std::string problem;  ///< why the ledger will not have the answer; empty: it has, or it is given again
   };
   /// Nothing: the outcome is none of ours.
-  std::optional<Ended> take_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
+  std::optional<Ended> on_outcome(TimeNs now, const fabric::Outcome& outcome, std::uint64_t id);
 
  private:
   struct OpenRequest {

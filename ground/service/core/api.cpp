@@ -1,11 +1,12 @@
 #include "ground/service/core/api.hpp"
 
 #include <fmt/format.h>
-
 #include <algorithm>
 #include <array>
 #include <charconv>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <set>
 
 #include "common/base/enum_count.hpp"
 #include "common/base/printable.hpp"
@@ -55,13 +56,13 @@ Result<json> object_from(std::string_view body, std::initializer_list<std::strin
 }
 
 std::optional<std::size_t> find(const std::vector<std::string>& names, std::string_view name) {
-  const auto at = std::find(names.begin(), names.end(), name);
+  const auto at = std::ranges::find(names, name);
   if (at == names.end()) return std::nullopt;
   return static_cast<std::size_t>(at - names.begin());
 }
 
 bool has(std::span<const std::size_t> drones, std::size_t drone) {
-  return std::find(drones.begin(), drones.end(), drone) != drones.end();
+  return std::ranges::find(drones, drone) != drones.end();
 }
 
 constexpr const char* taken = R"({"accepted":true})";
@@ -107,7 +108,7 @@ Result<crypto::IdentityName> identity_from(const json& body) {
 /// Of a verb in a table of verbs.
 template <typename Verbs>
 auto kind_in(const Verbs& verbs, std::string_view verb) {
-  const auto row = std::find_if(verbs.begin(), verbs.end(), [&](const auto& one) { return one.first == verb; });
+  const auto row = std::ranges::find_if(verbs, [&](const auto& one) { return one.first == verb; });
   return row == verbs.end() ? std::nullopt : std::optional(row->second);
 }
 
@@ -172,8 +173,8 @@ ApiAnswer answer_session(const ApiRequest& request, const ApiContext& known) {
   auto pass_phrase = std::make_shared<const crypto::WipingString>(std::move(phrase->get_ref<std::string&>()));
   if (pass_phrase->size() > max_pass_phrase)
     return refusal(400, fmt::format("a passphrase has {} bytes at most", max_pass_phrase));
-  const auto who = std::find_if(known.operators.begin(), known.operators.end(),
-                                [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
+  const auto who = std::ranges::find_if(
+      known.operators, [&](const Operator& one) { return one.name == name.get_ref<const std::string&>(); });
   if (who == known.operators.end()) return refusal(404, "no operator of that name signs in here");
   return {.status = 200,
           .body = {},
@@ -189,8 +190,8 @@ ApiAnswer answer_operators(const ApiRequest& request, const ApiContext& known) {
 
 constexpr std::string_view missions_path = "missions";
 
-std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
-  using Kind = MissionAsk::Kind;
+std::optional<MissionRequest::Kind> mission_verb(std::string_view verb) {
+  using Kind = MissionRequest::Kind;
   constexpr std::array<std::pair<std::string_view, Kind>, 6> verbs{{{"approve", Kind::approve},
                                                                     {"withdraw", Kind::withdraw},
                                                                     {"start", Kind::start},
@@ -200,11 +201,11 @@ std::optional<MissionAsk::Kind> mission_verb(std::string_view verb) {
   return kind_in(verbs, verb);
 }
 
-ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const ApiContext& known) {
+ApiAnswer mission_answer(const ApiRequest& request, MissionRequest asked, const ApiContext& known) {
   asked.who = request.who;
   if (request.who) asked.by = known.operators[*request.who].identity;
-  const bool looks = asked.kind == MissionAsk::Kind::list || asked.kind == MissionAsk::Kind::show;
-  if (!looks && asked.kind != MissionAsk::Kind::land && !known.operators.empty() && !request.who)
+  const bool looks = asked.kind == MissionRequest::Kind::list || asked.kind == MissionRequest::Kind::show;
+  if (!looks && asked.kind != MissionRequest::Kind::land && !known.operators.empty() && !request.who)
     return refusal(403, "sign in first: who clicks is who signs; to have all land needs no operator");
   return {.status = 202, .body = {}, .mission = std::move(asked)};
 }
@@ -212,10 +213,10 @@ ApiAnswer ask_mission(const ApiRequest& request, MissionAsk asked, const ApiCont
 /// `path`: behind "missions".
 ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std::string_view query,
                           const ApiContext& known) {
-  using Kind = MissionAsk::Kind;
-  MissionAsk asked;
+  using Kind = MissionRequest::Kind;
+  MissionRequest asked;
   if (path.empty()) {
-    if (request.method == "GET") return ask_mission(request, std::move(asked), known);
+    if (request.method == "GET") return mission_answer(request, std::move(asked), known);
     if (request.method != "POST") return refusal(405, "GET it, or POST a mission");
     asked.kind = Kind::add;
     asked.csv = request.content_type.substr(0, 8) == "text/csv";
@@ -224,7 +225,7 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
       return refusal(400, "missions takes name=NAME with text/csv; JSON has its name within");
     if (!query.empty()) asked.name = query.substr(key.size());
     asked.text = request.body;
-    return ask_mission(request, std::move(asked), known);
+    return mission_answer(request, std::move(asked), known);
   }
   const std::string_view rest = path.substr(1);
   const auto slash = rest.find('/');
@@ -232,14 +233,14 @@ ApiAnswer answer_missions(const ApiRequest& request, std::string_view path, std:
   if (slash == std::string_view::npos) {
     if (request.method != "GET" && request.method != "DELETE") return refusal(405, "GET it, or DELETE it");
     asked.kind = request.method == "GET" ? Kind::show : Kind::remove;
-    return ask_mission(request, std::move(asked), known);
+    return mission_answer(request, std::move(asked), known);
   }
   const auto verb = mission_verb(rest.substr(slash + 1));
   if (!verb) return refusal(404, "a mission knows approve, withdraw, start, pause, resume, land");
   if (request.method != "POST") return refusal(405, "POST it");
   if (const auto body = object_from(request.body, {}); !body) return refusal(400, body.error().message);
   asked.kind = *verb;
-  return ask_mission(request, std::move(asked), known);
+  return mission_answer(request, std::move(asked), known);
 }
 
 ApiAnswer answer_drone(const ApiRequest& request, std::string_view path, const ApiContext& known) {
@@ -308,8 +309,7 @@ ApiAnswer answer_events(std::string_view query, const ApiContext& known) {
     if (digits.empty() || read.ec != std::errc() || read.ptr != digits.data() + digits.size())
       return refusal(400, "events takes since=NUMBER");
   }
-  const auto first =
-      std::find_if(known.events.begin(), known.events.end(), [&](const Event& event) { return event.number > since; });
+  const auto first = std::ranges::find_if(known.events, [&](const Event& event) { return event.number > since; });
   const auto at = static_cast<std::size_t>(first - known.events.begin());
   return {200, dump({{"events", events_json(known.events, at)}})};
 }
@@ -324,9 +324,9 @@ ApiAnswer answer_faults(const ApiRequest& request, const ApiContext& known) {
   if (const Status keys = only(*body, {"name", "on"}); !keys) return refusal(400, keys.error().message);
   const json name = body->value("name", json()), on = body->value("on", json());
   if (!name.is_string() || !on.is_boolean()) return refusal(400, "needs name, and on: true or false");
-  FaultAsk asked{.name = name.get<std::string>(), .on = on.get<bool>()};
+  FaultRequest asked{.name = name.get<std::string>(), .on = on.get<bool>()};
   const auto& all = known.faults->switches;
-  if (std::none_of(all.begin(), all.end(), [&](const FaultSwitch& one) { return one.name == asked.name; }))
+  if (std::ranges::none_of(all, [&](const FaultSwitch& one) { return one.name == asked.name; }))
     return refusal(404, "there is no fault \"" + printable(asked.name, max_shown) + "\"");
   // To end one is never wrong, and nobody has to look for a pass phrase.
   if (asked.on && !known.operators.empty() && !request.who)
@@ -361,14 +361,14 @@ ApiAnswer answer_any(const ApiRequest& request, const ApiContext& known) {
 }
 
 bool lands_and_nothing_else(const ApiAnswer& made) {
-  if (made.mission) return made.mission->kind == MissionAsk::Kind::land;
-  return !made.commands.empty() && std::all_of(made.commands.begin(), made.commands.end(), only_lands);
+  if (made.mission) return made.mission->kind == MissionRequest::Kind::land;
+  return !made.commands.empty() && std::ranges::all_of(made.commands, only_lands);
 }
 
 /// Of a drone that is to be cut in the air where nobody has confirmed it.
 std::optional<std::size_t> unconfirmed_cut(const ApiAnswer& made, std::span<const std::size_t> aloft) {
-  const auto cut = std::find_if(made.commands.begin(), made.commands.end(),
-                                [&](const PilotCommand& command) { return command.cut && has(aloft, command.drone); });
+  const auto cut = std::ranges::find_if(
+      made.commands, [&](const PilotCommand& command) { return command.cut && has(aloft, command.drone); });
   return made.confirmed || cut == made.commands.end() ? std::nullopt : std::optional(cut->drone);
 }
 
@@ -403,7 +403,7 @@ void merge(const PilotCommand& command, PilotCommand& waiting) {
   waiting.pause = waiting.pause || command.pause;
   waiting.late += command.late;
   if (command.order) waiting.order = command.order;
-  if (command.velocity) take_velocity(*command.velocity, command.came_ns, waiting);
+  if (command.velocity) set_velocity(*command.velocity, command.came_ns, waiting);
 }
 
 std::string session_text(const std::string& token, const Operator& who) {
@@ -423,6 +423,181 @@ std::string paths_message(std::string_view paths) { return fmt::format(R"({{"op"
 
 std::string events_message(const std::deque<Event>& events, std::size_t first) {
   return dump({{"op", "events"}, {"events", events_json(events, first)}});
+}
+
+namespace {
+
+using ground::json::only;
+using nlohmann::json;
+
+constexpr ground::json::Bounds message_bounds{4096, 2, 16};  // a velocity has nine values
+
+Result<json> message_from(std::string_view message) {
+  return ground::json::object_from(message, "the message", message_bounds);
+}
+
+/// Three numbers, or an error.
+Result<std::array<double, 3>> triple(const json& value, const char* what) {
+  std::array<double, 3> numbers{};
+  const bool three = value.is_array() && value.size() == numbers.size() &&
+                     std::ranges::all_of(value, [](const json& n) { return n.is_number(); });
+  if (!three) return Error{std::string(what) + " must be three numbers"};
+  for (std::size_t i = 0; i < numbers.size(); ++i) numbers[i] = value[i].get<double>();
+  return numbers;
+}
+
+std::optional<std::size_t> drone_in(const json& said, const std::vector<std::string>& names) {
+  const json name = said.value("drone", json());
+  if (!name.is_string()) return std::nullopt;
+  const auto at = std::ranges::find(names, name.get_ref<const std::string&>());
+  return at == names.end() ? std::nullopt : std::optional(static_cast<std::size_t>(at - names.begin()));
+}
+
+Result<PilotCommand> velocity_from(const json& said, const std::vector<std::string>& names, TimeNs now) {
+  if (const Status keys = only(said, {"op", "drone", "linear", "yaw_rate", "t_ms"}); !keys) return keys.error();
+  if (said.value("op", json()) != "velocity") return Error{R"(op must be "velocity")"};
+  const auto drone = drone_in(said, names);
+  if (!drone) return Error{"drone must be one that flies here"};
+  const auto linear = triple(said.value("linear", json()), "linear");
+  if (!linear) return linear.error();
+  const json yaw_rate = said.value("yaw_rate", json());
+  if (!yaw_rate.is_number()) return Error{"yaw_rate must be a number"};
+  const json t_ms = said.value("t_ms", json());
+  constexpr double rounded_ms = 1;
+  if (!t_ms.is_number() || !(std::abs(t_ms.get<double>()) <= to_ms(now) + rounded_ms))
+    return Error{"t_ms must be that of the newest state that its pilot had"};
+  if (to_ms(now) - t_ms.get<double>() > to_ms(max_held_ns)) return PilotCommand{.drone = *drone, .late = 1};
+  return PilotCommand{.drone = *drone, .velocity = Twist{*linear, {0, 0, yaw_rate.get<double>()}}, .came_ns = now};
+}
+
+/// Who may say it is decided where requests are answered, for both ways.
+Result<StreamCommand> command_from(const json& said, const std::string& op, const StreamClient& client,
+                                   const ApiContext& known) {
+  if (const Status keys = only(said, {"op", "drone", "id", "confirmed"}); !keys) return keys.error();
+  StreamCommand command;
+  const json id = said.value("id", json());
+  if (!id.is_null() && !id.is_number_unsigned()) return Error{"id must be a number from 0"};
+  if (!id.is_null()) command.id = id.get<std::uint64_t>();
+  json body = json::object();
+  if (said.contains("confirmed")) body["confirmed"] = said["confirmed"];
+  std::string target = "/api/v1/stop";
+  if (said.contains("drone") || op == "land") {
+    const auto drone = drone_in(said, known.names);
+    if (!drone) return Error{"drone must be one that flies here"};
+    target = fmt::format("/api/v1/drones/{}/{}", known.names[*drone], op);
+  } else if (op == "cut") {
+    body["cut"] = true;
+  }
+  const std::string text = body.dump();
+  command.made =
+      answer({.method = "POST", .target = target, .body = text, .who = client.who, .over = client.over}, known);
+  return command;
+}
+
+}  // namespace
+
+Result<PilotCommand> command_from(std::string_view message, const std::vector<std::string>& names, TimeNs now) {
+  const auto said = message_from(message);
+  if (!said) return said.error();
+  return velocity_from(*said, names, now);
+}
+
+Result<StreamMessage> read_stream_message(std::string_view message, const StreamClient& client, const ApiContext& known,
+                                          TimeNs now) {
+  const auto said = message_from(message);
+  if (!said) return said.error();
+  const json op = said->value("op", json());
+  StreamMessage read;
+  if (op == "stop" || op == "land" || op == "cut") {
+    auto command = command_from(*said, op.get<std::string>(), client, known);
+    if (!command) return command.error();
+    read.command = std::move(*command);
+    return read;
+  }
+  if (op != "velocity") return Error{R"(op must be "velocity", "stop", "land" or "cut")"};
+  auto velocity = velocity_from(*said, known.names, now);
+  if (!velocity) return velocity.error();
+  read.velocity = std::move(*velocity);
+  return read;
+}
+
+std::string answer_message(std::uint64_t id, const ApiAnswer& answer) {
+  json message{{"op", "answer"}, {"id", id}, {"status", answer.status}};
+  const json body = json::parse(answer.body, nullptr, false);
+  if (body.is_object() && body.contains("error")) message["error"] = body["error"];
+  return ground::json::dump(message);
+}
+
+namespace {
+
+namespace strict = ground::json;
+using nlohmann::json;
+
+constexpr std::size_t max_fault_name = 64, max_fault_words = 300;
+constexpr strict::Bounds list_bounds{1'048'576, 3, 16 * max_fault_switches + 2};
+
+bool is_fault_name(const std::string& text) {
+  const auto allowed = [](char c) { return contract::is_alphanumeric(c) || c == '-' || c == '_'; };
+  return !text.empty() && text.size() <= max_fault_name && std::ranges::all_of(text, allowed);
+}
+
+json switches_json(const FaultList& list) {
+  json all = json::array();
+  for (const FaultSwitch& one : list.switches) {
+    all.push_back(
+        {{"name", one.name}, {"drone", one.drone}, {"label", one.label}, {"words", one.words}, {"on", one.on}});
+  }
+  return all;
+}
+
+Result<FaultSwitch> switch_from(const json& given) {
+  if (!given.is_object()) return Error{"is no object"};
+  if (const Status keys = strict::only(given, {"name", "drone", "label", "words", "on"}); !keys) return keys.error();
+  FaultSwitch made;
+  for (const auto& [key, to] : {std::pair("name", &made.name), std::pair("drone", &made.drone),
+                                std::pair("label", &made.label), std::pair("words", &made.words)}) {
+    const json text = given.value(key, json());
+    if (!text.is_string() || text.get_ref<const std::string&>().size() > max_fault_words)
+      return Error{fmt::format("{} is no text of at most {} bytes", key, max_fault_words)};
+    *to = text.get<std::string>();
+  }
+  const json on = given.value("on", json());
+  if (!on.is_boolean()) return Error{"on is neither true nor false"};
+  made.on = on.get<bool>();
+  if (!is_fault_name(made.name)) return Error{"name is no word of a-z, A-Z, 0-9, - and _"};
+  return made;
+}
+
+}  // namespace
+
+Result<std::vector<FaultSwitch>> faults_from(std::string_view text) {
+  const auto object = strict::object_from(text, "the list of faults", list_bounds);
+  if (!object) return object.error();
+  if (const Status keys = strict::only(*object, {"faults"}); !keys) return keys.error();
+  const json list = object->value("faults", json());
+  if (!list.is_array() || list.size() > max_fault_switches)
+    return Error{fmt::format("faults is no list of at most {}", max_fault_switches)};
+  std::vector<FaultSwitch> all;
+  std::set<std::string> names;
+  for (const json& given : list) {
+    auto one = switch_from(given);
+    if (!one) return Error{fmt::format("fault {}: {}", all.size() + 1, one.error().message)};
+    if (!names.insert(one->name).second) return Error{fmt::format("there are two faults {}", one->name)};
+    all.push_back(std::move(*one));
+  }
+  return all;
+}
+
+std::string faults_text(const FaultList& list) { return strict::dump({{"faults", switches_json(list)}}); }
+
+std::string faults_message(const FaultList& list) {
+  return strict::dump({{"op", "faults"}, {"faults", switches_json(list)}, {"why", list.why}});
+}
+
+std::string command_of(const FaultRequest& ask) { return (ask.on ? "on " : "off ") + ask.name; }
+
+std::string words_of(const FaultRequest& ask, const FaultSwitch& what) {
+  return fmt::format("{}: switched {}{}{}", what.label, ask.on ? "on" : "off", ask.by.empty() ? "" : " by ", ask.by);
 }
 
 }  // namespace ledgerline::ground::service

@@ -2,9 +2,12 @@
 #include <array>
 #include <cstdint>
 #include <deque>
+#include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
+#include "common/crypto/identities/renewal.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
 
@@ -48,5 +51,24 @@ BlockSummary summary_of(const fabric::Block& block, TimeNs now, std::string_view
 
 /// {"op":"blocks","blocks":[...]} of docs/station.md: those behind block `reported`, oldest first.
 std::string blocks_message(const std::deque<BlockSummary>& blocks, std::uint64_t reported);
+
+/// Whose certificates near their end among those that write drones' states: agents, whose hosts nobody may look at.
+/// Read from the blocks, so an agent of any make is seen. Deterministic; one thread.
+class CertificateEnds {
+ public:
+  static constexpr std::size_t max_writers = 256;  ///< beyond it new ones are not looked at
+
+  void add(const fabric::Block& block);
+  /// What is to be reported now (crypto::Renewal::look).
+  std::vector<crypto::Renewal::Notice> due(std::int64_t now_s);
+
+ private:
+  struct Writer {
+    std::string serialized;  ///< msp.SerializedIdentity
+    std::int64_t not_before_s = 0, not_after_s = 0;
+    crypto::Renewal renewal;
+  };
+  std::map<crypto::IdentityName, Writer> writers_;
+};
 
 }  // namespace ledgerline::ground::service

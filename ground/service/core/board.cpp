@@ -1,12 +1,13 @@
 #include "ground/service/core/board.hpp"
 
 #include <fmt/format.h>
-
+#include <algorithm>
 #include <cmath>
 #include <nlohmann/json.hpp>
 #include <utility>
 
 #include "common/access/access.hpp"
+#include "common/base/printable.hpp"
 #include "common/msg/names.hpp"
 #include "common/msg/stops.hpp"
 #include "ground/json/strict.hpp"
@@ -37,7 +38,7 @@ json requests_of(const Lease& lease) {
 
 json drone_json(TimeNs now, const FlightView& core, std::size_t i) {
   const FlightStatus& status = core.status(i);
-  const IntakeState& seen = core.seen(i);
+  const IntakeState& seen = core.intake(i);
   const Lease& lease = core.lease(i);
   const StateSample& state = seen.state;
   const bool placed = seen.has_state && state.pose_stamp_ns != 0;
@@ -127,18 +128,18 @@ std::string Board::state_message(TimeNs now, const FlightView& core, const std::
                      to_ms(core.delay_ns()), drones);
 }
 
-Event Board::tell(TimeNs now, Level level, const std::string& drone, std::string text) {
+Event Board::make_event(TimeNs now, Level level, const std::string& drone, std::string text) {
   return {next_number_++, now, level, drone, std::move(text)};
 }
 
 void Board::add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events) {
-  events.push_back(tell(now, level, drone, std::move(text)));
+  events.push_back(make_event(now, level, drone, std::move(text)));
 }
 
-void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
+void Board::update(TimeNs now, const FlightView& core, std::size_t i, std::vector<Event>& events) {
   const std::string& name = core.drones()[i].name;
   const FlightStatus& status = core.status(i);
-  const StateSample& state = core.seen(i).state;
+  const StateSample& state = core.intake(i).state;
   const Lease& lease = core.lease(i);
   Before& before = before_[i];
   if (std::exchange(before.phase, status.phase) != status.phase) {
@@ -173,10 +174,10 @@ void Board::look(TimeNs now, const FlightView& core, std::size_t i, std::vector<
   }
 }
 
-std::vector<Event> Board::look(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
+std::vector<Event> Board::update(TimeNs now, const FlightView& core, const std::vector<std::string>& notes) {
   std::vector<Event> events;
   before_.resize(core.drones().size());
-  for (std::size_t i = 0; i < before_.size(); ++i) look(now, core, i, events);
+  for (std::size_t i = 0; i < before_.size(); ++i) update(now, core, i, events);
   for (const std::string& note : notes) add(now, Level::warning, "", note, events);
   return events;
 }
@@ -186,6 +187,52 @@ std::vector<Event> Board::refusals(TimeNs now, Refusals& refusals) {
   for (Refusals::RefusalNotice& said : refusals.due(now))
     add(now, Level::warning, said.drone, std::move(said.text), events);
   return events;
+}
+
+namespace {
+
+constexpr TimeNs gap_ns = ns_per_s;
+constexpr std::size_t max_words = 300;  // bytes of what a peer says
+
+std::string text_of(std::string_view function, const fabric::Outcome& outcome) {
+  const std::string words = printable(outcome.refusal ? outcome.refusal->words : outcome.message, max_words);
+  using Kind = fabric::Outcome::Kind;
+  switch (outcome.kind) {
+    case Kind::committed:
+      return "";
+    case Kind::invalidated:
+      return fmt::format("{} does not count: invalid in block {} (code {}){}{}", function, outcome.block, outcome.code,
+                         words.empty() ? "" : ": ", words);
+    case Kind::refused:
+      return fmt::format("{} refused: {}", function, words);
+    case Kind::unavailable:
+      return fmt::format("{}: no answer of the ledger: {}", function, words);
+    case Kind::overloaded:
+      return fmt::format("{} not sent, too many are in flight: {}", function, words);
+  }
+  return fmt::format("{} did not get through", function);
+}
+
+}  // namespace
+
+void Refusals::add(std::string_view function, const fabric::Outcome& outcome) {
+  if (outcome.kind == fabric::Outcome::Kind::committed) return;
+  const auto named = std::ranges::find_if(
+      names_, [&](const std::string& name) { return outcome.refusal && fabric::names(*outcome.refusal, name); });
+  Slot& slot = slots_[{named == names_.end() ? std::string() : *named, outcome.kind}];
+  slot.text = text_of(function, outcome);
+  ++slot.count;
+}
+
+std::vector<Refusals::RefusalNotice> Refusals::due(TimeNs now) {
+  std::vector<RefusalNotice> said;
+  for (auto& [key, slot] : slots_) {
+    if (slot.count == 0 || now < slot.next_ns) continue;
+    said.push_back({key.first, slot.count == 1 ? slot.text : fmt::format("{} ({} times)", slot.text, slot.count)});
+    slot.count = 0;
+    slot.next_ns = now + gap_ns;
+  }
+  return said;
 }
 
 }  // namespace ledgerline::ground::service

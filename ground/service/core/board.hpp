@@ -26,7 +26,7 @@ class Refusals {
     std::string text;
   };
   /// How a call of `function` ended; a committed one is nothing to say.
-  void take(std::string_view function, const fabric::Outcome& outcome);
+  void add(std::string_view function, const fabric::Outcome& outcome);
   /// What is due.
   std::vector<RefusalNotice> due(TimeNs now);
 
@@ -45,9 +45,9 @@ class Refusals {
 class Board {
  public:
   /// Events since the look before: phases, failsafe, lease, stops, and the core's notes.
-  std::vector<Event> look(TimeNs now, const FlightView& core, const std::vector<std::string>& notes);
+  std::vector<Event> update(TimeNs now, const FlightView& core, const std::vector<std::string>& notes);
   /// An event of the station itself.
-  Event tell(TimeNs now, Level level, const std::string& drone, std::string text);
+  Event make_event(TimeNs now, Level level, const std::string& drone, std::string text);
   /// Events of calls that did not get through.
   std::vector<Event> refusals(TimeNs now, Refusals& refusals);
   /// [DRONE...] of docs/station.md.
@@ -66,7 +66,7 @@ class Board {
     std::optional<crypto::IdentityName> holder, commander;
     std::string stoppers;
   };
-  void look(TimeNs now, const FlightView& core, std::size_t drone, std::vector<Event>& events);
+  void update(TimeNs now, const FlightView& core, std::size_t drone, std::vector<Event>& events);
   void add(TimeNs now, Level level, const std::string& drone, std::string text, std::vector<Event>& events);
 
   std::vector<Before> before_;

@@ -1,8 +1,11 @@
 #include "ground/service/missions/approvals.hpp"
 
+#include <fmt/chrono.h>
+#include <fmt/format.h>
 #include <algorithm>
 
 #include "common/access/access.hpp"
+#include "common/base/printable.hpp"
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
 #include "common/msg/proto_json.hpp"
@@ -41,9 +44,8 @@ std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBo
         return anchored.digest() == std::string(digest.begin(), digest.end());
       };
       const auto digests = terms.now(book.digest(id), unix_s);
-      const bool concerns = std::any_of(digests.begin(), digests.end(), [&](const ApprovalTerms::Digests& one) {
-        return is_it(one.approval) || is_it(one.withdrawal);
-      });
+      const bool concerns = std::ranges::any_of(
+          digests, [&](const ApprovalTerms::Digests& one) { return is_it(one.approval) || is_it(one.withdrawal); });
       if (concerns) ids.push_back(id);
     }
   }
@@ -51,7 +53,7 @@ std::vector<std::string> anchored_in(const fabric::Block& block, const MissionBo
 }
 
 bool changes_roles(const fabric::Block& block) {
-  return std::any_of(block.transactions.begin(), block.transactions.end(), [](const fabric::Transaction& tx) {
+  return std::ranges::any_of(block.transactions, [](const fabric::Transaction& tx) {
     return tx.code == 0 && !tx.config && (tx.event_name == contract::enroll || tx.event_name == contract::revoke);
   });
 }
@@ -62,7 +64,7 @@ mission::Finding not_checked() {
   return finding;
 }
 
-std::vector<std::string> Unread::take(TimeNs now) {
+std::vector<std::string> Unread::pop_due(TimeNs now) {
   std::vector<std::string> due;
   for (auto one = when_.begin(); one != when_.end();) {
     if (now < one->second) {
@@ -73,6 +75,53 @@ std::vector<std::string> Unread::take(TimeNs now) {
     one = when_.erase(one);
   }
   return due;
+}
+
+namespace {
+
+constexpr std::size_t max_ground_chars = 120;  // an anchor's words are bounded, and an identity's name may be long
+
+/// A line for each part: none of them can have a line's end, so no two texts are the same for different parts.
+crypto::Digest digest_of(const char* what, const crypto::Digest& mission, const crypto::IdentityName& ground,
+                         std::int64_t lasts_s, std::int64_t period) {
+  return crypto::sha256(fmt::format("ledgerline mission {} 1\n{}\n{}\n{}\n{}\n{}\n", what, crypto::hex(mission),
+                                    ground.msp_id, ground.subject, lasts_s, period));
+}
+
+bool has(const std::vector<crypto::IdentityName>& all, const crypto::IdentityName& one) {
+  return std::ranges::find(all, one) != all.end();
+}
+
+}  // namespace
+
+std::array<ApprovalTerms::Digests, 2> ApprovalTerms::now(const crypto::Digest& mission, std::int64_t unix_s) const {
+  const auto of = [&](std::int64_t period) {
+    return Digests{digest_of("approval", mission, ground_, lasts_s_, period),
+                   digest_of("withdrawal", mission, ground_, lasts_s_, period)};
+  };
+  return {of(period(unix_s)), of(period(unix_s) - 1)};
+}
+
+std::string ApprovalTerms::approval_words(const std::string& mission, std::int64_t unix_s) const {
+  const std::int64_t end_s = (period(unix_s) + 2) * (lasts_s_ / 2);
+  return fmt::format("mission {} may be flown until {:%Y-%m-%dT%H:%M:%SZ} at {}", mission, fmt::gmtime(end_s),
+                     printable(ground_.msp_id + " " + ground_.subject, max_ground_chars));
+}
+
+std::string ApprovalTerms::withdrawal_words(const std::string& mission) const {
+  return fmt::format("mission {} may not be flown any more at {}", mission,
+                     printable(ground_.msp_id + " " + ground_.subject, max_ground_chars));
+}
+
+std::vector<crypto::IdentityName> standing_approvals(std::span<const PeriodSigners> newest_first) {
+  std::vector<crypto::IdentityName> standing, withdrawn;
+  for (const PeriodSigners& period : newest_first) {
+    withdrawn.insert(withdrawn.end(), period.withdrawn.begin(), period.withdrawn.end());
+    for (const crypto::IdentityName& signer : period.approved) {
+      if (!has(withdrawn, signer) && !has(standing, signer)) standing.push_back(signer);
+    }
+  }
+  return standing;
 }
 
 }  // namespace ledgerline::ground::service

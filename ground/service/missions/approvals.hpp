@@ -71,9 +71,9 @@ class RateLimiter {
  public:
   explicit RateLimiter(TimeNs gap_ns) : gap_ns_(gap_ns) {}
 
-  void want() { is_wanted_ = true; }
+  void request() { is_wanted_ = true; }
   /// True: do it now.
-  bool take(TimeNs now) {
+  bool start(TimeNs now) {
     if (!is_wanted_ || now < next_ns_) return false;
     is_wanted_ = false;
     next_ns_ = now + gap_ns_;
@@ -94,7 +94,7 @@ class Unread {
   void add(const std::string& id, TimeNs now) { when_[id] = now + again_ns; }
   bool empty() const { return when_.empty(); }
   /// Those that are due, which are forgotten with that.
-  std::vector<std::string> take(TimeNs now);
+  std::vector<std::string> pop_due(TimeNs now);
 
  private:
   std::map<std::string, TimeNs> when_;

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "ground/json/strict.hpp"
-#include "ground/mission/drone_now.hpp"
+#include "ground/mission/check.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -53,7 +53,7 @@ MissionBook::MissionBook(MissionSettings settings, crypto::IdentityName self)
   if (settings_.approvers.empty()) settings_.approvers = {self_.msp_id};
 }
 
-Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::IdentityName> by) {
+Result<std::string> MissionBook::add(MissionRun run, std::optional<crypto::IdentityName> by) {
   const std::string id = crypto::hex(run.digest()).substr(0, id_digits);
   if (has(id)) return Error{fmt::format("mission {} is here already, as {}", run.mission().name, id)};
   if (missions_.size() >= max_missions)
@@ -65,10 +65,6 @@ Result<std::string> MissionBook::put(MissionRun run, std::optional<crypto::Ident
   missions_.emplace(id, std::move(entry));
   changed_ = true;
   return id;
-}
-
-Result<std::string> MissionBook::add(MissionRun run, std::optional<crypto::IdentityName> by) {
-  return put(std::move(run), std::move(by));
 }
 
 Result<std::string> MissionBook::restore(std::string_view text) {
@@ -83,7 +79,7 @@ Result<std::string> MissionBook::restore(std::string_view text) {
     return Error{"the kept mission: by must be null, or an MSP id and a subject"};
   auto run = MissionRun::restore(dump(kept->value("run", json())), settings_.run);
   if (!run) return run.error();
-  return put(std::move(*run), std::move(by));
+  return add(std::move(*run), std::move(by));
 }
 
 Status MissionBook::may(const std::optional<crypto::IdentityName>& by, const Entry& entry) const {
@@ -123,8 +119,7 @@ void MissionBook::set_signers(const std::string& id, const std::vector<crypto::I
   entry->signers.clear();
   std::vector<mission::Approval> approvals;
   for (const crypto::IdentityName& signer : signers) {
-    if (std::find(settings_.approvers.begin(), settings_.approvers.end(), signer.msp_id) == settings_.approvers.end())
-      continue;
+    if (std::ranges::find(settings_.approvers, signer.msp_id) == settings_.approvers.end()) continue;
     entry->signers.push_back(signer);
     approvals.push_back({signer, entry->run->digest()});
   }
@@ -152,14 +147,13 @@ Status MissionBook::may_fly(const Entry& entry, const mission::Mission& part,
     }
     for (const auto& [id, other] : missions_) {
       const auto& drones = other.run->mission().drones;
-      const bool has_it =
-          std::any_of(drones.begin(), drones.end(), [&](const auto& d) { return d.drone == one.drone; });
+      const bool has_it = std::ranges::any_of(drones, [&](const auto& d) { return d.drone == one.drone; });
       if (&other != &entry && other.run->active() && has_it)
         return Error{fmt::format("{} flies in mission {}", one.drone, other.run->mission().name)};
     }
   }
-  const auto forbids = std::find_if(checked.findings.begin(), checked.findings.end(),
-                                    [](const mission::Finding& finding) { return finding.forbids; });
+  const auto forbids =
+      std::ranges::find_if(checked.findings, [](const mission::Finding& finding) { return finding.forbids; });
   if (forbids != checked.findings.end()) return Error{forbids->words};
   for (const mission::DroneNow& then : checked.then) {
     const mission::DroneNow now = mission::drone_now(core, *index_of(core.drones(), then.name));
@@ -216,21 +210,20 @@ Status MissionBook::land(const std::string& id, const std::string& why) {
   return apply_request(id, [&](const Entry& entry) { return entry.run->end(why); });
 }
 
-void MissionBook::go_on(const std::string& id, const Checked& checked, const FlightView& core) {
+void MissionBook::resume_after_check(const std::string& id, const Checked& checked, const FlightView& core) {
   Entry* entry = find(id);
   if (entry == nullptr || !entry->run->awaits_check()) return;
-  entry->run->go_on(may_fly(*entry, entry->run->rest(), entry->by, checked, core));
+  entry->run->resume_after_check(may_fly(*entry, entry->run->rest(), entry->by, checked, core));
   changed_ = entry->stirred = true;
 }
 
 bool MissionBook::busy() const {
-  return std::any_of(missions_.begin(), missions_.end(),
-                     [](const auto& one) { return one.second.stirred || one.second.run->active(); });
+  return std::ranges::any_of(missions_, [](const auto& one) { return one.second.stirred || one.second.run->active(); });
 }
 
 // A drone that its starter holds no more, or that we do not command, is lost for its mission, whatever it does.
-std::vector<mission::DroneNow> MissionBook::seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                                    const FlightView& core) const {
+std::vector<mission::DroneNow> MissionBook::drones_for(const Entry& entry, std::vector<mission::DroneNow> drones,
+                                                       const FlightView& core) const {
   for (std::size_t i = 0; i < drones.size(); ++i) {
     const Lease& lease = core.lease(i);
     // Without a record nothing is known yet: after a restart it is waited for.
@@ -247,7 +240,7 @@ MissionBook::Outputs MissionBook::step(TimeNs now, const FlightView& core) {
   Outputs out;
   for (auto& [id, entry] : missions_) {
     if (!entry.stirred && !entry.run->active()) continue;
-    mission::RunOutputs made = entry.run->step(now, seen_by(entry, drones, core));
+    mission::RunOutputs made = entry.run->step(now, drones_for(entry, drones, core));
     entry.stirred = entry.run->landing_due();
     for (PilotCommand& command : made.commands) {
       command.by = entry.by;
@@ -310,7 +303,7 @@ std::string MissionBook::show(const std::string& id) const {
   return shown + R"("paths":)" + entry.paths + "}";
 }
 
-std::string MissionBook::keep(const std::string& id) const {
+std::string MissionBook::saved(const std::string& id) const {
   const Entry& entry = missions_.at(id);
   const json by = entry.by ? json::array({entry.by->msp_id, entry.by->subject}) : json();
   return fmt::format(R"({{"by":{},"run":{}}})", dump(by), entry.run->saved());

@@ -32,7 +32,7 @@ class MissionBook {
 
   /// The error, or the id of the new mission: the first digits of its hash. `by`: whose it is, as below.
   Result<std::string> add(mission::MissionRun run, std::optional<crypto::IdentityName> by = {});
-  /// What keep() gave. The error: it is none.
+  /// What saved() gave. The error: it is none.
   Result<std::string> restore(std::string_view text);
   // `by`: who asks; none: ground's own identity, where no operators sign in. A mission is its owner's: who added or
   // started it. Whatever is asked of it is asked by him, but for the landing, which anybody may ask.
@@ -61,12 +61,12 @@ class MissionBook {
                 const FlightView& core);
   Status land(const std::string& id, const std::string& why);
   /// One of Outputs::awaiting_check; `checked`: rest(). It goes on as resume() would have it, or hovers and says why.
-  void go_on(const std::string& id, const Checked& checked, const FlightView& core);
+  void resume_after_check(const std::string& id, const Checked& checked, const FlightView& core);
 
   struct Outputs {
     std::vector<PilotCommand> commands;
     std::vector<mission::RunEvent> events;
-    std::vector<std::string> kept;            ///< ids whose keep() is another by now
+    std::vector<std::string> kept;            ///< ids whose saved() is another by now
     std::vector<std::string> ended;           ///< ids of those that are done or aborted by now
     std::vector<std::string> awaiting_check;  ///< ids of those that a restart has found in the air, once each
   };
@@ -86,7 +86,7 @@ class MissionBook {
   std::string list() const;
   std::string show(const std::string& id) const;
   /// For restore().
-  std::string keep(const std::string& id) const;
+  std::string saved(const std::string& id) const;
   /// What became of it, for the ledger's eyes: a JSON text whose hash is anchored. `realtime_s`: now.
   std::string record(const std::string& id, std::int64_t realtime_s) const;
   /// Whether it has changed since it was asked last.
@@ -103,7 +103,6 @@ class MissionBook {
     bool stirred = false;  ///< step() has something to report of it
     mission::RunPhase phase = mission::RunPhase::checked;
   };
-  Result<std::string> put(mission::MissionRun run, std::optional<crypto::IdentityName> by);
   Entry* find(const std::string& id);
   /// What somebody says of one; where that does not fail, step() and list() have something to report.
   template <typename Say>
@@ -114,8 +113,8 @@ class MissionBook {
   /// What speaks against flying these drones of it now.
   Status may_fly(const Entry& entry, const mission::Mission& part, const std::optional<crypto::IdentityName>& by,
                  const Checked& checked, const FlightView& core) const;
-  std::vector<mission::DroneNow> seen_by(const Entry& entry, std::vector<mission::DroneNow> drones,
-                                         const FlightView& core) const;
+  std::vector<mission::DroneNow> drones_for(const Entry& entry, std::vector<mission::DroneNow> drones,
+                                            const FlightView& core) const;
   nlohmann::json json_of(const std::string& id, const Entry& entry) const;
 
   MissionSettings settings_;

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -11,6 +12,7 @@
 #include "common/crypto/crypto.hpp"
 #include "common/rt/clock.hpp"
 #include "common/verification/control_records.hpp"
+#include "ground/core/flight_view.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -31,7 +33,7 @@ class Attempts {
   static constexpr std::size_t max_waiting = 4, max_addresses = 64;
 
   /// When one from there is looked at, now or later; nothing: too many wait.
-  std::optional<TimeNs> look_after(TimeNs now, const std::string& address);
+  std::optional<TimeNs> next_attempt(TimeNs now, const std::string& address);
   void failed(const std::string& address);
 
  private:
@@ -62,8 +64,8 @@ class SignIns {
   SignIns(std::size_t operators, TimeNs idle_ns) : idle_ns_(idle_ns), slots_(operators) {}
 
   /// When a pass phrase from that address is looked at; nothing: it is not, there are too many before it.
-  std::optional<TimeNs> look_after(TimeNs now, std::size_t who, const std::string& address) {
-    return slots_[who].attempts.look_after(now, address);
+  std::optional<TimeNs> next_attempt(TimeNs now, std::size_t who, const std::string& address) {
+    return slots_[who].attempts.next_attempt(now, address);
   }
   /// One that is looked at counts as wrong until right().
   void failed(std::size_t who, const std::string& address) { slots_[who].attempts.failed(address); }
@@ -98,6 +100,52 @@ class SignIns {
   std::vector<Slot> slots_;
   std::vector<std::size_t> dismissed_;
   std::deque<crypto::Digest> ended_;  ///< oldest first
+};
+
+/// Whether a drone is off the ground, as far as is known: by what it flies for us, or as its newest state says.
+bool is_aloft(const FlightView& flights, std::size_t drone);
+/// Indexes of those, and of the ones of which nothing is known yet.
+std::vector<std::size_t> aloft_of(const FlightView& flights);
+/// Indexes of the drones that ground's own identity has stopped, and nobody else.
+std::vector<std::size_t> stopped_by_ground(const FlightView& flights);
+
+/// What somebody holds that we command for him.
+struct HeldDrones {
+  std::vector<std::size_t> drones{};
+  std::vector<std::size_t> aloft{};  ///< of these
+};
+HeldDrones drones_held_by(const FlightView& flights, const crypto::IdentityName& who);
+
+/// Operators whose session is over. Each drone that one holds is asked to land, repeatedly, and once it is down it is
+/// given back; after a minute it is given back in the air, too, since a key must not stay unlocked for one who is gone.
+/// Deterministic, no I/O; one thread.
+class EndedSessions {
+ public:
+  static constexpr TimeNs limit_ns = 60 * ns_per_s, again_ns = ns_per_s;
+
+  /// He is gone; until `from_ns` he may come back for what he holds.
+  void add(std::size_t who, TimeNs from_ns);
+  /// He has come back, or has nothing left.
+  void remove(std::size_t who);
+  bool has(std::size_t who) const;
+  bool empty() const { return all_.empty(); }
+  std::vector<std::size_t> all() const;
+
+  struct Step {
+    std::vector<std::size_t> land{};
+    bool give_back = false;  ///< all that he holds; then remove() him
+    bool last = false;       ///< whatever comes of that
+  };
+  /// Of one that is here, who holds that.
+  Step step(TimeNs now_ns, std::size_t who, const HeldDrones& held);
+
+ private:
+  struct Gone {
+    std::size_t who;
+    TimeNs from_ns, until_ns;
+    TimeNs next_ns;  ///< then they are asked again to land
+  };
+  std::vector<Gone> all_;
 };
 
 }  // namespace ledgerline::ground::service

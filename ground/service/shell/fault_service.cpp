@@ -22,7 +22,7 @@ void FaultService::start(std::function<void(FaultList)> publish) {
   thread_ = std::thread([this] { run(); });
 }
 
-void FaultService::ask(FaultAsk asked, Answer answer) {
+void FaultService::request(FaultRequest asked, Answer answer) {
   std::deque<Waiting> overtaken;
   bool taken = false;
   {
@@ -30,7 +30,7 @@ void FaultService::ask(FaultAsk asked, Answer answer) {
     // What ends a fault does not wait behind what begins some.
     if (!asked.on) {
       const auto same = [&](const Waiting& one) { return one.first.name == asked.name; };
-      std::copy_if(waiting_.begin(), waiting_.end(), std::back_inserter(overtaken), same);
+      std::ranges::copy_if(waiting_, std::back_inserter(overtaken), same);
       std::erase_if(waiting_, same);
     }
     taken = !over_ && waiting_.size() < (asked.on ? max_waiting : 2 * max_waiting);
@@ -60,7 +60,7 @@ void FaultService::run() {
   while (!over_) {
     if (waiting_.empty()) {
       lock.unlock();
-      look();
+      refresh();
       lock.lock();
       changed_.wait_for(lock, look_again, [this] { return over_ || !waiting_.empty(); });
       continue;
@@ -73,14 +73,14 @@ void FaultService::run() {
   }
 }
 
-void FaultService::look() { take(tell_command(socket_, "list", fault_timeout_ns)); }
+void FaultService::refresh() { apply(tell_command(socket_, "list", fault_timeout_ns)); }
 
-void FaultService::switch_one(const FaultAsk& asked, const Answer& answer) {
+void FaultService::switch_one(const FaultRequest& asked, const Answer& answer) {
   const auto answered = tell_command(socket_, command_of(asked), fault_timeout_ns);
   if (!answered) return answer(refusal(503, "not switched: " + answered.error().message));
-  take(answered);
-  const auto what = std::find_if(list_.switches.begin(), list_.switches.end(),
-                                 [&](const FaultSwitch& one) { return one.name == asked.name; });
+  apply(answered);
+  const auto what =
+      std::ranges::find_if(list_.switches, [&](const FaultSwitch& one) { return one.name == asked.name; });
   if (!list_.why.empty() || what == list_.switches.end()) return answer(refusal(503, "not known: " + list_.why));
   const std::string words = words_of(asked, *what);
   spdlog::warn("{}{}{}", what->drone, what->drone.empty() ? "" : ": ", words);
@@ -88,7 +88,7 @@ void FaultService::switch_one(const FaultAsk& asked, const Answer& answer) {
   answer({200, faults_text(list_)});
 }
 
-void FaultService::take(const Result<std::string>& answered) {
+void FaultService::apply(const Result<std::string>& answered) {
   FaultList now;
   const auto list = answered ? faults_from(*answered) : Result<std::vector<FaultSwitch>>(answered.error());
   if (list)

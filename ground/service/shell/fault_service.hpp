@@ -26,16 +26,16 @@ class FaultService {
   /// `publish`: the list has changed; on the service's thread. Once.
   void start(std::function<void(FaultList)> publish);
   /// `answer` comes exactly once, on the service's thread or, where too much waits, at once.
-  void ask(FaultAsk asked, Answer answer);
+  void request(FaultRequest asked, Answer answer);
   /// Waits for what is asked just now, some seconds at most; what waits is refused.
   void close();
 
  private:
-  using Waiting = std::pair<FaultAsk, Answer>;
+  using Waiting = std::pair<FaultRequest, Answer>;
   void run();
-  void look();
-  void switch_one(const FaultAsk& asked, const Answer& answer);
-  void take(const Result<std::string>& answered);
+  void refresh();
+  void switch_one(const FaultRequest& asked, const Answer& answer);
+  void apply(const Result<std::string>& answered);
 
   const std::string socket_;
   const Tell tell_;

@@ -7,9 +7,12 @@
 
 namespace ledgerline::ground::service {
 
-std::optional<Connections::KeptPlace> Connections::keep(const Places::Owner& owner, Places::Use use) {
-  if (!places_.take(owner, use)) return std::nullopt;
-  return KeptPlace(*this, owner);
+Connections::ReservedPlace Connections::reserve(const Places::Owner& owner, Places::Use use) {
+  if (!places_.acquire(owner, use)) return nullptr;
+  return {new Places::Owner(owner), [this](const Places::Owner* kept) {
+            places_.release(*kept);
+            delete kept;
+          }};
 }
 
 void Connections::make_room() {
@@ -24,7 +27,7 @@ void Connections::make_room() {
   }
   if (here.size() >= max_unauthenticated) {
     const auto displaced = here.begin() + static_cast<std::ptrdiff_t>(displaced_by_next(now, random_()));
-    (*displaced)->leave();
+    (*displaced)->close();
     here.erase(displaced);
   }
   unauthenticated_.assign(here.begin(), here.end());
@@ -38,45 +41,45 @@ Hub::Hub(std::vector<std::string> drones, const Greeting& greeting, Server::Behi
       sign_ins_(operators_.size(), session_idle_ns) {}
 
 void Hub::expire(TimeNs now) {
-  for (const std::size_t who : sign_ins_.expire(now)) behind_.keys->leave(who);
+  for (const std::size_t who : sign_ins_.expire(now)) behind_.keys->on_session_over(who);
 }
 
-void Hub::publish(Telling telling) {
-  messages_.state = std::make_shared<const std::string>(std::move(telling.state));
-  if (telling.paths) {
-    paths_ = std::move(*telling.paths);
+void Hub::publish(BoardState board) {
+  messages_.state = std::make_shared<const std::string>(std::move(board.state));
+  if (board.paths) {
+    paths_ = std::move(*board.paths);
     messages_.paths = std::make_shared<const std::string>(paths_message(paths_));
   }
-  for (Event& event : telling.events) events_.push_back(std::move(event));
-  telling.events.clear();
-  newest_ = std::move(telling);
+  for (Event& event : board.events) events_.push_back(std::move(event));
+  board.events.clear();
+  newest_ = std::move(board);
   while (events_.size() > Server::max_events) events_.pop_front();
-  tell();
+  notify();
 }
 
 void Hub::publish_blocks(const std::vector<BlockSummary>& blocks) {
   blocks_.insert(blocks_.end(), blocks.begin(), blocks.end());
   while (blocks_.size() > max_reported_blocks) blocks_.pop_front();
-  tell();
+  notify();
 }
 
 void Hub::publish_missions(std::string_view list) {
   messages_.missions = std::make_shared<const std::string>(missions_message(list));
-  tell();
+  notify();
 }
 
 void Hub::publish_faults(FaultList list) {
   messages_.faults = std::make_shared<const std::string>(faults_message(list));
   faults_ = std::move(list);
-  tell();
+  notify();
 }
 
 void Hub::end() {
   ended_ = true;
-  tell();
+  notify();
 }
 
-void Hub::tell() {
+void Hub::notify() {
   listeners_.erase(std::remove_if(listeners_.begin(), listeners_.end(), [](const auto& one) { return one.expired(); }),
                    listeners_.end());
   streams_ = listeners_.size();

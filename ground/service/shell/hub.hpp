@@ -1,16 +1,25 @@
 #pragma once
 #include <atomic>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/beast/http/message.hpp>
+#include <boost/beast/http/string_body.hpp>
 #include <deque>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <random>
+#include <set>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "common/rt/clock.hpp"
-#include "ground/service/connections/places.hpp"
+#include "common/web/wire.hpp"
 #include "ground/service/core/api.hpp"
+#include "ground/service/core/guard.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/server.hpp"
 
 namespace ledgerline::ground::service {
@@ -20,43 +29,17 @@ namespace ledgerline::ground::service {
 class Connections {
  public:
   /// Counts a connection while it lives.
-  class Place {
-   public:
-    explicit Place(Connections& connections) : connections_(&connections) { ++connections_->count_; }
-    ~Place() {
-      if (connections_) --connections_->count_;
-    }
-    Place(Place&& other) noexcept : connections_(std::exchange(other.connections_, nullptr)) {}
-    Place(const Place&) = delete;
-    Place& operator=(const Place&) = delete;
-    Place& operator=(Place&&) = delete;
-
-   private:
-    Connections* connections_;
-  };
+  using Place = std::shared_ptr<void>;
+  Place count_one() {
+    ++count_;
+    return {this, [](Connections* connections) { --connections->count_; }};
+  }
   /// Any thread.
   std::size_t count() const { return count_; }
 
-  /// A place that its owner keeps for as long as this lives (Places).
-  class KeptPlace {
-   public:
-    KeptPlace(Connections& connections, Places::Owner owner) : connections_(&connections), owner_(std::move(owner)) {}
-    ~KeptPlace() {
-      if (connections_) connections_->places_.release(owner_);
-    }
-    KeptPlace(KeptPlace&& other) noexcept
-        : connections_(std::exchange(other.connections_, nullptr)), owner_(std::move(other.owner_)) {}
-    KeptPlace(const KeptPlace&) = delete;
-    KeptPlace& operator=(const KeptPlace&) = delete;
-    KeptPlace& operator=(KeptPlace&&) = delete;
-    const Places::Owner& owner() const { return owner_; }
-
-   private:
-    Connections* connections_;
-    Places::Owner owner_;
-  };
-  /// Nothing: there is no place left for him.
-  std::optional<KeptPlace> keep(const Places::Owner& owner, Places::Use use);
+  /// A place that its owner keeps for as long as this lives (Places); null: there is none left for him.
+  using ReservedPlace = std::shared_ptr<const Places::Owner>;
+  ReservedPlace reserve(const Places::Owner& owner, Places::Use use);
 
   /// A connection that keeps no place: it has not shown the token, or there was none left.
   class Unauthenticated {
@@ -64,7 +47,7 @@ class Connections {
     virtual ~Unauthenticated() = default;
     virtual bool is_unauthenticated() const = 0;
     virtual UnauthenticatedClient now() const = 0;
-    virtual void leave() = 0;
+    virtual void close() = 0;
   };
   void join(const std::shared_ptr<Unauthenticated>& client) { unauthenticated_.push_back(client); }
   /// For one more unauthenticated client: closes one where there are max_unauthenticated.
@@ -94,7 +77,7 @@ class Hub {
     virtual void news() = 0;
   };
 
-  void publish(Telling telling);
+  void publish(BoardState board);
   void publish_missions(std::string_view list);
   void publish_faults(FaultList list);
   /// Nothing more is published.
@@ -112,7 +95,7 @@ class Hub {
             .paths = paths_,
             .events = events_,
             .operators = operators_,
-            .faults = behind_.ask_faults ? &faults_ : nullptr,
+            .faults = behind_.request_fault ? &faults_ : nullptr,
             .aloft = newest_.aloft,
             .stopped_by_ground = newest_.stopped_by_ground};
   }
@@ -126,14 +109,14 @@ class Hub {
   };
   const Messages& messages() const { return messages_; }
   std::string greeting() const;
-  Status take(const PilotCommand& command) const { return behind_.take(command); }
+  Status post_command(const PilotCommand& command) const { return behind_.take(command); }
 
   Connections& connections() { return connections_; }
   SignIns& sign_ins() { return sign_ins_; }
   const std::vector<Operator>& operators() const { return operators_; }
   OperatorKeys& keys() { return *behind_.keys; }
-  const auto& ask_missions() const { return behind_.ask_missions; }
-  const auto& ask_faults() const { return behind_.ask_faults; }
+  const auto& request_mission() const { return behind_.request_mission; }
+  const auto& request_fault() const { return behind_.request_fault; }
   /// Ends the sessions that were idle for too long.
   void expire(TimeNs now);
 
@@ -141,7 +124,7 @@ class Hub {
   std::size_t streams() const { return streams_; }
 
  private:
-  void tell();
+  void notify();
 
   const std::vector<std::string> names_;
   const Greeting greeting_;
@@ -150,7 +133,7 @@ class Hub {
   const std::vector<Operator> operators_;
   SignIns sign_ins_;
   Connections connections_;
-  Telling newest_{.drones = "[]"};  ///< but for its paths and events, which are below
+  BoardState newest_{.drones = "[]"};  ///< but for its paths and events, which are below
   std::string paths_ = "{}";
   Messages messages_;
   FaultList faults_{.switches = {}, .why = "the faults' switches were not reached yet"};
@@ -160,5 +143,73 @@ class Hub {
   bool ended_ = false;
   std::atomic<std::size_t> streams_{0};
 };
+
+/// Brings what other threads answer to the server's thread. A connection that waits for an answer belongs to that
+/// thread alone: another one neither uses nor ends it, whenever it answers. An answer behind the server's end is
+/// dropped.
+class Answers {
+ public:
+  explicit Answers(boost::asio::io_context& io) : door_(std::make_shared<AnswerGate>(io)) {}
+  ~Answers() { close(); }
+  Answers(const Answers&) = delete;
+  Answers& operator=(const Answers&) = delete;
+
+  /// What `then` gets is what the returned function is called with, once; `then` runs and ends on the server's thread.
+  /// The returned function: any thread, and whenever it likes. Server's thread.
+  template <typename Answer>
+  std::function<void(Answer)> expect(std::function<void(Answer)> then) {
+    const auto waits = std::make_shared<std::function<void(Answer)>>(std::move(then));
+    waiting_.insert(waits);
+    return [this, door = door_, waits = std::weak_ptr(waits)](Answer answer) {
+      door->post([this, waits, answer = std::move(answer)]() mutable {
+        const auto found = waits.lock();
+        if (found && waiting_.erase(found) > 0) (*found)(std::move(answer));
+      });
+    };
+  }
+
+  /// Nobody waits any longer. When the server's thread has ended, and before its io_context does.
+  void close() {
+    door_->close();
+    waiting_.clear();
+  }
+
+ private:
+  class AnswerGate {
+   public:
+    explicit AnswerGate(boost::asio::io_context& io) : io_(&io) {}
+    template <typename Work>
+    void post(Work work) {
+      const std::lock_guard lock(mutex_);
+      if (io_) boost::asio::post(*io_, std::move(work));
+    }
+    void close() {
+      const std::lock_guard lock(mutex_);
+      io_ = nullptr;
+    }
+
+   private:
+    std::mutex mutex_;
+    boost::asio::io_context* io_;
+  };
+
+  const std::shared_ptr<AnswerGate> door_;
+  std::set<std::shared_ptr<void>> waiting_;
+};
+
+/// Serves one connection until it ends: with TLS its handshake, requests one by one, or, behind an upgrade, the stream.
+/// Hub, answers and guard outlive it.
+void serve_http(web::Wire wire, Hub& hub, Answers& answers, const Guard& guard);
+
+/// What a connection holds while its stream lasts.
+struct StreamPlaces {
+  Connections::Place counted;
+  Connections::ReservedPlace kept;
+};
+
+/// Serves the stream behind that request for it, until it ends. `session`: of the operator who opened it. Hub outlives
+/// it.
+void serve_stream(web::Wire wire, Hub& hub, StreamPlaces places, std::optional<SignIns::Session> session,
+                  const boost::beast::http::request<boost::beast::http::string_body>& request);
 
 }  // namespace ledgerline::ground::service

@@ -1,7 +1,7 @@
 #include "ground/service/shell/server.hpp"
 
 #include <fmt/format.h>
-
+#include <sys/stat.h>
 #include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/ip/v6_only.hpp>
 #include <boost/asio/post.hpp>
@@ -9,13 +9,13 @@
 #include <optional>
 #include <thread>
 
+#include "common/base/file.hpp"
 #include "common/base/log.hpp"
+#include "common/crypto/crypto.hpp"
 #include "common/crypto/identities/renewal.hpp"
 #include "common/rt/clock.hpp"
 #include "common/web/tls.hpp"
-#include "ground/service/shell/answers.hpp"
 #include "ground/service/shell/hub.hpp"
-#include "ground/service/shell/sessions.hpp"
 
 namespace ledgerline::ground::service {
 namespace {
@@ -59,8 +59,8 @@ class BeastServer final : public Server {
     return done;
   }
 
-  void publish(Telling telling) override {
-    asio::post(io_, [this, telling = std::move(telling)]() mutable { hub_.publish(std::move(telling)); });
+  void publish(BoardState board) override {
+    asio::post(io_, [this, board = std::move(board)]() mutable { hub_.publish(std::move(board)); });
   }
   void publish_blocks(std::vector<BlockSummary> blocks) override {
     asio::post(io_, [this, blocks = std::move(blocks)] { hub_.publish_blocks(blocks); });
@@ -73,7 +73,7 @@ class BeastServer final : public Server {
   }
   void dismiss(std::vector<std::size_t> who) override {
     asio::post(io_, [this, who = std::move(who)]() mutable {
-      for (const std::size_t ended : hub_.sign_ins().dismiss(std::move(who))) hub_.keys().leave(ended);
+      for (const std::size_t ended : hub_.sign_ins().dismiss(std::move(who))) hub_.keys().on_session_over(ended);
     });
   }
   void end() override {
@@ -113,23 +113,23 @@ class BeastServer final : public Server {
 
   void renew_tls() {
     if (!tls_) return;
-    if (const auto news = tls_->look()) {
+    if (const auto news = tls_->renew()) {
       near_end_said_ = near_end_said_ && !*news;
       if (*news)
-        say(Level::info, "ground's page has a new TLS certificate");
+        report(Level::info, "ground's page has a new TLS certificate");
       else
-        say(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
+        report(Level::warning, "ground's page keeps its old TLS certificate: " + news->error().message);
     }
     // A user who cannot open the page cannot press its stop.
     if (near_end_said_ || tls_->days_left() >= crypto::renew_within_days) return;
     near_end_said_ = true;
-    say(Level::warning,
-        tls_->days_left() < 0
-            ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
-            : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
+    report(Level::warning,
+           tls_->days_left() < 0
+               ? std::string("the TLS certificate of ground's page has run out: browsers refuse it")
+               : fmt::format("the TLS certificate of ground's page runs out in {} days", tls_->days_left()));
   }
 
-  void say(Level level, const std::string& words) {
+  void report(Level level, const std::string& words) {
     spdlog::log(level == Level::info ? spdlog::level::info : spdlog::level::warn, "{}", words);
     if (tell_) tell_(level, words);
   }
@@ -187,6 +187,23 @@ Result<std::unique_ptr<Server>> Server::start(const ServiceSettings& settings, s
       std::make_unique<BeastServer>(std::move(drones), greeting, behind, settings.session_idle_ns, std::move(tls));
   if (auto status = server->listen(settings, *token); !status) return status.error();
   return std::unique_ptr<Server>(std::move(server));
+}
+
+Result<std::string> read_token(const std::string& file) {
+  if (file.empty()) return Error{"must name a file: anyone who knows what is in it may fly"};
+  struct stat status {};
+  if (::stat(file.c_str(), &status) != 0) {
+    const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));
+    if (auto written = replace_file(file, token + "\n", 0600); !written) return written.error();
+    return token;
+  }
+  if ((status.st_mode & 077) != 0) return Error{file + " may be read by others: chmod 600 " + file};
+  auto text = read_file(file);
+  if (!text) return text.error();
+  while (!text->empty() && text->back() == '\n') text->pop_back();
+  if (text->size() != token_digits || text->find_first_not_of("0123456789abcdef") != std::string::npos)
+    return Error{file + " must hold 64 hex digits; without the file a new one is made"};
+  return text;
 }
 
 }  // namespace ledgerline::ground::service

@@ -11,7 +11,6 @@
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/blocks.hpp"
 #include "ground/service/core/guard.hpp"
-#include "ground/service/core/settings.hpp"
 
 namespace ledgerline::ground::service {
 
@@ -35,7 +34,7 @@ class OperatorKeys {
   virtual void unlock(std::size_t who, std::shared_ptr<const crypto::WipingString> pass_phrase,
                       std::function<void(Status)> answer) = 0;
   /// His session is over: what he holds is landed and given back, and his key is forgotten.
-  virtual void leave(std::size_t who) = 0;
+  virtual void on_session_over(std::size_t who) = 0;
   /// Signs and submits; what comes of it is reported as an event. The error says why it cannot now.
   virtual Status submit(std::size_t who, const OperatorCall& call) = 0;
 };
@@ -53,9 +52,9 @@ class Server {
     std::function<Status(const PilotCommand&)> take;
     OperatorKeys* keys = nullptr;  ///< null: nobody signs in
     /// A question about missions; `answer` comes once, on any thread. Null: there are none.
-    std::function<void(MissionAsk asked, std::function<void(ApiAnswer)> answer)> ask_missions{};
+    std::function<void(MissionRequest asked, std::function<void(ApiAnswer)> answer)> request_mission{};
     /// A fault is to be switched; `answer` comes once, on any thread. Null: there are none.
-    std::function<void(FaultAsk asked, std::function<void(ApiAnswer)> answer)> ask_faults{};
+    std::function<void(FaultRequest asked, std::function<void(ApiAnswer)> answer)> request_fault{};
     /// Something that people should know of the service itself. Null: the log alone has it.
     std::function<void(Level level, std::string words)> tell{};
   };
@@ -66,7 +65,7 @@ class Server {
   virtual ~Server() = default;
 
   /// Any thread; does not wait for clients.
-  virtual void publish(Telling telling) = 0;
+  virtual void publish(BoardState board) = 0;
   /// [MISSION...], when one has changed. Any thread.
   virtual void publish_missions(std::string list) = 0;
   /// When they have changed. Any thread.

@@ -1,4 +1,4 @@
-#include "ground/service/shell/sessions.hpp"
+#include "ground/service/shell/hub.hpp"
 
 #include <fmt/format.h>
 
@@ -109,7 +109,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
         hub_(hub),
         answers_(answers),
         guard_(guard),
-        place_(hub.connections()),
+        place_(hub.connections().count_one()),
         budget_(requests_per_s) {
     beast::error_code gone;
     const auto other = wire_.tcp().socket().remote_endpoint(gone);
@@ -128,7 +128,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
 
   bool is_unauthenticated() const override { return !kept_; }
   UnauthenticatedClient now() const override { return {address_, has_ended_handshake_}; }
-  void leave() override { wire_.tcp().close(); }
+  void close() override { wire_.tcp().close(); }
 
  private:
   // Somebody has typed http://. He asks once, and hears what to do; nothing of what he sent is read.
@@ -202,11 +202,12 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     if (admission.session) asked.who = admission.session->who;
     ApiAnswer made = answer(asked, hub_.known());
     if (target == "/api/v1/session") wipe_body();
-    const bool lands = std::any_of(made.commands.begin(), made.commands.end(), brings_down);
+    const bool lands = std::ranges::any_of(made.commands, brings_down);
     // A budget is no reason to keep a drone in the air.
-    if (!budget_.take(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
+    if (!budget_.spend(now) && !lands) return respond(request, refusal(429, "more than 100 requests a second"));
     for (const PilotCommand& command : made.commands) {
-      if (const Status taken = hub_.take(command); !taken) return respond(request, refusal(503, taken.error().message));
+      if (const Status taken = hub_.post_command(command); !taken)
+        return respond(request, refusal(503, taken.error().message));
     }
     if (made.call) {
       const Status signed_now = hub_.keys().submit(*asked.who, *made.call);
@@ -214,17 +215,17 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     }
     if (made.sign_out) {
       hub_.sign_ins().end(*admission.session);
-      hub_.keys().leave(*asked.who);
+      hub_.keys().on_session_over(*asked.who);
     }
     if (made.sign_in) return sign_in(now, std::move(*made.sign_in));
     if (made.mission) return ask(std::move(*made.mission));
-    if (made.fault) return ask(hub_.ask_faults(), std::move(*made.fault));
+    if (made.fault) return ask(hub_.request_fault(), std::move(*made.fault));
     return respond(request, std::move(made));
   }
 
   std::optional<Response> sign_in(TimeNs now, SignIn asked) {
     if (hub_.sign_ins().is_dismissed(asked.who)) return respond(parser_->get(), refusal(403, role_taken));
-    const auto look_at_ns = hub_.sign_ins().look_after(now, asked.who, address_);
+    const auto look_at_ns = hub_.sign_ins().next_attempt(now, asked.who, address_);
     if (!look_at_ns)
       return respond(parser_->get(),
                      refusal(429, "too many wrong pass phrases are tried for this operator: try again"));
@@ -256,9 +257,9 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     ::explicit_bzero(behind.data(), behind.size());
   }
 
-  std::optional<Response> ask(MissionAsk asked) {
-    if (!hub_.ask_missions()) return respond(parser_->get(), refusal(404, "no missions are flown here"));
-    return ask(hub_.ask_missions(), std::move(asked));
+  std::optional<Response> ask(MissionRequest asked) {
+    if (!hub_.request_mission()) return respond(parser_->get(), refusal(404, "no missions are flown here"));
+    return ask(hub_.request_mission(), std::move(asked));
   }
 
   /// Who answers later.
@@ -275,7 +276,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     const TimeNs now = monotonic_ns();
     if (!unlocked) return write(respond(parser_->get(), refusal(403, unlocked.error().message)));
     if (hub_.sign_ins().is_dismissed(who)) {  // while his key was unlocked
-      hub_.keys().leave(who);
+      hub_.keys().on_session_over(who);
       return write(respond(parser_->get(), refusal(403, role_taken)));
     }
     const std::string token = crypto::hex(crypto::random_bytes(token_digits / 2));
@@ -293,7 +294,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     if (!keep_place(admission, Places::Use::stream))
       return write(respond(request, refusal(503, "there are too many connections from here: close one")));
     wire_.tcp().expires_never();
-    serve_stream(std::move(wire_), hub_, {std::move(place_), std::move(*kept_)}, admission.session, request);
+    serve_stream(std::move(wire_), hub_, {std::move(place_), kept_}, admission.session, request);
   }
 
   /// Whether this connection may last beyond its answer; a request is answered without that.
@@ -301,11 +302,11 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
     const bool known = admission.refused.status == 0;
     Places::Owner owner{address_, {}};
     if (admission.session) owner.who = admission.session->who;
-    if (known && kept_ && kept_->owner() == owner) return true;
+    if (known && kept_ && *kept_ == owner) return true;
     kept_.reset();
     if (!known) return false;
-    if (auto place = hub_.connections().keep(owner, use)) kept_.emplace(std::move(*place));
-    return kept_.has_value();
+    kept_ = hub_.connections().reserve(owner, use);
+    return kept_ != nullptr;
   }
 
   void write(Response response) {
@@ -341,7 +342,7 @@ class HttpSession final : public Connections::Unauthenticated, public std::enabl
   std::optional<http::request_parser<http::string_body>> parser_;
   std::string address_;  ///< of the other side
   bool has_ended_handshake_ = false;
-  std::optional<Connections::KeptPlace> kept_;  ///< of whom its newest request has shown
+  Connections::ReservedPlace kept_;  ///< of whom its newest request has shown
 };
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "ground/service/shell/sessions.hpp"
+#include "ground/service/shell/hub.hpp"
 
 #include <algorithm>
 #include <boost/beast/core.hpp>
@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/rt/clock.hpp"
-#include "ground/service/connections/stream_messages.hpp"
+#include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
 
 namespace ledgerline::ground::service {
@@ -94,16 +94,16 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
   void read() {
     socket_.async_read(buffer_, [self = shared_from_this()](beast::error_code error, std::size_t) {
       if (error) return;
-      self->take();
+      self->on_message();
     });
   }
 
-  void take() {
+  void on_message() {
     if (closing_) return;
     const TimeNs now = monotonic_ns();
     const auto text = beast::buffers_to_string(buffer_.data());
     buffer_.consume(buffer_.size());
-    const bool in_budget = budget_.take(now);
+    const bool in_budget = budget_.spend(now);
     const bool in_session = session_ && hub_.sign_ins().touch(now, *session_);
     StreamClient client{.over = session_ && !in_session};
     if (in_session) client.who = session_->who;
@@ -119,9 +119,7 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
     read();
   }
 
-  static bool lands(const ApiAnswer& made) {
-    return std::any_of(made.commands.begin(), made.commands.end(), brings_down);
-  }
+  static bool lands(const ApiAnswer& made) { return std::ranges::any_of(made.commands, brings_down); }
 
   Status fly(const StreamClient& client, PilotCommand velocity) {
     if (!hub_.operators().empty()) {
@@ -130,12 +128,12 @@ class Stream final : public Hub::Listener, public std::enable_shared_from_this<S
       velocity.by = hub_.operators()[*client.who].identity;
     }
     // One that is not taken now would not be flown, either: nothing is in the air yet.
-    return hub_.take(velocity);
+    return hub_.post_command(velocity);
   }
 
   void bring_down(StreamCommand& command) {
     for (const PilotCommand& one : std::exchange(command.made.commands, {})) {
-      if (const Status taken = hub_.take(one); !taken) command.made = refusal(503, taken.error().message);
+      if (const Status taken = hub_.post_command(one); !taken) command.made = refusal(503, taken.error().message);
     }
     if (!command.id) return;
     if (answers_.size() == max_answers) answers_.pop_front();

@@ -9,7 +9,7 @@
 
 #include "common/base/printable.hpp"
 #include "common/process/find_program.hpp"
-#include "ground/plugin/plugin.hpp"
+#include "ground/core/follower.hpp"
 #include "hil/fault/own/sdk_flight.hpp"
 #include "hil/sitl/world_setup.hpp"
 

@@ -2,7 +2,7 @@
 
 #include <algorithm>
 
-#include "ground/mission/drone_now.hpp"
+#include "ground/mission/check.hpp"
 
 namespace ledgerline::hil {
 namespace {
@@ -76,7 +76,7 @@ std::vector<ground::PilotCommand> MissionStation::step(TimeNs now, const ground:
   if (!run_ || !said_) return {};
   auto commands = run_->step(now, ground::mission::drones_now(core)).commands;
   if (!run_->awaits_check()) return commands;
-  run_->go_on(allowed(run_->rest(), core));
+  run_->resume_after_check(allowed(run_->rest(), core));
   return commands;
 }
 

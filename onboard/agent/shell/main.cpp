@@ -6,7 +6,7 @@
 #include "chaincode/endorser/shell/service.hpp"
 #include "common/base/log.hpp"
 #include "common/bridge/shell/bridges.hpp"
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/fabric/client/client.hpp"
 #include "common/fabric/config.hpp"
 #include "common/program/program.hpp"

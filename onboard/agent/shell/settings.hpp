@@ -5,7 +5,7 @@
 #include "common/bridge/core/rules.hpp"
 #include "common/config/config.hpp"
 #include "common/fabric/channels.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "onboard/agent/core/agent_core.hpp"
 
 namespace ledgerline::agent {

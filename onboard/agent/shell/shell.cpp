@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "common/base/log.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "common/program/program.hpp"
 
 namespace ledgerline::agent {

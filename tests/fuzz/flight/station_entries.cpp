@@ -1,4 +1,3 @@
-#include "ground/service/connections/stream_messages.hpp"
 #include "ground/service/core/api.hpp"
 #include "ground/service/core/guard.hpp"
 #include "tests/fuzz/entry.hpp"

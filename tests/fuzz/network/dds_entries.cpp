@@ -3,7 +3,7 @@
 #include <cstring>
 #include <vector>
 
-#include "common/dds/sertype.hpp"
+#include "common/dds/endpoint.hpp"
 #include "tests/fuzz/entry.hpp"
 
 /// Messages of any type as they come from the network, whole and in fragments.

@@ -5,7 +5,7 @@
 #include <filesystem>
 #include <fstream>
 
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 #include "common/fabric/client/connection.hpp"
 #include "common/fabric/config.hpp"
 #include "gateway/gateway.pb.h"

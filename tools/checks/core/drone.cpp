@@ -6,7 +6,7 @@
 #include <cmath>
 
 #include "common/msg/names.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "onboard/link/core/drone_watches.hpp"
 
 namespace ledgerline::checks {

@@ -10,9 +10,9 @@
 #include <sstream>
 
 #include "common/config/config.hpp"
-#include "common/dds/settings/reach.hpp"
+#include "common/dds/reach.hpp"
 #include "common/fabric/tx/transaction.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "tools/configuration/config_file.hpp"
 #include "tools/deployment/deployment.hpp"
 

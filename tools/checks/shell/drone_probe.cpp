@@ -8,10 +8,10 @@
 #include <thread>
 
 #include "common/base/ipv4.hpp"
+#include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
-#include "common/dds/settings/config.hpp"
 #include "common/msg/names.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "tools/checks/core/drone.hpp"
 #include "tools/tello/shell/talk.hpp"
 

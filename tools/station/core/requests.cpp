@@ -7,7 +7,7 @@
 
 #include "common/base/printable.hpp"
 #include "ground/mission/mission.hpp"
-#include "ground/motion/csv.hpp"
+#include "ground/motion/waypoints.hpp"
 
 namespace ledgerline::station {
 
@@ -17,7 +17,7 @@ using nlohmann::json;
 
 bool is_heading(std::span<const std::string_view> cells) { return cells.size() >= 2 && cells[0] == "x"; }
 
-json json_of(const motion::Waypoint& point) {
+json json_of(const ground::motion::Waypoint& point) {
   json one{{"x", point.at_m.x()}, {"y", point.at_m.y()}};
   if (point.height_m) one["z"] = *point.height_m;
   if (point.speed_mps) one["speed"] = *point.speed_mps;
@@ -51,13 +51,13 @@ std::string to_body(const std::string& msp, const std::string& subject) {
 Result<std::string> path_body(const std::string& csv, const std::string& file, bool land) {
   json waypoints = json::array();
   bool first = true;
-  for (motion::CsvLines lines(csv); lines.next();) {
-    const auto cells = motion::cells_of(lines.line());
+  for (ground::motion::CsvLines lines(csv); lines.next();) {
+    const auto cells = ground::motion::cells_of(lines.line());
     if (std::exchange(first, false) && is_heading(cells)) continue;
-    const auto point = motion::waypoint_of(cells, ground::mission::max_coordinate_m);
+    const auto point = ground::motion::waypoint_of(cells, ground::mission::max_coordinate_m);
     if (!point) return Error{fmt::format("{}:{}: {}", file, lines.number(), point.error().message)};
-    if (waypoints.size() == motion::max_waypoints)
-      return Error{fmt::format("{}:{}: more than {} points", file, lines.number(), motion::max_waypoints)};
+    if (waypoints.size() == ground::motion::max_waypoints)
+      return Error{fmt::format("{}:{}: more than {} points", file, lines.number(), ground::motion::max_waypoints)};
     waypoints.push_back(json_of(*point));
   }
   if (waypoints.empty()) return Error{file + ": has no point"};

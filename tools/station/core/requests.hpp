@@ -4,7 +4,7 @@
 
 #include "common/base/result.hpp"
 #include "common/web/host_port.hpp"
-#include "ground/service/core/settings.hpp"
+#include "ground/service/core/guard.hpp"
 
 /// What the station is asked (docs/station.md), and what its answers look like to a person. Pure; any thread.
 namespace ledgerline::station {

@@ -6,7 +6,7 @@
 #include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
 #include "common/rt/clock.hpp"
-#include "common/web/tls_files.hpp"
+#include "common/web/host_port.hpp"
 #include "tools/station/core/requests.hpp"
 
 namespace ledgerline::station {

@@ -17,7 +17,7 @@
 #include "common/dds/dds.hpp"
 #include "common/dds/raw.hpp"
 #include "common/msg/names.hpp"
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 #include "common/process/children.hpp"
 #include "common/program/stop_signals.hpp"
 #include "common/rt/spsc_ring.hpp"

@@ -9,7 +9,6 @@
 
 #include "common/msg/contract.hpp"
 #include "common/msg/grants.hpp"
-#include "common/msg/requests.hpp"
 #include "common/msg/stops.hpp"
 #include "common/verification/control_events.hpp"
 

@@ -4,7 +4,6 @@
 
 #include <numeric>
 
-#include "common/bridge/core/report.hpp"
 #include "common/msg/proto_json.hpp"
 #include "tests/unit/common/bridge/world.hpp"
 

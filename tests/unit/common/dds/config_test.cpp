@@ -1,8 +1,8 @@
-#include "common/dds/settings/config.hpp"
+#include "common/dds/dds.hpp"
 
 #include <gmock/gmock.h>
 
-#include "common/dds/settings/reach.hpp"
+#include "common/dds/reach.hpp"
 
 namespace ledgerline::dds {
 namespace {

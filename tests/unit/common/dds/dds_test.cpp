@@ -11,7 +11,6 @@
 #include <set>
 
 #include "common/dds/endpoint.hpp"
-#include "common/dds/sertype.hpp"
 #include "tests/unit/common/dds/domain.hpp"
 
 namespace ledgerline::dds {

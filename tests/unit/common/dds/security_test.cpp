@@ -1,4 +1,4 @@
-#include "common/dds/settings/security.hpp"
+#include "common/dds/dds.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

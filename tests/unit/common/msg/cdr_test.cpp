@@ -20,7 +20,7 @@ TEST(CdrWriter, AlignsEachPrimitiveToItsSizeBehindTheHeader) {
   out.put(std::uint8_t{9});
   out.put(std::uint64_t{0x0a0b0c0d0e0f1011});
   const std::string header = bytes({0, 1, 0, 0});  // CDR, little-endian
-  EXPECT_EQ(out.take(), header + bytes({1, 0, 3, 2, 4, 0, 0, 0, 8, 7, 6, 5, 9, 0, 0, 0}) +
+  EXPECT_EQ(out.release(), header + bytes({1, 0, 3, 2, 4, 0, 0, 0, 8, 7, 6, 5, 9, 0, 0, 0}) +
                             bytes({0x11, 0x10, 0x0f, 0x0e, 0x0d, 0x0c, 0x0b, 0x0a}));
 }
 
@@ -28,7 +28,7 @@ TEST(CdrWriter, StringsCarryTheirLengthAndNul) {
   CdrWriter out;
   out.put(std::string_view("map"));
   out.put(std::string_view(""));
-  EXPECT_EQ(out.take(), bytes({0, 1, 0, 0, 4, 0, 0, 0, 'm', 'a', 'p', 0, 1, 0, 0, 0, 0}));
+  EXPECT_EQ(out.release(), bytes({0, 1, 0, 0, 4, 0, 0, 0, 'm', 'a', 'p', 0, 1, 0, 0, 0, 0}));
 }
 
 TEST(CdrReader, ReadsBothByteOrders) {
@@ -54,7 +54,7 @@ TEST(CdrReader, WhatWasWrittenComesBack) {
   out.put(std::string_view("odom"));
   out.put(std::array<float, 3>{1, 2, 3});
   out.put(std::int64_t{-9});
-  const std::string text = out.take();
+  const std::string text = out.release();
   CdrReader in(text);
   EXPECT_EQ(in.get<std::uint8_t>(), 7);
   EXPECT_EQ(in.get<double>(), -1.5);
@@ -71,7 +71,7 @@ TEST(CdrReader, TruncatedAnywhereItSaysSoAndGivesZeros) {
   out.put(std::uint8_t{7});
   out.put(std::string_view("odometry"));
   out.put(2.5);
-  const std::string whole = out.take();
+  const std::string whole = out.release();
   for (std::size_t cut = 0; cut < whole.size(); ++cut) {
     const std::string text = whole.substr(0, cut);
     CdrReader in(text);

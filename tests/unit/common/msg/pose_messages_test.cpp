@@ -1,4 +1,4 @@
-#include "common/msg/pose_messages.hpp"
+#include "common/msg/ros.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,7 +19,7 @@ std::string named_poses(const std::vector<std::string>& names) {
     out.put(std::array<double, 3>{++x, 2, 3});
     out.put(std::array<double, 4>{0, 0, 0, 1});
   }
-  return out.take();
+  return out.release();
 }
 
 TEST(PoseMessages, OfAnArrayTheDronesOwnPoseIsTaken) {
@@ -61,7 +61,7 @@ TEST(PoseMessages, WhatIsCutOrOrderedToBeEndlessIsRefused) {
   endless.put(std::uint32_t{0});
   endless.put(std::string_view("m"));
   endless.put(std::uint32_t{0xFFFFFFFF});
-  EXPECT_FALSE(pose_from_message(PoseMessage::named_pose_array, endless.take(), "tello1"));
+  EXPECT_FALSE(pose_from_message(PoseMessage::named_pose_array, endless.release(), "tello1"));
   EXPECT_FALSE(pose_from_message(PoseMessage::named_pose_array, named_poses({std::string(300, 'x')}), "tello1"));
 }
 

@@ -208,7 +208,7 @@ TEST(Ros, ALinkStatusOfBlocksWrittenBeforeIsRead) {
   for (const float value : {0.5F, -0.5F, 0.25F, 0.125F}) out.put(value);
   for (const std::uint32_t value : {1, 2, 3}) out.put(value);
   for (const float value : {0.25F, -0.5F, 1.5F, 0.5F, -0.25F, 9.75F, 1.0F, 2.0F, 3.0F, 4.0F}) out.put(value);
-  const StateSample got = state_from_cdr(out.take(), to_cdr(sample_odometry())).value().sample;
+  const StateSample got = state_from_cdr(out.release(), to_cdr(sample_odometry())).value().sample;
   EXPECT_EQ(got.phase, FlightPhase::flying);
   EXPECT_EQ(got.boot_id, 7U);
   EXPECT_EQ(got.stamp_ns, 1'000);
@@ -287,7 +287,7 @@ TEST(Ros, LinkStatusHasTheFieldsOfItsDefinition) {
     ASSERT_TRUE(values.contains(field)) << field;
     values.at(field)();
   }
-  EXPECT_EQ(hex(link_status_to_cdr(s, real_offset_ns)), hex(out.take()));
+  EXPECT_EQ(hex(link_status_to_cdr(s, real_offset_ns)), hex(out.release()));
 }
 
 /// A state's own part of what the ledger stores: see also the frame's, of agent.

@@ -79,36 +79,36 @@ TEST_F(TlsFromFiles, SaysWhichFileIsWrong) {
 TEST_F(TlsFromFiles, IsRenewedWhenBothFilesAreNewAndStay) {
   auto tls = *RenewedTls::open(files);
   const auto* const first = &tls.context();
-  EXPECT_FALSE(tls.look());
-  EXPECT_FALSE(tls.look());
+  EXPECT_FALSE(tls.renew());
+  EXPECT_FALSE(tls.renew());
   const auto next = issue();
   ASSERT_TRUE(replace_file(files.certificate, next.certificate_pem));
-  EXPECT_FALSE(tls.look()) << "its key may be on its way";
+  EXPECT_FALSE(tls.renew()) << "its key may be on its way";
   ASSERT_TRUE(replace_file(files.key, next.key_pem, 0600));
-  EXPECT_FALSE(tls.look());
-  const auto news = tls.look();
+  EXPECT_FALSE(tls.renew());
+  const auto news = tls.renew();
   ASSERT_TRUE(news && *news);
   EXPECT_NE(&tls.context(), first);
-  EXPECT_FALSE(tls.look()) << "said once";
+  EXPECT_FALSE(tls.renew()) << "said once";
 }
 
 TEST_F(TlsFromFiles, AreKeptWhereTheNewOnesAreBad) {
   auto tls = *RenewedTls::open(files);
   const auto* const first = &tls.context();
   ASSERT_TRUE(replace_file(files.certificate, issue().certificate_pem));
-  EXPECT_FALSE(tls.look());
-  const auto news = tls.look();
+  EXPECT_FALSE(tls.renew());
+  const auto news = tls.renew();
   ASSERT_TRUE(news && !*news);
   EXPECT_THAT(news->error().message, HasSubstr(files.key));
-  EXPECT_FALSE(tls.look()) << "said once";
+  EXPECT_FALSE(tls.renew()) << "said once";
   EXPECT_EQ(&tls.context(), first);
   ASSERT_EQ(std::remove(files.certificate.c_str()), 0);
-  tls.look();
-  EXPECT_TRUE(tls.look().has_value()) << "a file that is gone is news, too";
+  tls.renew();
+  EXPECT_TRUE(tls.renew().has_value()) << "a file that is gone is news, too";
   EXPECT_EQ(&tls.context(), first);
   write(issue());
-  tls.look();
-  const auto repaired = tls.look();
+  tls.renew();
+  const auto repaired = tls.renew();
   EXPECT_TRUE(repaired && *repaired);
 }
 

@@ -223,9 +223,9 @@ TEST(PathController, ALapOfARampIsFasterThanTheOneBefore) {
   ControllerConfig config;
   config.ramp = {0.3, 0.2};
   const PathController controller(motion::waypoints_of(Shape::square, 1.5), {0, 0}, config, 0);
-  EXPECT_DOUBLE_EQ(controller.asked_mps(0), 0.3);
-  EXPECT_DOUBLE_EQ(controller.asked_mps(0.99 * controller.lap_m()), 0.3);
-  EXPECT_DOUBLE_EQ(controller.asked_mps(2.5 * controller.lap_m()), 0.7);
+  EXPECT_DOUBLE_EQ(controller.requested_mps(0), 0.3);
+  EXPECT_DOUBLE_EQ(controller.requested_mps(0.99 * controller.lap_m()), 0.3);
+  EXPECT_DOUBLE_EQ(controller.requested_mps(2.5 * controller.lap_m()), 0.7);
 }
 
 TEST(PathController, ARampIsReadFromStartAndStep) {

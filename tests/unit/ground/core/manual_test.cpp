@@ -29,7 +29,7 @@ TEST(Manual, WithoutACommandEveryPlanIsZero) {
 
 TEST(Manual, ACommandIsFlownUntilItsTimeoutAndNotLonger) {
   ManualController manual({}, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0.2}, {0, 0, 0.5}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{0.4, 0, 0.2}, {0, 0, 0.5}}));
   for (const TimeNs later_ns : {0, 70, 200, 299}) {
     const TimeNs left_ns = timeout_ns - later_ns * ns_per_ms;
     const auto plan = manual.plan(ground_ns + later_ns * ns_per_ms, drone_ns + later_ns * ns_per_ms);
@@ -42,7 +42,7 @@ TEST(Manual, ACommandIsFlownUntilItsTimeoutAndNotLonger) {
 
 TEST(Manual, ACommandThatIsOldWhenItIsReadIsNotFlownLonger) {
   ManualController manual({}, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns - 250 * ns_per_ms, Twist{{0.4, 0, 0}, {}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns - 250 * ns_per_ms, Twist{{0.4, 0, 0}, {}}));
   const auto plan = manual.plan(ground_ns, drone_ns);
   EXPECT_FALSE(is_zero(at(plan, 0)));
   EXPECT_TRUE(is_zero(at(plan, 50 * ns_per_ms)));
@@ -50,14 +50,14 @@ TEST(Manual, ACommandThatIsOldWhenItIsReadIsNotFlownLonger) {
 
 TEST(Manual, AReleaseIsAsIfNothingHadBeenCommanded) {
   ManualController manual({}, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0}, {}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{0.4, 0, 0}, {}}));
   manual.release();
   for (const Setpoint& s : manual.plan(ground_ns, drone_ns)) EXPECT_TRUE(is_zero(s));
 }
 
 TEST(Manual, EveryTimeOutLeavesAPlanItsZero) {
   ManualController manual({}, 60 * ns_per_s);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0}, {}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{0.4, 0, 0}, {}}));
   const auto plan = manual.plan(ground_ns, drone_ns);
   EXPECT_TRUE(is_zero(plan.back()));
   EXPECT_LE(plan.size(), max_setpoints);
@@ -66,7 +66,7 @@ TEST(Manual, EveryTimeOutLeavesAPlanItsZero) {
 
 TEST(Manual, ACommandStaysInTheBodyFrame) {
   ManualController manual({}, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{0.3, 0.1, 0}, {0, 0, 0.6}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{0.3, 0.1, 0}, {0, 0, 0.6}}));
   const auto plan = manual.plan(ground_ns, drone_ns);
   for (const TimeNs after_ns : {0, 250}) {
     const Setpoint s = at(plan, after_ns * ns_per_ms);
@@ -80,7 +80,7 @@ TEST(Manual, FasterThanAllowedIsAsFastAsAllowedInTheSameDirection) {
   ControllerConfig config;
   config.speed_mps = 0.5;
   ManualController manual(config, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{3, -4, 9}, {0, 0, -50}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{3, -4, 9}, {0, 0, -50}}));
   const Setpoint s = manual.plan(ground_ns, drone_ns).front();
   EXPECT_NEAR(s.velocity_mps[0], 0.3, 1e-6);
   EXPECT_NEAR(s.velocity_mps[1], -0.4, 1e-6);
@@ -90,15 +90,15 @@ TEST(Manual, FasterThanAllowedIsAsFastAsAllowedInTheSameDirection) {
 
 TEST(Manual, InvalidNumbersAreRefusedAndTheCommandBeforeThemTimesOut) {
   ManualController manual({}, timeout_ns);
-  ASSERT_TRUE(manual.take(ground_ns, Twist{{0.4, 0, 0}, {}}));
+  ASSERT_TRUE(manual.set_velocity(ground_ns, Twist{{0.4, 0, 0}, {}}));
   constexpr double nan = std::numeric_limits<double>::quiet_NaN(), inf = std::numeric_limits<double>::infinity();
   for (const double bad : {nan, inf, -inf, 1e300, -101.0}) {
     for (std::size_t i = 0; i < 3; ++i) {
       Twist linear, angular;
       linear.linear_mps[i] = bad;
       angular.angular_radps[i] = bad;
-      EXPECT_FALSE(manual.take(ground_ns + 200 * ns_per_ms, linear)) << bad << " " << i;
-      EXPECT_FALSE(manual.take(ground_ns + 200 * ns_per_ms, angular)) << bad << " " << i;
+      EXPECT_FALSE(manual.set_velocity(ground_ns + 200 * ns_per_ms, linear)) << bad << " " << i;
+      EXPECT_FALSE(manual.set_velocity(ground_ns + 200 * ns_per_ms, angular)) << bad << " " << i;
     }
   }
   const auto plan = manual.plan(ground_ns + 200 * ns_per_ms, drone_ns);

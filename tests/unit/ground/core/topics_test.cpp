@@ -1,4 +1,4 @@
-#include "ground/core/topics.hpp"
+#include "ground/core/flight_types.hpp"
 
 #include <gtest/gtest.h>
 
@@ -103,28 +103,28 @@ TEST(Topics, WhatIsNoSuchMessageIsAnErrorAndGoesNowhere) {
 std::string twist_cdr(double forward_mps) {
   CdrWriter out;
   for (const double value : {forward_mps, 0.0, 0.0, 0.0, 0.0, 0.25}) out.put(value);
-  return out.take();
+  return out.release();
 }
 
 TEST(Topics, OfVelocitiesTheNewestCountsAndTheOthersAreCounted) {
   PilotCommand command;
-  pilot("/cmd_vel").take(twist_cdr(0.1), 5, command);
-  pilot("/cmd_vel").take(twist_cdr(0.2), 7, command);
+  pilot("/cmd_vel").apply(twist_cdr(0.1), 5, command);
+  pilot("/cmd_vel").apply(twist_cdr(0.2), 7, command);
   ASSERT_TRUE(command.velocity);
   EXPECT_EQ(command.velocity->linear_mps[0], 0.2);
   EXPECT_EQ(command.velocity->angular_radps[2], 0.25);
   EXPECT_EQ(command.came_ns, 7);
   EXPECT_EQ(command.replaced, 1U);
-  pilot("/cmd_vel").take(twist_cdr(0.3).substr(0, 40), 9, command);
+  pilot("/cmd_vel").apply(twist_cdr(0.3).substr(0, 40), 9, command);
   EXPECT_EQ(command.velocity->linear_mps[0], 0.2);
   EXPECT_EQ(command.malformed, 1U);
 }
 
 TEST(Topics, AVelocityThatNobodyCanFlyDoesNotTakeTheWaitingOnesPlace) {
   PilotCommand command;
-  pilot("/cmd_vel").take(twist_cdr(0.1), 5, command);
-  pilot("/cmd_vel").take(twist_cdr(std::numeric_limits<double>::quiet_NaN()), 7, command);
-  pilot("/cmd_vel").take(twist_cdr(-1e9), 8, command);
+  pilot("/cmd_vel").apply(twist_cdr(0.1), 5, command);
+  pilot("/cmd_vel").apply(twist_cdr(std::numeric_limits<double>::quiet_NaN()), 7, command);
+  pilot("/cmd_vel").apply(twist_cdr(-1e9), 8, command);
   EXPECT_EQ(command.velocity->linear_mps[0], 0.1);
   EXPECT_EQ(command.came_ns, 5);
   EXPECT_EQ(command.bad_values, 2U);
@@ -134,7 +134,7 @@ TEST(Topics, AVelocityThatNobodyCanFlyDoesNotTakeTheWaitingOnesPlace) {
 TEST(Topics, EachWordIsItsOwn) {
   const auto said = [](std::string_view name) {
     PilotCommand command;
-    pilot(name).take({}, 1, command);
+    pilot(name).apply({}, 1, command);
     return std::array{command.takeoff, command.land, command.stop, command.cut};
   };
   EXPECT_EQ(said("/takeoff"), (std::array{true, false, false, false}));

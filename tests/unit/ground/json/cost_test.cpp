@@ -11,10 +11,8 @@
 #include "ground/json/strict.hpp"
 #include "ground/mission/mission.hpp"
 #include "ground/mission/run.hpp"
-#include "ground/motion/csv.hpp"
-#include "ground/service/connections/stream_messages.hpp"
+#include "ground/motion/waypoints.hpp"
 #include "ground/service/core/api.hpp"
-#include "ground/service/faults/fault_list.hpp"
 
 namespace {
 std::uint64_t steps = 0;

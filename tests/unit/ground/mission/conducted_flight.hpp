@@ -37,7 +37,7 @@ struct Flight {
     RunOutputs out = run.step(now, drones);
     changed = out.changed;
     if (run.awaits_check()) {  // after a restart
-      run.go_on(checked);
+      run.resume_after_check(checked);
       RunOutputs more = run.step(now, drones);
       out.commands.insert(out.commands.end(), more.commands.begin(), more.commands.end());
       out.events.insert(out.events.end(), more.events.begin(), more.events.end());

@@ -39,7 +39,7 @@ struct Conducted : FlightWorld {
   void conduct() {
     run(0.1);
     for (PilotCommand& command : mission.step(now_ns, seen()).commands) say(std::move(command));
-    if (mission.awaits_check()) mission.go_on(done);
+    if (mission.awaits_check()) mission.resume_after_check(done);
     if (mission.phase() == RunPhase::to_start && began_ns == 0) began_ns = now_ns;
   }
   double away_m(std::size_t drone, double x, double y) const {

@@ -121,7 +121,7 @@ TEST(MissionRestored, NothingIsFlownBeforeTheCheckIsThere) {
   EXPECT_TRUE(flight.run.awaits_check());
   EXPECT_THAT(flight.run.step(flight.now + ns_per_s, flight.drones).commands, IsEmpty());
   ASSERT_TRUE(flight.run.pause());
-  flight.run.go_on(done);
+  flight.run.resume_after_check(done);
   EXPECT_TRUE(flight.run.paused()) << "a pause counts more than a check that comes late";
   EXPECT_THAT(flight.run.step(flight.now + 2 * ns_per_s, flight.drones).commands, IsEmpty());
 }

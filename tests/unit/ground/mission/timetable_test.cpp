@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "ground/motion/course.hpp"
+#include "ground/motion/waypoints.hpp"
 #include "tests/unit/ground/mission/missions.hpp"
 
 namespace ledgerline::ground::mission {
@@ -34,7 +34,7 @@ TEST(Timetable, ItsEndIsWhereAControllersReferenceEnds) {
   for (const double speed_mps : {0.3, 0.5, 1.0}) {
     const ControllerConfig config = flight(speed_mps);
     const Timetable table = timetable(way, config);
-    const motion::OpenCourse course = motion::open_course(at(0, 0), way);
+    const motion::OpenPath course = motion::open_path(at(0, 0), way);
     PathController controller(course.waypoints, course.origin_m, config, 0);
     StateSample state;
     TimeNs now = ns_per_s;

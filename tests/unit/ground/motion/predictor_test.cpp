@@ -7,7 +7,7 @@
 
 #include "tests/unit/ground/motion/reported_drone.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 const Response known{1.0, 0.25, 0.08};
@@ -234,7 +234,7 @@ TEST(Predictor, SentVelocitiesChangeNoFasterThanLinkLetsThem) {
   Predictor predictor(slow);
   predictor.observe(at(ns_per_s, 0));
   auto rollout = predictor.until(ns_per_s);
-  rollout.tell({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms);
+  rollout.send({1, 0, 0}, 0, ns_per_s + 500 * ns_per_ms);
   EXPECT_NEAR(rollout.sent_mps().x(), 0.5, 1e-6);
 }
 
@@ -261,4 +261,4 @@ TEST(Predictor, TimesYearsApartCostNoMoreThanOthers) {
 }
 
 }  // namespace
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

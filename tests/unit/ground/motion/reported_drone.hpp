@@ -6,7 +6,7 @@
 #include "common/msg/onboard.hpp"
 #include "ground/motion/response.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 
 /// A drone for tests that answers exactly as a Response does, in a gusty wind, in steps of 1 ms; not the code under
 /// test.
@@ -61,4 +61,4 @@ inline Eigen::Vector3d around_a_square(TimeNs t_ns) {
   return side % 2 == 0 ? Eigen::Vector3d(v, 0, 0) : Eigen::Vector3d(0, v, 0);
 }
 
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

@@ -5,7 +5,7 @@
 #include "ground/motion/predictor.hpp"
 #include "tests/unit/ground/motion/reported_drone.hpp"
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 /// What is learned in so many seconds around a square.
@@ -90,4 +90,4 @@ TEST(Response, StaysWithinItsBoundsWhateverItIsFed) {
 }
 
 }  // namespace
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

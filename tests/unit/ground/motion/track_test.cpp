@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace ledgerline::motion {
+namespace ledgerline::ground::motion {
 namespace {
 
 constexpr double a = TrackLimits{}.acceleration_mps2;
@@ -131,4 +131,4 @@ TEST(Track, TurningBackOnItselfIsSlowButNotTheEnd) {
 }
 
 }  // namespace
-}  // namespace ledgerline::motion
+}  // namespace ledgerline::ground::motion

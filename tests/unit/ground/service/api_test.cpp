@@ -194,7 +194,7 @@ TEST_F(SignedIn, ASessionThatIsOverStopsAndLandsAndDoesNothingElse) {
     ASSERT_THAT(taken.commands, SizeIs(1)) << verb;
     EXPECT_FALSE(taken.commands[0].by) << verb;
   }
-  EXPECT_EQ(ask_over("POST", "/api/v1/missions/12/land").mission->kind, MissionAsk::Kind::land);
+  EXPECT_EQ(ask_over("POST", "/api/v1/missions/12/land").mission->kind, MissionRequest::Kind::land);
   for (const char* target : {"drones",
                              "events",
                              "paths",
@@ -277,7 +277,7 @@ TEST_F(SignedIn, SignsInByNameAndPassPhraseAndOut) {
 }
 
 TEST_F(SignedIn, WhatIsAskedOfMissionsSaysWhoAsks) {
-  using Kind = MissionAsk::Kind;
+  using Kind = MissionRequest::Kind;
   EXPECT_EQ(ask("GET", "/api/v1/missions").mission->kind, Kind::list);
   EXPECT_EQ(ask("GET", "/api/v1/missions/0a1b").mission->id, "0a1b");
   const ApiAnswer start = ask("POST", "/api/v1/missions/0a1b/start", "", 1);

@@ -46,13 +46,13 @@ TEST(Board, TellsOfEachDroneWhatItsStateAndItsLeaseSay) {
 TEST(Board, TellsWhoCommandsForTheHolder) {
   FlightWorld world(manual_config(1));
   Board board;
-  (void)board.look(world.now_ns, world.core, {});
+  (void)board.update(world.now_ns, world.core, {});
   ASSERT_TRUE(world.core.set_control(delegated_record("tello1", "CN=pilot", 2).SerializeAsString()));
   const json lease = json::parse(Board::drones(world.now_ns, world.core))[0]["lease"];
   EXPECT_EQ(lease["holder"], "Org2MSP CN=pilot");
   EXPECT_EQ(lease["commander"], "Org2MSP CN=User1@org2");
   EXPECT_EQ(lease["ours"], true);
-  EXPECT_THAT(words(board.look(world.now_ns, world.core, {})),
+  EXPECT_THAT(words(board.update(world.now_ns, world.core, {})),
               Contains("tello1: its lease is held by Org2MSP CN=pilot, who lets Org2MSP CN=User1@org2 command it"));
 }
 
@@ -84,13 +84,13 @@ TEST(Board, AnEventSaysWhatChangedAndIsSentOnce) {
   FlightWorld world(manual_config(1));
   Board board;
   world.run(1);
-  const auto first = board.look(world.now_ns, world.core, {});
+  const auto first = board.update(world.now_ns, world.core, {});
   EXPECT_THAT(words(first), Contains("tello1: link reaches it"));
   EXPECT_EQ(first.front().number, 1U);
-  EXPECT_TRUE(board.look(world.now_ns, world.core, {}).empty());
+  EXPECT_TRUE(board.update(world.now_ns, world.core, {}).empty());
   world.drones[0].phase = FlightPhase::disconnected;
   world.run(0.5);
-  const auto lost = board.look(world.now_ns, world.core, {"tello1: no take-off: link does not reach it"});
+  const auto lost = board.update(world.now_ns, world.core, {"tello1: no take-off: link does not reach it"});
   EXPECT_THAT(words(lost), Contains("tello1: link does not reach it"));
   EXPECT_THAT(words(lost), Contains(": tello1: no take-off: link does not reach it"));
   EXPECT_EQ(lost.front().level, Level::alarm);
@@ -101,10 +101,10 @@ TEST(Board, ARefusedCallIsAWarningInTurnWithTheOtherEvents) {
   FlightWorld world(manual_config(1));
   Board board;
   world.run(1);
-  const auto before = board.look(world.now_ns, world.core, {});
+  const auto before = board.update(world.now_ns, world.core, {});
   Refusals refusals({"tello1"});
-  refusals.take("command", fabric::Outcome::failed(fabric::Outcome::Kind::refused,
-                                                   "chaincode response 500, tello1: held by somebody else"));
+  refusals.add("command", fabric::Outcome::failed(fabric::Outcome::Kind::refused,
+                                                  "chaincode response 500, tello1: held by somebody else"));
   const auto events = board.refusals(world.now_ns, refusals);
   ASSERT_EQ(words(events), std::vector<std::string>{"tello1: command refused: tello1: held by somebody else"});
   EXPECT_EQ(events.front().level, Level::warning);

@@ -107,11 +107,11 @@ TEST(BudgetTest, GivesItsRateAndNoMoreThanASecondOfItAtOnce) {
   Budget budget(10);
   TimeNs now = 100 * ns_per_s;
   int taken = 0;
-  while (budget.take(now)) ++taken;
+  while (budget.spend(now)) ++taken;
   EXPECT_EQ(taken, 10);
-  for (int i = 0; i < 1000; ++i) taken += budget.take(now += 10 * ns_per_ms);
+  for (int i = 0; i < 1000; ++i) taken += budget.spend(now += 10 * ns_per_ms);
   EXPECT_NEAR(taken, 10 + 100, 1);
-  EXPECT_FALSE(budget.take(now - ns_per_s)) << "a clock that goes back gives nothing";
+  EXPECT_FALSE(budget.spend(now - ns_per_s)) << "a clock that goes back gives nothing";
 }
 
 }  // namespace

@@ -233,7 +233,7 @@ TEST_F(Book, AnAbortedMissionOfBeforeLandsNobody) {
   ASSERT_TRUE(book.land(id, "test"));
   run(10);
   ASSERT_EQ(world.core.status(0).phase, DronePhase::landed);
-  const std::string kept = book.keep(id);
+  const std::string kept = book.saved(id);
   world.say({.drone = 0, .takeoff = true});
   world.run(6);
   ASSERT_EQ(world.core.status(0).phase, DronePhase::manual);
@@ -263,12 +263,12 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
   MissionSettings settings;
   settings.run.after_restart = mission::AfterRestart::go_on;
   MissionBook other(settings, operator_name);
-  const auto again = other.restore(book.keep(id));
+  const auto again = other.restore(book.saved(id));
   ASSERT_TRUE(again) << again.error().message;
   EXPECT_EQ(*again, id);
   EXPECT_TRUE(other.busy()) << "it has drones to find";
   MissionBook forbidden(settings, operator_name);
-  ASSERT_TRUE(forbidden.restore(book.keep(id)));
+  ASSERT_TRUE(forbidden.restore(book.saved(id)));
   other.set_signers(id, {operator_name});
   forbidden.set_signers(id, {operator_name});
   std::vector<std::string> awaiting;
@@ -277,8 +277,8 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
     awaiting = forbidden.step(world.now_ns, world.core).awaiting_check;
   }
   EXPECT_EQ(awaiting, std::vector{id}) << "once its drone is found in the air";
-  forbidden.go_on(id, {.findings = {{.drone = "tello1", .words = "its battery is for 20 s", .forbids = true}}},
-                  world.core);
+  forbidden.resume_after_check(
+      id, {.findings = {{.drone = "tello1", .words = "its battery is for 20 s", .forbids = true}}}, world.core);
   EXPECT_TRUE(json::parse(forbidden.show(id))["paused"]);
   int checks = 0;
   for (int i = 0; i < 800; ++i) {
@@ -287,7 +287,7 @@ TEST_F(Book, WhatIsKeptIsRestoredWithWhoStartedIt) {
     for (const PilotCommand& command : out.commands) world.say(command);
     for (const std::string& due : out.awaiting_check) {
       ++checks;
-      other.go_on(due, {}, world.core);
+      other.resume_after_check(due, {}, world.core);
     }
   }
   EXPECT_EQ(checks, 1);

@@ -15,7 +15,7 @@ Outcome refused(const std::string& words) {
 
 TEST(Refusals, SayTheContractsWordsOfTheDroneThatTheyAreAbout) {
   Refusals refusals({"tello1", "tello2"});
-  refusals.take("command", refused("tello2: held by somebody else"));
+  refusals.add("command", refused("tello2: held by somebody else"));
   const auto said = refusals.due(0);
   ASSERT_EQ(said.size(), 1U);
   EXPECT_EQ(said[0].drone, "tello2");
@@ -27,7 +27,7 @@ TEST(Refusals, AStormIsReportedOnceASecondWithItsCount) {
   Refusals refusals({"tello1"});
   std::size_t events = 0;
   for (TimeNs now = 0; now < 10 * ns_per_s; now += ns_per_ms) {
-    refusals.take("command", refused("tello1: no"));
+    refusals.add("command", refused("tello1: no"));
     events += refusals.due(now).size();
   }
   EXPECT_EQ(events, 10U);
@@ -38,14 +38,14 @@ TEST(Refusals, AStormIsReportedOnceASecondWithItsCount) {
 
 TEST(Refusals, DronesAndKindsDoNotHoldEachOtherBack) {
   Refusals refusals({"tello1", "tello2"});
-  refusals.take("command", refused("tello1: no"));
-  refusals.take("command", refused("tello2: no"));
-  refusals.take("command", refused("somebody-else: no"));
+  refusals.add("command", refused("tello1: no"));
+  refusals.add("command", refused("tello2: no"));
+  refusals.add("command", refused("somebody-else: no"));
   Outcome invalid;
   invalid.kind = Outcome::Kind::invalidated;
   invalid.block = 12;
   invalid.code = 11;
-  refusals.take("command", invalid);
+  refusals.add("command", invalid);
   const auto said = refusals.due(0);
   ASSERT_EQ(said.size(), 4U);
   EXPECT_EQ(said[0].drone, "");
@@ -56,9 +56,9 @@ TEST(Refusals, WhatIsCommittedIsNothingToSayAndWhatAPeerSaysIsBounded) {
   Refusals refusals({"tello1"});
   Outcome committed;
   committed.kind = Outcome::Kind::committed;
-  refusals.take("command", committed);
+  refusals.add("command", committed);
   EXPECT_TRUE(refusals.due(0).empty());
-  refusals.take("stop", Outcome::failed(Outcome::Kind::unavailable, std::string(100'000, '\n')));
+  refusals.add("stop", Outcome::failed(Outcome::Kind::unavailable, std::string(100'000, '\n')));
   EXPECT_LT(refusals.due(0).at(0).text.size(), 2'000U);
 }
 

@@ -17,7 +17,7 @@
 #include <thread>
 
 #include "common/base/file.hpp"
-#include "ground/service/connections/places.hpp"
+#include "ground/service/core/places.hpp"
 #include "ground/service/shell/page_files.hpp"
 #include "tests/fuzz/directory.hpp"
 
@@ -41,7 +41,7 @@ class TestKeys final : public OperatorKeys {
       answer(right ? Status(done) : Error{"a wrong pass phrase"});
     });
   }
-  void leave(std::size_t who) override { left.push_back(who); }
+  void on_session_over(std::size_t who) override { left.push_back(who); }
   Status submit(std::size_t who, const OperatorCall& call) override {
     calls.emplace_back(who, call.kind);
     return done;
@@ -67,17 +67,18 @@ class StationServer : public testing::Test {
       return done;
     };
     // On a thread of its own, as the flight's is.
-    const auto ask_missions = [this](MissionAsk asked, std::function<void(ApiAnswer)> answer) {
+    const auto request_mission = [this](MissionRequest asked, std::function<void(ApiAnswer)> answer) {
       threads.emplace_back([asked = std::move(asked), answer = std::move(answer)] {
-        answer({asked.kind == MissionAsk::Kind::add ? 201U : 202U, std::to_string(asked.text.size())});
+        answer({asked.kind == MissionRequest::Kind::add ? 201U : 202U, std::to_string(asked.text.size())});
       });
     };
-    const auto ask_faults = [this](const FaultAsk& asked, std::function<void(ApiAnswer)> answer) {
+    const auto request_fault = [this](const FaultRequest& asked, std::function<void(ApiAnswer)> answer) {
       if (asked.name == "slow") return late.set_value(std::move(answer));
       threads.emplace_back([asked, answer = std::move(answer)] { answer({200, command_of(asked)}); });
     };
-    auto started = Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
-                                 {.take = take, .keys = keys, .ask_missions = ask_missions, .ask_faults = ask_faults});
+    auto started =
+        Server::start(settings, {"tello1"}, {.manual = true, .speed_mps = 0.5},
+                      {.take = take, .keys = keys, .request_mission = request_mission, .request_fault = request_fault});
     if (!started) throw std::runtime_error(started.error().message);
     server = std::move(*started);
     place = server->url().substr(std::string("http://").size());

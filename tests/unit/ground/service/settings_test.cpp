@@ -1,4 +1,4 @@
-#include "ground/service/core/settings.hpp"
+#include "ground/service/core/guard.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -95,13 +95,13 @@ TEST(SignIns, DismissedAreThoseWhoseRoleIsAnotherThanAnOperators) {
 TEST(Attempts, FiveOfAnAddressAreLookedAtAtOnceAndThenOneInEachPause) {
   Attempts attempts;
   for (int i = 0; i < Attempts::free_of_address; ++i) {
-    EXPECT_EQ(attempts.look_after(i, "here"), i);
+    EXPECT_EQ(attempts.next_attempt(i, "here"), i);
     attempts.failed("here");
   }
-  EXPECT_EQ(attempts.look_after(10, "here"), 10 + Attempts::pause_ns);
-  EXPECT_FALSE(attempts.look_after(11, "here")) << "one at a time";
-  EXPECT_EQ(attempts.look_after(11, "elsewhere"), 11) << "nobody is locked out by another address";
-  EXPECT_TRUE(attempts.look_after(10 + Attempts::pause_ns, "here"));
+  EXPECT_EQ(attempts.next_attempt(10, "here"), 10 + Attempts::pause_ns);
+  EXPECT_FALSE(attempts.next_attempt(11, "here")) << "one at a time";
+  EXPECT_EQ(attempts.next_attempt(11, "elsewhere"), 11) << "nobody is locked out by another address";
+  EXPECT_TRUE(attempts.next_attempt(10 + Attempts::pause_ns, "here"));
 }
 
 TEST(Attempts, FromHoweverManyAddressesGuessingIsSlow) {
@@ -110,7 +110,7 @@ TEST(Attempts, FromHoweverManyAddressesGuessingIsSlow) {
   int at_once = 0, later = 0;
   for (int i = 0; i < 100'000; ++i, now += ns_per_s / 1000) {
     const std::string address = std::to_string(i);
-    const auto at = attempts.look_after(now, address);
+    const auto at = attempts.next_attempt(now, address);
     if (!at) continue;
     ++(*at == now ? at_once : later);
     attempts.failed(address);
@@ -123,13 +123,13 @@ TEST(Attempts, FromHoweverManyAddressesGuessingIsSlow) {
 TEST(Attempts, WhoKnowsThePhraseGetsInBesideSomebodyWhoGuessesAllTheTime) {
   SignIns sign_ins(2, idle_ns);
   for (int i = 0; i < 50; ++i) sign_ins.failed(0, "onlooker");
-  EXPECT_EQ(sign_ins.look_after(0, 1, "onlooker"), 0) << "it is counted by operator, too";
-  ASSERT_TRUE(sign_ins.look_after(0, 0, "onlooker"));
-  const auto waits = sign_ins.look_after(1, 0, "alice");
+  EXPECT_EQ(sign_ins.next_attempt(0, 1, "onlooker"), 0) << "it is counted by operator, too";
+  ASSERT_TRUE(sign_ins.next_attempt(0, 0, "onlooker"));
+  const auto waits = sign_ins.next_attempt(1, 0, "alice");
   ASSERT_TRUE(waits);
   EXPECT_EQ(*waits, 1 + Attempts::pause_ns);
   sign_ins.right(0);
-  EXPECT_EQ(sign_ins.look_after(2, 0, "onlooker"), 2) << "the right phrase resets the count";
+  EXPECT_EQ(sign_ins.next_attempt(2, 0, "onlooker"), 2) << "the right phrase resets the count";
 }
 
 TEST(OperatorCalls, ALeaseLetsTheGroundCommandAndAReleaseNamesNobody) {

@@ -50,7 +50,7 @@ TEST(Schema, HasEveryKeyThatTheReaderAsksForWithItsTypeAndRange) {
   EXPECT_EQ(flight["laps"]["maximum"], 100);
   EXPECT_EQ(flight["kind"]["enum"], json::array({"path", "manual", "sdk"}));
   const std::regex shape(flight["shape"]["pattern"].get<std::string>());
-  for (const std::string& name : motion::shape_names()) EXPECT_TRUE(std::regex_match(name, shape)) << name;
+  for (const std::string& name : ground::motion::shape_names()) EXPECT_TRUE(std::regex_match(name, shape)) << name;
   EXPECT_TRUE(std::regex_match("way.csv", shape));
   EXPECT_FALSE(std::regex_match("circle", shape));
   EXPECT_EQ(root["properties"]["task"]["items"]["required"], json::array({"drone"}));

@@ -87,7 +87,7 @@ void expect_flown(const std::vector<SimulatedFlightResult>& flights) {
 // can be compared: the gain, and the whole lag, which is where the slow part of both is.
 void expect_learned(const SimulatedFlightResult& flight, double error) {
   constexpr double velocity_lag_s = 0.3;  // the simulator's
-  const motion::Response& r = flight.drones[0].response;
+  const ground::motion::Response& r = flight.drones[0].response;
   fmt::print("  truth: gain {:.2f}, lag {:.3f} s; learned: gain {:.3f}, lag {:.3f} + {:.3f} s\n", 1 + error,
              velocity_lag_s * (1 + error), r.gain, r.lag_s, r.dead_s);
   EXPECT_NEAR(r.gain, 1 + error, 0.06);

@@ -49,7 +49,7 @@ LapTimes lap_times(const SimulatedFlightConfig& config) {
   auto free = config.waypoints;
   for (auto& waypoint : free) waypoint.speed_mps.reset();
   const auto of = [&](const std::vector<ground::Waypoint>& waypoints) {
-    return motion::Track(waypoints, {0, 0}, ground::ControllerConfig{}.height_m, {}).lap_s(config.speed_mps);
+    return ground::motion::Track(waypoints, {0, 0}, ground::ControllerConfig{}.height_m, {}).lap_s(config.speed_mps);
   };
   return {of(config.waypoints), of(free)};
 }
@@ -60,7 +60,7 @@ TEST(SimulatedFlight, WaypointsAreFlownWithTheirHeightsAndSpeeds) {
        {std::tuple{true, "0,0,1\n2,0,1.5,0.2\n2,1,1.5\n1,2\n0,1\n", 1.0, 1.5},
         std::tuple{true, "0,0,1.5\n2,0,1.5,0.2\n2,1,1.5\n1,2,2\n0,1,1.5\n", 1.5, 2.0},
         std::tuple{false, "0,0,1.5\n2,0,1.5,0.2\n2,1,1.5\n1,2,2\n0,1,1.5\n", 1.5, 2.0}}) {
-    const auto waypoints = motion::waypoints_from_csv(csv, "way.csv");
+    const auto waypoints = ground::motion::waypoints_from_csv(csv, "way.csv");
     ASSERT_TRUE(waypoints.ok());
     SimulatedFlightConfig config;
     config.laps = 1;

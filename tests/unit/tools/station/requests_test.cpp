@@ -42,7 +42,7 @@ TEST(ARequest, IsOneThatTheStationTakes) {
 }
 
 TEST(ARequest, IsOneOfMissions) {
-  using Kind = ground::service::MissionAsk::Kind;
+  using Kind = ground::service::MissionRequest::Kind;
   const std::string id = "3f5a9c01d2e4";
   for (const auto& [verb, kind] : std::initializer_list<std::pair<const char*, Kind>>{{"approve", Kind::approve},
                                                                                       {"withdraw", Kind::withdraw},

@@ -46,8 +46,8 @@ TEST_F(CommandOutboxTest, TheNewestOfEachDroneGoesInOneCallAndWhatItReplacesIsWi
   EXPECT_EQ(status[0].commands.merged, 1u);
   put(0, 4);
   EXPECT_EQ(submit(1).plans_size(), 0) << "one is in flight";
-  outbox.take_outcome(5, fabric::Outcome::failed(Kind::committed, ""), 1, out);
-  EXPECT_LT(timing.of(0).delay_ns, motion::RoundTripEstimate::unknown_ns) << "plans are timed by what the call took";
+  outbox.on_outcome(5, fabric::Outcome::failed(Kind::committed, ""), 1, out);
+  EXPECT_LT(timing.of(0).delay_ns, RoundTripEstimate::unknown_ns) << "plans are timed by what the call took";
   EXPECT_EQ(submit(5).plans(0).sequence(), 2u);
 }
 
@@ -55,14 +55,14 @@ TEST_F(CommandOutboxTest, ACallRefusedForOneDroneGoesAgainWithoutItUnlessTheLeas
   put(0, 1);
   put(1, 2);
   submit(0);
-  outbox.take_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: CN=a tello2: b"), 1,
-                      out);
+  outbox.on_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: CN=a tello2: b"), 1,
+                    out);
   EXPECT_EQ(withdrawn, std::vector<std::uint64_t>{1});
   const CommandCall again = submit(1);
   ASSERT_EQ(again.plans_size(), 1);
   EXPECT_EQ(again.plans(0).drone(), "tello2");
   outbox.begin_lease(1, "Org1MSP", 7);
-  outbox.take_outcome(2, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), 2, out);
+  outbox.on_outcome(2, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: no"), 2, out);
   EXPECT_EQ(submit(ns_per_s).plans_size(), 0);
 }
 
@@ -80,7 +80,7 @@ TEST_F(CommandOutboxTest, EachOrganisationsDronesGoInACallOfTheirOwnAndDoNotWait
     ASSERT_EQ(call.plans_size(), 1);
     EXPECT_EQ(call.plans(0).drone(), config.drones[i].name);
   }
-  outbox.take_outcome(1, fabric::Outcome::failed(Kind::committed, ""), 1, out);
+  outbox.on_outcome(1, fabric::Outcome::failed(Kind::committed, ""), 1, out);
   put(0, 3);
   put(1, 4);
   EXPECT_EQ(submit(1).organisation(), "Org1MSP");

@@ -1,4 +1,4 @@
-#include "ground/core/flight/pilot_path.hpp"
+#include "ground/core/flight/planner.hpp"
 
 #include <gtest/gtest.h>
 
@@ -8,7 +8,7 @@ namespace {
 /// Flies a course by saying how far its reference is.
 class SaidFollower final : public Follower {
  public:
-  explicit SaidFollower(const motion::OpenCourse& course) : path_(course.waypoints, course.origin_m) {}
+  explicit SaidFollower(const motion::OpenPath& course) : path_(course.waypoints, course.origin_m) {}
   void start(TimeNs, double end_m) override { end_m_ = end_m; }
   void observe(const StateSample&) override {}
   bool ready() const override { return true; }

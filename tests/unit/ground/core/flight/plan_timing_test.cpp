@@ -7,7 +7,7 @@ namespace {
 
 TEST(PlanTiming, StatesOfADroneSayMoreThanOurOwnCommands) {
   PlanTiming timing(2);
-  EXPECT_EQ(timing.of(0).delay_ns, motion::RoundTripEstimate::unknown_ns);
+  EXPECT_EQ(timing.of(0).delay_ns, RoundTripEstimate::unknown_ns);
   for (int k = 0; k < 20; ++k) timing.measure(100 * ns_per_ms);
   EXPECT_EQ(timing.of(0).delay_ns, 200 * ns_per_ms) << "there and back";
   for (std::uint64_t sequence = 1; sequence <= 8; ++sequence) {
@@ -41,7 +41,7 @@ void come(PlanTiming& timing, int count, TimeNs spacing_ns, TimeNs way_ns) {
 TEST(PlanTiming, PlansThatComeSeldomCountByTime) {
   PlanTiming timing(1);
   come(timing, 2, ns_per_s, ns_per_s);
-  EXPECT_EQ(timing.of(0).delay_ns, motion::RoundTripEstimate::unknown_ns) << "one second says too little";
+  EXPECT_EQ(timing.of(0).delay_ns, RoundTripEstimate::unknown_ns) << "one second says too little";
   come(timing, 3, ns_per_s, ns_per_s);
   EXPECT_EQ(timing.of(0).delay_ns, ns_per_s);
 }

@@ -34,7 +34,7 @@ TEST(StateIntake, OfAFrameEachNewerStateCountsAndWhatRidesAgainIsNoNews) {
   add_state(call, "tello2", sample(9, 5));
   add_state(call, "tello7", sample(9, 6));
   std::vector<DroneUpdate> news;
-  const auto states = w.intake.take(event("set", call.SerializeAsString()), 0, news);
+  const auto states = w.intake.read(event("set", call.SerializeAsString()), 0, news);
   ASSERT_EQ(states.size(), 2u);
   EXPECT_EQ(states[1].state.sequence, 2u);
   ASSERT_EQ(news.size(), 1u);
@@ -71,7 +71,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
     add_state(call, "tello1", state);
     fabric::Transaction tx = event("set", call.SerializeAsString());
     tx.event_payload.clear();
-    const auto states = w.intake.take(tx, 0, news);
+    const auto states = w.intake.read(tx, 0, news);
     EXPECT_EQ(states.size(), 1u);
     w.intake.accept(0, states.at(0).state, std::nullopt);
     return states.at(0).state;
@@ -90,7 +90,7 @@ TEST(StateIntake, AStatesPoseIsItsOdometrysAndItsChargeTheNewestBatterys) {
 TEST(StateIntake, WhatIsNoFrameIsCounted) {
   IntakeWorld w(1);
   std::vector<DroneUpdate> news;
-  EXPECT_TRUE(w.intake.take(event("set", "\xff"), 0, news).empty());
+  EXPECT_TRUE(w.intake.read(event("set", "\xff"), 0, news).empty());
   EXPECT_EQ(w.counters.malformed, 1u);
 }
 

@@ -20,7 +20,7 @@ TEST(LeaseBook, MayCommandUnderItsOwnLeaseWhileNobodyStops) {
   EXPECT_FALSE(leases.of(1).may_command);
   Stops stops;
   *stops.add_stops() = stop_of("tello1", outsider_name);
-  EXPECT_EQ(leases.take(control_event("stop", {"tello1"}, stops.SerializeAsString()), 0).size(), 1u);
+  EXPECT_EQ(leases.on_event(control_event("stop", {"tello1"}, stops.SerializeAsString()), 0).size(), 1u);
   EXPECT_FALSE(leases.of(0).may_command);
 }
 
@@ -55,7 +55,7 @@ TEST(LeaseBook, WithHolderOrDelegateRevokedNobodyCommands) {
     RevokeCall call;
     *call.mutable_identity() = reported.identity();
     const auto revoke = control_event("revoke", {call.SerializeAsString()}, reported.SerializeAsString());
-    EXPECT_EQ(leases.take(revoke, 0).size(), 1u) << who;
+    EXPECT_EQ(leases.on_event(revoke, 0).size(), 1u) << who;
     EXPECT_TRUE(leases.of(0).revoked);
     EXPECT_FALSE(leases.of(0).may_command);
   }

@@ -29,36 +29,36 @@ class PilotStopsTest : public ::testing::Test {
 
 TEST_F(PilotStopsTest, EachStopperHasAStopOfHisOwn) {
   const crypto::IdentityName alice{"Org2MSP", "CN=alice"};
-  stops.want(0, 0, false);
-  stops.want(0, 0, false, alice);
-  stops.want(1, 0, false, alice);
+  stops.request(0, 0, false);
+  stops.request(0, 0, false, alice);
+  stops.request(1, 0, false, alice);
   submit(1);
   ASSERT_EQ(sent.size(), 2U);
   EXPECT_FALSE(sent[0].by);
   EXPECT_EQ(sent[1].by, alice);
-  const auto ended = stops.take_outcome(2, fabric::Outcome::failed(Kind::committed, ""), sent[1].id);
+  const auto ended = stops.on_outcome(2, fabric::Outcome::failed(Kind::committed, ""), sent[1].id);
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->drone, 0U);
   EXPECT_TRUE(stops.pending()) << "ours is in flight";
 }
 
 TEST_F(PilotStopsTest, AStopGoesAgainUntilTheLedgerHasItAndACutReplacesIt) {
-  stops.want(0, 0, false);
+  stops.request(0, 0, false);
   submit(0);
   submit(1);
   ASSERT_EQ(sent.size(), 1u);
   EXPECT_TRUE(sent[0].urgent);
-  stops.want(2, 0, true);
+  stops.request(2, 0, true);
   submit(2);
   ASSERT_EQ(sent.size(), 2u);
-  EXPECT_FALSE(stops.take_outcome(3, fabric::Outcome::failed(Kind::committed, ""), 1)) << "of the stop before";
-  const auto again = stops.take_outcome(4, fabric::Outcome::failed(Kind::unavailable, "away"), 2);
+  EXPECT_FALSE(stops.on_outcome(3, fabric::Outcome::failed(Kind::committed, ""), 1)) << "of the stop before";
+  const auto again = stops.on_outcome(4, fabric::Outcome::failed(Kind::unavailable, "away"), 2);
   ASSERT_TRUE(again);
   EXPECT_EQ(again->problem, "");
   EXPECT_TRUE(stops.pending());
   submit(ns_per_s);
   ASSERT_EQ(sent.size(), 3u);
-  EXPECT_TRUE(stops.take_outcome(ns_per_s, fabric::Outcome::failed(Kind::committed, ""), 3));
+  EXPECT_TRUE(stops.on_outcome(ns_per_s, fabric::Outcome::failed(Kind::committed, ""), 3));
   EXPECT_FALSE(stops.pending());
 }
 
@@ -66,24 +66,24 @@ TEST_F(PilotStopsTest, ItSaysForHowManyClearsItIsAndOnceMoreWithoutWhereThatIsRe
   Control record = control_record("tello1", operator_name);
   set_clears(record, stop_of("tello1", operator_name).stopper(), 4);
   ASSERT_TRUE(leases.set(record));
-  stops.want(0, 0, false);
+  stops.request(0, 0, false);
   submit(0);
   ASSERT_EQ(newest().clears_size(), 1);
   EXPECT_EQ(newest().clears(0), 4u);
   const auto refused = fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: cleared 5 times");
-  EXPECT_EQ(stops.take_outcome(1, refused, 1)->problem, "");
+  EXPECT_EQ(stops.on_outcome(1, refused, 1)->problem, "");
   submit(1);
   ASSERT_EQ(sent.size(), 2u);
   EXPECT_EQ(newest().clears_size(), 0);
-  EXPECT_EQ(stops.take_outcome(2, refused, 2)->problem, "no stop: tello1: cleared 5 times");
+  EXPECT_EQ(stops.on_outcome(2, refused, 2)->problem, "no stop: tello1: cleared 5 times");
   EXPECT_FALSE(stops.pending());
 }
 
 TEST_F(PilotStopsTest, TheContractsMessageIsReportedWhenItRefuses) {
-  stops.want(0, 0, false);
+  stops.request(0, 0, false);
   submit(0);
   const auto ended =
-      stops.take_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: not enrolled"), 1);
+      stops.on_outcome(1, fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: not enrolled"), 1);
   ASSERT_TRUE(ended);
   EXPECT_EQ(ended->problem, "no stop: tello1: not enrolled");
   EXPECT_FALSE(stops.pending());

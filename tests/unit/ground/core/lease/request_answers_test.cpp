@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "common/access/access.hpp"
-#include "common/msg/requests.hpp"
+#include "common/msg/grants.hpp"
 #include "tests/unit/ground/core/flight_world.hpp"
 
 namespace ledgerline::ground {
@@ -91,7 +91,7 @@ TEST_F(RequestAnswersTest, TheRuleDeniesOneAfterTheOther) {
   step(10 * ns_per_s);
   ASSERT_EQ(sent.size(), 1u);
   EXPECT_EQ(sent[0].call.function, "deny");
-  EXPECT_EQ(answers.take_outcome(11 * ns_per_s, fabric::Outcome::failed(Kind::committed, ""), 1)->problem, "");
+  EXPECT_EQ(answers.on_outcome(11 * ns_per_s, fabric::Outcome::failed(Kind::committed, ""), 1)->problem, "");
   gone(other_name);
   step(11 * ns_per_s);
   ASSERT_EQ(sent.size(), 2u);
@@ -142,15 +142,15 @@ TEST_F(RequestAnswersTest, AnAnswerGoesAgainOverAConflictAndIsLeftToTheOperatorW
   step(10 * ns_per_s);
   fabric::Outcome conflict = fabric::Outcome::failed(Kind::invalidated, "");
   conflict.code = 11;
-  EXPECT_EQ(answers.take_outcome(10 * ns_per_s, conflict, 1)->problem, "");
+  EXPECT_EQ(answers.on_outcome(10 * ns_per_s, conflict, 1)->problem, "");
   step(11 * ns_per_s);
   ASSERT_EQ(sent.size(), 2u);
   const auto refused = fabric::Outcome::failed(Kind::refused, "chaincode response 500, tello1: it may not fly it");
-  EXPECT_EQ(answers.take_outcome(11 * ns_per_s, refused, 2)->problem,
+  EXPECT_EQ(answers.on_outcome(11 * ns_per_s, refused, 2)->problem,
             "no answer to Org2MSP CN=User2@org2's request: tello1: it may not fly it; it is left to you");
   step(60 * ns_per_s);
   EXPECT_EQ(sent.size(), 2u);
-  EXPECT_FALSE(answers.take_outcome(60 * ns_per_s, refused, 2));
+  EXPECT_FALSE(answers.on_outcome(60 * ns_per_s, refused, 2));
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "ground/service/connections/places.hpp"
+#include "ground/service/core/places.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -16,32 +16,32 @@ TEST(Places, AnOnlookersAddressHasEightAndHalfOfThemForRequests) {
   Places places;
   const Places::Owner here{"192.0.2.1"}, there{"192.0.2.2"};
   std::size_t requests = 0, streams = 0;
-  while (places.take(here, Use::request)) ++requests;
-  while (places.take(here, Use::stream)) ++streams;
+  while (places.acquire(here, Use::request)) ++requests;
+  while (places.acquire(here, Use::stream)) ++streams;
   EXPECT_EQ(requests, 4U);
   EXPECT_EQ(requests + streams, 8U);
-  EXPECT_TRUE(places.take(there, Use::stream));
+  EXPECT_TRUE(places.acquire(there, Use::stream));
   places.release(here);
-  EXPECT_TRUE(places.take(here, Use::stream));
-  EXPECT_FALSE(places.take(here, Use::stream));
+  EXPECT_TRUE(places.acquire(here, Use::stream));
+  EXPECT_FALSE(places.acquire(here, Use::stream));
 }
 
 TEST(Places, WhateverOnlookersTakeAnOperatorKeepsTwo) {
   Places places;
   std::size_t taken = 0;
   for (int address = 0; address < 100; ++address) {
-    while (places.take({std::to_string(address)}, Use::stream)) ++taken;
+    while (places.acquire({std::to_string(address)}, Use::stream)) ++taken;
   }
   EXPECT_EQ(taken, Places::max_shared);
   for (const std::size_t who : {0U, 1U}) {
-    EXPECT_TRUE(places.take({"192.0.2.9", who}, Use::stream));
-    EXPECT_TRUE(places.take({"198.51.100.7", who}, Use::request)) << "wherever he connects from";
-    EXPECT_FALSE(places.take({"192.0.2.9", who}, Use::stream)) << "the rest is shared";
+    EXPECT_TRUE(places.acquire({"192.0.2.9", who}, Use::stream));
+    EXPECT_TRUE(places.acquire({"198.51.100.7", who}, Use::request)) << "wherever he connects from";
+    EXPECT_FALSE(places.acquire({"192.0.2.9", who}, Use::stream)) << "the rest is shared";
   }
   places.release({"0"});
-  EXPECT_TRUE(places.take({"192.0.2.9", 0}, Use::stream));
+  EXPECT_TRUE(places.acquire({"192.0.2.9", 0}, Use::stream));
   places.release({"192.0.2.9", 0});
-  EXPECT_TRUE(places.take({"1000"}, Use::stream)) << "what was shared is again";
+  EXPECT_TRUE(places.acquire({"1000"}, Use::stream)) << "what was shared is again";
 }
 
 TEST(Places, AHostOfIpv6IsOneAddressWhicheverOfItsOwnItUses) {

@@ -1,4 +1,4 @@
-#include "ground/service/connections/stream_messages.hpp"
+#include "ground/service/core/api.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

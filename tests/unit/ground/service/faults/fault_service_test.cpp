@@ -39,7 +39,7 @@ class FaultServiceTest : public testing::Test {
   }
   ApiAnswer ask(const std::string& name, bool on) {
     std::optional<ApiAnswer> answer;
-    service.ask({.name = name, .on = on, .by = "alice"}, [&](ApiAnswer made) {
+    service.request({.name = name, .on = on, .by = "alice"}, [&](ApiAnswer made) {
       const std::lock_guard lock(mutex_);
       answer = std::move(made);
     });
@@ -114,7 +114,7 @@ TEST_F(FaultServiceTest, SaysWhyNothingIsSwitched) {
 TEST_F(FaultServiceTest, TakesNoMoreThanItsQueueHoldsAndAnswersEachOnce) {
   std::atomic<int> answers{0}, refusals{0};
   for (std::size_t i = 0; i < FaultService::max_waiting + 3; ++i) {
-    service.ask({.name = "silent", .on = true}, [&](const ApiAnswer& made) {
+    service.request({.name = "silent", .on = true}, [&](const ApiAnswer& made) {
       ++answers;
       if (made.status == 503) ++refusals;
     });
@@ -132,7 +132,7 @@ TEST_F(FaultServiceTest, OneThatNeverAnswersDoesNotHoldUpTheRequest) {
   start();
   const TimeNs before = monotonic_ns();
   std::atomic<bool> answered{false};
-  service.ask({.name = "silent", .on = true}, [&](const ApiAnswer& made) {
+  service.request({.name = "silent", .on = true}, [&](const ApiAnswer& made) {
     EXPECT_EQ(made.status, 503U);
     answered = true;
   });

@@ -2,7 +2,6 @@
 #include <gtest/gtest.h>
 
 #include "ground/service/core/api.hpp"
-#include "ground/service/faults/fault_list.hpp"
 
 namespace ledgerline::ground::service {
 namespace {

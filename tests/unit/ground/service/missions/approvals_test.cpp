@@ -67,17 +67,17 @@ TEST(MissionApprovals, AreReadAgainForABlockThatChangesARole) {
 
 TEST(MissionApprovals, WhatIsWantedOftenIsDoneAtOnceAndThenAtMostOnceInItsGap) {
   RateLimiter limiter(ns_per_s);
-  EXPECT_FALSE(limiter.take(1));
-  limiter.want();
-  EXPECT_TRUE(limiter.take(1));
+  EXPECT_FALSE(limiter.start(1));
+  limiter.request();
+  EXPECT_TRUE(limiter.start(1));
   int done = 0;
   for (TimeNs now = 2; now < 10 * ns_per_s; now += ns_per_s / 100) {
-    limiter.want();
-    done += limiter.take(now);
+    limiter.request();
+    done += limiter.start(now);
   }
   EXPECT_EQ(done, 9);
-  EXPECT_TRUE(limiter.take(20 * ns_per_s)) << "the last one is not lost";
-  EXPECT_FALSE(limiter.take(30 * ns_per_s));
+  EXPECT_TRUE(limiter.start(20 * ns_per_s)) << "the last one is not lost";
+  EXPECT_FALSE(limiter.start(30 * ns_per_s));
 }
 
 TEST(MissionApprovals, AreReadAgainForABlockThatAnchorsTheirDigest) {
@@ -111,10 +111,10 @@ TEST(MissionApprovals, ThatCouldNotBeReadAreAskedForAgainAfterAWhile) {
   EXPECT_TRUE(unread.empty());
   unread.add("a", 0);
   unread.add("b", ns_per_s);
-  EXPECT_THAT(unread.take(Unread::again_ns - 1), IsEmpty());
-  EXPECT_THAT(unread.take(Unread::again_ns), ElementsAre("a"));
-  EXPECT_THAT(unread.take(Unread::again_ns), IsEmpty()) << "once";
-  EXPECT_THAT(unread.take(Unread::again_ns + ns_per_s), ElementsAre("b"));
+  EXPECT_THAT(unread.pop_due(Unread::again_ns - 1), IsEmpty());
+  EXPECT_THAT(unread.pop_due(Unread::again_ns), ElementsAre("a"));
+  EXPECT_THAT(unread.pop_due(Unread::again_ns), IsEmpty()) << "once";
+  EXPECT_THAT(unread.pop_due(Unread::again_ns + ns_per_s), ElementsAre("b"));
   EXPECT_TRUE(unread.empty());
 }
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "common/msg/requests.hpp"
+#include "common/msg/grants.hpp"
 #include "common/msg/stops.hpp"
 #include "onboard/agent/core/command_check.hpp"
 #include "tests/unit/onboard/agent/core/ledger_of_tests.hpp"

@@ -1,0 +1,22 @@
+#pragma once
+#include <string>
+#include <vector>
+
+#include "ground/core/path.hpp"
+
+namespace ledgerline::ground {
+
+/// What a command line or a config means by a path.
+struct PathChoice {
+  Shape shape = Shape::square;
+  std::vector<Waypoint> waypoints;  ///< empty: the shape
+};
+
+/// A regular file of at most 1 MB, as motion::waypoints_from_csv takes it. The error names it.
+Result<std::vector<Waypoint>> read_waypoints(const std::string& file);
+
+/// A shape's name, or else the name of a CSV file of waypoints (motion::waypoints_from_csv). The error says which
+/// shapes there are, or names the file and what is wrong in it.
+Result<PathChoice> path_choice_from(const std::string& shape_or_file);
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,71 @@
+#include "ground/shell/ros_topics.hpp"
+
+#include "common/base/log.hpp"
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr TimeNs warning_gap_ns = ns_per_s;
+
+}  // namespace
+
+Status RosTopics::open_writers() {
+  for (const DroneTopic& topic : drone_topics) {
+    writers_.emplace_back();
+    for (const std::string& drone : drones_) {
+      if (topic.of_all && !writers_.back().empty()) continue;
+      auto writer = dds::RawWriter::create(participant_, topic_of(topic, drone), std::string(topic.type),
+                                           {.transient_local = topic.latched});
+      if (!writer) return writer.error();
+      writers_.back().push_back(std::move(writer).value());
+    }
+  }
+  return done;
+}
+
+void RosTopics::publish(const DroneUpdate& news) {
+  const std::string& drone = drones_[news.drone];
+  for (std::size_t i = 0; i < drone_topics.size(); ++i) {
+    const DroneTopic& topic = drone_topics[i];
+    const auto message = topic.make(news, drone);
+    Status published = message ? done : Status(message.error());
+    if (message && !message->empty()) published = writers_[i][topic.of_all ? 0 : news.drone].publish(*message);
+    if (published) continue;
+    ++unpublished_[news.drone];
+    if (monotonic_ns() < next_warning_ns_) continue;
+    next_warning_ns_ = monotonic_ns() + warning_gap_ns;
+    spdlog::warn("{}: {}", topic_of(topic, drone), published.error().message);
+  }
+}
+
+Status RosTopics::read_pilots(const PilotSettings& settings, const OnMessage& on_message) {
+  if (!settings.topics)
+    spdlog::info("pilots' ROS 2 topics are not read: [pilot] topics = true reads them");
+  else if (!settings.emergency)
+    spdlog::info("/<drone>/emergency is not read without DDS Security: [pilot] emergency = true reads it");
+  for (std::size_t i = 0; i < drones_.size(); ++i) {
+    for (const PilotTopic* topic : topics_read(settings)) {
+      auto reader = dds::RawReader::create(
+          participant_, topic_of(*topic, drones_[i]), std::string(topic->type), {.reliable = topic->reliable},
+          [i, topic, on_message](std::span<const std::uint8_t> cdr, const dds::RawInfo&) {
+            on_message(i, *topic, dds::text_of(cdr));
+          });
+      if (!reader) return reader.error();
+      readers_.push_back({i, std::move(reader).value()});
+    }
+  }
+  return done;
+}
+
+ShellCounters::Pilot RosTopics::losses(std::size_t drone) const {
+  ShellCounters::Pilot losses;
+  for (const Reader& one : readers_) {
+    if (one.drone != drone) continue;
+    losses.dds_lost += one.reader.lost();
+    losses.dds_refused += one.reader.refused().total();
+  }
+  return losses;
+}
+
+}  // namespace ledgerline::ground

@@ -1,0 +1,48 @@
+#pragma once
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "common/dds/dds.hpp"
+#include "common/dds/raw.hpp"
+#include "ground/core/flight_types.hpp"
+#include "ground/shell/settings.hpp"
+
+namespace ledgerline::ground {
+
+/// The drones' ROS 2 topics: what the ledger says of them is published, and pilots' topics are read, those that the
+/// settings let in. DDS knows no users: any process that can write one of these is a pilot, without token or session.
+/// Drones are known by their index in `drones`. The flight's thread.
+class RosTopics {
+ public:
+  RosTopics(dds::ParticipantPtr participant, std::vector<std::string> drones)
+      : participant_(std::move(participant)), drones_(std::move(drones)), unpublished_(drones_.size()) {}
+
+  Status open_writers();
+  void publish(const DroneUpdate& news);
+
+  /// A message of that drone's topic; on a thread of DDS.
+  using OnMessage = std::function<void(std::size_t drone, const PilotTopic& topic, std::string_view cdr)>;
+  Status read_pilots(const PilotSettings& settings, const OnMessage& on_message);
+
+  /// Messages of that drone's pilot that DDS did not hand over.
+  ShellCounters::Pilot losses(std::size_t drone) const;
+  /// What the ledger had of that drone, but was no such message, or DDS did not take.
+  std::uint64_t unpublished(std::size_t drone) const { return unpublished_[drone]; }
+
+ private:
+  struct Reader {
+    std::size_t drone;
+    dds::RawReader reader;
+  };
+  const dds::ParticipantPtr participant_;
+  const std::vector<std::string> drones_;             ///< names
+  std::vector<std::vector<dds::RawWriter>> writers_;  ///< a row for each of drone_topics, a drone each
+  std::vector<Reader> readers_;
+  std::vector<std::uint64_t> unpublished_;  ///< of each drone
+  TimeNs next_warning_ns_ = 0;
+};
+
+}  // namespace ledgerline::ground

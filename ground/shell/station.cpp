@@ -1,0 +1,68 @@
+#include "ground/shell/station.hpp"
+
+#include <functional>
+#include <utility>
+
+#include "common/rt/clock.hpp"
+
+namespace ledgerline::ground {
+namespace {
+
+constexpr TimeNs show_gap_ns = ns_per_s / 30;      // while somebody looks at the page
+constexpr TimeNs unwatched_gap_ns = ns_per_s / 2;  // while nobody does
+
+}  // namespace
+
+Status Station::open(const service::ServiceSettings& settings, const service::Greeting& greeting,
+                     service::Server::Behind behind, service::FaultService::Tell tell_fault) {
+  if (!settings.faults.empty()) {
+    faults_ = std::make_unique<service::FaultService>(settings.faults, std::move(tell_fault));
+    behind.request_fault = std::bind_front(&service::FaultService::request, faults_.get());
+  }
+  auto server = service::Server::start(settings, names_, greeting, std::move(behind));
+  if (!server) return server.error();
+  server_ = std::move(server).value();
+  if (faults_) faults_->start([this](service::FaultList list) { server_->publish_faults(std::move(list)); });
+  show(monotonic_ns());
+  return done;
+}
+
+void Station::close() {
+  if (faults_) faults_->close();
+}
+
+void Station::add_event(Level level, const std::string& drone, std::string words) {
+  unshown_.push_back(board_.make_event(monotonic_ns(), level, drone, std::move(words)));
+}
+
+void Station::add_block(const fabric::Block& block) {
+  unshown_blocks_.push_back(
+      service::summary_of(block, monotonic_ns(), self_->now()->serialized, view_.config().where.contract));
+  if (server_->watched() || unshown_blocks_.size() >= service::max_reported_blocks)
+    server_->publish_blocks(std::exchange(unshown_blocks_, {}));
+}
+
+void Station::update(const std::vector<std::string>& notes) {
+  for (service::Event& event : board_.update(monotonic_ns(), view_, notes)) unshown_.push_back(std::move(event));
+  for (service::Event& event : board_.refusals(monotonic_ns(), refusals_)) unshown_.push_back(std::move(event));
+}
+
+void Station::show(TimeNs now_ns) {
+  if (now_ns < next_show_ns_) return;
+  next_show_ns_ = now_ns + (server_->watched() ? show_gap_ns : unwatched_gap_ns);
+  service::BoardState board{.drones = service::Board::drones(now_ns, view_)};
+  board.paths = board_.changed_paths(view_);
+  board.state = service::Board::state_message(now_ns, view_, board.drones);
+  board.aloft = service::aloft_of(view_);
+  board.stopped_by_ground = service::stopped_by_ground(view_);
+  board.events = std::exchange(unshown_, {});
+  server_->publish(std::move(board));
+}
+
+void Station::end() {
+  next_show_ns_ = 0;
+  show(monotonic_ns());
+  server_->end();
+}
+
+}  // namespace ledgerline::ground
