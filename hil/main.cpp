@@ -9,7 +9,7 @@
 #include "common/rt/histogram_json.hpp"
 #include "ground/shell/course_file.hpp"
 #include "hil/netem/recording/day.hpp"
-#include "hil/proxy/proxy.hpp"
+#include "hil/proxy/drone_side.hpp"
 #include "hil/shim/shim_verb.hpp"
 #include "hil/sitl/simulated_flight.hpp"
 

@@ -16,7 +16,7 @@ std::string broken_text(const RunResult& result);
 /// "  not checked: WHAT", a line for each.
 std::string not_checked_text(const RunResult& result);
 
-/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/comparison_io.hpp).
+/// What is kept of each run, however many there are: by this builds are compared (hil/fault/compare/comparison.hpp).
 struct RunSummary {
   std::string script;
   std::uint64_t seed = 0;

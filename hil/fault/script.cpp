@@ -14,7 +14,7 @@
 #include "ground/shell/course_file.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -1,12 +1,12 @@
 #pragma once
 #include <poll.h>
-
 #include <array>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <span>
 #include <vector>
 
+#include "common/base/result.hpp"
 #include "hil/netem/emulated_link.hpp"
 #include "hil/proxy/settings.hpp"
 
@@ -87,5 +87,10 @@ class DroneSide {
 std::uint64_t receive_shared(int socket, Way way, TimeNs now, std::span<DroneSide> sides);
 
 nlohmann::json to_json(const EmulatedLinkCounts& counts);
+
+/// Opens everything, prints {"ready":true,"servers":{"NAME":"127.0.0.1:PORT"}} and forwards until SIGINT or SIGTERM,
+/// with what the script and the socket switch; then writes the summary. One thread; returns an error where something
+/// could not be opened or written.
+Status run(const Settings& settings);
 
 }  // namespace ledgerline::hil::proxy

@@ -1,4 +1,4 @@
-#include "hil/proxy/proxy.hpp"
+#include "hil/proxy/drone_side.hpp"
 
 #include <fmt/format.h>
 #include <poll.h>
@@ -16,7 +16,6 @@
 #include "common/base/log.hpp"
 #include "common/program/socket/command_socket.hpp"
 #include "common/program/stop_signals.hpp"
-#include "hil/proxy/drone_side.hpp"
 #include "hil/proxy/server_side.hpp"
 
 namespace ledgerline::hil::proxy {

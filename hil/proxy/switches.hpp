@@ -9,7 +9,6 @@
 #include "common/rt/clock.hpp"
 #include "hil/netem/impairment.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
-#include "hil/netem/sensor_text.hpp"
 
 namespace ledgerline::hil::proxy {
 
@@ -38,7 +37,7 @@ struct Target {
 ///     drone * both clear                     `*`: every drone; for servers and sensors alike
 ///     server agent from stall                to, from, both
 ///     server agent cut                       its connections are reset, once
-///     sensor tello1 h stuck                  one more fault of hil/netem/sensor_text.hpp in that drone's state text
+///     sensor tello1 h stuck                  one more fault of hil/netem/sdk/sdk_faults.hpp in that drone's state text
 ///     sensor tello1 h stuck off              one less
 ///     sdk tello1 answers late 300ms          one more fault of hil/netem/sdk/sdk_faults.hpp; `off` as with sensors
 ///     clear                                  no effect and no fault is left

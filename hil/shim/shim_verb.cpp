@@ -19,7 +19,7 @@
 #include "common/program/stop_signals.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/proxy/settings.hpp"
-#include "hil/shim/scripted/scripted_agent.hpp"
+#include "hil/shim/scripted_agent.hpp"
 #include "hil/shim/wires.hpp"
 #include "hil/sitl/digester.hpp"
 #include "onboard/ipc/ipc.hpp"

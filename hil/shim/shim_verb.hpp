@@ -3,7 +3,7 @@
 
 #include "common/base/result.hpp"
 #include "common/program/command_line.hpp"
-#include "sim/shell/sim_options.hpp"
+#include "sim/shell/shell.hpp"
 
 namespace ledgerline::hil::shim {
 

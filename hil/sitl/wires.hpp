@@ -13,7 +13,6 @@
 #include "common/msg/onboard.hpp"
 #include "hil/netem/emulated_link.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
-#include "hil/netem/sensor_text.hpp"
 #include "onboard/link/core/link_core.hpp"
 #include "sim/core/simulator.hpp"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "common/crypto/crypto.hpp"
-#include "hil/sitl/processes/processes.hpp"
+#include "hil/sitl/processes.hpp"
 
 namespace ledgerline::hil {
 

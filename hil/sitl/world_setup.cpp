@@ -10,7 +10,7 @@
 #include "common/msg/contract.hpp"
 #include "ledgerline.pb.h"
 #include "onboard/link/core/failsafe.hpp"
-#include "sim/core/draw_tello.hpp"
+#include "sim/core/parameters.hpp"
 
 namespace ledgerline::hil {
 

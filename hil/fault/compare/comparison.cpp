@@ -10,7 +10,6 @@
 #include <set>
 #include <utility>
 
-#include "hil/fault/compare/statistics.hpp"
 #include "hil/fault/run/figures.hpp"
 
 namespace ledgerline::hil::comparing {

@@ -2,7 +2,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 #include "hil/sitl/facts.hpp"
 
 namespace ledgerline::hil {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <csignal>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 #include "hil/netem/text_parse.hpp"
 
 namespace ledgerline::hil {

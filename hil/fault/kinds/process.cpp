@@ -4,7 +4,7 @@
 #include <cmath>
 #include <csignal>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 
 namespace ledgerline::hil {
 namespace {

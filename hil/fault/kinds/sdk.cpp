@@ -1,5 +1,5 @@
 // Faults at the SDK's own calls.
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 #include "hil/netem/sdk/sdk_faults.hpp"
 #include "hil/sitl/facts.hpp"
 

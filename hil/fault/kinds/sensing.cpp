@@ -2,7 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "hil/fault/kinds/said.hpp"
+#include "hil/fault/kinds/parse.hpp"
 
 namespace ledgerline::hil {
 namespace {

@@ -10,9 +10,7 @@
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/own/sdk_flight.hpp"
-#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/script.hpp"

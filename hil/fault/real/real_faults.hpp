@@ -14,12 +14,46 @@
 
 #include "common/base/result.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/real/live_facts.hpp"
-#include "hil/fault/real/real_script.hpp"
+#include "common/rt/trace.hpp"
+#include "hil/fault/real/real.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/fault/script.hpp"
 
 // What faults do to the machine that a flight of the real processes runs on.
+
 namespace ledgerline::hil {
+
+/// A trace that grows, and starts again when its program does.
+class GrowingTrace {
+ public:
+  explicit GrowingTrace(std::string path) : path_(std::move(path)) {}
+  /// What is new; nothing while there is no file.
+  std::vector<TraceRecord> read_new();
+
+ private:
+  std::string path_;
+  std::unique_ptr<TraceReader> reader_;
+  ino_t inode_ = 0;
+};
+
+/// What triggers look at, as far as the traces in the folder of a flight show it while they grow. One thread.
+class LiveFacts {
+ public:
+  LiveFacts(const std::string& run, const Script& script);
+  void read();
+  const std::vector<DroneFacts>& facts() const { return facts_; }
+  TimeNs begin_ns() const { return begin_ns_; }  ///< link's first record; 0: none yet
+
+ private:
+  DroneFacts* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
+  }
+  GrowingTrace sim_, link_, ground_;
+  bool by_sdk_;                ///< neither link nor ground
+  std::vector<double> lap_m_;  ///< by drone
+  std::vector<DroneFacts> facts_;
+  TimeNs begin_ns_ = 0;
+};
 
 /// Processes whose program has this name, among the descendants of `parent`.
 std::vector<pid_t> descendants(pid_t parent, const std::string& program);

@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "common/msg/names.hpp"
-#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/run/schedule.hpp"
 #include "hil/sitl/world_setup.hpp"
 

@@ -1,5 +1,5 @@
 // ledgerline fault check: what is wrong with scripts, without flying them.
-#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/real/real.hpp"
 
 #include <fmt/format.h>
 
@@ -8,8 +8,8 @@
 
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/own_code.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

@@ -6,11 +6,11 @@
 #include <nlohmann/json.hpp>
 
 #include "common/program/program.hpp"
-#include "hil/fault/catalogue.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/real/real_script.hpp"
+#include "hil/fault/kinds/fault.hpp"
+#include "hil/fault/own_code.hpp"
+#include "hil/fault/real/real.hpp"
 #include "hil/fault/run/figures.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

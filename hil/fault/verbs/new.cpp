@@ -6,7 +6,7 @@
 
 #include "common/base/file.hpp"
 #include "common/program/program.hpp"
-#include "hil/fault/scenarios.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

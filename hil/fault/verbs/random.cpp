@@ -4,8 +4,8 @@
 #include <memory>
 
 #include "common/program/program.hpp"
-#include "hil/fault/random_script.hpp"
 #include "hil/fault/run/run.hpp"
+#include "hil/fault/script.hpp"
 #include "hil/fault/verbs/verbs.hpp"
 
 namespace ledgerline::hil::verbs {

@@ -1,5 +1,5 @@
 // ledgerline fault schema: what a script may be, for editors.
-#include "hil/fault/catalogue.hpp"
+#include "hil/fault/kinds/fault.hpp"
 
 #include <cstdio>
 

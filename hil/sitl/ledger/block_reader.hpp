@@ -7,8 +7,8 @@
 
 #include "common/base/result.hpp"
 #include "common/fabric/stream/block_intake.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "hil/sitl/ledger/simulated_ledger.hpp"
-#include "hil/sitl/peer/serving_peer.hpp"
 
 namespace ledgerline::hil {
 

@@ -10,7 +10,7 @@
 #include "common/msg/proto_json.hpp"
 #include "common/msg/ros.hpp"
 #include "hil/netem/text_parse.hpp"
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "peer/chaincode_event.pb.h"
 
 namespace ledgerline::hil {

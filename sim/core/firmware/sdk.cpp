@@ -4,10 +4,9 @@
 
 #include <algorithm>
 #include <array>
+#include <charconv>
 #include <cmath>
 #include <numbers>
-
-#include "sim/core/firmware/words.hpp"
 
 namespace ledgerline::sim {
 namespace {
@@ -22,6 +21,47 @@ constexpr int min_speed_cmps = 10, max_speed_cmps = 100, max_curve_cmps = 60;
 constexpr double min_radius_m = 0.5, max_radius_m = 10;
 constexpr double min_line_m = 0.02;  // nearer above a pad than this: it is there
 
+std::optional<int> number(std::string_view text) {
+  int value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error != std::errc{} || end != text.data() + text.size()) return std::nullopt;
+  return value;
+}
+
+/// All words as numbers, or nothing.
+template <std::size_t N>
+std::optional<std::array<int, N>> numbers(std::span<const std::string_view> words) {
+  if (words.size() != N) return std::nullopt;
+  std::array<int, N> values{};
+  for (std::size_t i = 0; i < N; ++i) {
+    const auto value = number(words[i]);
+    if (!value) return std::nullopt;
+    values[i] = *value;
+  }
+  return values;
+}
+
+bool within(int value, int low, int high) { return value >= low && value <= high; }
+
+/// m1 to m8; -1 for m-1, -2 for m-2: any pad, and the nearest.
+std::optional<int> pad_id(std::string_view word) {
+  if (word.empty() || word[0] != 'm') return std::nullopt;
+  const auto id = number(word.substr(1));
+  return id && (within(*id, 1, 8) || within(*id, -2, -1)) ? id : std::nullopt;
+}
+
+/// djitellopy takes any text with "ok" in it for a success, so the echo is left out of such a one.
+std::string unknown(std::string_view name) {
+  std::string echo;
+  for (const char c : name)
+    if (c > ' ' && c <= '~') echo += c;
+  std::string lower = echo;
+  std::transform(lower.begin(), lower.end(), lower.begin(),
+                 [](char c) { return c >= 'A' && c <= 'Z' ? static_cast<char>(c + 32) : c; });
+  if (lower.find("ok") != std::string::npos) echo.clear();
+  return "unknown command: " + echo;
+}
+
 /// A point in centimetres: x forward, y left, z up. Each within 5 m, and not all within 20 cm of where the drone is.
 bool point_in_range(int x, int y, int z) {
   const bool near = within(x, -min_move_cm, min_move_cm) && within(y, -min_move_cm, min_move_cm) &&
@@ -29,6 +69,10 @@ bool point_in_range(int x, int y, int z) {
   return !near && within(x, -max_move_cm, max_move_cm) && within(y, -max_move_cm, max_move_cm) &&
          within(z, -max_move_cm, max_move_cm);
 }
+
+constexpr std::string_view questions[] = {
+    "battery?", "speed?",        "time?", "wifi?",     "sdk?",    "sn?",          "height?", "temp?", "attitude?",
+    "baro?",    "acceleration?", "tof?",  "hardware?", "active?", "wifiversion?", "ssid?",   "ap?"};
 
 Vector metres(int x, int y, int z) { return Vector(x, y, z) / 100; }
 
@@ -87,25 +131,11 @@ const Sdk::Entry* Sdk::find(std::string_view name) {
       {"wifisetchannel", &Sdk::yes, 1, 1},
       {"EXT", &Sdk::yes, 1, any},
       {"reboot", &Sdk::reboot},
-      {"battery?", &Sdk::query},
-      {"speed?", &Sdk::query},
-      {"time?", &Sdk::query},
-      {"wifi?", &Sdk::query},
-      {"sdk?", &Sdk::query},
-      {"sn?", &Sdk::query},
-      {"height?", &Sdk::query},
-      {"temp?", &Sdk::query},
-      {"attitude?", &Sdk::query},
-      {"baro?", &Sdk::query},
-      {"acceleration?", &Sdk::query},
-      {"tof?", &Sdk::query},
-      {"hardware?", &Sdk::query},
-      {"active?", &Sdk::query},
-      {"wifiversion?", &Sdk::query},
-      {"ssid?", &Sdk::query},
-      {"ap?", &Sdk::query},
+      {"battery?", &Sdk::query},  // and all other questions
   };
-  const auto* found = std::find_if(std::begin(table), std::end(table), [&](const Entry& e) { return e.name == name; });
+  const bool asks = std::find(std::begin(questions), std::end(questions), name) != std::end(questions);
+  const auto* found =
+      std::find_if(std::begin(table), std::end(table), [&](const Entry& e) { return e.name == (asks ? "battery?" : name); });
   return found == std::end(table) ? nullptr : found;
 }
 
@@ -284,13 +314,11 @@ Sdk::Answer Sdk::move(Call& call) {
   if (!distance) return "error";
   if (!within(*distance, min_move_cm, max_move_cm)) return out_of_range;
   if (auto why = refusal(call); !why.empty()) return why;
-  Vector direction = Vector::Zero();
-  if (call.name == "up") direction = Vector::UnitZ();
-  if (call.name == "down") direction = -Vector::UnitZ();
-  if (call.name == "left") direction = Vector::UnitY();
-  if (call.name == "right") direction = -Vector::UnitY();
-  if (call.name == "forward") direction = Vector::UnitX();
-  if (call.name == "back") direction = -Vector::UnitX();
+  const Vector axis = call.name == "up" || call.name == "down"      ? Vector::UnitZ()
+                      : call.name == "left" || call.name == "right" ? Vector::UnitY()
+                                                                    : Vector::UnitX();
+  const bool back = call.name == "down" || call.name == "right" || call.name == "back";
+  const Vector direction = back ? Vector(-axis) : axis;
   if (!call.drone.pilot.line(direction * *distance / 100.0, speed_cmps_ / 100)) return "error";
   return wait(call);
 }
@@ -345,9 +373,8 @@ Sdk::Answer Sdk::curve(Call& call) {
 }
 
 Sdk::Answer Sdk::flip(Call& call) {
-  using Flip = Pilot::Flip;
-  static constexpr std::pair<std::string_view, Flip> directions[] = {
-      {"l", Flip::left}, {"r", Flip::right}, {"f", Flip::forward}, {"b", Flip::back}};
+  static const std::pair<std::string_view, Vector> directions[] = {
+      {"l", -Vector::UnitX()}, {"r", Vector::UnitX()}, {"f", Vector::UnitY()}, {"b", -Vector::UnitY()}};
   const auto* direction = std::find_if(std::begin(directions), std::end(directions),
                                        [&](const auto& d) { return d.first == call.arguments[0]; });
   if (direction == std::end(directions)) return "error";

@@ -4,7 +4,7 @@
 
 #include "common/fabric/tx/transaction.hpp"
 #include "gateway/gateway.grpc.pb.h"
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 #include "orderer/ab.pb.h"
 
 namespace ledgerline {

@@ -28,7 +28,7 @@
 /// of Org1's peer in one place. Either what Endorse answers is bent by hil::Relay, from some seconds behind the first
 /// command on; or the blocks that the drones' agent is served are hil::ServingPeer's, from SIGUSR1 on. LYING_NODE: the
 /// real program; LYING_LIE: a name of hil/sitl/ledger/relay.hpp, LYING_AFTER_S; or LYING_BLOCKS: one of
-/// hil/sitl/peer/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
+/// hil/sitl/ledger/serving_peer.hpp, LYING_SEED; LYING_LOG: a JSON file in the end.
 namespace {
 
 using namespace ledgerline;

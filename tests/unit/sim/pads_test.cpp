@@ -1,4 +1,4 @@
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

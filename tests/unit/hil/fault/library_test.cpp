@@ -2,7 +2,7 @@
 
 #include <cstdio>
 
-#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
 #include "tests/unit/campaign.hpp"

@@ -1,4 +1,4 @@
-#include "hil/shim/drone_ways.hpp"
+#include "hil/shim/wires.hpp"
 
 #include <gtest/gtest.h>
 

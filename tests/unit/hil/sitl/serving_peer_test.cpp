@@ -1,4 +1,4 @@
-#include "hil/sitl/peer/serving_peer.hpp"
+#include "hil/sitl/ledger/serving_peer.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>

@@ -9,7 +9,6 @@
 #include <iterator>
 
 #include "common/base/random.hpp"
-#include "hil/fault/compare/comparison_io.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {

@@ -1,4 +1,4 @@
-#include "hil/fault/own/pilot.hpp"
+#include "hil/fault/pilot.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

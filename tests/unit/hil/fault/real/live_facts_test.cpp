@@ -1,4 +1,4 @@
-#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/real/real_faults.hpp"
 
 #include <gtest/gtest.h>
 

@@ -10,7 +10,6 @@
 
 #include "common/base/file.hpp"
 #include "hil/fault/real/real.hpp"
-#include "hil/fault/real/real_script.hpp"
 #include "hil/fault/real/replay.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"

@@ -4,9 +4,9 @@
 #include <filesystem>
 
 #include "common/base/file.hpp"
-#include "hil/fault/random_script.hpp"
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
+#include "hil/fault/script.hpp"
 #include "tests/unit/campaign.hpp"
 #include "tests/unit/hil/fault/scripts.hpp"
 

@@ -1,4 +1,4 @@
-#include "hil/fault/own/sdk_flight.hpp"
+#include "hil/fault/real/real.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -13,11 +13,10 @@
 
 #include "common/base/file.hpp"
 #include "common/process/children.hpp"
-#include "hil/fault/own/own_code.hpp"
-#include "hil/fault/real/live_facts.hpp"
+#include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
-#include "sim/core/pads.hpp"
+#include "sim/core/sensors.hpp"
 
 namespace ledgerline::hil {
 namespace {

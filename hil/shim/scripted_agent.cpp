@@ -1,4 +1,4 @@
-#include "hil/shim/scripted/scripted_agent.hpp"
+#include "hil/shim/scripted_agent.hpp"
 
 #include <fmt/format.h>
 
@@ -8,7 +8,7 @@
 #include "common/base/file.hpp"
 #include "common/config/config.hpp"
 #include "hil/proxy/settings.hpp"
-#include "hil/shim/drone_ways.hpp"
+#include "hil/shim/wires.hpp"
 
 namespace ledgerline::hil::shim {
 namespace {

@@ -1,4 +1,4 @@
-#include "hil/fault/own/own_code.hpp"
+#include "hil/fault/own_code.hpp"
 
 #include <fmt/format.h>
 #include <unistd.h>
@@ -10,7 +10,7 @@
 #include "common/base/printable.hpp"
 #include "common/process/find_program.hpp"
 #include "ground/plugin/plugin.hpp"
-#include "hil/fault/own/sdk_flight.hpp"
+#include "hil/fault/real/real.hpp"
 #include "hil/sitl/world_setup.hpp"
 
 namespace ledgerline::hil {
