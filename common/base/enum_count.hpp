@@ -1,6 +1,8 @@
 #pragma once
+#include <array>
 #include <cstddef>
 #include <string_view>
+#include <utility>
 
 namespace ledgerline {
 
@@ -10,6 +12,15 @@ constexpr bool is_enumerator() noexcept {
   const std::string_view spelled = __PRETTY_FUNCTION__;
   const std::size_t at = spelled.find("value = ") + 8;
   return at < spelled.size() && spelled[at] != '(' && (spelled[at] < '0' || spelled[at] > '9') && spelled[at] != '-';
+}
+
+/// As it is written in its enumeration: "taking_off".
+template <auto value>
+constexpr std::string_view enumerator_name() noexcept {
+  std::string_view spelled = __PRETTY_FUNCTION__;
+  spelled.remove_prefix(spelled.find("value = ") + 8);
+  spelled = spelled.substr(0, spelled.find_first_of(";]"));
+  return spelled.substr(spelled.rfind(':') + 1);
 }
 
 template <typename Enum, std::size_t begin = 0>
@@ -25,5 +36,12 @@ constexpr std::size_t count_enumerators() noexcept {
 /// size, or assert it: so an enumerator that is added without its entry does not compile.
 template <typename Enum>
 inline constexpr std::size_t enum_count = count_enumerators<Enum>();
+
+/// The names of such an enumeration, by value.
+template <typename Enum>
+inline constexpr auto enum_names = []<std::size_t... i>(std::index_sequence<i...>) {
+  return std::array{enumerator_name<static_cast<Enum>(i)>()...};
+}
+(std::make_index_sequence<enum_count<Enum>>());
 
 }  // namespace ledgerline

@@ -124,9 +124,7 @@ void OwnProgram::end() {
 }
 
 Verdict OwnProgram::verdict(TimeNs at_ns) const {
-  Verdict verdict;
-  verdict.rule.text = "your program ends by itself, with exit code 0";
-  verdict.rule.always = true;
+  Verdict verdict = always("your program ends by itself, with exit code 0");
   if (!started_) {
     verdict.broke(at_ns, "it was never started");
   } else if (ended_here_) {

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "hil/netem/distribution.hpp"
@@ -19,8 +18,6 @@ constexpr std::string_view pilot_words =
     "rad/s, "
     "as \"fly 0.3 0 0 0\"";
 
-constexpr std::array<std::string_view, 5> mission_words{"approve", "start", "pause", "resume", "land"};  // MissionWord
-
 bool parse_do(const std::string& text, PilotRow& row) {
   const auto words = words_of(text);
   row.text = fmt::format("{}", fmt::join(words, " "));
@@ -32,9 +29,9 @@ bool parse_do(const std::string& text, PilotRow& row) {
     return !row.flies();
   }
   if (words.size() == 2 && words[0] == "mission") {
-    const auto found = std::find(mission_words.begin(), mission_words.end(), words[1]);
-    if (found == mission_words.end()) return false;
-    row.mission = static_cast<MissionWord>(found - mission_words.begin());
+    const auto* const found = std::ranges::find(enum_names<MissionWord>, words[1]);
+    if (found == enum_names<MissionWord>.end()) return false;
+    row.mission = static_cast<MissionWord>(found - enum_names<MissionWord>.begin());
     return true;
   }
   if (words.size() != 5 || words[0] != "fly") return false;
@@ -99,30 +96,14 @@ std::string pilot_text(const std::vector<PilotRow>& rows) {
 }
 
 Pilot::Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneFacts>& drones) {
-  for (const PilotRow& row : rows) {
-    Row one{.row = row, .drones = {}};
-    for (std::size_t i = 0; i < drones.size(); ++i) {
-      if (row.drone.empty() || row.drone == drones[i].name) one.drones.push_back(i);
-    }
-    rows_.push_back(std::move(one));
-  }
+  for (const PilotRow& row : rows) rows_.push_back({row, TriggerWatch(row.trigger, row.drone, drones)});
 }
 
 void Pilot::step(SimulatedWorld& world) {
   const TimeNs now = world.now();
   for (Row& one : rows_) {
     const PilotRow& row = one.row;
-    if (one.over) continue;
-    const bool by_time = row.trigger.kind == Trigger::Kind::time;
-    if (one.reached_ns < 0) {
-      const bool reached =
-          by_time ? now >= row.trigger.after_ns : std::any_of(one.drones.begin(), one.drones.end(), [&](std::size_t i) {
-            return row.trigger.reached(now, world.facts()[i]);
-          });
-      if (!reached) continue;
-      one.reached_ns = by_time ? now - row.trigger.after_ns : now;
-    }
-    if (now < one.reached_ns + row.trigger.after_ns || now < one.next_ns) continue;
+    if (one.over || !one.watch.is_due(now, world.facts()) || now < one.next_ns) continue;
     if (one.begun_ns < 0) one.begun_ns = now;
     one.next_ns = now + again_ns;
     one.over = !row.flies() || one.next_ns >= one.begun_ns + row.for_ns;
@@ -130,7 +111,7 @@ void Pilot::step(SimulatedWorld& world) {
       world.say(*row.mission);
       continue;
     }
-    for (const std::size_t drone : one.drones) {
+    for (const std::size_t drone : one.watch.drones) {
       ground::PilotCommand command{.drone = drone, .came_ns = now};
       if (row.flies()) command.velocity = row.velocity;
       command.takeoff = row.takeoff;

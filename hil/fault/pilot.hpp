@@ -42,8 +42,8 @@ class Pilot {
   static constexpr TimeNs again_ns = 50 * ns_per_ms;
   struct Row {
     PilotRow row;
-    std::vector<std::size_t> drones;  ///< indices
-    TimeNs reached_ns = -1, begun_ns = -1, next_ns = 0;
+    TriggerWatch watch;
+    TimeNs begun_ns = -1, next_ns = 0;
     bool over = false;
   };
   std::vector<Row> rows_;

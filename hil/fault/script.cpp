@@ -317,10 +317,7 @@ void read_rule(Config& config, const std::string& sentence, bool faults, Script&
 
 }  // namespace
 
-std::string_view name_of(FlightKind kind) {
-  constexpr std::array<std::string_view, 3> names{"path", "manual", "sdk"};
-  return names[static_cast<std::size_t>(kind)];
-}
+std::string_view name_of(FlightKind kind) { return enum_names<FlightKind>[static_cast<std::size_t>(kind)]; }
 
 Script read_script(Config& config, const std::string& file, bool real) {
   Script script;

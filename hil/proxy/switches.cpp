@@ -13,8 +13,7 @@
 namespace ledgerline::hil::proxy {
 namespace {
 
-constexpr auto way_names = std::to_array<std::string_view>({"to", "answers", "state", "video", "from"});
-static_assert(way_names.size() == ways);
+constexpr const auto& way_names = enum_names<Way>;
 constexpr std::string_view allowed =
     "allowed are: drone NAME to|answers|state|video|from|both EFFECTS, server NAME to|from|both EFFECTS, server NAME "
     "cut, sensor NAME FIELD|all stuck|garbage|bias N|says N|every TIME, of the shim sdk NAME answers|states FAULT, "

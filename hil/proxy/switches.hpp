@@ -50,8 +50,9 @@ class Switches {
   static constexpr std::size_t max_faults = 16;  ///< of a drone's sensors at once, and as many of its SDK
 
   /// Names are unique within a kind.
-  explicit Switches(std::vector<Target> targets, ReadRecording read = reading_once(),
-                    ReadDay read_day = reading_days_once());
+  explicit Switches(std::vector<Target> targets,
+                    ReadRecording read = reading_once<Distribution::Recording>(read_recording),
+                    ReadDay read_day = reading_once<Day>(hil::read_day));
 
   Status apply(std::string_view command);
   const std::vector<Target>& targets() const { return targets_; }

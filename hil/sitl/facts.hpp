@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "common/base/enum_count.hpp"
 #include "ground/core/flight.hpp"
 #include "sim/core/simulator.hpp"
 
@@ -19,10 +20,10 @@ inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && trut
 inline bool on_course(const sim::Truth& truth) { return truth.in_flight && truth.position_m[2] > 0.5; }
 
 enum class Process : std::uint8_t { agent, link, ground };
-inline constexpr std::size_t process_count = 3;
+inline constexpr std::size_t process_count = enum_count<Process>;
 /// "agent", "link", "ground".
 inline std::string name_of(Process process) {
-  return process == Process::agent ? "agent" : process == Process::link ? "link" : "ground";
+  return std::string(enum_names<Process>[static_cast<std::size_t>(process)]);
 }
 
 /// What a run is checked by: one drone at one moment. What link, agent and ground say is as they say it; the truth is

@@ -1,6 +1,7 @@
 #include "hil/sitl/witness.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <cmath>
@@ -112,28 +113,23 @@ void Witness::given(TimeNs now, TimeNs host_slept_ns, const std::vector<Plan>& p
 
 void Witness::asked(const fabric::Call& call) {
   if (call.args.empty()) return;
-  const auto of = [&](const std::string& drone) -> SignedRequests* {
-    for (std::size_t i = 0; i < facts_.size(); ++i) {
-      if (facts_[i].name == drone) return &asked_[i];
-    }
-    return nullptr;
+  const auto act_on = [&](const std::string& drone, const auto& act) {
+    const auto named = std::ranges::find(facts_, drone, &DroneFacts::name);
+    if (named != facts_.end()) act(asked_[static_cast<std::size_t>(named - facts_.begin())]);
   };
   CommandCall command;
   DronesCall stop;  // or clear_stop
   if (call.function == contract::command && parse_message(call.args[0], command)) {
-    for (const DronePlan& plan : command.plans()) {
-      if (SignedRequests* drone = of(plan.drone())) drone->plans.insert(key_of(plan));
-    }
-  } else if (call.function == contract::stop && parse_message(call.args[0], stop)) {
+    for (const DronePlan& plan : command.plans())
+      act_on(plan.drone(), [&](SignedRequests& drone) { drone.plans.insert(key_of(plan)); });
+  } else if ((call.function == contract::stop || call.function == contract::clear_stop) &&
+             parse_message(call.args[0], stop)) {
+    const bool stops = call.function == contract::stop;
     for (const std::string& name : stop.drones()) {
-      SignedRequests* drone = of(name);
-      if (!drone) continue;
-      drone->stop = true;
-      drone->cut = drone->cut || stop.cut();
-    }
-  } else if (call.function == contract::clear_stop && parse_message(call.args[0], stop)) {
-    for (const std::string& name : stop.drones()) {
-      if (SignedRequests* drone = of(name)) drone->clear_stop = true;
+      act_on(name, [&](SignedRequests& drone) {
+        (stops ? drone.stop : drone.clear_stop) = true;
+        drone.cut = drone.cut || (stops && stop.cut());
+      });
     }
   }
 }
@@ -202,8 +198,8 @@ void Witness::sent(TimeNs now, DroneNumber drone, std::string_view command, doub
   DroneFacts& facts = facts_[i];
   facts.sent_mps = std::hypot(sticks[0], sticks[1], sticks[2]);
   // rc is right, forward, up
-  facts.sent = {sticks[1] * std::cos(yaw_rad) + sticks[0] * std::sin(yaw_rad),
-                sticks[1] * std::sin(yaw_rad) - sticks[0] * std::cos(yaw_rad), sticks[2]};
+  const Eigen::Vector2d on_map = Eigen::Rotation2Dd(yaw_rad) * Eigen::Vector2d(sticks[1], -sticks[0]);
+  facts.sent = {on_map.x(), on_map.y(), sticks[2]};
   facts.sent_ns = now;
 }
 

@@ -142,33 +142,18 @@ void SimulatedWorld::deliver_to_drones() {
 bool SimulatedWorld::over() const { return quiet_since_ns_ != 0 && now() - quiet_since_ns_ >= quiet_ns; }
 
 bool SimulatedWorld::lives(Process process) const {
-  switch (process) {
-    case Process::agent:
-      return agent_.lives();
-    case Process::link:
-      return link_.lives();
-    case Process::ground:
-      return ground_.lives();
-  }
-  return false;
+  return process == Process::agent ? agent_.lives() : process == Process::link ? link_.lives() : ground_.lives();
 }
 
 void SimulatedWorld::kill(Process process) {
+  const bool lived = lives(process);
   // Also one that is not there yet, since its start waits for the ledger.
   if (process == Process::agent) agent_.want(false);
   if (process == Process::ground) ground_.want(false);
-  if (!lives(process)) return;
-  switch (process) {
-    case Process::agent:
-      agent_.kill();
-      break;
-    case Process::link:
-      link_.kill();
-      break;
-    case Process::ground:
-      ground_.kill();
-      break;
-  }
+  if (!lived) return;
+  if (process == Process::agent) agent_.kill();
+  if (process == Process::link) link_.kill();
+  if (process == Process::ground) ground_.kill();
   note(WorldEvent::Kind::ended, 0, name_of(process));
 }
 

@@ -57,6 +57,12 @@ std::string estimated(const DroneFacts& facts) {
   return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
 }
 
+/// Since when something has been so, which is kept in `since_ns` (0: it is not); `now` where it is not.
+TimeNs since(bool is_so, TimeNs now, TimeNs& since_ns) {
+  since_ns = !is_so ? 0 : since_ns == 0 ? now : since_ns;
+  return is_so ? since_ns : now;
+}
+
 Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
   return moment.excuses.empty() ? Moment::Excuse{} : moment.excuses[drone];
 }
@@ -64,12 +70,7 @@ Moment::Excuse excuse_of(const Moment& moment, std::size_t drone) {
 }  // namespace
 
 Invariants::Invariants(const Limits& limits) : limits_(limits) {
-  for (const std::string_view text : invariant_names) {
-    Rule rule;
-    rule.text = text;
-    rule.always = true;
-    verdicts_.push_back({rule, true, 0, {}});
-  }
+  for (const std::string_view text : invariant_names) verdicts_.push_back(always(text));
 }
 
 void Invariants::observe(const Moment& moment) {
@@ -195,18 +196,14 @@ void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
-  if (!is_lost || excuse.deaf || excuse.physical) {
-    drone.lost_since_ns = 0;
-    return;
-  }
-  if (drone.lost_since_ns == 0) drone.lost_since_ns = moment.now;
-  const TimeNs since = moment.now - drone.lost_since_ns;
+  const TimeNs lost_for =
+      moment.now - since(is_lost && !excuse.deaf && !excuse.physical, moment.now, drone.lost_since_ns);
   const double speed = std::hypot(facts.truth.velocity_mps[0], facts.truth.velocity_mps[1]);
-  if (since > lost_stops_ns && speed > lost_mps && !excuse.blind)
+  if (lost_for > lost_stops_ns && speed > lost_mps && !excuse.blind)
     broke(which::lost_link, moment.now, fmt::format("{}: {:.2f} m/s, without state", facts.name, speed));
-  if (since > lost_down_ns)
+  if (lost_for > lost_down_ns)
     broke(which::lost_link, moment.now,
-          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(since)));
+          fmt::format("{}: without state and in the air for {:.0f} s", facts.name, to_seconds(lost_for)));
 }
 
 void Invariants::check_drone(const Moment& moment, std::size_t index) {
@@ -218,13 +215,8 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
   check_lost_link(moment, index);
 
   const bool flies = moment.link_runs && facts.phase == FlightPhase::flying;
-  if (!flies) {
-    drone.rested_since_ns = 0;
-  } else if (drone.rested_since_ns == 0) {
-    drone.rested_since_ns = now;
-  }
   // A link that stood still says nothing for a second, so that the drone may land itself: see LinkSettings.
-  const bool rested = flies && now - drone.rested_since_ns > 1'500 * ns_per_ms;
+  const bool rested = now - since(flies, now, drone.rested_since_ns) > 1'500 * ns_per_ms;
   check_ramp(moment, index, rested && !excuse_of(moment, index).spins);
   check_brake(moment, index, flies);
   if (flies) {
@@ -241,23 +233,13 @@ void Invariants::check_drone(const Moment& moment, std::size_t index) {
     }
   }
   // A landing of the failsafe waits for room below, but not for ever.
-  if (!flies || facts.mode != FailsafeMode::land) {
-    drone.waits_since_ns = 0;
-  } else if (drone.waits_since_ns == 0) {
-    drone.waits_since_ns = now;
-  } else if (now - drone.waits_since_ns > landing_waits_ns) {
-    broke(which::hovers, now,
-          fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(now - drone.waits_since_ns)));
-  }
+  const TimeNs waits_for = now - since(flies && facts.mode == FailsafeMode::land, now, drone.waits_since_ns);
+  if (waits_for > landing_waits_ns)
+    broke(which::hovers, now, fmt::format("{} waits to land for {:.1f} s", facts.name, to_seconds(waits_for)));
   const bool hovering = flies && (facts.mode == FailsafeMode::hold || facts.mode == FailsafeMode::brake);
-  if (!hovering) {
-    drone.hovering_since_ns = 0;
-  } else if (drone.hovering_since_ns == 0) {
-    drone.hovering_since_ns = now;
-  } else if (now - drone.hovering_since_ns > land_after_ns) {
-    broke(which::hovers, now,
-          fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(now - drone.hovering_since_ns)));
-  }
+  const TimeNs hovers_for = now - since(hovering, now, drone.hovering_since_ns);
+  if (hovers_for > land_after_ns)
+    broke(which::hovers, now, fmt::format("{} hovers for {:.1f} s", facts.name, to_seconds(hovers_for)));
 }
 
 void Invariants::finish(const Ending& ending) {

@@ -91,6 +91,8 @@ struct Verdict {
   std::string what;      ///< what was seen instead
   void broke(TimeNs now, std::string seen);
 };
+/// Of what is demanded of every run: it held so far.
+Verdict always(std::string_view text);
 
 /// A rule at work.
 struct RuleState {

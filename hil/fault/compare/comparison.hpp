@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "common/base/result.hpp"
+#include "common/rt/clock.hpp"
 
 // Tells what became worse, or better, from one build to another, of runs of the same scripts by both. Pure.
 
@@ -17,15 +18,16 @@
 
 namespace ledgerline::hil::comparing {
 
-/// One run, as the file of `fault run --json` has it.
+/// What is kept of each run, however many there are, and as the file of `fault run --json` has it.
 struct FlownRun {
   std::string script;
   std::uint64_t seed = 0;
-  std::string source;               ///< of which text of the script; empty: not known
-  std::string digest;               ///< of all its bytes; empty: a run that promises none, in real time
-  std::string mode;                 ///< how it was flown: "sitl", "real" ...; empty: not said
-  std::vector<std::string> broken;  ///< rules
+  std::string source;                 ///< of which text of the script; empty: not known
+  std::string digest{};               ///< of all its bytes; empty: a run that promises none, in real time
+  std::string mode{};                 ///< how it was flown: "sitl", "real" ...; empty: not said
+  std::vector<std::string> broken{};  ///< rules
   std::map<std::string, double, std::less<>> figures;
+  TimeNs flown_ns = 0;  ///< not in the file
 };
 struct Runs {
   std::string file;

@@ -8,6 +8,7 @@
 #include <cmath>
 #include <set>
 
+#include "common/base/enum_count.hpp"
 #include "common/base/file.hpp"
 #include "common/base/printable.hpp"
 
@@ -89,23 +90,9 @@ Result<Runs> parse_results(std::string_view text, const std::string& file) {
 
 namespace {
 
-using nlohmann::json;
-
 constexpr std::size_t max_seeds = 5;  // in a line
 
-const char* name_of(Change verdict) {
-  switch (verdict) {
-    case Change::worse:
-      return "worse";
-    case Change::better:
-      return "better";
-    case Change::small:
-      return "small";
-    case Change::none:
-      break;
-  }
-  return "none";
-}
+std::string_view name_of(Change verdict) { return enum_names<Change>[static_cast<std::size_t>(verdict)]; }
 
 std::string percent_of(const FigureChange& figure) {
   if (figure.script.empty()) return fmt::format("{:+.1f} %", 100 * figure.change);

@@ -57,16 +57,6 @@ std::optional<std::string_view> example_for(std::string_view placeholder, const 
   return std::nullopt;
 }
 
-std::vector<std::string_view> choices_in(std::string_view word) {
-  std::vector<std::string_view> choices;
-  for (std::size_t begin = 0; begin <= word.size();) {
-    const std::size_t end = std::min(word.find('|', begin), word.size());
-    choices.push_back(word.substr(begin, end - begin));
-    begin = end + 1;
-  }
-  return choices;
-}
-
 // Lasting a second, where it lasts at all: in that time each kind can be had, if ever.
 Status check_example(const std::string& text, bool real, const RealStack& stack) {
   auto fault = parse_fault(text, "", "", real);
@@ -86,12 +76,6 @@ InMode in_mode(const std::vector<std::string>& examples, bool real, const RealSt
   return mode;
 }
 
-/// "real" where all examples are possible, else with those that are; empty: none is.
-std::string said_of(std::string_view name, const InMode& mode) {
-  if (mode.possible.empty()) return "";
-  return mode.all() ? std::string(name) : fmt::format("{}: `{}`", name, fmt::join(mode.possible, "`, `"));
-}
-
 }  // namespace
 
 bool is_placeholder(std::string_view word) { return std::isupper(static_cast<unsigned char>(word[0])) != 0; }
@@ -101,7 +85,7 @@ std::vector<std::string> examples_of(const FaultKind& kind) {
   for (const std::string_view word : words_of(kind.form)) {
     std::vector<std::string> longer;
     for (const std::string& text : examples) {
-      std::vector<std::string_view> choices = choices_in(word);
+      std::vector<std::string_view> choices = split(word, '|');
       if (is_placeholder(word)) {
         const auto example = example_for(word, text);
         if (!example) return {};
@@ -123,16 +107,15 @@ KindModes modes_of(const FaultKind& kind) {
 
 std::string modes_text(const KindModes& modes) {
   std::vector<std::string> said;
-  if (const auto text = said_of("sitl", modes.sitl); !text.empty()) said.push_back(text);
-  if (modes.embedded.possible == modes.fabric.possible) {
-    if (const auto text = said_of("real", modes.embedded); !text.empty()) said.push_back(text);
-  } else {
-    if (const auto text = said_of("real on the embedded node", modes.embedded); !text.empty()) said.push_back(text);
-    if (const auto text = said_of("real on Fabric", modes.fabric); !text.empty()) said.push_back(text);
-  }
-  if (modes.shim.possible != modes.embedded.possible) {
-    if (const auto text = said_of("real over the shim", modes.shim); !text.empty()) said.push_back(text);
-  }
+  const auto add = [&](std::string_view name, const InMode& mode) {
+    if (mode.possible.empty()) return;
+    said.push_back(mode.all() ? std::string(name) : fmt::format("{}: `{}`", name, fmt::join(mode.possible, "`, `")));
+  };
+  add("sitl", modes.sitl);
+  const bool on_both = modes.embedded.possible == modes.fabric.possible;
+  add(on_both ? "real" : "real on the embedded node", modes.embedded);
+  if (!on_both) add("real on Fabric", modes.fabric);
+  if (modes.shim.possible != modes.embedded.possible) add("real over the shim", modes.shim);
   if (!said.empty()) return fmt::format("{}", fmt::join(said, ", "));
   return modes.sitl.refused.empty() ? "refused" : "refused: " + modes.sitl.refused.front().second;
 }

@@ -4,7 +4,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cctype>
 #include <utility>
@@ -37,6 +36,20 @@ bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
   return false;
 }
 
+TriggerWatch::TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneFacts> all)
+    : trigger(its_trigger) {
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (name.empty() || name == all[i].name) drones.push_back(i);
+  }
+}
+
+bool TriggerWatch::is_due(TimeNs now, std::span<const DroneFacts> all) {
+  const auto reaches = [&](std::size_t i) { return trigger.reached(now, all[i]); };
+  if (!reached_ns && std::any_of(drones.begin(), drones.end(), reaches))
+    reached_ns = trigger.kind == Trigger::Kind::time ? now - trigger.after_ns : now;
+  return reached_ns && now >= *reached_ns + trigger.after_ns;
+}
+
 Result<Trigger> parse_trigger(std::string_view text) {
   const std::string_view whole = trimmed(text);
   constexpr std::string_view usage =
@@ -53,14 +66,9 @@ Result<Trigger> parse_trigger(std::string_view text) {
   }
   const auto words = words_of(head);
   using Kind = Trigger::Kind;
-  constexpr std::array<std::pair<std::string_view, Kind>, 5> plain{{{"takeoff", Kind::takeoff},
-                                                                    {"flying", Kind::flying},
-                                                                    {"path", Kind::path},
-                                                                    {"landing", Kind::landing},
-                                                                    {"landed", Kind::landed}}};
   if (words.size() == 1) {
-    for (const auto& [name, kind] : plain) {
-      if (words[0] != name) continue;
+    for (const Kind kind : {Kind::takeoff, Kind::flying, Kind::path, Kind::landing, Kind::landed}) {
+      if (words[0] != enum_names<Kind>[static_cast<std::size_t>(kind)]) continue;
       trigger.kind = kind;
       return trigger;
     }
@@ -132,15 +140,6 @@ Error wrong(std::string_view text, std::string_view what) { return Error{fmt::fo
 
 bool is_open(std::string_view of_form) { return std::isupper(static_cast<unsigned char>(of_form[0])) != 0; }
 
-bool is_one_of(std::string_view word, std::string_view choices) {
-  for (std::size_t begin = 0; begin <= choices.size();) {
-    const std::size_t end = std::min(choices.find('|', begin), choices.size());
-    if (choices.substr(begin, end - begin) == word) return true;
-    begin = end + 1;
-  }
-  return false;
-}
-
 /// How well words fit a form.
 struct Fit {
   std::size_t fixed = 0;  ///< words that stand as they are, from the beginning on
@@ -152,7 +151,7 @@ Fit fit_of(const Words& words, const Words& form) {
   Fit fit;
   for (std::size_t i = 0; i < form.size() && fit.all_fixed; ++i) {
     if (is_open(form[i])) continue;
-    fit.all_fixed = i < words.size() && is_one_of(words[i], form[i]);
+    fit.all_fixed = i < words.size() && std::ranges::count(split(form[i], '|'), words[i]) > 0;
     if (fit.all_fixed) ++fit.fixed;
   }
   const bool open_end = form.back().ends_with("...");
@@ -179,8 +178,7 @@ FaultKind::ParsedWords said_in(const std::string& text, const FaultKind& kind) {
 
 std::vector<const FaultKind*> fault_kinds() {
   std::vector<const FaultKind*> all;
-  for (const auto& table :
-       {drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
+  for (const auto& table : {drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults()}) {
     for (const FaultKind& kind : table) all.push_back(&kind);
   }
   return all;

@@ -32,6 +32,18 @@ struct Trigger {
 };
 Result<Trigger> parse_trigger(std::string_view text);
 
+/// A moment that is waited for, of the drones that are named.
+struct TriggerWatch {
+  /// `name`: of one drone; empty: all.
+  TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneFacts> all);
+  /// Whether it has come; to be called in each step. `now` is since the run's beginning.
+  bool is_due(TimeNs now, std::span<const DroneFacts> all);
+
+  Trigger trigger;
+  std::vector<std::size_t> drones;   ///< indices
+  std::optional<TimeNs> reached_ns;  ///< without the trigger's `after_ns`
+};
+
 /// What a script is flown on with the real processes.
 struct RealStack {
   bool fabric = false;  ///< its ledger, with three orderers; else the embedded node
@@ -164,8 +176,7 @@ struct FaultKind {
   Result<FaultActs> (*make)(const ParsedWords& said);
   bool real_only = false;  ///< simulated time has no such thing
 };
-std::span<const FaultKind> drone_faults(), sdk_faults(), sensing_faults(), ledger_faults(), process_faults(),
-    machine_faults();
+std::span<const FaultKind> drone_faults(), sensing_faults(), ledger_faults(), process_faults(), machine_faults();
 /// All of them, in one row of rows.
 std::vector<const FaultKind*> fault_kinds();
 

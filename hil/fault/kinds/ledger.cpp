@@ -1,5 +1,6 @@
 // Faults of the ledger, of the connections to it, and of those who speak over them.
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <csignal>
@@ -11,6 +12,11 @@ namespace ledgerline::hil {
 namespace {
 
 using ParsedWords = FaultKind::ParsedWords;
+
+template <typename Tampering>
+Error one_of(std::string_view what) {
+  return Error{fmt::format("{} must be followed by one of {}", what, fmt::join(words_for<Tampering>(), ", "))};
+}
 
 void signal_ledger(RealActs& real, const RealStack& stack, int signal) {
   if (!stack.fabric) real.programs.emplace_back("ledgerline-node", signal);
@@ -63,22 +69,22 @@ Result<FaultActs> stale(const ParsedWords& said) {
 }
 
 Result<FaultActs> lie(const ParsedWords& said) {
-  const auto lie = lie_from(said.rest);
-  if (!lie) return Error{"lies must be followed by one of " + lies()};
+  const auto lie = from_word<Tampering>(said.rest);
+  if (!lie) return one_of<Tampering>("lies");
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.lie = lie; }),
                    .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> serve(const ParsedWords& said) {
-  const auto lie = peer_lie_from(said.rest);
-  if (!lie) return Error{"serves must be followed by one of " + list_of(peer_lie_names())};
+  const auto lie = from_word<PeerTampering>(said.rest);
+  if (!lie) return one_of<PeerTampering>("serves");
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.serves = lie; }),
                    .check_real = because(nobody_real)};
 }
 
 Result<FaultActs> order(const ParsedWords& said) {
-  const auto lie = peer_lie_from(said.rest);
-  if (!lie) return Error{"orders must be followed by one of " + list_of(peer_lie_names())};
+  const auto lie = from_word<PeerTampering>(said.rest);
+  if (!lie) return one_of<PeerTampering>("orders");
   return FaultActs{.lasts = on_ports(said.words[0], [lie = *lie](Effects::OfPort& port) { port.orders = lie; }),
                    .check_real = because(nobody_real),
                    .check_flight = [](const WorldConfig& flight) -> Status {
@@ -90,9 +96,9 @@ Result<FaultActs> order(const ParsedWords& said) {
 // Of several relays the later one in the script counts.
 Result<FaultActs> relay(const ParsedWords& said) {
   const auto words = words_of(said.rest);
-  const auto lie = words.empty() ? std::nullopt : relay_lie_from(words[0]);
+  const auto lie = words.empty() ? std::nullopt : from_word<RelayTampering>(words[0]);
   if (!lie || words.size() > 2 || (words.size() == 2 && words[1] != "compared"))
-    return Error{"ledger relay must be followed by one of " + relay_lies() + ", and may by compared"};
+    return Error{one_of<RelayTampering>("ledger relay").message + ", and may by compared"};
   return FaultActs{
       .lasts = [lies = Effects::OfRelay{*lie, words.size() == 2}](Effects& effects) { effects.relay = lies; },
       .check_real = because(nobody_real)};
@@ -133,8 +139,8 @@ Result<FaultActs> refuse_effect(const ParsedWords& said) {
 }
 
 Result<FaultActs> slip(const ParsedWords& said) {
-  const auto slip = slip_from(said.rest);
-  if (!slip) return Error{"operator errs must be followed by one of " + slips()};
+  const auto slip = from_word<Slip>(said.rest);
+  if (!slip) return one_of<Slip>("operator errs");
   return FaultActs{.lasts = on_ports("ground", [slip = *slip](Effects::OfPort& port) { port.slip = slip; }),
                    .check_real = because(nobody_real)};
 }
@@ -144,7 +150,8 @@ Result<FaultActs> say_control(const ParsedWords& said) {
   const Stopper stopper = who == "operator"     ? Stopper::operating
                           : who == "supervisor" ? Stopper::supervisor
                                                 : Stopper::outsider;
-  const auto word = static_cast<ControlWord>(std::ranges::find(control_words, name) - control_words.begin());
+  const auto word =
+      static_cast<ControlWord>(std::ranges::find(enum_names<ControlWord>, name) - enum_names<ControlWord>.begin());
   return FaultActs{
       .strike = [stopper, word](SimulatedWorld& world, std::size_t drone) { world.say_control(stopper, drone, word); },
       .really_begin =

@@ -35,14 +35,6 @@ inline std::optional<std::array<double, 3>> vector_of(const std::vector<std::str
   return v;
 }
 
-/// "7%".
-inline std::optional<double> share_of(std::string_view word) {
-  if (!word.ends_with('%')) return std::nullopt;
-  const auto value = parse_number(word.substr(0, word.size() - 1));
-  if (!value || *value < 0 || *value > 100) return std::nullopt;
-  return *value / 100;
-}
-
 /// "agent", "ground", "link", or "both": agent and ground.
 inline std::vector<Process> processes_of(std::string_view word) {
   if (word == "both") return {Process::agent, Process::ground};
@@ -52,13 +44,11 @@ inline std::vector<Process> processes_of(std::string_view word) {
 /// "delay 200ms, loss 5%": effects that are there.
 inline Result<Impairment> effects_in(std::string_view text) {
   Impairment all;
-  for (std::size_t begin = 0; begin <= text.size();) {
-    const std::size_t comma = std::min(text.find(',', begin), text.size());
+  for (const std::string_view part : split(text, ',')) {
     Impairment effect;
-    if (auto applied = apply_effect(text.substr(begin, comma - begin), effect); !applied) return applied.error();
+    if (auto applied = apply_effect(part, effect); !applied) return applied.error();
     if (!effect.any()) return Error{"does nothing: a fault ends by its `for`, not by `off` or `clear`"};
     overlay(effect, all);
-    begin = comma + 1;
   }
   return all;
 }

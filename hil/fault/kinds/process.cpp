@@ -29,9 +29,7 @@ Result<FaultActs> kill(const ParsedWords& said) {
                                      "the launcher starts it again at once: `for` must be at most 1 s");
                    },
                    .stops_link = process == Process::link,
-                   .kills = process == Process::link    ? "link"
-                            : process == Process::agent ? "agent"
-                                                        : "ground"};
+                   .kills = enum_names<Process>[static_cast<std::size_t>(process)]};
 }
 
 Result<FaultActs> stop(const ParsedWords& said) {

@@ -29,7 +29,7 @@ Result<FaultActs> flow_lost(const ParsedWords&) {
 }
 
 Result<FaultActs> light_or_floor(const ParsedWords& said) {
-  const auto share = share_of(said.words[1]);
+  const auto share = parse_share(said.words[1]);
   if (!share || *share >= sim::SensorParameters{}.flow_needs)
     return Error{std::string(said.words[0]) + " must be followed by a share below 20%: with more, flow is not lost"};
   double sim::Sensing::*const which = said.words[0] == "light" ? &sim::Sensing::light : &sim::Sensing::floor;

@@ -62,13 +62,8 @@ class RealFlight {
 };
 
 Status RealFlight::start() {
-  std::error_code error;
-  fs::create_directories(options_.directory, error);
-  if (error) return Error{fmt::format("cannot make {}: {}", options_.directory, error.message())};
-  for (const std::string& old : {run_, options_.directory + "/result.json"}) {
-    if (fs::exists(old, error))
-      return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
-  }
+  if (auto made = make_flight_folder(options_.directory, {run_, options_.directory + "/result.json"}); !made)
+    return made;
   const bool fills = std::any_of(script_.faults.begin(), script_.faults.end(),
                                  [](const Fault& fault) { return fault.acts.fills_disk; });
   if (fills) {
@@ -245,6 +240,17 @@ Result<RunResult> RealFlight::fly() {
 }
 
 }  // namespace
+
+Status make_flight_folder(const std::string& folder, const std::vector<std::string>& must_not_be_there) {
+  std::error_code error;
+  for (const std::string& old : must_not_be_there) {
+    if (fs::exists(old, error))
+      return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", old)};
+  }
+  fs::create_directories(folder, error);
+  if (error) return Error{fmt::format("cannot make {}: {}", folder, error.message())};
+  return done;
+}
 
 Result<RunResult> run_really(const Script& script, std::uint64_t seed, const RealOptions& options) {
   if (script.kind == FlightKind::sdk) return fly_by_sdk(script, seed, options);

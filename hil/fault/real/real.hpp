@@ -44,6 +44,9 @@ struct RealOptions {
   OwnCode own{};  ///< a plug-in, or the program that flies a manual flight or one by the SDK
 };
 
+/// Makes a flight's folder, in which none of these may be there already: they are of another flight.
+Status make_flight_folder(const std::string& folder, const std::vector<std::string>& must_not_be_there);
+
 /// Flies a script with the real processes, `ledgerline-fly --proxy` (of an SDK client: fly_by_sdk), in real time,
 /// and checks it by their traces. A moment comes up to a second late: that is how long traces are
 /// buffered. It promises a verdict, not bytes; digest and counts of the ledger are not in the result. Errors: what

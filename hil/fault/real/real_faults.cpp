@@ -21,6 +21,7 @@
 #include <map>
 #include <utility>
 
+#include "common/process/usage.hpp"
 #include "common/program/socket/command_socket.hpp"
 #include "hil/sitl/world_setup.hpp"
 
@@ -33,38 +34,12 @@ constexpr const char* small_disk = "size=256m";  // the ledger of a flight of so
 }  // namespace
 
 std::vector<pid_t> descendants(pid_t parent, const std::string& program) {
-  std::map<pid_t, pid_t> parents;
-  std::map<pid_t, std::string> programs;
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator("/proc", error)) {
-    const std::string text = entry.path().filename();
-    pid_t pid = 0;
-    if (std::from_chars(text.data(), text.data() + text.size(), pid).ec != std::errc()) continue;
-    std::ifstream file(entry.path() / "stat");
-    std::string stat(std::istreambuf_iterator<char>(file), {});
-    const std::size_t name_end = stat.rfind(')');
-    if (name_end == std::string::npos || name_end + 4 > stat.size()) continue;
-    parents[pid] = std::atoi(stat.c_str() + name_end + 4);  // ") S PARENT"
-    std::error_code gone;
-    programs[pid] = fs::read_symlink(entry.path() / "exe", gone).filename();
-  }
   std::vector<pid_t> found;
-  for (const auto& [pid, name] : programs) {
-    if (name != program) continue;
-    pid_t up = pid;
-    for (int i = 0; i < 20 && up > 1 && up != parent; ++i) up = parents.contains(up) ? parents[up] : 0;
-    if (up == parent) found.push_back(pid);
+  for (const pid_t pid : process_tree(parent)) {
+    std::error_code gone;
+    if (fs::read_symlink(fmt::format("/proc/{}/exe", pid), gone).filename() == program) found.push_back(pid);
   }
   return found;
-}
-
-std::uint64_t available_memory() {
-  std::ifstream file("/proc/meminfo");
-  std::string key;
-  for (std::uint64_t kilobytes = 0; file >> key >> kilobytes; file.ignore(100, '\n')) {
-    if (key == "MemAvailable:") return kilobytes * 1'024;
-  }
-  return 0;
 }
 
 CpuLoad::CpuLoad(int core)
@@ -117,13 +92,8 @@ constexpr TimeNs errand_timeout_ns = 20 * ns_per_s;
 
 RealFaults::RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children)
     : where_(std::move(where)), drones_(script.flight.drones), live_(live), children_(children) {
-  for (const Fault& fault : script.faults) {
-    Planned planned{fault, {}};
-    for (std::size_t i = 0; i < live_.facts().size(); ++i) {
-      if (fault.names(live_.facts()[i].name)) planned.drones.push_back(i);
-    }
-    planned_.push_back(std::move(planned));
-  }
+  for (const Fault& fault : script.faults)
+    planned_.push_back({fault, TriggerWatch(fault.trigger, fault.drone, live_.facts())});
 }
 
 Status RealFaults::step(TimeNs now) {
@@ -146,21 +116,10 @@ void RealFaults::end() {
   memory_.clear();
 }
 
-bool RealFaults::due(const Planned& planned, TimeNs now) const {
-  const Trigger& trigger = planned.fault.trigger;
-  if (trigger.kind == Trigger::Kind::time) return now - live_.begin_ns() >= trigger.after_ns;
-  return planned.reached_ns != 0 && now - planned.reached_ns >= trigger.after_ns;
-}
-
 Status RealFaults::step_faults(TimeNs now) {
   for (Planned& planned : planned_) {
     const Fault& fault = planned.fault;
-    if (planned.reached_ns == 0 && fault.trigger.kind != Trigger::Kind::time) {
-      const bool reached = std::any_of(planned.drones.begin(), planned.drones.end(),
-                                       [&](std::size_t i) { return fault.trigger.reached(now, live_.facts()[i]); });
-      if (reached) planned.reached_ns = now;
-    }
-    if (!planned.begin_asked && due(planned, now)) {
+    if (!planned.begin_asked && planned.watch.is_due(now - live_.begin_ns(), live_.facts())) {
       planned.begin_asked = true;
       const auto begun = [&planned] {
         planned.begun_ns = monotonic_ns();

@@ -58,8 +58,6 @@ class LiveFacts {
 /// Processes whose program has this name, among the descendants of `parent`.
 std::vector<pid_t> descendants(pid_t parent, const std::string& program);
 
-std::uint64_t available_memory();
-
 /// Makes a file that leaves no byte of the disk.
 Status fill(const std::string& path);
 
@@ -100,8 +98,8 @@ class RealFaults {
   };
   struct Planned {
     Fault fault;
-    std::vector<std::size_t> drones;
-    TimeNs reached_ns = 0, begun_ns = 0, ended_ns = 0;
+    TriggerWatch watch;
+    TimeNs begun_ns = 0, ended_ns = 0;
     bool begin_asked = false, stop_requested = false;  ///< an errand may still be on its way
   };
 
@@ -128,7 +126,6 @@ class RealFaults {
     TimeNs until_ns = 0;  ///< 0: not begun
   };
   Status step_faults(TimeNs now);
-  bool due(const Planned& planned, TimeNs now) const;
   std::vector<Fault> active(const Planned* without) const;
   Status act(const RealActs& acts, bool begin, const std::function<void()>& acted);
   void signal_parts(const std::vector<std::pair<std::string, int>>& parts, TimeNs until,

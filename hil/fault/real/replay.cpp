@@ -1,6 +1,7 @@
 #include "hil/fault/real/replay.hpp"
 
 #include <fmt/format.h>
+#include <Eigen/Core>
 
 #include <algorithm>
 #include <cmath>
@@ -208,18 +209,10 @@ std::vector<std::string> never_begun(const Script& script, const Recording& reco
 }
 
 double distance_m(const TimelinePoint& p, const TimelinePoint& a, const TimelinePoint& b) {
-  double along = 0, length = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    along += (p.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
-    length += (b.at_m[i] - a.at_m[i]) * (b.at_m[i] - a.at_m[i]);
-  }
-  const double share = length > 0 ? std::clamp(along / length, 0.0, 1.0) : 0;
-  double squares = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    const double off = p.at_m[i] - (a.at_m[i] + share * (b.at_m[i] - a.at_m[i]));
-    squares += off * off;
-  }
-  return std::sqrt(squares);
+  const auto vector = [](const TimelinePoint& of) { return Eigen::Vector3d(of.at_m[0], of.at_m[1], of.at_m[2]); };
+  const Eigen::Vector3d way = vector(b) - vector(a), off = vector(p) - vector(a);
+  const double share = way.squaredNorm() > 0 ? std::clamp(off.dot(way) / way.squaredNorm(), 0.0, 1.0) : 0;
+  return (off - share * way).norm();
 }
 
 double farthest_m(const std::vector<TimelinePoint>& from, const std::vector<TimelinePoint>& to) {
@@ -310,15 +303,11 @@ Agreement compare(const RunResult& a, const RunResult& b) {
 }
 
 Verdict verdict_on(const Agreement& agreement, double within_m, TimeNs at_ns) {
-  Verdict verdict;
-  verdict.rule.text = "agrees with its simulated run";
-  verdict.rule.always = true;
-  verdict.held = agreement.same_transitions && agreement.farthest_m <= within_m;
-  if (verdict.held) return verdict;
-  verdict.broken_ns = at_ns;
-  verdict.what = fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
-                             agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
-                             agreement.difference);
+  Verdict verdict = always("agrees with its simulated run");
+  if (!agreement.same_transitions || agreement.farthest_m > within_m)
+    verdict.broke(at_ns, fmt::format("{} transitions, places within {:.3f} m ({:.1f} m may be); {}",
+                                     agreement.same_transitions ? "the same" : "other", agreement.farthest_m, within_m,
+                                     agreement.difference));
   return verdict;
 }
 

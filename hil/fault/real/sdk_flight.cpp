@@ -215,7 +215,6 @@ class SdkFlight {
   Result<RunResult> fly();
 
  private:
-  Status make_directory() const;
   Status start(const std::string& name, const std::vector<std::string>& arguments);
   Status start_all();
   Status watch();
@@ -241,15 +240,6 @@ class SdkFlight {
   TwoNetworks networks_;
   bool over_ = true;
 };
-
-Status SdkFlight::make_directory() const {
-  std::error_code error;
-  if (fs::exists(run_, error))
-    return Error{fmt::format("{} is of another flight: remove it, or give --out another folder", run_)};
-  fs::create_directories(run_, error);
-  if (error) return Error{fmt::format("cannot make {}: {}", run_, error.message())};
-  return done;
-}
 
 /// In the sky; waits until it serves.
 Status SdkFlight::start(const std::string& name, const std::vector<std::string>& arguments) {
@@ -353,7 +343,7 @@ Result<Recording> SdkFlight::recording() const {
 }
 
 Result<RunResult> SdkFlight::fly() {
-  if (auto made = make_directory(); !made) return made.error();
+  if (auto made = make_flight_folder(run_, {run_}); !made) return made.error();
   if (auto started = start_all(); !started) return started.error();
   if (auto watched = watch(); !watched) return watched.error();
   program_.end();

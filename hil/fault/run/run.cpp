@@ -47,20 +47,17 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
 }  // namespace
 
 Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
-  const double slack = 1.5 + misled_m(script), room = script.flight.room_m.value_or(3);
+  std::vector<std::array<double, 2>> starts_m;
+  for (const DroneFacts& drone : drones) starts_m.push_back(drone.start_m);
+  const link::FenceSettings fence = fence_around(script.flight, starts_m);
+  const double slack = 1.5 + misled_m(script);
   Limits limits;
   limits.height_m += misled_m(script);
-  limits.fence_min_m = {-std::abs(room), -std::abs(room), 0};
-  limits.fence_max_m = {0, 0, 3};
+  limits.fence_min_m = fence.min_m;
+  limits.fence_max_m = fence.max_m;
   for (std::size_t i = 0; i < 2; ++i) {
-    for (std::size_t k = 0; k < drones.size(); ++k) {
-      const Reach reach = reach_of(task_of(script.flight, static_cast<int>(k) + 1));
-      double &min_m = limits.fence_min_m[i], &max_m = limits.fence_max_m[i];
-      min_m = std::min(min_m, drones[k].start_m[i] + reach.min_m[i] - std::abs(room));
-      max_m = std::max(max_m, drones[k].start_m[i] + reach.max_m[i] + room);
-    }
-    limits.min_m[i] = limits.fence_min_m[i] - slack;
-    limits.max_m[i] = limits.fence_max_m[i] + slack;
+    limits.min_m[i] = fence.min_m[i] - slack;
+    limits.max_m[i] = fence.max_m[i] + slack;
   }
   return limits;
 }
@@ -78,18 +75,12 @@ bool RunResult::held() const {
 }
 
 RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones)
-    : RunRecorder(script, seed, drones, limits_of(script, drones)) {}
-
-RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones,
-                         const Limits& limits)
-    : checker_(script.must, limits), figures_(limits) {
+    : checker_(script.must, limits_of(script, drones)), figures_(limits_of(script, drones)) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;
   for (const DroneFacts& drone : drones) result_.drones.push_back(drone.name);
   result_.timeline.resize(drones.size());
-  result_.fence_min_m = limits.min_m;
-  result_.fence_max_m = limits.max_m;
 }
 
 void RunRecorder::observe(const Moment& moment) {
@@ -181,15 +172,9 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
     pilot.step(world);
     world.step();
     for (std::size_t i = 0; i < excuses.size(); ++i) {
-      const FaultSchedule::Effect effect = schedule.effect_on(i, world.now());
-      excuses[i] = {.physical = effect.pushed || world.facts()[i].truth.battery <= 0,
-                    .broken = effect.broken,
-                    .cut = effect.cut,
-                    .blind = effect.blinded,
-                    .misled = effect.misled,
-                    .steered = effect.blinded && link::uses_mocap(script.flight.pose),
-                    .spins = effect.broken,
-                    .deaf = effect.deafened};
+      excuses[i] = schedule.excuse_of(i, world.now());
+      excuses[i].physical = excuses[i].physical || world.facts()[i].truth.battery <= 0;
+      excuses[i].steered = excuses[i].blind && link::uses_mocap(script.flight.pose);
     }
     recorder.observe({.now = world.now(),
                       .drones = world.facts(),

@@ -46,7 +46,6 @@ struct RunResult {
   std::vector<std::string> drones;
   std::vector<std::string> plans;  ///< by drone: what became of them, as agent and link that ran last counted
   std::vector<std::vector<TimelinePoint>> timeline;  ///< by drone, every 50 ms
-  std::array<double, 2> fence_min_m{}, fence_max_m{};
   Figures figures;
 };
 inline constexpr std::size_t max_events = 5'000;
@@ -73,7 +72,6 @@ class RunRecorder {
   RunResult finish(const Ending& ending);
 
  private:
-  RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones, const Limits& limits);
   void keep_event(const Moment& moment, const WorldEvent& event);
 
   RunResult result_;

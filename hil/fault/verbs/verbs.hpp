@@ -10,7 +10,7 @@
 #include "hil/fault/report.hpp"
 #include "hil/fault/run/run.hpp"
 
-// The verbs of `ledgerline fault`, a file each. A new one: its function here, and in main.cpp's row of them.
+// The verbs of `ledgerline fault`. A new one: its function here, and in main.cpp's row of them.
 namespace ledgerline::hil::verbs {
 
 /// Of `run` and `random`.

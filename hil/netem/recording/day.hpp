@@ -67,9 +67,6 @@ using ReadDay = std::function<Result<Day>(const std::string& path)>;
 /// A table (parse_day()), or a capture with one drone in it, of which the states' day is taken (day_of_states()).
 Result<Day> read_day(const std::string& path);
 
-/// Reads each file once, and gives that again whatever becomes of it; copies know what the others read. One thread.
-ReadDay reading_days_once(ReadDay read = read_day);
-
 /// What of a capture a table is made.
 struct RecordingOptions {
   std::string drone{};   ///< its address; empty: the only one

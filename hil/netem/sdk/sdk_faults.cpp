@@ -67,10 +67,9 @@ Result<SdkFault> parse_sdk_fault(std::string_view text) {
   if (fault.kind == Kind::late && (!time_there || fault.time_ns == 0))
     return wrong(text, "late must be followed by a TIME of more than nothing, such as 300ms");
   if (i < words.size() && words[i].ends_with('%')) {
-    const auto share = parse_number(words[i].substr(0, words[i].size() - 1));
-    if (!share || *share <= 0 || *share > 100)
-      return wrong(text, "a SHARE is more than 0% and at most 100%, such as 30%");
-    fault.share = *share / 100;
+    const auto share = parse_share(words[i]);
+    if (!share || *share <= 0) return wrong(text, "a SHARE is more than 0% and at most 100%, such as 30%");
+    fault.share = *share;
     ++i;
   }
   if (!states && i + 1 < words.size() && words[i] == "to") {
@@ -93,8 +92,6 @@ std::string text_of(const SdkFault& fault) {
 }
 
 namespace {
-
-using Kind = SdkFault::Kind;
 
 /// What no Tello answers; some of it is near to an ok.
 std::string garbage(Random& random) {
@@ -317,9 +314,9 @@ Result<SensorFault> parse_sensor(std::string_view text) {
   auto words = words_of(text);
   SensorFault fault;
   if (words.size() > 2 && words[1] != "every" && words.back().ends_with('%')) {
-    const auto percent = parse_number(words.back().substr(0, words.back().size() - 1));
-    if (!percent || *percent <= 0 || *percent > 100) return wrong;
-    fault.share = *percent / 100;
+    const auto share = parse_share(words.back());
+    if (!share || *share <= 0) return wrong;
+    fault.share = *share;
     words.pop_back();
   }
   if (words.size() < 2 || words.size() > 3) return wrong;

@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <limits>
 
-#include "common/base/enum_count.hpp"
 #include "common/msg/contract.hpp"
-#include "hil/netem/text_parse.hpp"
 #include "ledgerline.pb.h"
 
 namespace ledgerline::hil {
@@ -13,25 +11,6 @@ namespace {
 
 constexpr std::size_t stale_blocks = 5;
 constexpr TimeNs stale_period_ns = 20 * ns_per_ms;
-
-constexpr WordTable<Tampering, 11> all_lies{{{"chain", Tampering::chain},
-                                             {"hash", Tampering::hash},
-                                             {"number", Tampering::number},
-                                             {"signature", Tampering::signature},
-                                             {"endorsement", Tampering::endorsement},
-                                             {"outsider", Tampering::outsider},
-                                             {"member", Tampering::member},
-                                             {"channel", Tampering::channel},
-                                             {"contract", Tampering::contract},
-                                             {"flag", Tampering::flag},
-                                             {"stops", Tampering::stops}}};
-static_assert(all_lies.size() + 1 == enum_count<Tampering>);  // none has no word
-constexpr WordTable<Slip, 5> all_slips{{{"boot", Slip::boot},
-                                        {"stamp", Slip::stamp},
-                                        {"speed", Slip::speed},
-                                        {"late", Slip::late},
-                                        {"twice", Slip::twice}}};
-static_assert(all_slips.size() + 1 == enum_count<Slip>);
 
 std::vector<fabric::Endorsement> endorsed_by(const fabric::Transaction& tx, const crypto::IdentityName& name) {
   const auto who = crypto::make_test_identity(name);
@@ -90,11 +69,6 @@ void let_slip(fabric::Call& call, Slip slip) {
 }
 
 }  // namespace
-
-std::optional<Tampering> lie_from(std::string_view word) { return value_of(all_lies, word); }
-std::string lies() { return list_of(names_of(all_lies)); }
-std::optional<Slip> slip_from(std::string_view word) { return value_of(all_slips, word); }
-std::string slips() { return list_of(names_of(all_slips)); }
 
 std::uint64_t LedgerCalls::add(TimeNs now, std::uint64_t id) {
   open_[next_] = {id, now + timeout_ns_};

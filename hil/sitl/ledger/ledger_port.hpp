@@ -32,8 +32,6 @@ enum class Tampering : std::uint8_t {
   flag,         ///< flagged invalid
   stops,        ///< stops alone flagged invalid
 };
-std::optional<Tampering> lie_from(std::string_view word);
-std::string lies();  ///< all of them, for errors
 
 /// What is wrong with the operator's own commands, signed all the same.
 enum class Slip : std::uint8_t {
@@ -44,8 +42,6 @@ enum class Slip : std::uint8_t {
   late,   ///< setpoints for a moment behind the horizon
   twice,  ///< each is submitted twice
 };
-std::optional<Slip> slip_from(std::string_view word);
-std::string slips();
 
 /// The calls of one process that have not ended. Each ends once.
 class LedgerCalls {

@@ -61,9 +61,6 @@ enum class RelayTampering : std::uint8_t {
   asked_plan,      ///< another plan
   asked_function,  ///< another function
 };
-std::optional<RelayTampering> relay_lie_from(std::string_view word);
-std::vector<std::string> relay_lie_names();
-std::string relay_lies();  ///< all of them, for errors
 
 /// Bends what a peer answers to its callers. The ledger itself stays as the contract left it. One thread;
 /// deterministic.

@@ -11,7 +11,6 @@
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
 #include "common/msg/contract.hpp"
-#include "hil/netem/text_parse.hpp"
 #include "ledgerline.pb.h"
 #include "peer/chaincode_event.pb.h"
 #include "peer/transaction.pb.h"
@@ -156,50 +155,6 @@ namespace {
 constexpr TimeNs delay_ns = 2 * ns_per_s, max_stutter_ns = 1 * ns_per_s, own_period_ns = 100 * ns_per_ms;
 constexpr std::uint64_t max_age_blocks = 20;
 
-constexpr WordTable<PeerTampering, 40> peer_lies{{
-    {"hides-commands", PeerTampering::hides_commands},
-    {"hides-stops", PeerTampering::hides_stops},
-    {"hides-stops-as-double", PeerTampering::hides_stops_as_double},
-    {"hides-controls", PeerTampering::hides_controls},
-    {"hides-all", PeerTampering::hides_all},
-    {"hides-some", PeerTampering::hides_some},
-    {"trusts-own", PeerTampering::trusts_own},
-    {"no-flags", PeerTampering::no_flags},
-    {"bends-plan", PeerTampering::bends_plan},
-    {"bends-and-hashes", PeerTampering::bends_and_hashes},
-    {"loses-block-signatures", PeerTampering::loses_block_signatures},
-    {"swaps-block-signatures", PeerTampering::swaps_block_signatures},
-    {"names-other-config", PeerTampering::names_other_config},
-    {"mixes-headers", PeerTampering::mixes_headers},
-    {"signs-bent-plan", PeerTampering::signs_bent_plan},
-    {"signs-broken-creator", PeerTampering::signs_broken_creator},
-    {"signs-without-endorsement", PeerTampering::signs_without_endorsement},
-    {"signs-outsiders-endorsement", PeerTampering::signs_outsiders_endorsement},
-    {"signs-other-channel", PeerTampering::signs_other_channel},
-    {"signs-own-stop", PeerTampering::signs_own_stop},
-    {"signs-own-command", PeerTampering::signs_own_command},
-    {"signs-left-out", PeerTampering::signs_left_out},
-    {"signs-reordered", PeerTampering::signs_reordered},
-    {"signs-replayed", PeerTampering::signs_replayed},
-    {"signs-empty", PeerTampering::signs_empty},
-    {"signs-config", PeerTampering::signs_config},
-    {"skips", PeerTampering::skips},
-    {"repeats", PeerTampering::repeats},
-    {"grows-old", PeerTampering::grows_old},
-    {"renumbers", PeerTampering::renumbers},
-    {"turns-away", PeerTampering::turns_away},
-    {"forks", PeerTampering::forks},
-    {"forks-unsigned", PeerTampering::forks_unsigned},
-    {"withholds", PeerTampering::withholds},
-    {"withholds-stops", PeerTampering::withholds_stops},
-    {"withholds-commands", PeerTampering::withholds_commands},
-    {"delays", PeerTampering::delays},
-    {"stutters", PeerTampering::stutters},
-    {"garbage", PeerTampering::garbage},
-    {"mixes", PeerTampering::mixes},
-}};
-static_assert(peer_lies.size() + 1 == enum_count<PeerTampering>);  // none has no word
-
 bool is_stop(const std::string& envelope) { return called_function(envelope) == contract::stop; }
 bool is_command(const std::string& envelope) { return called_function(envelope) == contract::command; }
 bool is_control(const std::string& envelope) {
@@ -217,10 +172,6 @@ void rehash(common::Block& block) { block.mutable_header()->set_data_hash(node::
 std::uint64_t drawn(std::uint64_t seed, std::uint64_t number) { return Random(seed ^ (number * 0x9e3779b9ULL)).next(); }
 
 }  // namespace
-
-std::optional<PeerTampering> peer_lie_from(std::string_view word) { return value_of(peer_lies, word); }
-
-std::vector<std::string> peer_lie_names() { return names_of(peer_lies); }
 
 PeerKeys test_peer_keys() {
   return {crypto::make_test_identity({"Org1MSP", "CN=peer0"}), "test authority of Org1MSP",
@@ -296,7 +247,7 @@ bool ServingPeer::holds_back(PeerTampering lie, TimeNs now, const Kept& next) co
 ServingPeer::BlockPtr ServingPeer::serve(TimeNs now, std::uint64_t wanted) {
   PeerTampering lie = lie_;
   if (lie == PeerTampering::mixes) {
-    lie = peer_lies[drawn(seed_, wanted) % (peer_lies.size() - 1)].second;
+    lie = static_cast<PeerTampering>(1 + drawn(seed_, wanted) % (enum_count<PeerTampering> - 2));  // not `mixes`
     // One for a while: else the first that it withholds for good is the only one that is seen.
     if (lie == PeerTampering::withholds || lie == PeerTampering::withholds_commands || lie == PeerTampering::grows_old)
       lie = PeerTampering::stutters;

@@ -91,8 +91,6 @@ enum class PeerTampering : std::uint8_t {
   garbage,             ///< bytes that are no block's
   mixes,               ///< each time another one of these
 };
-std::optional<PeerTampering> peer_lie_from(std::string_view word);
-std::vector<std::string> peer_lie_names();
 
 /// Whose keys a serving peer has.
 struct PeerKeys {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "common/access/identity.hpp"
 #include "common/msg/contract.hpp"
 #include "hil/sitl/world_setup.hpp"
 #include "ledgerline.pb.h"
@@ -35,14 +36,12 @@ fabric::Call call_of(const std::string& drone, ControlWord word) {
   if (word == ControlWord::hand_over || word == ControlWord::deny) {
     AnswerCall call;
     call.add_drones(drone);
-    call.mutable_to()->set_msp_id(supervisor_name.msp_id);
-    call.mutable_to()->set_subject(supervisor_name.subject);
+    *call.mutable_to() = to_message(supervisor_name);
     return {word == ControlWord::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
   }
   if (word == ControlWord::revoke) {
     RevokeCall call;
-    call.mutable_identity()->set_msp_id(operator_name.msp_id);
-    call.mutable_identity()->set_subject(operator_name.subject);
+    *call.mutable_identity() = to_message(operator_name);
     return {contract::revoke, {call.SerializeAsString()}};
   }
   DronesCall call;

@@ -1,5 +1,4 @@
 #pragma once
-#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -7,7 +6,6 @@
 #include <string_view>
 #include <vector>
 
-#include "common/base/enum_count.hpp"
 #include "common/fabric/sending/repeat.hpp"
 #include "hil/sitl/ledger/ledger_port.hpp"
 
@@ -28,9 +26,6 @@ enum class ControlWord : std::uint8_t {
   deny,
   claim
 };
-inline constexpr std::array<std::string_view, 10> control_words{"stop",   "cut",     "clear_stop", "acquire", "evict",
-                                                                "revoke", "request", "hand_over",  "deny",    "claim"};
-static_assert(control_words.size() == enum_count<ControlWord>);
 
 /// Those who stop drones, clear stops and take drones by a script, each as ledgerline-control does: a stop is said
 /// again until it is on the ledger or refused, the others over conflicts alone. An acquire is of the highest priority

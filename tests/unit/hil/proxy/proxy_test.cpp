@@ -162,7 +162,7 @@ TEST(Switches, FaultsAtTheSdksCallsNeedTheShim) {
 
 TEST(Script, ReadsARecordingOnce) {
   int reads = 0;
-  Switches s({{Kind::drone, "tello1"}}, reading_once([&](const std::string& path) {
+  Switches s({{Kind::drone, "tello1"}}, reading_once<Distribution::Recording>([&](const std::string& path) {
                ++reads;
                return parse_recording(path, "0.01");
              }));
@@ -174,8 +174,8 @@ TEST(Script, ReadsARecordingOnce) {
 
 TEST(Script, ReadsARecordedDayOnce) {
   int reads = 0;
-  Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once(),
-             reading_days_once([&](const std::string& path) {
+  Switches s({{Kind::drone, "tello1"}, {Kind::server, "agent"}}, reading_once<Distribution::Recording>(read_recording),
+             reading_once<Day>([&](const std::string& path) {
                ++reads;
                return parse_day(path, path == "lossless" ? "0,0.01\n1,0.02\n" : "0,0.01\n1,lost\n");
              }));

@@ -55,7 +55,8 @@ TEST_F(Ways, EachWayIsImpairedByItself) {
 
 TEST(RecordedDay, IsPlayedBehindTheShimAsByTheProxy) {
   const auto day = [](const std::string& path) { return parse_day(path, "0,0.2\n1,lost\n2,0.1\n"); };
-  proxy::Switches switches(DroneWays::targets(1), reading_once(), reading_days_once(day));
+  proxy::Switches switches(DroneWays::targets(1), reading_once<Distribution::Recording>(read_recording),
+                           reading_once<Day>(day));
   const Status applied = switches.apply("drone tello1 state recorded-day f");
   ASSERT_TRUE(applied) << applied.error().message;
   DroneWays ways(1, 1);

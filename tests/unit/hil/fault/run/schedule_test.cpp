@@ -126,10 +126,10 @@ TEST(FaultOverlap, AnExcuseEndsFiveSecondsBehindTheFault) {
   Faulty run({{"drone tello2 to loss 1%", "1s", "2s"}, {"drone tello1 kick 0 0 0", "2s", ""}}, config);
   run.fly_to(8.5);
   for (const auto& [t_s, pushed, deafened] : {std::tuple(6.9, true, true), {7.5, false, true}, {8.2, false, false}}) {
-    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).pushed, pushed) << t_s;
-    EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(t_s)).deafened) << t_s;
-    EXPECT_EQ(run.schedule->effect_on(1, from_seconds(t_s)).deafened, deafened) << t_s;
-    EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(t_s)).pushed) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(0, from_seconds(t_s)).physical, pushed) << t_s;
+    EXPECT_FALSE(run.schedule->excuse_of(0, from_seconds(t_s)).deaf) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(1, from_seconds(t_s)).deaf, deafened) << t_s;
+    EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(t_s)).physical) << t_s;
   }
 }
 
@@ -137,7 +137,7 @@ TEST(FaultOverlap, ALinkThatIsBackExcusesTheDroneForOneSecond) {
   Faulty run({{"link kill", "1s", "2s"}});
   run.fly_to(5);
   for (const auto& [t_s, excused] : {std::pair(1.5, true), {3.9, true}, {4.2, false}})
-    EXPECT_EQ(run.schedule->effect_on(0, from_seconds(t_s)).deafened, excused) << t_s;
+    EXPECT_EQ(run.schedule->excuse_of(0, from_seconds(t_s)).deaf, excused) << t_s;
 }
 
 TEST(FaultOverlap, ACutThatWasAskedForExcusesItsDroneForGood) {
@@ -145,11 +145,11 @@ TEST(FaultOverlap, ACutThatWasAskedForExcusesItsDroneForGood) {
   config.drones = 2;
   Faulty run({{"operator cut tello2", "2s", ""}, {"operator stop tello1", "2s", ""}}, config);
   run.fly_to(1.9);
-  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(1.9)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(1.9)).cut);
   run.fly_to(3);
-  EXPECT_TRUE(run.schedule->effect_on(1, from_seconds(60)).cut);
-  EXPECT_FALSE(run.schedule->effect_on(0, from_seconds(3)).cut);
-  EXPECT_FALSE(run.schedule->effect_on(1, from_seconds(60)).pushed);
+  EXPECT_TRUE(run.schedule->excuse_of(1, from_seconds(60)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(0, from_seconds(3)).cut);
+  EXPECT_FALSE(run.schedule->excuse_of(1, from_seconds(60)).physical);
 }
 
 TEST(FaultOverlap, TwoBiasesAddUp) {

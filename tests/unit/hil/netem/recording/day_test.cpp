@@ -159,7 +159,7 @@ class PlayedDay : public ::testing::Test {
     return due;
   }
   EmulatedLink link{EmulatedLink::Kind::datagrams, 1};
-  const ReadDay read = reading_days_once(days_of("0,0.010\n0.1,0.030\n0.2,lost\n0.3,0.020\n"));
+  const ReadDay read = reading_once<Day>(days_of("0,0.010\n0.1,0.030\n0.2,lost\n0.3,0.020\n"));
 };
 
 TEST_F(PlayedDay, BeginsWhenTheLinkIsUsedFirst) {
