@@ -107,7 +107,7 @@ Status OwnProgram::start(const std::vector<std::string>& before, const std::vect
   return children_.start({name, std::move(command), directory_ + "/program.log", SIGTERM, environment});
 }
 
-void OwnProgram::take_line(const std::string& line) {
+void OwnProgram::add_line(const std::string& line) {
   written_ += line.size() + 1;
   if (written_ > max_output) return;
   output_ << line << '\n' << std::flush;

@@ -38,10 +38,10 @@ class OwnProgram {
   OwnProgram(Children& children, std::vector<std::string> command, std::string directory)
       : children_(children), command_(std::move(command)), directory_(std::move(directory)) {}
 
-  bool wanted() const { return !command_.empty(); }
+  bool has_command() const { return !command_.empty(); }
   /// `before`: words that start it somewhere else (a namespace); `environment`: "NAME=value".
   Status start(const std::vector<std::string>& before, const std::vector<std::string>& environment);
-  void take_line(const std::string& line);
+  void add_line(const std::string& line);
   bool started() const { return started_; }
   bool running() const { return children_.running(name); }
   /// Ends it where it still runs: then it has not ended by itself. With it, what it started in its process group.

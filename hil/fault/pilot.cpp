@@ -29,9 +29,9 @@ bool parse_do(const std::string& text, PilotRow& row) {
     return !row.flies();
   }
   if (words.size() == 2 && words[0] == "mission") {
-    const auto* const found = std::ranges::find(enum_names<MissionWord>, words[1]);
-    if (found == enum_names<MissionWord>.end()) return false;
-    row.mission = static_cast<MissionWord>(found - enum_names<MissionWord>.begin());
+    const auto* const found = std::ranges::find(enum_names<MissionCommand>, words[1]);
+    if (found == enum_names<MissionCommand>.end()) return false;
+    row.mission = static_cast<MissionCommand>(found - enum_names<MissionCommand>.begin());
     return true;
   }
   if (words.size() != 5 || words[0] != "fly") return false;
@@ -95,7 +95,7 @@ std::string pilot_text(const std::vector<PilotRow>& rows) {
   return text;
 }
 
-Pilot::Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneFacts>& drones) {
+Pilot::Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneObservation>& drones) {
   for (const PilotRow& row : rows) rows_.push_back({row, TriggerWatch(row.trigger, row.drone, drones)});
 }
 
@@ -103,12 +103,12 @@ void Pilot::step(SimulatedWorld& world) {
   const TimeNs now = world.now();
   for (Row& one : rows_) {
     const PilotRow& row = one.row;
-    if (one.over || !one.watch.is_due(now, world.facts()) || now < one.next_ns) continue;
+    if (one.over || !one.watch.is_due(now, world.drones()) || now < one.next_ns) continue;
     if (one.begun_ns < 0) one.begun_ns = now;
     one.next_ns = now + again_ns;
     one.over = !row.flies() || one.next_ns >= one.begun_ns + row.for_ns;
     if (row.mission) {
-      world.say(*row.mission);
+      world.post_mission_command(*row.mission);
       continue;
     }
     for (const std::size_t drone : one.watch.drones) {

@@ -20,7 +20,7 @@ struct PilotRow {
   Trigger trigger{};
   TimeNs for_ns = 0;
   bool takeoff = false, land = false, stop = false, cut = false;
-  std::optional<MissionWord> mission{};
+  std::optional<MissionCommand> mission{};
   Twist velocity{};  ///< of fly
   bool flies() const { return !takeoff && !land && !stop && !cut && !mission; }
 };
@@ -32,7 +32,7 @@ std::string pilot_text(const std::vector<PilotRow>& rows);
 /// Says them to a world when their moments come. One thread.
 class Pilot {
  public:
-  Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneFacts>& drones);
+  Pilot(const std::vector<PilotRow>& rows, const std::vector<DroneObservation>& drones);
   /// Before each step of the world.
   void step(SimulatedWorld& world);
   /// Rows whose moment has not come, in words.

@@ -46,7 +46,7 @@ json run_json(const RunResult& result) {
   return {{"script", result.script},
           {"title", result.title},
           {"seed", result.seed},
-          {"held", result.held()},
+          {"held", result.all_held()},
           {"verdicts", verdicts},
           {"not_checked", result.not_checked},
           {"flown_s", to_seconds(result.flown_ns)},
@@ -106,7 +106,7 @@ std::string not_checked_text(const RunResult& result) {
 RunSummary summary_of(const RunResult& result, const std::string& source) {
   RunSummary summary{
       .script = result.script, .seed = result.seed, .source = source, .figures = {}, .flown_ns = result.flown_ns};
-  for (const FigureValue& figure : result.figures) summary.figures.emplace(figure.name, figure.value);
+  for (const MetricValue& figure : result.figures) summary.figures.emplace(figure.name, figure.value);
   if (result.digest != crypto::Digest{}) summary.digest = crypto::hex(result.digest);
   for (const Verdict& verdict : result.verdicts) {
     if (!verdict.held) summary.broken.push_back(verdict.rule.text);

@@ -65,7 +65,7 @@ class EmulatedLink {
 
  private:
   enum Effect { delay, jitter, loss, duplicate, reorder, corrupt, truncate, effects };
-  bool loses();
+  bool is_lost();
   bool share(Effect effect, double of);
   void begin_day(TimeNs now);
   /// What the recorded day does to what is pushed now; nothing without one.
@@ -75,7 +75,7 @@ class EmulatedLink {
   double rate_backlog_bytes(TimeNs now) const;
   void push_datagram(TimeNs now, std::string bytes, std::uint64_t tag);
   void push_piece(TimeNs now, std::string_view bytes, std::uint64_t tag);
-  void keep(TimeNs due, Unit unit);
+  void add_unit(TimeNs due, Unit unit);
 
   Kind kind_;
   Impairment impairment_;

@@ -278,7 +278,7 @@ Status check_for_stream(const Impairment& impairment) {
       {impairment.reorder.has_value(), "reorder"},
       {impairment.corrupt > 0, "corrupt"},
       {impairment.truncate > 0, "truncate"},
-      {impairment.recorded_day && impairment.recorded_day->day->loses(), "a recorded day with losses"},
+      {impairment.recorded_day && impairment.recorded_day->day->has_losses(), "a recorded day with losses"},
   };
   for (const auto& [there, name] : effects) {
     if (there)

@@ -22,7 +22,7 @@ PlanAction action_of(const std::string& name) {
 
 DroneNumber drone_of(Config& config, const std::string& key, int drones) {
   std::vector<std::string> names{"*"};
-  const auto targets = DroneWays::targets(drones);
+  const auto targets = DroneLinks::targets(drones);
   for (const auto& target : targets) names.push_back(target.name);
   const std::string name = config.choice(key, names, "*");
   return static_cast<DroneNumber>(std::find(names.begin(), names.end(), name) - names.begin());
@@ -71,7 +71,7 @@ Result<PlanScript> parse_plan_script(std::string_view toml, const std::string& f
     silence.until_ns = silence.at_ns + from_seconds(config->number(table + "for_s", 0.001, max_s));
     script.silences.push_back(silence);
   }
-  script.faults = proxy::read_faults(*config, DroneWays::targets(script.drones));
+  script.faults = proxy::read_faults(*config, DroneLinks::targets(script.drones));
   TimeNs newest_ns = 0;
   for (const auto& say : script.says) newest_ns = std::max(newest_ns, say.until_ns);
   constexpr TimeNs rest_ns = 5 * ns_per_s;
@@ -153,7 +153,7 @@ void ScriptedAgent::plan(TimeNs due, TimeNs now, const PlanScript::Say& say, boo
   }
 }
 
-void ScriptedAgent::take(const Transition& transition) {
+void ScriptedAgent::add(const Transition& transition) {
   if (transition.drone > max_drones) return;
   if (heartbeat_.boot_id != transition.boot_id) {
     heartbeat_.boot_id = transition.boot_id;

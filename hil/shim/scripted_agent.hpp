@@ -53,7 +53,7 @@ class ScriptedAgent {
   /// What is due now: valid until the next call.
   const DueMessages& step(TimeNs now, const sim::Simulator& drones);
   /// As link gave it: the next sign of life says that it is on the ledger.
-  void take(const Transition& transition);
+  void add(const Transition& transition);
   /// In the order in which they came, each once.
   const std::vector<Transition>& transitions() const { return transitions_; }
 

@@ -159,7 +159,7 @@ class Lockstep {
         now_(end.memory().turns.now_ns.load(std::memory_order_relaxed)),
         drones_(options.parameters, now_),
         ways_(options.parameters.drones, options.parameters.seed),
-        switches_(DroneWays::targets(options.parameters.drones)),
+        switches_(DroneLinks::targets(options.parameters.drones)),
         faults_(std::move(script)),
         agent_(options.script, now_),
         record_(now_),
@@ -178,13 +178,13 @@ class Lockstep {
   /// One millisecond.
   Status step() {
     now_ += ns_per_ms;
-    while (const auto command = faults_.take(flown_ns())) {
+    while (const auto command = faults_.pop(flown_ns())) {
       if (const Status applied = switches_.apply(*command); !applied) return applied;
       ways_.set(switches_);
     }
     for (const sim::Outgoing& datagram : drones_.step(now_).datagrams) ways_.from_drone(now_, datagram);
     while (const auto datagram = ways_.to_client(now_)) {
-      if (!give(end_, *datagram)) return Error{"link did not take what its drones said"};
+      if (!send_to_client(end_, *datagram)) return Error{"link did not take what its drones said"};
     }
     if (!say()) return Error{"link did not take what agent said"};
     if (const Status made = turn(); !made) return made;
@@ -195,14 +195,14 @@ class Lockstep {
     while (const auto sent = ways_.to_drone(now_)) drones_.datagram(sent->drone, sent->from, sent->bytes);
     for (StateSample state; end_.memory().states.pop(state);) {
     }
-    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
+    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
     return done;
   }
 
   /// What link's publisher still carries comes first.
   Status write(const FlightOptions& options) {
     sleep_for(50 * ns_per_ms);
-    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.take(transition);
+    for (Transition transition; end_.memory().transitions.pop(transition);) agent_.add(transition);
     return write_all(record_, options, now_, agent_, drones_, ways_.sdk_counts());
   }
 
@@ -227,7 +227,7 @@ class Lockstep {
   drone_shim::DronesEnd& end_;
   TimeNs now_;
   sim::Simulator drones_;
-  DroneWays ways_;
+  DroneLinks ways_;
   proxy::Switches switches_;
   proxy::Script faults_;
   ScriptedAgent agent_;
@@ -267,7 +267,7 @@ Status fly_in_lockstep(const FlightOptions& options) {
   struct sigaction act {};
   act.sa_handler = toggle_halt;
   ::sigaction(SIGUSR1, &act, nullptr);
-  auto faults = proxy::Script::make(options.script.faults, proxy::Switches(DroneWays::targets(options.script.drones)));
+  auto faults = proxy::Script::make(options.script.faults, proxy::Switches(DroneLinks::targets(options.script.drones)));
   if (!faults) return faults.error();
   auto end = drone_shim::DronesEnd::open(options.memory, true);
   if (!end) return end.error();
@@ -327,7 +327,7 @@ Status fly_in_real_time(const FlightOptions& options) {
     for (const Plan& plan : said.plans) unsaid += link.send_plan(plan) ? 0 : 1;
     while (link.take_state(state)) {
     }
-    for (Transition transition; link.take_transition(transition);) agent.take(transition);
+    for (Transition transition; link.take_transition(transition);) agent.add(transition);
   }
   const Status written = write_all(record, options, now, agent, drones, drones_wire.sdk_counts());
   if (unsaid > 0) return Error{fmt::format("link's shared memory took {} plans, poses or signs of life not", unsaid)};
@@ -389,7 +389,7 @@ int ShimVerb::run() {
   if (!faults_file_.empty()) {
     auto config = Config::load(faults_file_);
     if (!config) return fail(config.error(), exit_usage);
-    faults.scripted = proxy::read_faults(*config, DroneWays::targets(count));
+    faults.scripted = proxy::read_faults(*config, DroneLinks::targets(count));
     if (const Status read = config->finish(); !read) return fail(read.error(), exit_usage);
   }
   std::optional<drone_shim::DronesEnd> end;

@@ -20,9 +20,9 @@ namespace ledgerline::hil::shim {
 /// What lies between clients and simulated drones, without a network: for each drone three emulated links (to it, its
 /// answers, its state text), what its state text says wrongly, and what goes wrong at its SDK. A core; the same seed,
 /// switches and calls give the same bytes. One thread; `now` never goes back.
-class DroneWays {
+class DroneLinks {
  public:
-  DroneWays(int drones, std::uint64_t seed);
+  DroneLinks(int drones, std::uint64_t seed);
 
   /// The drones as targets of switches: tello1, tello2, ... No video: the simulator sends none.
   static std::vector<proxy::Target> targets(int drones);
@@ -47,7 +47,7 @@ class DroneWays {
   std::optional<TimeNs> next_due() const;
 
  private:
-  enum class Way : std::uint8_t { to, answers, state };
+  enum class Direction : std::uint8_t { to, answers, state };
   static constexpr std::size_t way_count = 3;
   struct Drone {
     std::array<EmulatedLink, way_count> links;
@@ -55,7 +55,7 @@ class DroneWays {
     Random noise;
     sim::Endpoint client;    ///< that said the newest command: answers of the SDK's faults go there
     sim::Endpoint listener;  ///< where its state text goes
-    EmulatedLink& link_of(Way way) { return links[static_cast<std::size_t>(way)]; }
+    EmulatedLink& link_of(Direction way) { return links[static_cast<std::size_t>(way)]; }
   };
   void push_due(TimeNs now);
   std::vector<Drone> drones_;
@@ -66,7 +66,7 @@ class DroneWays {
 inline constexpr sim::Endpoint link_endpoint{1, sim::command_port};
 
 /// To the process at the other end of the memory; false: there is no room.
-bool give(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
+bool send_to_client(drone_shim::DronesEnd& end, const sim::Outgoing& datagram);
 
 /// The shim's memory. Nobody wakes this end, since link's loop makes no system call for it: what link said is taken at
 /// the simulation's next step, at most 1 ms later.
@@ -92,7 +92,7 @@ struct Faults {
   std::vector<proxy::ScriptedFault> scripted;  ///< after its beginning
 };
 
-/// Another wire, with DroneWays behind it that a script and a socket switch.
+/// Another wire, with DroneLinks behind it that a script and a socket switch.
 class BentWire final : public sim::DroneWire {
  public:
   /// Checks the script as a whole; takes the socket.
@@ -111,12 +111,12 @@ class BentWire final : public sim::DroneWire {
   void send_due(TimeNs now);
 
   std::unique_ptr<sim::DroneWire> wire_;
-  DroneWays ways_;
+  DroneLinks ways_;
   proxy::Switches switches_;
   proxy::Script script_;
   std::optional<CommandSocket> socket_;
   TimeNs start_ns_ = 0;  ///< 0: it has not begun
-  DroneWays::ToDrone handed_;
+  DroneLinks::ToDrone handed_;
 };
 
 }  // namespace ledgerline::hil::shim

@@ -63,9 +63,9 @@ std::optional<AgentHeartbeat> LocalLoop::heartbeat(TimeNs now) {
 
 AgentProcess::AgentProcess(SharedWorld& world)
     : world_(world),
-      port_(world.ledger, drone_host, world.config.seed + 1, WayDelay::Way::back, world.config.delays.added.agent_share,
-            timeout_ns(world.config)) {
-  port_.take_blocks_of(world.config.blocks);
+      port_(world.ledger, drone_host, world.config.seed + 1, OneWayDelay::Direction::back,
+            world.config.delays.added.agent_share, timeout_ns(world.config)) {
+  port_.set_block_source(world.config.blocks);
   mocap_.emplace([this] { return world_.clock.host_real_offset(); });
   if (world.config.mode == WorldConfig::Mode::local) local_.emplace(world.config.drones);
 }
@@ -83,7 +83,7 @@ Status AgentProcess::start() {
     return done;
   }
   std::vector<Control> controls;
-  for (const DroneFacts& drone : world_.facts()) {
+  for (const DroneObservation& drone : world_.drones()) {
     auto control = read_control(port_, now, drone.name);
     if (!control) return control.error();
     core_->set_control(host_now, *control);
@@ -109,10 +109,10 @@ void AgentProcess::kill() {
 
 Quantiles AgentProcess::two_way_ms(std::size_t drone) const {
   if (local_) return local_->two_way_ms(drone);
-  return core_ ? core_->report(world_.facts()[drone].number).two_way.quantiles_ms() : Quantiles{};
+  return core_ ? core_->report(world_.drones()[drone].number).two_way.quantiles_ms() : Quantiles{};
 }
 
-std::vector<agent::MocapPose> AgentProcess::take_mocap(std::size_t drone) {
+std::vector<agent::MocapPose> AgentProcess::pop_mocap(std::size_t drone) {
   std::vector<agent::MocapPose> poses;
   for (auto& ring = world_.wires.drones[drone].mocap_ring; !ring.empty(); ring.pop_front()) {
     const auto message = pose_from_cdr(ring.front().second);
@@ -135,10 +135,10 @@ bool AgentProcess::try_start() {
 }
 
 void AgentProcess::drop_arrivals() {
-  (void)port_.take_blocks();
-  (void)port_.take_refused();
-  (void)port_.take_outcomes();
-  (void)port_.take_connection();
+  (void)port_.pop_blocks();
+  (void)port_.pop_refused();
+  (void)port_.pop_outcomes();
+  (void)port_.pop_connection_change();
 }
 
 void AgentProcess::step(bool stopped, std::optional<std::uint64_t> link) {
@@ -163,18 +163,18 @@ void AgentProcess::step(bool stopped, std::optional<std::uint64_t> link) {
 
 void AgentProcess::receive() {
   const TimeNs host_now = world_.clock.host_now();
-  for (std::size_t i = 0; i < world_.facts().size(); ++i) {
-    for (const agent::MocapPose& measured : take_mocap(i))
-      core_->on_mocap(host_now, world_.facts()[i].number, measured, out_);
+  for (std::size_t i = 0; i < world_.drones().size(); ++i) {
+    for (const agent::MocapPose& measured : pop_mocap(i))
+      core_->on_mocap(host_now, world_.drones()[i].number, measured, out_);
   }
-  for (const auto& state : take(world_.wires.states)) core_->on_state(host_now, state, out_);
-  for (const auto& transition : take(world_.wires.transitions)) core_->on_transition(transition);
-  if (const auto connected = port_.take_connection()) core_->on_connection(host_now, *connected);
-  for (const auto& ended : port_.take_outcomes()) core_->on_outcome(host_now, ended.id, ended.outcome, out_);
-  for (const std::string& why : port_.take_contradictions())
+  for (const auto& state : pop_all(world_.wires.states)) core_->on_state(host_now, state, out_);
+  for (const auto& transition : pop_all(world_.wires.transitions)) core_->on_transition(transition);
+  if (const auto connected = port_.pop_connection_change()) core_->on_connection(host_now, *connected);
+  for (const auto& ended : port_.pop_outcomes()) core_->on_outcome(host_now, ended.id, ended.outcome, out_);
+  for (const std::string& why : port_.pop_contradictions())
     core_->on_violation(host_now, agent::IntegrityViolation::stream, why);
-  for (const auto& block : port_.take_blocks()) core_->on_block(host_now, block, out_);
-  for (const auto& block : port_.take_refused()) core_->on_refused_block(host_now, block, out_);
+  for (const auto& block : port_.pop_blocks()) core_->on_block(host_now, block, out_);
+  for (const auto& block : port_.pop_refused()) core_->on_refused_block(host_now, block, out_);
 }
 
 void AgentProcess::send(std::optional<std::uint64_t> link) {
@@ -184,7 +184,7 @@ void AgentProcess::send(std::optional<std::uint64_t> link) {
   for (const auto& trace : out_.traces) world_.digester.put(trace);
   if (!link) return;
   for (const Plan& plan : out_.plans) {
-    world_.witness.handed(now, plan);
+    world_.witness.on_plan_handed(now, plan);
     world_.wires.drones[plan.drone - 1U].network.push(now, DroneTraffic::plans, bytes_of(plan), *link);
   }
   for (const Pose& pose : out_.poses) put(world_.wires.poses, pose, pose_queue);
@@ -193,17 +193,17 @@ void AgentProcess::send(std::optional<std::uint64_t> link) {
 
 std::vector<StateSample> AgentProcess::step_local() {
   Wires& wires = world_.wires;
-  for (std::size_t i = 0; i < world_.facts().size(); ++i) {
-    for (const agent::MocapPose& measured : take_mocap(i)) {
+  for (std::size_t i = 0; i < world_.drones().size(); ++i) {
+    for (const agent::MocapPose& measured : pop_mocap(i)) {
       if (const auto pose = local_->fused(i, measured)) put(wires.poses, *pose, pose_queue);
     }
   }
   if (const auto heartbeat = local_->heartbeat(world_.clock.now())) put(wires.heartbeats, *heartbeat, heartbeat_queue);
   wires.transitions.clear();  // there is nobody who keeps them
-  return take(wires.states);
+  return pop_all(wires.states);
 }
 
-void AgentProcess::give_plans(const std::vector<Plan>& plans) {
+void AgentProcess::apply_plans(const std::vector<Plan>& plans) {
   for (const Plan& plan : plans) {
     local_->answered(plan.drone - 1U, world_.clock.now() - plan.state_stamp_ns);
     put(world_.wires.plans, plan, plan_queue);
@@ -212,17 +212,17 @@ void AgentProcess::give_plans(const std::vector<Plan>& plans) {
 
 GroundProcess::GroundProcess(SharedWorld& world)
     : world_(world),
-      port_(world.ledger, operator_name, world.config.seed + 2, WayDelay::Way::there,
+      port_(world.ledger, operator_name, world.config.seed + 2, OneWayDelay::Direction::there,
             1 - world.config.delays.added.agent_share, timeout_ns(world.config)),
       stoppers_(world.ledger, port_, world.config.seed + 3) {
-  port_.take_blocks_of(world.config.blocks);
+  port_.set_block_source(world.config.blocks);
   if (world.config.manual) mission_.emplace(world.config);
 }
 
 Status GroundProcess::start() {
   core_ = std::make_unique<ground::FlightCore>(ground_config(world_.config, world_.ledger));
   port_.begin();
-  for (const DroneFacts& drone : world_.facts()) {
+  for (const DroneObservation& drone : world_.drones()) {
     const auto control = read_control(port_, world_.clock.now(), drone.name);
     if (!control) return control.error();
     if (auto s = core_->set_control(control->SerializeAsString()); !s) return s;
@@ -239,16 +239,16 @@ void GroundProcess::kill() {
   stoppers_.forgotten(world_.clock.now());
 }
 
-Status GroundProcess::say(MissionWord word) {
+Status GroundProcess::apply(MissionCommand word) {
   if (!mission_ || !core_) return Error{"nobody conducts missions"};
-  return mission_->say(word, *core_);
+  return mission_->apply(word, *core_);
 }
 
 void GroundProcess::step_port() {
   const TimeNs now = world_.clock.now();
   port_.step(now);
-  for (auto& ended : port_.take_outcomes()) {
-    if (!stoppers_.take_outcome(now, ended) && core_) outcomes_.push_back(std::move(ended));
+  for (auto& ended : port_.pop_outcomes()) {
+    if (!stoppers_.on_outcome(now, ended) && core_) outcomes_.push_back(std::move(ended));
   }
   stoppers_.step(now);
 }
@@ -261,21 +261,21 @@ void GroundProcess::step(bool stopped) {
       core_.reset();
     }
   }
-  if (!core_) (void)port_.take_blocks();
+  if (!core_) (void)port_.pop_blocks();
   if (!core_ || stopped) return;
   const auto outcomes = std::exchange(outcomes_, {});
-  give_news(outcomes, port_.take_blocks(), [this](const ground::FlightInputs& inputs) { give(inputs); });
-  if (world_.clock.now() >= next_ns_) give({});
+  apply_news(outcomes, port_.pop_blocks(), [this](const ground::FlightInputs& inputs) { step_core(inputs); });
+  if (world_.clock.now() >= next_ns_) step_core({});
 }
 
 std::vector<Plan> GroundProcess::step_local(const std::vector<StateSample>& states) {
   if (states.empty() && world_.clock.now() < next_ns_) return {};
   ground::FlightInputs inputs;
   inputs.states = states;
-  return give(inputs);
+  return step_core(inputs);
 }
 
-std::vector<Plan> GroundProcess::give(ground::FlightInputs inputs) {
+std::vector<Plan> GroundProcess::step_core(ground::FlightInputs inputs) {
   const TimeNs now = world_.clock.now();
   next_ns_ = now + ground_period_ns;
   inputs.realtime_s = SimulatedLedger::real(now) / ns_per_s;
@@ -283,7 +283,7 @@ std::vector<Plan> GroundProcess::give(ground::FlightInputs inputs) {
   inputs.commands = commands;
   auto out = core_->step(now, inputs);
   for (const ground::DroneUpdate& news : out.news) {
-    if (news.state) world_.witness.shown(now, news.drone, *news.state);
+    if (news.state) world_.witness.on_state_shown(now, news.drone, *news.state);
   }
   if (mission_) {
     for (ground::PilotCommand& command : mission_->step(now, *core_)) commands_.push_back(std::move(command));
@@ -311,7 +311,7 @@ void LinkProcess::kill() {
   world_.wires.plans.clear();
   world_.wires.poses.clear();
   world_.wires.heartbeats.clear();
-  world_.witness.link_ended();
+  world_.witness.on_link_ended();
 }
 
 void LinkProcess::end(bool again) {
@@ -323,7 +323,7 @@ bool LinkProcess::step(bool agent_listens) {
   const TimeNs now = world_.clock.now(), host_now = world_.clock.host_now();
   Wires& wires = world_.wires;
   Witness& witness = world_.witness;
-  const auto datagrams = take(wires.to_link);
+  const auto datagrams = pop_all(wires.to_link);
   std::vector<link::Received> received;
   received.reserve(datagrams.size());
   for (const auto& datagram : datagrams) received.push_back({datagram.drone, datagram.port, datagram.bytes});
@@ -332,9 +332,9 @@ bool LinkProcess::step(bool agent_listens) {
       if (unit->tag == start_) put(wires.plans, plan_of(unit->bytes), plan_queue);
     }
   }
-  const auto plans = take(wires.plans);
-  const auto poses = take(wires.poses);
-  const auto heartbeats = take(wires.heartbeats);
+  const auto plans = pop_all(wires.plans);
+  const auto poses = pop_all(wires.poses);
+  const auto heartbeats = pop_all(wires.heartbeats);
   const auto& out = core_->step(host_now, {.received = received,
                                            .plans = plans,
                                            .poses = poses,
@@ -346,30 +346,30 @@ bool LinkProcess::step(bool agent_listens) {
     const std::string_view text = send.command.view();
     world_.digester.put(text);
     wires.drones[send.drone - 1U].network.push(now, DroneTraffic::to, text);
-    witness.sent(now, send.drone, text, core_->yaw_rad(send.drone, host_now));
+    witness.on_command_sent(now, send.drone, text, core_->yaw_rad(send.drone, host_now));
   }
   if (agent_listens) {
     for (const StateSample& state : out.states) put(wires.states, state, state_queue);
     for (const Transition& transition : out.transitions) put(wires.transitions, transition, transition_queue);
   }
-  for (const StateSample& state : out.states) witness.said(state);
+  for (const StateSample& state : out.states) witness.on_state_reported(state);
   for (const TraceRecord& record : out.trace) {
     world_.digester.put(record);
-    witness.traced(now, record);
+    witness.on_trace(now, record);
   }
-  witness.given(now, world_.clock.host_slept_ns(), plans);
+  witness.on_plans(now, world_.clock.host_slept_ns(), plans);
   stops_ = core_->local_stops();
   return ends_ns_ && (core_->all_landed_or_commanded() || now >= *ends_ns_);
 }
 
 void LinkProcess::witness_poses() {
   std::vector<Pose> accepted;
-  for (const DroneFacts& drone : world_.facts()) {
+  for (const DroneObservation& drone : world_.drones()) {
     Pose pose = core_->pose(drone.number);
     pose.drone = drone.number;
     if (pose.stamp_ns != 0) accepted.push_back(pose);
   }
-  world_.witness.given(accepted);
+  world_.witness.on_poses(accepted);
 }
 
 namespace {
@@ -418,22 +418,22 @@ Status MissionStation::allowed(const ground::mission::Mission& mission, const gr
   return done;
 }
 
-Status MissionStation::say(MissionWord word, const ground::FlightCore& core) {
+Status MissionStation::apply(MissionCommand word, const ground::FlightCore& core) {
   if (!run_) return Error{"there is no mission"};
   said_ = true;
   switch (word) {
-    case MissionWord::approve:
+    case MissionCommand::approve:
       approved_ = true;
       approve();
       return done;
-    case MissionWord::start:
+    case MissionCommand::start:
       return run_->start(check(run_->mission(), core));
-    case MissionWord::pause:
+    case MissionCommand::pause:
       return run_->pause();
-    case MissionWord::resume:
+    case MissionCommand::resume:
       if (auto may = allowed(run_->rest(), core); !may) return may;
       return run_->resume();
-    case MissionWord::land:
+    case MissionCommand::land:
       return run_->end("its operator has all land");
   }
   return done;

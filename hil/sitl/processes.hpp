@@ -30,7 +30,7 @@
 namespace ledgerline::hil {
 
 /// What an operator says of the mission.
-enum class MissionWord : std::uint8_t { approve, start, pause, resume, land };
+enum class MissionCommand : std::uint8_t { approve, start, pause, resume, land };
 
 /// A ground station's mission in a simulated world: the courses of all drones, flown together by MissionRun. It
 /// outlives ground as the kept file does, and goes on by WorldConfig::after_restart. Deterministic; one thread.
@@ -39,7 +39,7 @@ class MissionStation {
   explicit MissionStation(const WorldConfig& config);
 
   /// The error says why it is refused. `core`: ground as it runs.
-  Status say(MissionWord word, const ground::FlightCore& core);
+  Status apply(MissionCommand word, const ground::FlightCore& core);
   /// Behind ground's step; what it wants is for the next one.
   std::vector<ground::PilotCommand> step(TimeNs now, const ground::FlightCore& core);
   void ground_ended();
@@ -94,7 +94,7 @@ struct SharedWorld {
   void note(WorldEvent::Kind kind, std::size_t drone, std::string text) {
     witness.note(clock.now(), kind, drone, std::move(text));
   }
-  const std::vector<DroneFacts>& facts() const { return witness.facts(); }
+  const std::vector<DroneObservation>& drones() const { return witness.drones(); }
 
   WorldConfig config;
   WorldClock clock;
@@ -136,7 +136,7 @@ class AgentProcess {
   /// The error is the ledger's: then it does not run.
   Status start();
   void kill();
-  void want(bool wanted) { wanted_ = wanted; }
+  void set_wanted(bool wanted) { wanted_ = wanted; }
   bool lives() const { return core_.has_value(); }
   /// Somebody takes what link and mocap say.
   bool listens() const { return core_ || local_; }
@@ -148,7 +148,7 @@ class AgentProcess {
   void step(bool stopped, std::optional<std::uint64_t> link);
   /// Of a local flight: the states for ground, and ground's plans.
   std::vector<StateSample> step_local();
-  void give_plans(const std::vector<Plan>& plans);
+  void apply_plans(const std::vector<Plan>& plans);
 
  private:
   bool try_start();
@@ -156,7 +156,7 @@ class AgentProcess {
   void receive();
   void send(std::optional<std::uint64_t> link);
   /// The poses of a drone that have come and are accepted.
-  std::vector<agent::MocapPose> take_mocap(std::size_t drone);
+  std::vector<agent::MocapPose> pop_mocap(std::size_t drone);
 
   SharedWorld& world_;
   LedgerPort port_;
@@ -178,7 +178,7 @@ class GroundProcess {
   /// The error is the ledger's: then it does not run.
   Status start();
   void kill();
-  void want(bool wanted) { wanted_ = wanted; }
+  void set_wanted(bool wanted) { wanted_ = wanted; }
   bool lives() const { return core_ != nullptr; }
   /// It has ended; a dead one that was commanded to start has not.
   bool is_done() const { return core_ ? core_->done() : !wanted_; }
@@ -189,7 +189,7 @@ class GroundProcess {
   /// What the pilot of a manual flight wants; with the next step.
   void post_command(const ground::PilotCommand& command) { commands_.push_back(command); }
   /// What the operator of a manual flight says of its mission. The error says why it is refused.
-  Status say(MissionWord word);
+  Status apply(MissionCommand word);
 
   /// What has come from the ledger; also where it stands still.
   void step_port();
@@ -198,7 +198,7 @@ class GroundProcess {
   std::vector<Plan> step_local(const std::vector<StateSample>& states);
 
  private:
-  std::vector<Plan> give(ground::FlightInputs inputs);
+  std::vector<Plan> step_core(ground::FlightInputs inputs);
 
   SharedWorld& world_;
   LedgerPort port_;
@@ -211,21 +211,21 @@ class GroundProcess {
   TimeNs next_ns_ = 0;
 };
 
-/// Gives a ground what the ledger has for it, in the order of ground's shell: how calls ended, then blocks.
-template <typename Give>
-void give_news(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<fabric::Block>& blocks,
-               const Give& give) {
+/// Steps a ground with what the ledger has for it, in the order of ground's shell: how calls ended, then blocks.
+template <typename Step>
+void apply_news(const std::vector<SimulatedLedger::Ended>& outcomes, const std::vector<fabric::Block>& blocks,
+                const Step& step) {
   for (const auto& ended : outcomes) {
     ground::FlightInputs inputs;
     inputs.outcome = &ended.outcome;
     inputs.outcome_id = ended.id;
-    give(inputs);
+    step(inputs);
   }
   for (std::size_t i = 0; i < blocks.size(); ++i) {
     ground::FlightInputs inputs;
     inputs.block = &blocks[i];
     inputs.more = i + 1 < blocks.size();
-    give(inputs);
+    step(inputs);
   }
 }
 

@@ -83,7 +83,7 @@ void put(std::deque<T>& queue, const T& value, std::size_t most) {
 }
 
 template <typename T>
-std::vector<T> take(std::deque<T>& queue) {
+std::vector<T> pop_all(std::deque<T>& queue) {
   std::vector<T> all(queue.begin(), queue.end());
   queue.clear();
   return all;

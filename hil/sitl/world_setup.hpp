@@ -79,7 +79,7 @@ struct Reach {
 Reach reach_of(const ground::Task& task);
 /// What encloses all paths of drones that stand there, with `config.room_m` around.
 link::FenceSettings fence_around(const WorldConfig& config, const std::vector<std::array<double, 2>>& starts_m);
-/// Of drone `number`, which stands there; its corners, as DroneFacts has them.
+/// Of drone `number`, which stands there; its corners, as DroneObservation has them.
 ground::Path course_of(const WorldConfig& config, int number, const std::array<double, 2>& start_m);
 std::vector<std::array<double, 2>> corners_of(const ground::Path& path);
 

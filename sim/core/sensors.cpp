@@ -64,7 +64,7 @@ int Sensors::tof_mm(const Body& body) {
 
 std::optional<PadSight> Sensors::pad(const Body& body) {
   if (!sensing_.pads) return std::nullopt;
-  return see_pad(p_, body, later_);
+  return visible_pad(p_, body, later_);
 }
 
 Telemetry Sensors::read(const Body& body, const Flown& flown) {
@@ -174,7 +174,7 @@ Result<Pad> parse_pad(std::string_view text) {
 
 }  // namespace
 
-std::optional<PadSight> see_pad(const Parameters& parameters, const Body& body, Random& random) {
+std::optional<PadSight> visible_pad(const Parameters& parameters, const Body& body, Random& random) {
   const SensorParameters& s = parameters.sensors;
   const double height = body.position.z();
   if (height < s.pad_min_m || height > s.pad_max_m || tilt_of(body.attitude) > s.pad_max_tilt_rad) return std::nullopt;

@@ -22,7 +22,7 @@ struct PadSight {
 
 /// The pad whose middle is nearest, of those in the downward camera's sight (SensorParameters says what that is), with
 /// the camera's noise; nothing where there is none. Pure but for `random`.
-std::optional<PadSight> see_pad(const Parameters& parameters, const Body& body, Random& random);
+std::optional<PadSight> visible_pad(const Parameters& parameters, const Body& body, Random& random);
 
 /// "1:0:0,2:1.5:0:90": pads, each its id (1 to 8), the place of its middle (m, map frame), and if wanted where its
 /// rocket points (degrees, counter-clockwise from x) and its size (m). An id may be there once.

@@ -158,7 +158,7 @@ void Simulator::set_temperature(DroneNumber drone, double celsius) {
   state_->of(drone).sensors.set_temperature(celsius);
 }
 
-void Simulator::lose_propeller(DroneNumber drone) { state_->of(drone).propeller_lost = true; }
+void Simulator::remove_propeller(DroneNumber drone) { state_->of(drone).propeller_lost = true; }
 
 void Simulator::restart(DroneNumber number) {
   Drone& drone = state_->of(number);

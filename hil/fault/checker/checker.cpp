@@ -52,7 +52,7 @@ constexpr auto invariant_names = std::to_array<std::string_view>({
 static_assert(invariant_names.size() == which::count);
 
 // Where link takes it to be, beside the truth.
-std::string estimated(const DroneFacts& facts) {
+std::string estimated(const DroneObservation& facts) {
   if (!facts.pose) return {};
   return fmt::format(", by its pose at {:.2f}, {:.2f} m", facts.pose->position_m[0], facts.pose->position_m[1]);
 }
@@ -86,7 +86,7 @@ void Invariants::observe(const Moment& moment) {
 }
 
 void Invariants::check_cut(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   const bool upright = facts.truth.in_flight && !facts.truth.crashed && facts.truth.tilt_rad < upright_rad;
   if (upright && !excuse_of(moment, index).cut)
     broke(which::upright, moment.now,
@@ -103,7 +103,7 @@ void Invariants::check_order(const Moment& moment) {
       }
     }
     const bool handed = event.kind == WorldEvent::Kind::handed;
-    const DroneFacts& facts = moment.drones[event.drone];
+    const DroneObservation& facts = moment.drones[event.drone];
     // Else it may be a stop, whose sequence is nobody's.
     const bool applied = event.kind == WorldEvent::Kind::applied && facts.phase == FlightPhase::flying &&
                          facts.mode < FailsafeMode::land;
@@ -118,7 +118,7 @@ void Invariants::check_order(const Moment& moment) {
 }
 
 void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const double changed =
       std::hypot(facts.sent[0] - drone.sent[0], facts.sent[1] - drone.sent[1], facts.sent[2] - drone.sent[2]);
@@ -134,7 +134,7 @@ void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested
 }
 
 void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   if (facts.mode == FailsafeMode::brake || !flies) {
     drone.braked = flies;
@@ -146,7 +146,7 @@ void Invariants::check_brake(const Moment& moment, std::size_t index, bool flies
           fmt::format("{}: sent {:.2f} m/s after its brake, and no plan came", facts.name, facts.sent_mps));
 }
 
-bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excuse, Drone& drone) {
+bool Invariants::check_blind(const DroneObservation& facts, const Moment::Excuse& excuse, Drone& drone) {
   const auto& at = facts.truth.position_m;
   if (!excuse.blind) {
     drone.blind_from_m.reset();
@@ -164,7 +164,7 @@ bool Invariants::check_blind(const DroneFacts& facts, const Moment::Excuse& excu
 
 // Speed, height, place.
 void Invariants::check_limits(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const auto& at = facts.truth.position_m;
@@ -192,7 +192,7 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
 }
 
 void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const bool is_lost = moment.link_runs && facts.phase == FlightPhase::disconnected && facts.truth.in_flight;
@@ -207,7 +207,7 @@ void Invariants::check_lost_link(const Moment& moment, std::size_t index) {
 }
 
 void Invariants::check_drone(const Moment& moment, std::size_t index) {
-  const DroneFacts& facts = moment.drones[index];
+  const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
   const TimeNs now = moment.now;
   if (facts.truth.crashed && !excuse_of(moment, index).broken) broke(which::crash, now, facts.name + " turned over");
@@ -263,7 +263,7 @@ void Checker::check_rule(const Moment& moment, RuleState& state) const {
   state.done.resize(moment.drones.size());
   state.counts.resize(moment.drones.size());
   for (const WorldEvent& event : moment.events) {
-    if (kind.hear) kind.hear(state, moment, event);
+    if (kind.on_event) kind.on_event(state, moment, event);
   }
   for (std::size_t i = 0; i < moment.drones.size(); ++i) {
     if (kind.observe) kind.observe(state, {moment, limits_, flew_}, i);

@@ -10,7 +10,7 @@
 #include <set>
 #include <utility>
 
-#include "hil/fault/run/figures.hpp"
+#include "hil/fault/run/metrics.hpp"
 
 namespace ledgerline::hil::comparing {
 namespace {
@@ -72,9 +72,9 @@ class Comparer {
                                out_.left_out.empty() ? "" : ":\n  ", fmt::join(out_.left_out, "\n  "))};
     for (const Both& both : scripts_) {
       compare_rules(both);
-      for (const FigureKind& kind : figure_kinds()) compare_figure(both, kind);
+      for (const MetricKind& kind : metric_kinds()) compare_figure(both, kind);
     }
-    for (const FigureKind& kind : figure_kinds()) compare_all_scripts(kind);
+    for (const MetricKind& kind : metric_kinds()) compare_all_scripts(kind);
     decide();
     return std::move(out_);
   }
@@ -121,7 +121,7 @@ class Comparer {
     std::set<std::string> unknown;
     for (const FlownRun& run : runs.runs) {
       for (const auto& [figure, value] : run.figures) {
-        if (!figure_kind(figure)) unknown.insert(figure);
+        if (!metric_kind(figure)) unknown.insert(figure);
       }
     }
     return unknown;
@@ -194,9 +194,9 @@ class Comparer {
     out_.rules.push_back(std::move(change));
   }
 
-  void compare_figure(const Both& both, const FigureKind& kind) {
+  void compare_figure(const Both& both, const MetricKind& kind) {
     std::vector<double> before, now, differences;
-    FigureChange change{.script = both.script, .figure = std::string(kind.name), .paired = both.paired};
+    MetricChange change{.script = both.script, .figure = std::string(kind.name), .paired = both.paired};
     if (both.paired) {
       std::size_t lost = 0, new_ones = 0;
       for (std::size_t i = 0; i < both.old_runs.size(); ++i) {
@@ -239,10 +239,10 @@ class Comparer {
 
   // What a few seeds of each script cannot show, all scripts together can: each pair's difference as a share of its
   // mean size, where it is large enough to count at all.
-  void compare_all_scripts(const FigureKind& kind) {
+  void compare_all_scripts(const MetricKind& kind) {
     std::vector<double> differences;
     std::size_t scripts = 0;
-    FigureChange change{.figure = std::string(kind.name)};
+    MetricChange change{.figure = std::string(kind.name)};
     for (const Both& both : scripts_) {
       if (!both.paired) continue;
       ++scripts;
@@ -295,7 +295,7 @@ class Comparer {
         if (certain) rule.verdict = one_way(test.result.direction > 0);
         continue;
       }
-      FigureChange& figure = out_.figures[test.which];
+      MetricChange& figure = out_.figures[test.which];
       figure.p = corrected[i];
       if (!certain) continue;
       const bool counts = std::abs(figure.change) >= test.least && (figure.change > 0) == (test.result.direction > 0);

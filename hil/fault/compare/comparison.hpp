@@ -49,7 +49,7 @@ enum class Change : std::uint8_t {
 };
 
 /// A figure of one script, or of all together; only those of which any run differs.
-struct FigureChange {
+struct MetricChange {
   std::string script{};  ///< empty: all scripts whose seeds are paired, by shares of each pair's mean size
   std::string figure;
   bool paired = true;                      ///< by seed; else the two have no seed in common
@@ -77,7 +77,7 @@ struct Comparison {
   std::size_t scripts = 0;  ///< compared
   std::size_t old_runs = 0, new_runs = 0, pairs = 0, same_bytes = 0;
   std::vector<RuleChange> rules;
-  std::vector<FigureChange> figures;
+  std::vector<MetricChange> figures;
   std::size_t tests = 0;              ///< that Holm's correction corrects for
   std::size_t pairs_needed = 0;       ///< seeds of one script from which on anything can be said of it alone
   std::vector<std::string> left_out;  ///< what was not compared, and why, in words

@@ -14,7 +14,7 @@
 
 namespace ledgerline::hil {
 
-bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
+bool Trigger::reached(TimeNs now, const DroneObservation& drone) const {
   switch (kind) {
     case Kind::time:
       return now >= after_ns;
@@ -36,18 +36,27 @@ bool Trigger::reached(TimeNs now, const DroneFacts& drone) const {
   return false;
 }
 
-TriggerWatch::TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneFacts> all)
+TriggerWatch::TriggerWatch(const Trigger& its_trigger, std::string_view name, std::span<const DroneObservation> all)
     : trigger(its_trigger) {
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (name.empty() || name == all[i].name) drones.push_back(i);
   }
 }
 
-bool TriggerWatch::is_due(TimeNs now, std::span<const DroneFacts> all) {
+bool TriggerWatch::is_due(TimeNs now, std::span<const DroneObservation> all) {
   const auto reaches = [&](std::size_t i) { return trigger.reached(now, all[i]); };
   if (!reached_ns && std::any_of(drones.begin(), drones.end(), reaches))
     reached_ns = trigger.kind == Trigger::Kind::time ? now - trigger.after_ns : now;
   return reached_ns && now >= *reached_ns + trigger.after_ns;
+}
+
+std::vector<DroneObservation> named_drones(int count) {
+  std::vector<DroneObservation> drones(static_cast<std::size_t>(count));
+  for (int k = 1; k <= count; ++k) {
+    drones[static_cast<std::size_t>(k) - 1].name = drone_name(k);
+    drones[static_cast<std::size_t>(k) - 1].number = static_cast<DroneNumber>(k);
+  }
+  return drones;
 }
 
 Result<Trigger> parse_trigger(std::string_view text) {
@@ -97,7 +106,7 @@ namespace {
 void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
   port.cut(now, effects.cut);
   port.stale(effects.stale);
-  port.lie(effects.lie);
+  port.set_tampering(effects.lie);
   port.serve(effects.serves);
   port.order(effects.orders);
   port.slip(effects.slip);
@@ -110,7 +119,7 @@ void set_port(LedgerPort& port, TimeNs now, const Effects::OfPort& effects) {
 }  // namespace
 
 void Effects::apply_to(SimulatedWorld& world) const {
-  world.relay().lie(relay ? relay->lie : RelayTampering::none);
+  world.relay().set_tampering(relay ? relay->lie : RelayTampering::none);
   if (relay) world.relay().compared(relay->compared);
   world.stall_ledger(ledger_stalled);
   for (const Process process : {Process::agent, Process::link, Process::ground}) {
@@ -127,8 +136,8 @@ void Effects::apply_to(SimulatedWorld& world) const {
     assert(set.ok());  // a fault that needs another drone was refused where there is none
     world.network(i).set_sensor_faults(drones[i].sensors);
     world.network(i).set_mocap_fault(drones[i].mocap);
-    world.sim().drain_battery(world.facts()[i].number, drones[i].drain_per_s);
-    world.sim().set_sensing(world.facts()[i].number, drones[i].sensing);
+    world.sim().drain_battery(world.drones()[i].number, drones[i].drain_per_s);
+    world.sim().set_sensing(world.drones()[i].number, drones[i].sensing);
   }
 }
 
@@ -159,19 +168,19 @@ Fit fit_of(const Words& words, const Words& form) {
   return fit;
 }
 
-FaultKind::ParsedWords said_in(const std::string& text, const FaultKind& kind) {
+FaultKind::ParsedText parse_form(const std::string& text, const FaultKind& kind) {
   const Words words = words_of(text), form = words_of(kind.form);
-  FaultKind::ParsedWords said{text, {}, {}, {}};
+  FaultKind::ParsedText parsed{text, {}, {}, {}};
   for (std::size_t i = 0; i < form.size(); ++i) {
     if (form[i].ends_with("...")) {
-      said.rest = fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(i), words.end(), " "));
+      parsed.rest = fmt::format("{}", fmt::join(words.begin() + static_cast<std::ptrdiff_t>(i), words.end(), " "));
     } else if (form[i] == "NAME") {
-      said.drone = words[i] == "*" ? "" : words[i];
+      parsed.drone = words[i] == "*" ? "" : words[i];
     } else if (is_open(form[i]) || form[i].find('|') != std::string_view::npos) {
-      said.words.push_back(words[i]);
+      parsed.words.push_back(words[i]);
     }
   }
-  return said;
+  return parsed;
 }
 
 }  // namespace
@@ -218,10 +227,10 @@ Result<Fault> parse_fault(std::string_view text, std::string_view at, std::strin
   if (fault.text.empty()) return Error{"a fault must say where and what, as in \"drone tello1 to delay 200ms\""};
   const auto kind = kind_of(fault.text, real);
   if (!kind) return kind.error();
-  const FaultKind::ParsedWords said = said_in(fault.text, **kind);
-  auto acts = (*kind)->make(said);
+  const FaultKind::ParsedText parsed = parse_form(fault.text, **kind);
+  auto acts = (*kind)->make(parsed);
   if (!acts) return wrong(fault.text, acts.error().message);
-  fault.drone = said.drone;
+  fault.drone = parsed.drone;
   fault.acts = std::move(*acts);
   if (!at.empty()) {
     auto trigger = parse_trigger(at);

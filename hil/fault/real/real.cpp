@@ -50,12 +50,12 @@ class RealFlight {
   std::uint64_t seed_;
   RealOptions options_;
   std::string run_;
-  LiveFacts live_;
+  LiveObservation live_;
   SmallDisk disk_;  // outlives the programs that write there
   RealFaults faults_;
   OwnProgram program_;
   Children children_{{[this](const std::string& name, const std::string& line) {
-    name == OwnProgram::name ? program_.take_line(line) : faults_.take_line(name, line);
+    name == OwnProgram::name ? program_.add_line(line) : faults_.add_line(name, line);
   }}};
   bool over_ = true;
   TimeNs asked_to_end_ns_ = 0;
@@ -123,9 +123,9 @@ Status RealFlight::watch() {
       return Error{fmt::format("no flight within {:.0f} s: see {}", to_seconds(start_timeout_ns), options_.directory)};
     if (live_.begin_ns() == 0) continue;
     if (auto stepped = faults_.step(now); !stepped) return stepped;
-    if (program_.wanted() && !program_.started()) {
+    if (program_.has_command() && !program_.started()) {
       if (auto started = program_.start({}, topics_environment(script_.flight.drones)); !started) return started;
-    } else if (program_.wanted() && !program_.running()) {
+    } else if (program_.has_command() && !program_.running()) {
       ask_to_end(now);
     }
     const TimeNs late_ns = now - live_.begin_ns() - script_.limit_ns;
@@ -235,7 +235,7 @@ Result<RunResult> RealFlight::fly() {
   const auto recorded = recording();
   if (!recorded) return recorded.error();
   RunResult result = check_recording(script_, seed_, *recorded);
-  if (program_.wanted()) result.verdicts.push_back(program_.verdict(result.flown_ns));
+  if (program_.has_command()) result.verdicts.push_back(program_.verdict(result.flown_ns));
   return result;
 }
 

@@ -90,10 +90,10 @@ constexpr TimeNs errand_timeout_ns = 20 * ns_per_s;
 
 }  // namespace
 
-RealFaults::RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children)
+RealFaults::RealFaults(const Script& script, Where where, const LiveObservation& live, Children& children)
     : where_(std::move(where)), drones_(script.flight.drones), live_(live), children_(children) {
   for (const Fault& fault : script.faults)
-    planned_.push_back({fault, TriggerWatch(fault.trigger, fault.drone, live_.facts())});
+    planned_.push_back({fault, TriggerWatch(fault.trigger, fault.drone, live_.drones())});
 }
 
 Status RealFaults::step(TimeNs now) {
@@ -119,7 +119,7 @@ void RealFaults::end() {
 Status RealFaults::step_faults(TimeNs now) {
   for (Planned& planned : planned_) {
     const Fault& fault = planned.fault;
-    if (!planned.begin_asked && planned.watch.is_due(now - live_.begin_ns(), live_.facts())) {
+    if (!planned.begin_asked && planned.watch.is_due(now - live_.begin_ns(), live_.drones())) {
       planned.begin_asked = true;
       const auto begun = [&planned] {
         planned.begun_ns = monotonic_ns();
@@ -248,7 +248,7 @@ void RealFaults::signal_parts(const std::vector<std::pair<std::string, int>>& pa
 namespace {
 
 // For triggers: there is no link to say it.
-FlightPhase phase_by_truth(const DroneFacts& drone) {
+FlightPhase phase_by_truth(const DroneObservation& drone) {
   if (on_course(drone.truth)) return FlightPhase::flying;
   if (!on_ground(drone.truth)) return drone.phase;
   return in_flight(drone.phase) || drone.phase == FlightPhase::landed ? FlightPhase::landed : FlightPhase::on_ground;
@@ -269,22 +269,19 @@ std::vector<TraceRecord> GrowingTrace::read_new() {
   return records ? std::move(*records) : std::vector<TraceRecord>{};
 }
 
-LiveFacts::LiveFacts(const std::string& run, const Script& script)
+LiveObservation::LiveObservation(const std::string& run, const Script& script)
     : sim_(run + "/sim.trace"),
       link_(run + "/link.trace"),
       ground_(run + "/ground.trace"),
       by_sdk_(script.kind == FlightKind::sdk),
-      facts_(static_cast<std::size_t>(script.flight.drones)) {
-  for (std::size_t i = 0; i < facts_.size(); ++i) {
-    facts_[i].name = drone_name(static_cast<int>(i) + 1);
-    lap_m_.push_back(course_of(script.flight, static_cast<int>(i) + 1, {}).length_m());
-  }
+      drones_(named_drones(script.flight.drones)) {
+  for (const DroneObservation& drone : drones_) lap_m_.push_back(course_of(script.flight, drone.number, {}).length_m());
 }
 
-void LiveFacts::read() {
+void LiveObservation::read() {
   for (const TraceRecord& r : sim_.read_new()) {
     if (by_sdk_ && begin_ns_ == 0) begin_ns_ = r.t_ns;
-    if (DroneFacts* drone = of(r); drone && r.kind == TraceKind::truth) {
+    if (DroneObservation* drone = of(r); drone && r.kind == TraceKind::truth) {
       drone->truth.in_flight = r.extra == 1;
       drone->truth.position_m = {r.v[0], r.v[1], r.v[2]};
       if (by_sdk_) drone->phase = phase_by_truth(*drone);
@@ -292,10 +289,11 @@ void LiveFacts::read() {
   }
   for (const TraceRecord& r : link_.read_new()) {
     if (begin_ns_ == 0) begin_ns_ = r.t_ns;
-    if (DroneFacts* drone = of(r); drone && r.kind == TraceKind::mode) drone->phase = static_cast<FlightPhase>(r.id);
+    if (DroneObservation* drone = of(r); drone && r.kind == TraceKind::mode)
+      drone->phase = static_cast<FlightPhase>(r.id);
   }
   for (const TraceRecord& r : ground_.read_new()) {
-    DroneFacts* drone = of(r);
+    DroneObservation* drone = of(r);
     if (!drone || r.kind != TraceKind::command_made || r.v[3] <= 0) continue;
     drone->ground_phase = ground::DronePhase::path;
     drone->lap = 1 + static_cast<int>(r.v[3] / lap_m_[r.drone - 1u]);

@@ -37,21 +37,21 @@ class GrowingTrace {
 };
 
 /// What triggers look at, as far as the traces in the folder of a flight show it while they grow. One thread.
-class LiveFacts {
+class LiveObservation {
  public:
-  LiveFacts(const std::string& run, const Script& script);
+  LiveObservation(const std::string& run, const Script& script);
   void read();
-  const std::vector<DroneFacts>& facts() const { return facts_; }
+  const std::vector<DroneObservation>& drones() const { return drones_; }
   TimeNs begin_ns() const { return begin_ns_; }  ///< link's first record; 0: none yet
 
  private:
-  DroneFacts* of(const TraceRecord& r) {
-    return r.drone >= 1 && r.drone <= facts_.size() ? &facts_[r.drone - 1u] : nullptr;
+  DroneObservation* of(const TraceRecord& r) {
+    return r.drone >= 1 && r.drone <= drones_.size() ? &drones_[r.drone - 1u] : nullptr;
   }
   GrowingTrace sim_, link_, ground_;
   bool by_sdk_;                ///< neither link nor ground
   std::vector<double> lap_m_;  ///< by drone
-  std::vector<DroneFacts> facts_;
+  std::vector<DroneObservation> drones_;
   TimeNs begin_ns_ = 0;
 };
 
@@ -103,10 +103,10 @@ class RealFaults {
     bool begin_asked = false, stop_requested = false;  ///< an errand may still be on its way
   };
 
-  /// `live` and `children` must outlive it; lines that children print come by take_line().
-  RealFaults(const Script& script, Where where, const LiveFacts& live, Children& children);
+  /// `live` and `children` must outlive it; lines that children print come by add_line().
+  RealFaults(const Script& script, Where where, const LiveObservation& live, Children& children);
 
-  void take_line(const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }
+  void add_line(const std::string& name, const std::string& line) { lines_[name] += line + "\n"; }
   /// To be called repeatedly while the flight goes on. The error says which fault could not be done.
   Status step(TimeNs now);
   /// What outlives no flight.
@@ -134,7 +134,7 @@ class RealFaults {
 
   Where where_;
   int drones_;
-  const LiveFacts& live_;
+  const LiveObservation& live_;
   Children& children_;
   std::vector<Planned> planned_;
   std::map<std::string, std::string> lines_;  // of errands

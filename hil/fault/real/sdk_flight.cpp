@@ -224,17 +224,17 @@ class SdkFlight {
   std::uint64_t seed_;
   RealOptions options_;
   std::string run_;
-  LiveFacts live_;
+  LiveObservation live_;
   RealFaults faults_;
   OwnProgram program_;
   std::set<std::string> ready_;
   Children children_{{[this](const std::string& name, const std::string& line) {
     if (name == OwnProgram::name) {
-      program_.take_line(line);
+      program_.add_line(line);
     } else if (line.find("\"ready\"") != std::string::npos) {
       ready_.insert(name);
     } else {
-      faults_.take_line(name, line);
+      faults_.add_line(name, line);
     }
   }}};
   TwoNetworks networks_;
@@ -308,8 +308,8 @@ Status SdkFlight::watch() {
     if (live_.begin_ns() == 0) return Error{run_ + "/sim.trace says nothing: nobody could check this flight"};
     if (auto stepped = faults_.step(now); !stepped) return stepped;
     if (!program_.running() && ended_ns == 0) ended_ns = now;
-    const bool down = std::all_of(live_.facts().begin(), live_.facts().end(),
-                                  [](const DroneFacts& drone) { return on_ground(drone.truth); });
+    const bool down = std::all_of(live_.drones().begin(), live_.drones().end(),
+                                  [](const DroneObservation& drone) { return on_ground(drone.truth); });
     // What the traces show is up to a second old.
     if (ended_ns != 0 && now - ended_ns > 2 * ns_per_s && (down || now - ended_ns > landing_timeout_ns)) return done;
     if (ended_ns == 0 && now - live_.begin_ns() > script_.limit_ns) {

@@ -29,7 +29,7 @@ double misled_m(const Script& script) {
   return metres;
 }
 
-TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
+TimelinePoint point_of(TimeNs now, const DroneObservation& facts) {
   TimelinePoint point;
   point.t_ns = now;
   for (std::size_t i = 0; i < 3; ++i) {
@@ -46,9 +46,9 @@ TimelinePoint point_of(TimeNs now, const DroneFacts& facts) {
 
 }  // namespace
 
-Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
+Limits limits_of(const Script& script, const std::vector<DroneObservation>& drones) {
   std::vector<std::array<double, 2>> starts_m;
-  for (const DroneFacts& drone : drones) starts_m.push_back(drone.start_m);
+  for (const DroneObservation& drone : drones) starts_m.push_back(drone.start_m);
   const link::FenceSettings fence = fence_around(script.flight, starts_m);
   const double slack = 1.5 + misled_m(script);
   Limits limits;
@@ -62,47 +62,47 @@ Limits limits_of(const Script& script, const std::vector<DroneFacts>& drones) {
   return limits;
 }
 
-std::vector<std::string> in_the_air(const std::vector<DroneFacts>& drones) {
+std::vector<std::string> in_the_air(const std::vector<DroneObservation>& drones) {
   std::vector<std::string> names;
-  for (const DroneFacts& drone : drones) {
+  for (const DroneObservation& drone : drones) {
     if (!on_ground(drone.truth)) names.push_back(drone.name);
   }
   return names;
 }
 
-bool RunResult::held() const {
+bool RunResult::all_held() const {
   return std::all_of(verdicts.begin(), verdicts.end(), [](const Verdict& v) { return v.held; });
 }
 
-RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneFacts>& drones)
+RunRecorder::RunRecorder(const Script& script, std::uint64_t seed, const std::vector<DroneObservation>& drones)
     : checker_(script.must, limits_of(script, drones)), figures_(limits_of(script, drones)) {
   result_.script = script.name;
   result_.title = script.title;
   result_.seed = seed;
-  for (const DroneFacts& drone : drones) result_.drones.push_back(drone.name);
+  for (const DroneObservation& drone : drones) result_.drones.push_back(drone.name);
   result_.timeline.resize(drones.size());
 }
 
 void RunRecorder::observe(const Moment& moment) {
   checker_.observe(moment);
   figures_.observe(moment);
-  for (const WorldEvent& event : moment.events) keep_event(moment, event);
+  for (const WorldEvent& event : moment.events) store_event(moment, event);
   if (moment.now < next_point_ns_) return;
   next_point_ns_ = moment.now + timeline_period_ns;
   for (std::size_t i = 0; i < moment.drones.size(); ++i)
     result_.timeline[i].push_back(point_of(moment.now, moment.drones[i]));
 }
 
-void RunRecorder::keep_event(const Moment& moment, const WorldEvent& event) {
+void RunRecorder::store_event(const Moment& moment, const WorldEvent& event) {
   const bool of_each_plan = event.kind == WorldEvent::Kind::applied || event.kind == WorldEvent::Kind::handed;
   if (of_each_plan || result_.events.size() >= max_events) return;
   result_.events.push_back(event);
   if (event.kind != WorldEvent::Kind::mode || !event.text.empty()) return;
-  const DroneFacts& facts = moment.drones[event.drone];
+  const DroneObservation& facts = moment.drones[event.drone];
   result_.events.back().text = mode_text(facts);
 }
 
-std::string mode_text(const DroneFacts& facts) {
+std::string mode_text(const DroneObservation& facts) {
   std::string text = name(facts.phase);
   if (facts.mode != FailsafeMode::none) text += fmt::format(", {}", name(facts.mode));
   if (facts.cause != FailsafeCause::none) text += fmt::format(" ({})", name(facts.cause));
@@ -122,9 +122,9 @@ RunResult RunRecorder::finish(const Ending& ending) {
 namespace {
 
 // What agent and link counted: each of its last life, agent's the mean of the drones that it has a figure of.
-void add_counts(const SimulatedWorld& world, Figures& figures) {
+void add_counts(const SimulatedWorld& world, Metrics& figures) {
   Quantiles two_way;
-  for (std::size_t i = 0; i < world.facts().size(); ++i) {
+  for (std::size_t i = 0; i < world.drones().size(); ++i) {
     const Quantiles drone = world.two_way_ms(i);
     if (drone.count == 0) continue;
     ++two_way.count;
@@ -159,13 +159,13 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   auto made = SimulatedWorld::create(config);
   if (!made) return made.error();
   SimulatedWorld& world = **made;
-  auto scheduled = FaultSchedule::create(script.faults, world.facts());
+  auto scheduled = FaultSchedule::create(script.faults, world.drones());
   if (!scheduled) return scheduled.error();
   FaultSchedule& schedule = *scheduled;
-  Pilot pilot(script.pilot, world.facts());
+  Pilot pilot(script.pilot, world.drones());
 
-  RunRecorder recorder(script, seed, world.facts());
-  std::vector<Moment::Excuse> excuses(world.facts().size());
+  RunRecorder recorder(script, seed, world.drones());
+  std::vector<Moment::Excuse> excuses(world.drones().size());
   const auto over = [&] { return world.over() && !schedule.restart_pending(); };
   while (!over() && world.now() < script.limit_ns) {
     schedule.step(world);
@@ -173,11 +173,11 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
     world.step();
     for (std::size_t i = 0; i < excuses.size(); ++i) {
       excuses[i] = schedule.excuse_of(i, world.now());
-      excuses[i].physical = excuses[i].physical || world.facts()[i].truth.battery <= 0;
+      excuses[i].physical = excuses[i].physical || world.drones()[i].truth.battery <= 0;
       excuses[i].steered = excuses[i].blind && link::uses_mocap(script.flight.pose);
     }
     recorder.observe({.now = world.now(),
-                      .drones = world.facts(),
+                      .drones = world.drones(),
                       .events = world.events(),
                       .link_runs = world.runs(Process::link),
                       .excuses = excuses,
@@ -187,8 +187,8 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   }
 
   std::vector<std::string> plans;
-  for (std::size_t i = 0; i < world.facts().size(); ++i) plans.push_back(world.plans_text(i));
-  Figures counts;
+  for (std::size_t i = 0; i < world.drones().size(); ++i) plans.push_back(world.plans_text(i));
+  Metrics counts;
   add_counts(world, counts);
   Ending ending;
   ending.now = world.now();
@@ -198,7 +198,7 @@ Result<RunResult> run_script(const Script& script, std::uint64_t seed) {
   ending.ok = world.ok();
   ending.why = world.why();
   ending.transactions = world.transactions();
-  ending.in_the_air = in_the_air(world.facts());
+  ending.in_the_air = in_the_air(world.drones());
   // With both processes alive and the ledger reached, nothing may be left behind.
   if (ending.over && world.runs(Process::agent) && world.runs(Process::link) && !schedule.any_active()) {
     for (int i = 0; i < 3'000 && world.transitions_pending() > 0; ++i) world.step();

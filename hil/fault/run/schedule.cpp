@@ -6,7 +6,7 @@
 
 namespace ledgerline::hil {
 
-Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones) {
+Result<FaultSchedule> FaultSchedule::create(std::vector<Fault> faults, const std::vector<DroneObservation>& drones) {
   std::vector<Item> items;
   for (Fault& fault : faults) {
     TriggerWatch watch(fault.trigger, fault.drone, drones);
@@ -26,7 +26,7 @@ void FaultSchedule::step(SimulatedWorld& world) {
   bool changed = false;
   for (Item& item : items_) {
     const Fault& fault = item.fault;
-    if (!item.begun_ns && item.watch.is_due(now, world.facts())) {
+    if (!item.begun_ns && item.watch.is_due(now, world.drones())) {
       item.begun_ns = now;
       begin(world, item);
       if (fault.acts.momentary) item.ended_ns = now;

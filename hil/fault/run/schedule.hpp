@@ -14,7 +14,7 @@ namespace ledgerline::hil {
 class FaultSchedule {
  public:
   /// The error names a drone that does not fly.
-  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneFacts>& drones);
+  static Result<FaultSchedule> create(std::vector<Fault> faults, const std::vector<DroneObservation>& drones);
 
   /// Before each step of the world.
   void step(SimulatedWorld& world);

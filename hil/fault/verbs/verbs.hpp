@@ -52,7 +52,7 @@ class RunPrinter {
 
  private:
   void clear() const;
-  void keep(RunResult result);
+  void store(RunResult result);
 
   std::size_t all_, done_ = 0, broken_ = 0, errors_ = 0;
   double flown_s_ = 0;

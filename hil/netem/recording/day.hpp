@@ -38,7 +38,7 @@ class RecordedDay {
   Delivery at(TimeNs since_start) const noexcept;
   TimeNs length_ns() const noexcept { return length_ns_; }
   /// Anything is lost in it.
-  bool loses() const noexcept { return loses_; }
+  bool has_losses() const noexcept { return loses_; }
   const std::vector<DayMoment>& moments() const noexcept { return moments_; }
 
  private:

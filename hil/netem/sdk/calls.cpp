@@ -93,7 +93,7 @@ bool OpenCalls::command(TimeNs now, std::string_view bytes, std::uint64_t tag) {
   return true;
 }
 
-std::optional<OpenCalls::Call> OpenCalls::take(TimeNs now, std::string_view answer) {
+std::optional<OpenCalls::Call> OpenCalls::match(TimeNs now, std::string_view answer) {
   std::erase_if(calls_, [&](const Call& call) { return now - call.since_ns > answer_lost_ns; });
   const auto quick = std::find_if(calls_.begin(), calls_.end(), [](const Call& call) { return call.at_once; });
   const auto move = std::find_if(calls_.begin(), calls_.end(), [](const Call& call) { return !call.at_once; });

@@ -148,14 +148,14 @@ Status SdkFaults::set(std::size_t drone, std::vector<SdkFault> faults) {
   d.faults = std::move(live);
   const bool shifts =
       std::any_of(d.faults.begin(), d.faults.end(), [](const Live& l) { return l.fault.kind == Kind::shifted; });
-  if (d.held && !shifts) keep(0, drone, false, *std::exchange(d.held, std::nullopt));
+  if (d.held && !shifts) add_unit(0, drone, false, *std::exchange(d.held, std::nullopt));
   return done;
 }
 
 void SdkFaults::command(TimeNs now, std::size_t drone, std::string_view bytes) {
   Drone& d = drones_[drone];
   if (d.calls.command(now, bytes.substr(0, max_bytes)) && d.held)
-    keep(now, drone, false, *std::exchange(d.held, std::nullopt));
+    add_unit(now, drone, false, *std::exchange(d.held, std::nullopt));
 }
 
 bool SdkFaults::strikes(Live& live) {
@@ -168,8 +168,8 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
   ++counts_.answers;
   Drone& d = drones_[drone];
   std::string said(bytes);
-  if (said.size() > max_bytes) return keep(now, drone, false, std::move(said));
-  const auto call = d.calls.take(now, said);
+  if (said.size() > max_bytes) return add_unit(now, drone, false, std::move(said));
+  const auto call = d.calls.match(now, said);
   const std::string before = std::exchange(d.last_answer, said);
   bool missing = false, shifted = false;
   TimeNs due = now;
@@ -189,12 +189,12 @@ void SdkFaults::answer(TimeNs now, std::size_t drone, std::string_view bytes) {
   }
   if (missing) return;
   if (shifted) {
-    if (d.held) keep(now, drone, false, std::move(*d.held));
+    if (d.held) add_unit(now, drone, false, std::move(*d.held));
     d.held = std::move(said);
     return;
   }
-  for (const TimeNs after : again) keep(due + after, drone, false, said);
-  keep(due, drone, false, std::move(said));
+  for (const TimeNs after : again) add_unit(due + after, drone, false, said);
+  add_unit(due, drone, false, std::move(said));
 }
 
 const std::string* SdkFaults::text_of_another(std::size_t drone, Random& random) const {
@@ -209,7 +209,7 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   ++counts_.states;
   Drone& d = drones_[drone];
   const std::string reported(bytes);
-  if (reported.size() > max_bytes) return keep(now, drone, true, reported);
+  if (reported.size() > max_bytes) return add_unit(now, drone, true, reported);
   std::string said = reported;
   for (Live& live : d.faults) {  // which text
     if (live.fault.kind == Kind::stale && !d.texts.empty() && strikes(live))
@@ -223,7 +223,7 @@ void SdkFaults::state(TimeNs now, std::size_t drone, std::string_view bytes) {
   }
   d.texts.push_back(reported);
   if (d.texts.size() > max_texts) d.texts.pop_front();
-  keep(now, drone, true, std::move(said));
+  add_unit(now, drone, true, std::move(said));
 }
 
 std::optional<SdkFaults::Unit> SdkFaults::pop(TimeNs now) {
@@ -238,7 +238,7 @@ std::optional<TimeNs> SdkFaults::next_due() const {
   return units_.begin()->first.first;
 }
 
-void SdkFaults::keep(TimeNs due, std::size_t drone, bool is_state, std::string bytes) {
+void SdkFaults::add_unit(TimeNs due, std::size_t drone, bool is_state, std::string bytes) {
   if (drones_[drone].waiting >= max_waiting) {
     ++counts_.no_room;
     return;

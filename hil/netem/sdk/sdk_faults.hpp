@@ -119,7 +119,7 @@ class SdkFaults {
   /// Whether this fault acts now; draws.
   bool strikes(Live& live);
   const std::string* text_of_another(std::size_t drone, Random& random) const;
-  void keep(TimeNs due, std::size_t drone, bool is_state, std::string bytes);
+  void add_unit(TimeNs due, std::size_t drone, bool is_state, std::string bytes);
 
   std::uint64_t seed_;
   std::vector<Drone> drones_;

@@ -119,8 +119,8 @@ void BlockDelivery::step(TimeNs now) {
   delivered_.insert(delivered_.end(), newest_.begin(), newest_.end());
 }
 
-LedgerPort::LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed, WayDelay::Way way,
-                       double share, TimeNs timeout_ns)
+LedgerPort::LedgerPort(SimulatedLedger& ledger, const crypto::IdentityName& name, std::uint64_t seed,
+                       OneWayDelay::Direction way, double share, TimeNs timeout_ns)
     : ledger_(ledger),
       client_(ledger.add_client(name, way, share)),
       calls_(timeout_ns),
@@ -178,8 +178,8 @@ void LedgerPort::begin(std::optional<fabric::Checkpoint> from) {
   // What the ledger has by now the peer has, too.
   for (auto& [due, block] : std::exchange(blocks_, {})) reader_.add(0, std::move(block));
   for (auto& [due, block] : std::exchange(ordered_, {})) reader_.add_ordered(0, std::move(block));
-  for (auto& block : ledger_.take_blocks(std::numeric_limits<TimeNs>::max(), client_)) {
-    if (reader_.takes_ordered()) reader_.add_ordered(0, block);
+  for (auto& block : ledger_.pop_blocks(std::numeric_limits<TimeNs>::max(), client_)) {
+    if (reader_.reads_ordered()) reader_.add_ordered(0, block);
     reader_.add(0, std::move(block));
   }
   reader_.begin(std::move(from));
@@ -195,20 +195,20 @@ void LedgerPort::step(TimeNs now) {
     ledger_.submit(now, client_, requests_.front().number, requests_.front().call);
     requests_.pop_front();
   }
-  take_from_ledger(now, connected);
+  receive_from_ledger(now, connected);
   if (connected && !from_.stalled) deliver(now);
   calls_.fail("no answer in time", now);
 }
 
-void LedgerPort::take_from_ledger(TimeNs now, bool connected) {
-  for (auto& ended : ledger_.take_outcomes(now, client_)) {
+void LedgerPort::receive_from_ledger(TimeNs now, bool connected) {
+  for (auto& ended : ledger_.pop_outcomes(now, client_)) {
     // An answer to a broken connection is lost; the call ended with it.
     if (connected) outcomes_.emplace_back(from_.arrival_ns(now), std::move(ended));
   }
-  for (auto& block : ledger_.take_blocks(now, client_)) {
+  for (auto& block : ledger_.pop_blocks(now, client_)) {
     const TimeNs due_ns = from_.arrival_ns(now);
     TimeNs lag_ns = 0;
-    if (reader_.takes_ordered()) {
+    if (reader_.reads_ordered()) {
       ordered_.emplace_back(due_ns, block);
       lag_ns = static_cast<TimeNs>(peer_lags_.next() % static_cast<std::uint64_t>(max_peer_lag_ns));
     }
@@ -226,7 +226,7 @@ void LedgerPort::deliver(TimeNs now) {
     for (; !blocks_.empty() && blocks_.front().first <= now; blocks_.pop_front())
       reader_.add(now, std::move(blocks_.front().second));
     const Status read = reader_.read(now);
-    for (fabric::Block& block : reader_.take_verified()) delivery_.add(std::move(block));
+    for (fabric::Block& block : reader_.pop_verified()) delivery_.add(std::move(block));
     if (!read) {
       connection_ = false;
       connect_at_ns_ = now + reconnect_ns;

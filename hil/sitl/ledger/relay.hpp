@@ -73,7 +73,7 @@ class Relay {
   };
   explicit Relay(Names names) : names_(std::move(names)) {}
 
-  void lie(RelayTampering lie) { lie_ = lie; }
+  void set_tampering(RelayTampering lie) { lie_ = lie; }
   /// Whether clients compare events with what they asked for before they sign, as real ones do; otherwise they sign
   /// whatever is of their call.
   void compared(bool compared) { compared_ = compared; }

@@ -7,6 +7,7 @@
 
 #include "chaincode/node/core/tx/block.hpp"
 #include "common/base/enum_count.hpp"
+#include "common/base/random.hpp"
 #include "common/fabric/tx/envelope.hpp"
 #include "common/fabric/tx/form.hpp"
 #include "common/fabric/tx/transaction.hpp"
@@ -188,7 +189,7 @@ ServingPeer::ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys) : ke
   blocks_.push_back({std::move(first), 0});
 }
 
-void ServingPeer::lie(PeerTampering lie) {
+void ServingPeer::set_tampering(PeerTampering lie) {
   if (lie == lie_) return;
   lie_ = lie;
   fork_.reset();

@@ -109,7 +109,7 @@ class ServingPeer {
   /// `first`: the channel's first block.
   ServingPeer(BlockPtr first, std::uint64_t seed, PeerKeys keys = test_peer_keys());
 
-  void lie(PeerTampering lie);
+  void set_tampering(PeerTampering lie);
   /// What the peer has ordered now: a common.Envelope; empty: nothing.
   std::string orders(TimeNs now);
   /// The next block of the ledger has come to the peer.

@@ -26,37 +26,37 @@ LedgerPort& Stoppers::port(Stopper who) {
 
 namespace {
 
-fabric::Call call_of(const std::string& drone, ControlWord word) {
-  if (word == ControlWord::acquire || word == ControlWord::claim || word == ControlWord::request) {
+fabric::Call call_of(const std::string& drone, ControlCommand word) {
+  if (word == ControlCommand::acquire || word == ControlCommand::claim || word == ControlCommand::request) {
     LeaseCall call;
     call.add_drones(drone);
-    if (word != ControlWord::claim) call.set_priority(contract::max_priority);
-    return {word == ControlWord::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
+    if (word != ControlCommand::claim) call.set_priority(contract::max_priority);
+    return {word == ControlCommand::request ? contract::request : contract::acquire, {call.SerializeAsString()}};
   }
-  if (word == ControlWord::hand_over || word == ControlWord::deny) {
+  if (word == ControlCommand::hand_over || word == ControlCommand::deny) {
     AnswerCall call;
     call.add_drones(drone);
     *call.mutable_to() = to_message(supervisor_name);
-    return {word == ControlWord::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
+    return {word == ControlCommand::deny ? contract::deny : contract::hand_over, {call.SerializeAsString()}};
   }
-  if (word == ControlWord::revoke) {
+  if (word == ControlCommand::revoke) {
     RevokeCall call;
     *call.mutable_identity() = to_message(operator_name);
     return {contract::revoke, {call.SerializeAsString()}};
   }
   DronesCall call;
   call.add_drones(drone);
-  call.set_cut(word == ControlWord::cut);
-  const bool stops = word == ControlWord::stop || word == ControlWord::cut;
-  return {stops                             ? contract::stop
-          : word == ControlWord::clear_stop ? contract::clear_stop
-                                            : contract::evict,
+  call.set_cut(word == ControlCommand::cut);
+  const bool stops = word == ControlCommand::stop || word == ControlCommand::cut;
+  return {stops                                ? contract::stop
+          : word == ControlCommand::clear_stop ? contract::clear_stop
+                                               : contract::evict,
           {call.SerializeAsString()}};
 }
 
 }  // namespace
 
-void Stoppers::say(TimeNs now, Stopper who, const std::string& drone, ControlWord word) {
+void Stoppers::post(TimeNs now, Stopper who, const std::string& drone, ControlCommand word) {
   fabric::RepeatLimits limits;
   fabric::Call call = call_of(drone, word);
   if (call.function != contract::stop) limits = {.attempts = 10, .conflicts_only = true};
@@ -73,7 +73,7 @@ void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome)
   }
 }
 
-bool Stoppers::take_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
+bool Stoppers::on_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
   const auto saying =
       std::find_if(sayings_.begin(), sayings_.end(), [&](const Saying& s) { return s.id == outcome.id; });
   if (outcome.id == 0 || saying == sayings_.end()) return outcome.id > (std::uint64_t{1} << 62);
@@ -96,8 +96,8 @@ void Stoppers::restart(TimeNs now) {
 void Stoppers::step(TimeNs now) {
   for (auto& [who, port] : ports_) {
     port->step(now);
-    (void)port->take_blocks();
-    for (const auto& outcome : port->take_outcomes()) take_outcome(now, outcome);
+    (void)port->pop_blocks();
+    for (const auto& outcome : port->pop_outcomes()) on_outcome(now, outcome);
   }
   for (Saying& saying : sayings_) {
     if (saying.id != 0 || now < saying.next_ns) continue;

@@ -14,7 +14,7 @@ namespace ledgerline::hil {
 /// Who speaks to the contract by a script: the operator that flies, a supervisor of the drones' organisation, an
 /// outsider, who is a supervisor of another organisation, and an administrator of the operator's organisation.
 enum class Stopper : std::uint8_t { operating, supervisor, outsider, administrator };
-enum class ControlWord : std::uint8_t {
+enum class ControlCommand : std::uint8_t {
   stop,
   cut,
   clear_stop,
@@ -36,11 +36,11 @@ class Stoppers {
  public:
   Stoppers(SimulatedLedger& ledger, LedgerPort& operating, std::uint64_t seed);
 
-  void say(TimeNs now, Stopper who, const std::string& drone, ControlWord word);
+  void post(TimeNs now, Stopper who, const std::string& drone, ControlCommand word);
   /// What is due; after the ledger's step and the operator's port's.
   void step(TimeNs now);
   /// An outcome that came by the operator's port; false: not of a call made here.
-  bool take_outcome(TimeNs now, const SimulatedLedger::Ended& ended);
+  bool on_outcome(TimeNs now, const SimulatedLedger::Ended& ended);
   /// The operator's port has forgotten what was in flight.
   void forgotten(TimeNs now);
   void restart(TimeNs now);

@@ -35,7 +35,7 @@ bool Pilot::busy() const {
          !std::holds_alternative<std::monostate>(action_);
 }
 
-std::optional<Pilot::End> Pilot::take_end() {
+std::optional<Pilot::End> Pilot::pop_end() {
   const auto end = end_;
   end_.reset();
   return end;

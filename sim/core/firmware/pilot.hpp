@@ -15,7 +15,7 @@ namespace ledgerline::sim {
 ///      ^ touched down, cut(), turned over                   | land()
 ///      +------------------------------------ landing <------+
 ///
-/// One action (takeoff, landing, move) runs at a time; take_end() says once how it ended. Moves are measured with the
+/// One action (takeoff, landing, move) runs at a time; pop_end() says once how it ended. Moves are measured with the
 /// drone's own odometry, which drifts as its velocity estimate does. Where flow stays lost it is in attitude mode: the
 /// sticks command a lean, and drag alone slows it. One thread.
 class Pilot {
@@ -52,7 +52,7 @@ class Pilot {
   double motor_seconds() const { return motor_s_; }
   const Flow& flow() const { return odometry_.flow(); }
   /// How the last action ended; once.
-  std::optional<End> take_end();
+  std::optional<End> pop_end();
 
  private:
   struct Move {

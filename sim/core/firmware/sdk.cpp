@@ -134,15 +134,15 @@ const Sdk::Entry* Sdk::find(std::string_view name) {
       {"battery?", &Sdk::query},  // and all other questions
   };
   const bool asks = std::find(std::begin(questions), std::end(questions), name) != std::end(questions);
-  const auto* found =
-      std::find_if(std::begin(table), std::end(table), [&](const Entry& e) { return e.name == (asks ? "battery?" : name); });
+  const auto* found = std::find_if(std::begin(table), std::end(table),
+                                   [&](const Entry& e) { return e.name == (asks ? "battery?" : name); });
   return found == std::end(table) ? nullptr : found;
 }
 
 Sdk::Sdk(const Parameters& parameters, DroneNumber number)
     : p_(parameters), number_(number), speed_cmps_(parameters.sdk.default_speed_cmps) {}
 
-void Sdk::say(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
+void Sdk::send(Endpoint to, std::string text, std::vector<Outgoing>& out) const {
   out.push_back({number_, to, std::move(text)});
 }
 
@@ -170,14 +170,14 @@ void Sdk::act(TimeNs now, Endpoint from, std::string_view bytes, Drone drone, st
   if (!sdk_mode_ && !(fits && count == 1 && words[0] == "command")) return;
 
   if (!sdk_mode_ || p_.sdk.command_counts || !fits || words[0] != "command") last_heard_ = now;
-  if (!fits) return say(from, "error", out);
+  if (!fits) return send(from, "error", out);
   const Entry* entry = find(words[0]);
-  if (!entry) return say(from, unknown(words[0]), out);
+  if (!entry) return send(from, unknown(words[0]), out);
   Call call{now, from, words[0], std::span(words).subspan(1, count - 1), drone, out};
   const bool counted = within(static_cast<int>(count) - 1, static_cast<int>(entry->min_arguments),
                               static_cast<int>(entry->max_arguments));
   Answer answer = counted ? (this->*entry->handle)(call) : Answer("error");
-  if (!answer.empty()) say(from, std::move(answer), out);
+  if (!answer.empty()) send(from, std::move(answer), out);
 }
 
 void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
@@ -187,11 +187,11 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
   }
   if (switched_off_) return;
   while (const auto text = heard_.pop(now)) act(now, text->end, text->bytes, drone, out);
-  if (const auto end = drone.pilot.take_end(); end && waiting_) {
+  if (const auto end = drone.pilot.pop_end(); end && waiting_) {
     const char* answer = *end == Pilot::End::reached      ? "ok"
                          : *end == Pilot::End::broken_off ? "error"
                                                           : "error Motor stop";
-    say(*waiting_, answer, out);
+    send(*waiting_, answer, out);
     waiting_.reset();
   }
   if (!sdk_mode_) return;
@@ -207,7 +207,7 @@ void Sdk::step(TimeNs now, Drone drone, std::vector<Outgoing>& out) {
     state_texts_.push(now + from_seconds(p_.sdk.state_latency_s), {state_to_.address, state_port_},
                       state_text(telemetry(drone), pads_wanted_));
   }
-  while (auto text = state_texts_.pop(now)) say(text->end, std::move(text->bytes), out);
+  while (auto text = state_texts_.pop(now)) send(text->end, std::move(text->bytes), out);
 }
 
 void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
@@ -215,7 +215,7 @@ void Sdk::protect_itself(TimeNs now, Drone& drone, std::vector<Outgoing>& out) {
   const bool silent = now - last_heard_ > from_seconds(p_.sdk.silence_s);
   const bool empty = drone.sensors.battery() < p_.battery.land_below;
   if ((silent || empty || drone.sensors.overheated()) && drone.pilot.phase() == Phase::flying) {
-    if (waiting_) say(*waiting_, auto_land, out);
+    if (waiting_) send(*waiting_, auto_land, out);
     waiting_.reset();
     drone.pilot.land();
     lands_by_itself_ = true;
@@ -240,7 +240,7 @@ std::optional<PadSight> Sdk::pad_called(std::string_view word, const Drone& dron
 }
 
 void Sdk::break_off(Call& call, const char* why) {
-  if (waiting_) say(*waiting_, why, call.out);
+  if (waiting_) send(*waiting_, why, call.out);
   waiting_.reset();
 }
 

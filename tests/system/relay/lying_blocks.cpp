@@ -46,7 +46,7 @@ LyingBlocks::~LyingBlocks() {
 void LyingBlocks::begin() {
   const std::lock_guard lock(mutex_);
   if (!peer_ || began_ns_ != 0) return;
-  peer_->lie(setup_.lie);
+  peer_->set_tampering(setup_.lie);
   began_ns_ = monotonic_ns();
   changed_.notify_all();
 }

@@ -71,7 +71,7 @@ class LyingGateway final : public gateway::Gateway::Service {
   LyingGateway(const std::shared_ptr<grpc::Channel>& node, hil::Relay::Names names, hil::RelayTampering lie,
                std::chrono::duration<double> after)
       : stub_(gateway::Gateway::NewStub(node)), relay_(std::move(names)), after_(after) {
-    relay_.lie(lie);
+    relay_.set_tampering(lie);
   }
   std::uint64_t bent() const { return bent_; }
   std::uint64_t submitted() const { return submitted_; }

@@ -27,7 +27,7 @@ Switches switches() {
 TEST(Switches, ChangeTheDirectionThatIsNamedAndNoOther) {
   Switches s = switches();
   ASSERT_TRUE(s.apply("drone tello1 to delay 200ms, loss 5%"));
-  EXPECT_EQ(text_of(s.of(0, Way::to)), "delay 200ms, loss 5%");
+  EXPECT_EQ(text_of(s.of(0, Direction::to)), "delay 200ms, loss 5%");
   EXPECT_EQ(s.list(), "drone tello1 to delay 200ms, loss 5%\n");
   ASSERT_TRUE(s.apply("drone tello1 to loss off"));
   ASSERT_TRUE(s.apply("drone tello2 from stall"));
@@ -55,9 +55,9 @@ TEST(Switches, MeanAllOfAKindByAStarAndBothDirectionsByBoth) {
 TEST(Switches, CutConnectionsOnce) {
   Switches s = switches();
   ASSERT_TRUE(s.apply("server agent cut"));
-  EXPECT_TRUE(s.take_cut(2));
-  EXPECT_FALSE(s.take_cut(2));
-  EXPECT_FALSE(s.take_cut(3));
+  EXPECT_TRUE(s.pop_cut(2));
+  EXPECT_FALSE(s.pop_cut(2));
+  EXPECT_FALSE(s.pop_cut(3));
 }
 
 TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
@@ -91,8 +91,8 @@ TEST(Switches, RefuseWhatATargetCannotHaveAndChangeNothingThen) {
 std::vector<std::pair<TimeNs, std::string>> all_of(Script& script) {
   std::vector<std::pair<TimeNs, std::string>> out;
   while (const auto next = script.next()) {
-    EXPECT_FALSE(script.take(*next - 1));
-    out.emplace_back(*next, *script.take(*next));
+    EXPECT_FALSE(script.pop(*next - 1));
+    out.emplace_back(*next, *script.pop(*next));
   }
   return out;
 }

@@ -81,7 +81,7 @@ TEST(FirstScript, IsFineInEveryModeAndHolds) {
   }
   const auto result = run_script(*check_script(first, "mine.toml"), 1);
   ASSERT_TRUE(result.ok()) << result.error().message;
-  EXPECT_TRUE(result->held());
+  EXPECT_TRUE(result->all_held());
   EXPECT_GT(result->flown_ns, 10 * ns_per_s);
 }
 

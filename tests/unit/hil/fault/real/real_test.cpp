@@ -433,10 +433,10 @@ TEST_F(Flight, ComparesTransitionsFromTakeOffOnAndPlacesInTheAir) {
 TEST(FaultAgreement, ADifferenceBreaksTheRunInVerdictAndJson) {
   RunResult result;
   result.verdicts = {verdict_on({true, 0.05, {}}, 0.1, ns_per_s)};
-  EXPECT_TRUE(result.held());
+  EXPECT_TRUE(result.all_held());
   for (const Agreement& differs : {Agreement{true, 0.11, {}}, Agreement{false, 0, "another mode"}}) {
     result.verdicts = {verdict_on(differs, 0.1, ns_per_s)};
-    EXPECT_FALSE(result.held());
+    EXPECT_FALSE(result.all_held());
     EXPECT_THAT(json_text({result}, {summary_of(result, "")}), HasSubstr("\"held\": false"));
   }
 }

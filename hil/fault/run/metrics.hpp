@@ -12,30 +12,30 @@
 namespace ledgerline::hil {
 
 /// A figure of a run, by which two builds are compared (hil/fault/compare): a row of the table in figures.cpp.
-struct FigureKind {
+struct MetricKind {
   std::string_view name;  ///< with its unit at the end
   std::string_view help;
   double least = 0;            ///< a change below it counts for nothing [the figure's unit]
   bool less_is_worse = false;  ///< otherwise more is
 };
-std::span<const FigureKind> figure_kinds();
+std::span<const MetricKind> metric_kinds();
 /// Null: there is none of this name.
-const FigureKind* figure_kind(std::string_view name);
+const MetricKind* metric_kind(std::string_view name);
 
-struct FigureValue {
+struct MetricValue {
   std::string_view name;  ///< of a row of the table
   double value = 0;
 };
-using Figures = std::vector<FigureValue>;
+using Metrics = std::vector<MetricValue>;
 
 /// Makes a run's figures of its moments, of all drones together. A simulated run has a moment each millisecond, a
 /// recording of a real one as many as its traces show. Of bounded size; one thread.
-class FigureMaker {
+class MetricRecorder {
  public:
-  explicit FigureMaker(const Limits& limits) : limits_(limits) {}
+  explicit MetricRecorder(const Limits& limits) : limits_(limits) {}
   void observe(const Moment& moment);
   /// Those that there was something to see of.
-  Figures finish(TimeNs flown_ns) const;
+  Metrics finish(TimeNs flown_ns) const;
 
  private:
   struct Squares {
@@ -51,7 +51,7 @@ class FigureMaker {
     std::array<double, 3> sent{};
     TimeNs sent_ns = 0;
   };
-  void observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs passed_ns);
+  void observe_drone(const DroneObservation& facts, OfDrone& before, TimeNs passed_ns);
   void observe_distances(const Moment& moment);
 
   Limits limits_;

@@ -1,4 +1,4 @@
-#include "hil/fault/run/figures.hpp"
+#include "hil/fault/run/metrics.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@ namespace {
 
 // `least`: what nobody would call a change, be it ever so certain. Each is near what one more or one less setpoint,
 // millisecond or datagram makes of the figure.
-constexpr FigureKind figure_table[] = {
+constexpr MetricKind figure_table[] = {
     {.name = "path_rms_m", .help = "distance of the truth from the path, root mean square", .least = 0.002},
     {.name = "path_max_m", .help = "the same, at most", .least = 0.01},
     {.name = "pose_rms_m", .help = "distance of what link estimates from the truth, in flight", .least = 0.002},
@@ -57,14 +57,14 @@ double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b
 
 }  // namespace
 
-std::span<const FigureKind> figure_kinds() { return figure_table; }
+std::span<const MetricKind> metric_kinds() { return figure_table; }
 
-const FigureKind* figure_kind(std::string_view name) {
-  const auto* found = std::ranges::find(figure_table, name, &FigureKind::name);
+const MetricKind* metric_kind(std::string_view name) {
+  const auto* found = std::ranges::find(figure_table, name, &MetricKind::name);
   return found == std::end(figure_table) ? nullptr : found;
 }
 
-void FigureMaker::observe(const Moment& moment) {
+void MetricRecorder::observe(const Moment& moment) {
   drones_.resize(moment.drones.size());
   const TimeNs passed_ns = std::max<TimeNs>(0, moment.now - last_ns_);
   last_ns_ = moment.now;
@@ -77,7 +77,7 @@ void FigureMaker::observe(const Moment& moment) {
   }
 }
 
-void FigureMaker::observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs passed_ns) {
+void MetricRecorder::observe_drone(const DroneObservation& facts, OfDrone& before, TimeNs passed_ns) {
   if (facts.off_path_m) {
     off_path_.add(*facts.off_path_m);
     off_path_max_m_ = std::max(off_path_max_m_, *facts.off_path_m);
@@ -108,10 +108,10 @@ void FigureMaker::observe_drone(const DroneFacts& facts, OfDrone& before, TimeNs
   if (mode == FailsafeMode::hold || mode == FailsafeMode::brake) held_ns_ += passed_ns;
 }
 
-void FigureMaker::observe_distances(const Moment& moment) {
+void MetricRecorder::observe_distances(const Moment& moment) {
   for (std::size_t i = 0; i < moment.drones.size(); ++i) {
     for (std::size_t j = 0; j < i; ++j) {
-      const DroneFacts &a = moment.drones[i], &b = moment.drones[j];
+      const DroneObservation &a = moment.drones[i], &b = moment.drones[j];
       if (on_ground(a.truth) && on_ground(b.truth)) continue;
       const double metres = distance_m(a.truth.position_m, b.truth.position_m);
       nearest_m_ = std::min(nearest_m_.value_or(metres), metres);
@@ -119,8 +119,8 @@ void FigureMaker::observe_distances(const Moment& moment) {
   }
 }
 
-Figures FigureMaker::finish(TimeNs flown_ns) const {
-  Figures figures;
+Metrics MetricRecorder::finish(TimeNs flown_ns) const {
+  Metrics figures;
   const auto add_rms = [&](std::string_view name, const Squares& squares) {
     if (squares.count > 0) figures.push_back({name, std::sqrt(squares.sum / static_cast<double>(squares.count))});
   };

@@ -28,7 +28,7 @@ inline std::string name_of(Process process) {
 
 /// What a run is checked by: one drone at one moment. What link, agent and ground say is as they say it; the truth is
 /// the simulator's.
-struct DroneFacts {
+struct DroneObservation {
   std::string name;
   DroneNumber number = 0;
   sim::Truth truth;
