@@ -37,11 +37,13 @@ constexpr std::size_t count_enumerators() noexcept {
 template <typename Enum>
 inline constexpr std::size_t enum_count = count_enumerators<Enum>();
 
-/// The names of such an enumeration, by value.
-template <typename Enum>
-inline constexpr auto enum_names = []<std::size_t... i>(std::index_sequence<i...>) {
+template <typename Enum, std::size_t... i>
+constexpr auto name_enumerators(std::index_sequence<i...>) noexcept {
   return std::array{enumerator_name<static_cast<Enum>(i)>()...};
 }
-(std::make_index_sequence<enum_count<Enum>>());
+
+/// The names of such an enumeration, by value.
+template <typename Enum>
+inline constexpr auto enum_names = name_enumerators<Enum>(std::make_index_sequence<enum_count<Enum>>());
 
 }  // namespace ledgerline

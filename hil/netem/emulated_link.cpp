@@ -120,8 +120,7 @@ std::size_t EmulatedLink::room(TimeNs now) const {
 
 std::optional<EmulatedLink::Unit> EmulatedLink::pop(TimeNs now) {
   begin_day(now);
-  const bool held = impairment_.stall || (kind_ == Kind::stream && impairment_.partition);
-  if (held || units_.empty() || units_.begin()->first.first > now) return std::nullopt;
+  if (const auto due = next_due(); !due || *due > now) return std::nullopt;
   auto node = units_.extract(units_.begin());
   ++counts_.delivered;
   counts_.bytes_out += node.mapped().bytes.size();

@@ -1,4 +1,5 @@
 #pragma once
+#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <map>
@@ -11,6 +12,11 @@
 #include "hil/netem/impairment.hpp"
 
 namespace ledgerline::hil {
+
+/// The earlier of two moments, of which there may be none.
+inline std::optional<TimeNs> earlier(std::optional<TimeNs> a, std::optional<TimeNs> b) {
+  return a && b ? std::min(*a, *b) : a ? a : b;
+}
 
 /// What an emulated link did so far. Of datagrams: pushed + duplicated = delivered + lost + no_room + waiting.
 struct EmulatedLinkCounts {

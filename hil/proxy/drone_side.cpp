@@ -90,10 +90,6 @@ void receive_from(int fd, Take take) {
   }
 }
 
-void earlier(std::optional<TimeNs>& least, std::optional<TimeNs> other) {
-  if (other && (!least || *other < *least)) least = other;
-}
-
 }  // namespace
 
 nlohmann::json to_json(const EmulatedLinkCounts& c) {
@@ -218,7 +214,7 @@ void DroneSide::send(TimeNs now) {
 
 std::optional<TimeNs> DroneSide::next_due() const {
   std::optional<TimeNs> due;
-  for (const EmulatedLink& link : links_) earlier(due, link.next_due());
+  for (const EmulatedLink& link : links_) due = earlier(due, link.next_due());
   return due;
 }
 

@@ -224,8 +224,8 @@ std::optional<TimeNs> ServerSide::next_due(TimeNs now) const {
   if (now < accept_from_) least = accept_from_;
   const auto consider = [&](const Half& half) {
     auto due = half.pending.empty() ? half.link.next_due() : std::nullopt;
-    if (!half.end_read && half.link.room(now) == 0) due = std::min(due.value_or(now + room_period), now + room_period);
-    if (due && (!least || *due < *least)) least = due;
+    if (!half.end_read && half.link.room(now) == 0) due = earlier(due, now + room_period);
+    least = earlier(least, due);
   };
   for (const auto& connection : connections_) {
     if (!connection->reached) continue;

@@ -191,10 +191,7 @@ std::optional<sim::Outgoing> DroneLinks::to_client(TimeNs now) {
 std::optional<TimeNs> DroneLinks::next_due() const {
   std::optional<TimeNs> due = sdk_.next_due();
   for (const Drone& drone : drones_) {
-    for (const EmulatedLink& link : drone.links) {
-      const auto next = link.next_due();
-      if (next && (!due || *next < *due)) due = next;
-    }
+    for (const EmulatedLink& link : drone.links) due = earlier(due, link.next_due());
   }
   return due;
 }

@@ -1,5 +1,6 @@
 #pragma once
 #include <array>
+#include <cmath>
 #include <optional>
 #include <string>
 #include <vector>
@@ -18,6 +19,11 @@ inline bool on_ground(const sim::Truth& truth) { return !truth.in_flight && trut
 
 /// A drone that somebody else than ground flies is on its way: high enough to have left the ground behind.
 inline bool on_course(const sim::Truth& truth) { return truth.in_flight && truth.position_m[2] > 0.5; }
+
+inline double length_of(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[2]); }
+inline double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
+  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+}
 
 enum class Process : std::uint8_t { agent, link, ground };
 inline constexpr std::size_t process_count = enum_count<Process>;

@@ -99,7 +99,7 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
       interrupts_(interrupts),
       live_(drone_names(options_), terminal, monotonic_ns()),
       preflight_(options_),
-      children_({[this](const std::string& name, const std::string& line) { add_line(name, line); }}),
+      children_({[this](const std::string& name, const std::string& line) { take_line(name, line); }}),
       ledger_(ledger_program(options_)),
       controller_(controller_program(options_)),
       all_programs_(programs_of(options_)) {
@@ -113,7 +113,7 @@ Launcher::Launcher(Options options, RunFiles files, std::string programs, bool t
     onboard_.push_back({controller_, Restarts(onboard_limits, static_cast<std::uint64_t>(realtime_ns()))});
 }
 
-void Launcher::add_line(const std::string& name, const std::string& line) {
+void Launcher::take_line(const std::string& name, const std::string& line) {
   const json message = json::parse(line, nullptr, false);
   if (message.is_object() && message.value("ready", json()) == true) {
     ready_[name] = line;

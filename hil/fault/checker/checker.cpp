@@ -120,8 +120,7 @@ void Invariants::check_order(const Moment& moment) {
 void Invariants::check_ramp(const Moment& moment, std::size_t index, bool rested) {
   const DroneObservation& facts = moment.drones[index];
   Drone& drone = drones_[index];
-  const double changed =
-      std::hypot(facts.sent[0] - drone.sent[0], facts.sent[1] - drone.sent[1], facts.sent[2] - drone.sent[2]);
+  const double changed = distance_m(facts.sent, drone.sent);
   const double limit = limits_.sent_mps2 * (facts.mode == FailsafeMode::brake ? 2 : 1);
   drone.may_change_mps =
       std::min(sent_at_once_mps, drone.may_change_mps + limit * to_seconds(moment.now - drone.looked_ns));
@@ -168,11 +167,10 @@ void Invariants::check_limits(const Moment& moment, std::size_t index) {
   Drone& drone = drones_[index];
   const Moment::Excuse excuse = excuse_of(moment, index);
   const auto& at = facts.truth.position_m;
-  const auto& v = facts.truth.velocity_mps;
   if (!facts.truth.in_flight || facts.truth.crashed) return;
   const bool within_way = check_blind(facts, excuse, drone);
   const double max_mps = drone.may_run ? std::max(blind_mps, limits_.speed_mps) : limits_.speed_mps;
-  if (const double speed = std::hypot(v[0], v[1], v[2]); speed > max_mps && !excuse.physical)
+  if (const double speed = length_of(facts.truth.velocity_mps); speed > max_mps && !excuse.physical)
     broke(which::too_fast, moment.now, fmt::format("{}: {:.2f} m/s", facts.name, speed));
   const double high = std::max(0.0, at[2] - limits_.height_m);
   double far = 0;

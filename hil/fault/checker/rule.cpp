@@ -16,8 +16,8 @@ namespace {
 using Takes = RuleKind::Takes;
 
 /// What stands for {} in help.
-constexpr std::array<std::string_view, 7> examples{"", "2 s", "0.4 m", "1.5 m/s", "70", "MODE|CAUSE", "COMMAND"};
-static_assert(examples.size() == enum_count<Takes>);
+constexpr std::array<std::string_view, 7> amount_examples{"", "2 s", "0.4 m", "1.5 m/s", "70", "MODE|CAUSE", "COMMAND"};
+static_assert(amount_examples.size() == enum_count<Takes>);
 
 std::optional<FailsafeMode> mode_of(std::string_view word) {
   for (const FailsafeMode mode : {FailsafeMode::hold, FailsafeMode::brake, FailsafeMode::land, FailsafeMode::cut}) {
@@ -89,7 +89,7 @@ std::optional<Amount> parse_amount(std::string_view text) {
 std::string form_of(const RuleKind& kind) {
   std::string form(kind.form);
   if (const auto at = form.find("{}"); at != std::string::npos)
-    form.replace(at, 2, examples.at(static_cast<std::size_t>(kind.takes)));
+    form.replace(at, 2, amount_examples.at(static_cast<std::size_t>(kind.takes)));
   return form;
 }
 

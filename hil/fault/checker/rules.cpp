@@ -126,24 +126,26 @@ void always_trusted(RuleState& state, const Moment& moment, const WorldEvent& ev
   if (event.kind == WorldEvent::Kind::untrusted) state.verdict.broke(moment.now, event.text);
 }
 
+/// `measured`: of a drone; it is what the broken rule says was seen.
+void check_measure(RuleState& state, const Sight& sight, std::size_t drone, double measured, bool breaks,
+                   std::string_view unit) {
+  if (breaks)
+    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} {}", of(sight, drone).name, measured, unit));
+}
+
 void height(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  const double metres = facts.truth.position_m[2];
-  if (metres >= state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, metres));
+  const double metres = of(sight, drone).truth.position_m[2];
+  check_measure(state, sight, drone, metres, metres >= state.verdict.rule.amount, "m");
 }
 
 void speed(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  const auto& v = facts.truth.velocity_mps;
-  if (const double mps = std::hypot(v[0], v[1], v[2]); mps >= state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m/s", facts.name, mps));
+  const double mps = length_of(of(sight, drone).truth.velocity_mps);
+  check_measure(state, sight, drone, mps, mps >= state.verdict.rule.amount, "m/s");
 }
 
 void path(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
-  if (facts.off_path_m.value_or(0) > state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m", facts.name, *facts.off_path_m));
+  const double metres = of(sight, drone).off_path_m.value_or(0);
+  check_measure(state, sight, drone, metres, metres > state.verdict.rule.amount, "m");
 }
 
 // `counts`: corners that it came to in their order, from the one behind the first, laps counted on.
@@ -169,20 +171,15 @@ void visited_all(RuleState& state, const Ending& ending) {
 void estimate(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneObservation& facts = of(sight, drone);
   if (!facts.pose || facts.phase != FlightPhase::flying) return;
-  const auto& p = facts.pose->position_m;
-  const auto& at = facts.truth.position_m;
-  const double off = std::hypot(p[0] - at[0], p[1] - at[1], p[2] - at[2]);
-  if (off > state.verdict.rule.amount)
-    state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m off", facts.name, off));
+  const double off = distance_m(facts.pose->position_m, facts.truth.position_m);
+  check_measure(state, sight, drone, off, off > state.verdict.rule.amount, "m off");
 }
 
 void fence(RuleState& state, const Sight& sight, std::size_t drone) {
-  const DroneObservation& facts = of(sight, drone);
   for (std::size_t axis = 0; axis < 3; ++axis) {
-    const double at = facts.truth.position_m[axis];
+    const double at = of(sight, drone).truth.position_m[axis];
     const double beyond = std::max(sight.limits.fence_min_m[axis] - at, at - sight.limits.fence_max_m[axis]);
-    if (beyond > state.verdict.rule.amount)
-      state.verdict.broke(sight.moment.now, fmt::format("{}: {:.2f} m beyond it", facts.name, beyond));
+    check_measure(state, sight, drone, beyond, beyond > state.verdict.rule.amount, "m beyond it");
   }
 }
 
@@ -191,8 +188,7 @@ void apart(RuleState& state, const Sight& sight, std::size_t drone) {
   const DroneObservation& facts = of(sight, drone);
   for (const DroneObservation& other : sight.moment.drones.first(drone)) {
     if (on_ground(facts.truth) && on_ground(other.truth)) continue;
-    const auto &a = facts.truth.position_m, &b = other.truth.position_m;
-    const double distance = std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
+    const double distance = distance_m(facts.truth.position_m, other.truth.position_m);
     if (distance < state.verdict.rule.amount)
       state.verdict.broke(sight.moment.now, fmt::format("{} and {}: {:.2f} m", facts.name, other.name, distance));
   }

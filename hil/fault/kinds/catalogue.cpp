@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cctype>
 #include <optional>
 
@@ -125,7 +126,6 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* duration_pattern = R"(^[0-9.]+(us|ms|s)$)";  // of hil/netem/distribution.cpp
-constexpr const char* number_pattern = "[0-9.]+";
 constexpr const char* moment_pattern =
     R"(^\s*([0-9.]+(us|ms|s)|(takeoff|flying|path|landing|landed|lap\s+\S+|height\s+\S+)(\s*\+\s*[0-9.]+(us|ms|s))?)\s*$)";
 
@@ -144,32 +144,15 @@ std::string pattern_of(const FaultKind& kind) {
 }
 
 std::string pattern_of(RuleKind::Takes takes) {
-  using Takes = RuleKind::Takes;
-  switch (takes) {
-    case Takes::nothing:
-      return "";
-    case Takes::time:
-      return fmt::format(R"({}\s*(ms|s))", number_pattern);
-    case Takes::metres:
-      return fmt::format(R"({}\s*m)", number_pattern);
-    case Takes::speed:
-      return fmt::format(R"({}\s*m/s)", number_pattern);
-    case Takes::number:
-      return R"(\S+)";
-    case Takes::mode_or_cause: {
-      std::vector<std::string> words{"hold", "brake", "land", "cut"};
-      for (std::size_t i = 1; i < enum_count<FailsafeCause>; ++i) {
-        std::string cause = name(static_cast<FailsafeCause>(i));
-        for (std::size_t at = 0; (at = cause.find('_', at)) != std::string::npos; at += 3)
-          cause.replace(at, 1, R"(\s+)");
-        words.push_back(cause);
-      }
-      return choice_of(words);
-    }
-    case Takes::command:
-      return choice_of({"command", "takeoff", "land", "emergency"});
+  if (takes == RuleKind::Takes::command) return choice_of({"command", "takeoff", "land", "emergency"});
+  if (takes == RuleKind::Takes::mode_or_cause) {
+    std::vector<std::string> words{"hold", "brake", "land", "cut"};
+    for (std::size_t i = 1; i < enum_count<FailsafeCause>; ++i)
+      words.push_back(fmt::format("{}", fmt::join(split(name(static_cast<FailsafeCause>(i)), '_'), R"(\s+)")));
+    return choice_of(words);
   }
-  return ".*";
+  constexpr std::array number_patterns{"", R"([0-9.]+\s*(ms|s))", R"([0-9.]+\s*m)", R"([0-9.]+\s*m/s)", R"(\S+)"};
+  return number_patterns.at(static_cast<std::size_t>(takes));
 }
 
 std::string pattern_of(const RuleKind& kind) {

@@ -152,8 +152,6 @@ void add(std::array<double, 3>& to, const std::array<double, 3>& more) {
   for (std::size_t i = 0; i < 3; ++i) to[i] += more[i];
 }
 
-double length_of(const std::array<double, 3>& v) { return std::hypot(v[0], v[1], v[2]); }
-
 Result<FaultActs> mocap_frozen(const ParsedText&) {
   return of_mocap([](MocapFault& mocap) { mocap.frozen = true; });
 }

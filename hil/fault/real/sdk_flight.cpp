@@ -16,6 +16,7 @@
 #include "hil/fault/own_code.hpp"
 #include "hil/fault/real/real_faults.hpp"
 #include "hil/fault/real/replay.hpp"
+#include "hil/netem/text_parse.hpp"
 #include "sim/core/sensors.hpp"
 
 namespace ledgerline::hil {
@@ -266,23 +267,11 @@ Status SdkFlight::start_all() {
                           client_address(k), drone_address(k));
   }
   if (auto opened = networks_.open(addresses, run_); !opened) return opened;
-  std::vector<std::string> sim{options_.programs + "/ledgerline-sim",
-                               "--drones",
-                               std::to_string(flight.drones),
-                               "--address",
-                               drone_address(1),
-                               "--mocap-hz",
-                               "0",
-                               "--seed",
-                               std::to_string(seed_),
-                               "--battery",
-                               fmt::format("{:g}", 100 * flight.battery),
-                               "--yaw",
-                               fmt::format("{:g}", flight.yaw_deg),
-                               "--trace",
-                               run_ + "/sim.trace",
-                               "--summary",
+  std::vector<std::string> sim{options_.programs + "/ledgerline-sim", "--trace", run_ + "/sim.trace", "--summary",
                                run_ + "/sim.summary.json"};
+  const std::string drones = fmt::format("--drones {} --address {} --mocap-hz 0 --seed {} --battery {:g} --yaw {:g}",
+                                         flight.drones, drone_address(1), seed_, 100 * flight.battery, flight.yaw_deg);
+  for (const std::string_view word : words_of(drones)) sim.emplace_back(word);
   if (!flight.pads.empty()) sim.insert(sim.end(), {"--pads", sim::pads_text(flight.pads)});
   if (auto started = start("sim", sim); !started) return started;
   if (auto written = write_file(run_ + "/hil-proxy.toml", config); !written) return written;

@@ -51,10 +51,6 @@ double beyond_m(const Limits& limits, const std::array<double, 3>& at) {
   return std::max(0.0, beyond);
 }
 
-double distance_m(const std::array<double, 3>& a, const std::array<double, 3>& b) {
-  return std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
-}
-
 }  // namespace
 
 std::span<const MetricKind> metric_kinds() { return figure_table; }
@@ -82,8 +78,7 @@ void MetricRecorder::observe_drone(const DroneObservation& facts, OfDrone& befor
     off_path_.add(*facts.off_path_m);
     off_path_max_m_ = std::max(off_path_max_m_, *facts.off_path_m);
   }
-  const auto& v = facts.truth.velocity_mps;
-  speed_max_mps_ = std::max(speed_max_mps_, std::hypot(v[0], v[1], v[2]));
+  speed_max_mps_ = std::max(speed_max_mps_, length_of(facts.truth.velocity_mps));
   if (facts.truth.in_flight) beyond_fence_m_ = std::max(beyond_fence_m_, beyond_m(limits_, facts.truth.position_m));
   if (facts.phase == FlightPhase::flying) {
     flying_ns_ += passed_ns;

@@ -60,32 +60,32 @@ void Stoppers::post(TimeNs now, Stopper who, const std::string& drone, ControlCo
   fabric::RepeatLimits limits;
   fabric::Call call = call_of(drone, word);
   if (call.function != contract::stop) limits = {.attempts = 10, .conflicts_only = true};
-  sayings_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
+  calls_.push_back({who, std::move(call), fabric::Repeat(limits, ++seed_, now), now, 0});
 }
 
 void Stoppers::ended(TimeNs now, std::size_t at, const fabric::Outcome& outcome) {
-  Saying& saying = sayings_[at];
-  saying.id = 0;
-  if (saying.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
-    saying.next_ns = saying.repeat.at_ns();
+  PendingCall& pending = calls_[at];
+  pending.id = 0;
+  if (pending.repeat.ended(now, outcome) == fabric::Repeat::Next::again) {
+    pending.next_ns = pending.repeat.at_ns();
   } else {
-    sayings_.erase(sayings_.begin() + static_cast<std::ptrdiff_t>(at));
+    calls_.erase(calls_.begin() + static_cast<std::ptrdiff_t>(at));
   }
 }
 
 bool Stoppers::on_outcome(TimeNs now, const SimulatedLedger::Ended& outcome) {
-  const auto saying =
-      std::find_if(sayings_.begin(), sayings_.end(), [&](const Saying& s) { return s.id == outcome.id; });
-  if (outcome.id == 0 || saying == sayings_.end()) return outcome.id > (std::uint64_t{1} << 62);
-  ended(now, static_cast<std::size_t>(saying - sayings_.begin()), outcome.outcome);
+  const auto pending =
+      std::find_if(calls_.begin(), calls_.end(), [&](const PendingCall& s) { return s.id == outcome.id; });
+  if (outcome.id == 0 || pending == calls_.end()) return outcome.id > (std::uint64_t{1} << 62);
+  ended(now, static_cast<std::size_t>(pending - calls_.begin()), outcome.outcome);
   return true;
 }
 
 void Stoppers::forgotten(TimeNs now) {
   fabric::Outcome outcome;
   outcome.message = "the connection broke";
-  for (std::size_t at = sayings_.size(); at-- > 0;) {
-    if (sayings_[at].who == Stopper::operating && sayings_[at].id != 0) ended(now, at, outcome);
+  for (std::size_t at = calls_.size(); at-- > 0;) {
+    if (calls_[at].who == Stopper::operating && calls_[at].id != 0) ended(now, at, outcome);
   }
 }
 
@@ -99,10 +99,10 @@ void Stoppers::step(TimeNs now) {
     (void)port->pop_blocks();
     for (const auto& outcome : port->pop_outcomes()) on_outcome(now, outcome);
   }
-  for (Saying& saying : sayings_) {
-    if (saying.id != 0 || now < saying.next_ns) continue;
-    saying.id = ++last_id_;
-    port(saying.who).submit(now, saying.id, saying.call);
+  for (PendingCall& pending : calls_) {
+    if (pending.id != 0 || now < pending.next_ns) continue;
+    pending.id = ++last_id_;
+    port(pending.who).submit(now, pending.id, pending.call);
   }
 }
 

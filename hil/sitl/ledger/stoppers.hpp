@@ -49,7 +49,7 @@ class Stoppers {
   const std::map<Stopper, std::unique_ptr<LedgerPort>>& ports() const { return ports_; }
 
  private:
-  struct Saying {
+  struct PendingCall {
     Stopper who{};
     fabric::Call call;
     fabric::Repeat repeat;
@@ -63,7 +63,7 @@ class Stoppers {
   LedgerPort& operating_;
   std::uint64_t seed_;
   std::map<Stopper, std::unique_ptr<LedgerPort>> ports_;
-  std::vector<Saying> sayings_;
+  std::vector<PendingCall> calls_;
   std::uint64_t last_id_ = std::uint64_t{1} << 62;  // ground's calls count from 1
 };
 

@@ -13,7 +13,7 @@
 namespace ledgerline::fly {
 namespace {
 
-using checks::DroneObservation;
+using checks::DroneFacts;
 using checks::FlightFacts;
 using nlohmann::json;
 
@@ -22,7 +22,7 @@ std::string text_in(const json& object, const char* key, const std::string& othe
   return found != object.end() && found->is_string() ? found->get<std::string>() : otherwise;
 }
 
-void take_drone(const json& one, DroneObservation& drone) {
+void take_drone(const json& one, DroneFacts& drone) {
   const std::string phase = text_in(one, "phase", "disconnected");
   drone.there = phase != "disconnected";
   drone.phase = phase == "on_ground" || phase == "landed" ? "" : phase;
@@ -78,7 +78,7 @@ FlightFacts facts_of(const Options& options) {
   if (!options.own) return facts;
   const deployment::OwnDrones& own = *options.own;
   for (const deployment::OwnDrone& one : own.drones) {
-    DroneObservation drone{.name = one.name, .address = one.address, .interface = one.interface};
+    DroneFacts drone{.name = one.name, .address = one.address, .interface = one.interface};
     drone.wanted_serial = one.serial;
     facts.drones.push_back(std::move(drone));
   }
@@ -94,7 +94,7 @@ FlightFacts facts_of(const Options& options) {
 Status check_path(const Options& options, const FlightFacts& facts) {
   if (options.manual || !options.own) return done;
   std::vector<Eigen::Vector2d> starts;
-  for (const DroneObservation& drone : facts.drones) {
+  for (const DroneFacts& drone : facts.drones) {
     if (!drone.pose) return done;
     starts.emplace_back(drone.pose->position_m[0], drone.pose->position_m[1]);
   }
@@ -109,7 +109,7 @@ void Preflight::take(const std::string& line) {
   const json list = link.is_object() ? link.value("drones", json()) : json();
   for (const json& one : list.is_array() ? list : json::array()) {
     if (!one.is_object()) continue;
-    for (DroneObservation& drone : facts_.drones)
+    for (DroneFacts& drone : facts_.drones)
       if (text_in(one, "name", "") == drone.name) take_drone(one, drone);
   }
 }
@@ -118,7 +118,7 @@ Status take_records(const std::string& line, const crypto::IdentityName& self, F
   Controls records;
   if (!is_json(line)) return Error{"no control records: " + printable(line)};
   if (auto status = parse_message(line, records); !status) return status;
-  for (DroneObservation& drone : facts.drones) {
+  for (DroneFacts& drone : facts.drones) {
     drone.lease = checks::LeaseFacts{.drone = drone.name, .self = self, .control = {}, .enrols = facts.enrols};
     for (const Control& record : records.controls())
       if (record.drone() == drone.name) drone.lease->control = record;
@@ -132,7 +132,7 @@ Status Preflight::take_records(const std::string& line, const crypto::IdentityNa
 
 void Preflight::acquired() {
   facts_.ledger.state = checks::LedgerFacts::State::reached;
-  for (DroneObservation& drone : facts_.drones) {
+  for (DroneFacts& drone : facts_.drones) {
     if (!acquires(drone.name)) continue;
     drone.lease = checks::LeaseFacts{.drone = drone.name, .control = Control{}};
     drone.lease->control->mutable_holder();  // we, under any name
@@ -140,7 +140,7 @@ void Preflight::acquired() {
 }
 
 bool Preflight::acquires(const std::string& name) const {
-  return std::none_of(facts_.drones.begin(), facts_.drones.end(), [&](const DroneObservation& drone) {
+  return std::none_of(facts_.drones.begin(), facts_.drones.end(), [&](const DroneFacts& drone) {
     return drone.name == name && drone.lease && is_delegated(*drone.lease);
   });
 }

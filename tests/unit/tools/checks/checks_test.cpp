@@ -160,7 +160,7 @@ TEST(DoctorIdentity, ChecksAPairOfTlsByItsOwnWords) {
 }
 
 TEST(DoctorHost, TellsADroneWhoseStatesAreDroppedFromOneThatIsSilent) {
-  DroneObservation facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
+  DroneFacts facts{.name = "tello1", .address = "192.168.10.1", .there = true, .battery = 0.9};
   EXPECT_FALSE(assess_state(facts, "0.0.0.0:8891")) << "nobody could listen";
   EXPECT_FALSE(assess_presence(facts).problem);
   facts.state_hz = 0;

@@ -23,7 +23,7 @@ FlightFacts good() {
   facts.clock = {.known = true, .synchronised = true, .max_error_ms = 3};
   facts.ledger = {.state = LedgerFacts::State::reached, .what = "a network of others"};
   for (const char* name : {"d1", "d2"}) {
-    DroneObservation drone{.name = name, .address = "10.0.0.1", .there = true};
+    DroneFacts drone{.name = name, .address = "10.0.0.1", .there = true};
     drone.battery = 0.9;
     drone.state_hz = 10;
     drone.pose = PoseFacts{.age_ms = 8, .rate_hz = 100, .delay_ms = 5, .frame = "map", .position_m = {1, -1, 0}};
@@ -138,7 +138,7 @@ TEST(PreflightCheck, PosesThatAreMissingOldOrRare) {
 TEST(PreflightCheck, ADroneThatFliesByOdometryNeedsToReportAVelocity) {
   FlightFacts facts = good();
   facts.pose_source = "tello";
-  for (DroneObservation& drone : facts.drones) drone.pose->frame.clear();
+  for (DroneFacts& drone : facts.drones) drone.pose->frame.clear();
   expect(facts, "pose", Severity::ok, "by onboard odometry (tello): 1.00, -1.00, 0.00 m", "");
   facts.drones[0].refusal = "position_uncertain";
   expect(facts, "pose", Severity::broken, "by onboard odometry (tello)", "on its mark");

@@ -19,7 +19,7 @@ ReceivedPose pose_of(TimeNs stamp_ns, TimeNs arrived_ns) {
 }
 
 TEST(PreflightListening, SilenceIsNoRateAndNoPose) {
-  checks::DroneObservation drone;
+  checks::DroneFacts drone;
   Listening().tell(ns_per_s, real_ns, true, drone);
   EXPECT_EQ(drone.state_hz, 0.0);
   EXPECT_FALSE(drone.pose.has_value());
@@ -30,7 +30,7 @@ TEST(PreflightListening, AStateTextsRateIsThatOfItsGaps) {
   Listening listening;
   for (int i = 0; i <= 20; ++i) listening.on_state(2 * ns_per_s + i * 100 * ns_per_ms, state);
   listening.on_state(4 * ns_per_s, "no state text");
-  checks::DroneObservation drone;
+  checks::DroneFacts drone;
   listening.tell(4 * ns_per_s, real_ns, true, drone);
   EXPECT_NEAR(*drone.state_hz, 10, 0.01);
   EXPECT_NEAR(*drone.battery, 0.87, 1e-6);
@@ -43,7 +43,7 @@ TEST(PreflightListening, AStateTextsRateIsThatOfItsGaps) {
 TEST(PreflightListening, AStateTextWithoutVelocitiesIsSeen) {
   Listening listening;
   listening.on_state(ns_per_s, "tof:10;h:0;bat:50;");
-  checks::DroneObservation drone;
+  checks::DroneFacts drone;
   listening.tell(ns_per_s, real_ns, true, drone);
   EXPECT_FALSE(drone.has_velocity);
   EXPECT_FALSE(drone.temperature_c);
@@ -56,7 +56,7 @@ TEST(PreflightListening, APoseIsAsOldAsItsStampOrItsArrival) {
     const TimeNs measured_ns = real_ns + i * 10 * ns_per_ms;
     listening.on_pose(pose_of(measured_ns + 2 * ns_per_s, measured_ns + (i % 3 + 1) * 10 * ns_per_ms));
   }
-  checks::DroneObservation drone;
+  checks::DroneFacts drone;
   const TimeNs now_ns = real_ns + 1010 * ns_per_ms;  // the last, of 990 ms, came at 1000 ms
   listening.tell(ns_per_s, now_ns, true, drone);
   ASSERT_TRUE(drone.pose.has_value());
@@ -74,7 +74,7 @@ TEST(PreflightListening, AFramesNameIsShortAndPrintable) {
   PoseStamped pose;
   pose.header.frame_id = "\x1b[2J" + std::string(500, 'x');
   listening.on_pose(ReceivedPose::of(real_ns, pose));
-  checks::DroneObservation drone;
+  checks::DroneFacts drone;
   listening.tell(ns_per_s, real_ns, true, drone);
   EXPECT_EQ(drone.pose->frame, "?[2J" + std::string(56, 'x'));
 }
