@@ -72,7 +72,7 @@ TEST(RealScript, RefusesWhatTheRealProcessesCannotHaveAndSaysWhy) {
   EXPECT_THAT(
       check_real(script_of("[flight]\nside_m = 0.4\nbattery = 0.5\nroom_m = 9\nyaw_deg = 90\npads = \"1:0:0\""), {})
           .error()
-          .what,
+          .message,
       testing::AllOf(HasSubstr("flight.side_m"), HasSubstr("flight.battery"), HasSubstr("flight.room_m"),
                      HasSubstr("flight.yaw_deg"), HasSubstr("flight.pads")));
   EXPECT_THAT(refusal_of("drone * flow lost"), HasSubstr("inside of the simulation"));
